@@ -5,27 +5,26 @@
 //! # One ray's journey
 //!
 //! **A module** comes first. [`module::load()`] walks the words of a SPIR-V file and fills arenas
-//! of types, constants, variables and functions. Bytes that break a rule are refused with the
-//! offset of the word; a valid instruction that this crate does not run is carried along and
-//! refused only where it would have to run. [`ops::support`] tells the two apart, for all of
-//! SPIR-V.
+//! of types, constants, variables and functions. Bytes that break a rule are rejected with the
+//! offset of the word; a valid instruction that this crate does not support is kept, and rejected
+//! only where a shader would execute it. [`ops::support`] tells the two apart, for all of SPIR-V.
 //!
-//! **A program** is one entry point, made ready by [`program::lower()`]. A register is one scalar
+//! **A program** is one entry point, prepared by [`program::lower()`]. A register is one scalar
 //! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
 //! extracting and shuffling only rearrange lists of registers. What remains are [lane
-//! kernels](ops::lane_kernel), one scalar function each, and blocks in structured order, which is
-//! what lets lanes that part at a branch meet again. Dead code is eliminated, builtins that nothing
-//! reads included.
+//! kernels](ops::lane_kernel), one scalar function each, and blocks in structured order, in which
+//! lanes that diverge at a branch reconverge. Dead code is eliminated, builtins that nothing reads
+//! included.
 //!
-//! **A scene** is a [`accel::Tlas`] of instances over [`accel::Blas`]es. Whether a ray meets a
-//! primitive is decided exactly for the given floats ([`geometry`]): first in floating point with a
-//! bound on the error, and where that leaves it open in exact arithmetic. The reported t is the
-//! correctly rounded one. Trees make this fast and change nothing.
+//! **A scene** is a [`accel::Tlas`] of instances over [`accel::Blas`]es. Whether a ray hits a
+//! primitive is decided exactly for the given floats ([`geometry`]): first in floating point with
+//! an error bound, and where the bound does not decide, in exact arithmetic. The reported t is the
+//! correctly rounded one. BVHs make this fast and do not change the result.
 //!
 //! **A launch** ([`pipeline::Launch`]) cuts a grid of invocations into batches of 64 lanes and runs
 //! the ray generation shader. The interpreter ([`interp::run()`]) never calls the host: at
 //! `OpTraceRayKHR` it [stops](machine::Stop), and the pipeline moves the ray's cursor to its next
-//! candidate. Opaque triangles are settled there and then; for the rest the record of the shader
+//! candidate. Opaque triangles are committed at once; for the others the record of the shader
 //! binding table is
 //!
 //! ```text
@@ -35,12 +34,11 @@
 //! and the intersection and any-hit shaders of its group run as a batch of their own, which reads
 //! and writes the caller's payload. They commit the candidate, ignore it or end the ray. Candidates
 //! come in ascending t, then by instance, geometry and primitive: so the order in which any-hit
-//! shaders run does not depend on the tree, the number of lanes, the threads or the machine.
+//! shaders run does not depend on the BVH, the number of lanes, the threads or the machine.
 //!
-//! **The end of the ray** is one closest-hit or miss shader. Then ray generation goes on behind its
-//! trace, with the payload as they left it. Whatever went wrong on the way is a
-//! [trap](machine::trap) with a launch index, a source line and the stack of shaders that led
-//! there.
+//! **The end of the ray** is one closest-hit or miss shader. Then ray generation continues after
+//! its trace, with the payload as they left it. Every fault on the way is a [trap](machine::trap)
+//! with a launch index, a source line and the stack of shaders that led there.
 //!
 //! # A ray by hand
 //!

@@ -1,25 +1,25 @@
 //! The resumable traversal of one ray: for traces and for ray queries.
 //!
 //! # Order
-//! A traversal runs *as if* all primitives that the ray meets stood in one list, ascending by their
+//! A traversal runs *as if* all primitives that the ray hits were in one list, ascending by their
 //! key (t, instance, geometry, primitive), t being the correctly rounded f32, for a box its entry,
-//! and the list were walked from its start:
+//! and the list were visited from its start:
 //!
 //! * an opaque triangle, sphere or LSS commits, silently;
-//! * any other primitive is handed out as a [`Candidate`]; the caller confirms it, reports hits in
-//!   it (a box), or passes it over;
-//! * the walk ends at the first entry whose key lies behind the committed hit's key, at the end of
-//!   the list, or when it is told to.
+//! * any other primitive is returned as a [`Candidate`]; the caller confirms it, reports hits in it
+//!   (a box), or ignores it;
+//! * the traversal ends at the first entry whose key lies behind the committed hit's key, at the
+//!   end of the list, or when the caller terminates it.
 //!
-//! So which candidates are seen, in which order, what `t_max` is meanwhile and what is committed in
-//! the end depend on the ray and the scene alone, never on trees, threads or batches. In
-//! particular an opaque hit behind a candidate is not yet committed when that candidate is handed
-//! out, even where traversal has found it already; and under `TerminateOnFirstHitKHR` the hit that
-//! counts is the first of the list that is confirmed.
+//! So the candidates, their order, `t_max` meanwhile and the committed hit depend only on the ray
+//! and the scene, never on trees, threads or batches. In particular an opaque hit behind a
+//! candidate is not yet committed when that candidate is returned, even if traversal has found it
+//! already; and under `TerminateOnFirstHitKHR` the hit that counts is the first of the list that is
+//! confirmed.
 //!
-//! A hit reported in a box can lie anywhere behind the box's entry; it is accepted where it lies
-//! within `t_min..=t_max()` and, at equal t, where its key is not behind the committed one's. A
-//! later report in the same box at equal t replaces the earlier.
+//! A hit reported in a box can lie anywhere behind the box's entry; it is accepted if it lies
+//! within `t_min..=t_max()` and, at equal t, if its key is not behind the committed one's. A later
+//! report in the same box at equal t replaces the earlier.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -53,9 +53,10 @@ pub struct TraceRay {
     pub ray: Ray,
     /// The flags of the ray.
     pub flags: RayFlags,
-    /// Its low 8 bits count.
+    /// Only the low 8 bits are used.
     pub cull_mask: u32,
-    /// `CurrentRayTimeNV`, from 0 to 1: where what moves is. 0 for instructions that give none.
+    /// `CurrentRayTimeNV`, from 0 to 1: the time for moving geometry. 0 for instructions without
+    /// one.
     pub time: f32,
 }
 
@@ -102,10 +103,10 @@ pub struct Candidate {
     pub geometry: u32,
     /// `PrimitiveId`
     pub primitive: u32,
-    /// Where; for a box its entry. A triangle's side is the one that its instance presents
-    /// (`TRIANGLE_FLIP_FACING` turns it).
+    /// Where the ray hits it; for a box, its entry. A triangle's facing is that in its instance
+    /// (`TRIANGLE_FLIP_FACING` flips it).
     pub intersection: Intersection,
-    /// Whether a hit of it is opaque (a box: no any-hit after a report).
+    /// Whether it is opaque (a box: no any-hit shader runs after a report).
     pub opaque: bool,
 }
 
@@ -116,7 +117,7 @@ impl Candidate {
         self.intersection.surface == Surface::Aabb
     }
 
-    /// The hit kind that it has when it is hit; `None` for a box, where the report names it.
+    /// The hit kind; `None` for a box, where the report gives it.
     #[inline]
     pub fn hit_kind(&self) -> Option<HitKind> {
         match self.intersection.surface {
@@ -137,7 +138,7 @@ impl Candidate {
     /// The instance that it belongs to.
     ///
     /// # Panics
-    /// Where the structure is not the one that it was found in.
+    /// If the structure is not the one in which it was found.
     #[inline]
     pub fn instance_in<'a>(&self, tlas: &'a Tlas) -> &'a TlasInstance {
         &tlas.instances()[self.instance as usize]
@@ -160,7 +161,7 @@ impl Candidate {
         geometries[self.geometry as usize].cluster_id.unwrap_or(u32::MAX)
     }
 
-    /// What orders hits: see the head of this file.
+    /// The key by which hits are ordered: see the head of this file.
     #[inline]
     fn key(&self, t: f32) -> Key {
         Key { t, instance: self.instance, geometry: self.geometry, primitive: self.primitive }
@@ -181,14 +182,14 @@ struct Key {
 pub struct Committed {
     /// The primitive that was hit.
     pub candidate: Candidate,
-    /// The ray parameter (for a generated hit, the reported one).
+    /// The ray parameter (for a reported hit, the reported one).
     pub t: f32,
     /// The hit kind.
     pub hit_kind: HitKind,
 }
 
 impl Committed {
-    /// A hit of a candidate that is opaque; `None` for a box.
+    /// The hit of an opaque candidate; `None` for a box.
     #[inline(always)]
     pub(super) fn opaque(candidate: Candidate) -> Option<Self> {
         let hit_kind = candidate.hit_kind()?;
@@ -206,7 +207,7 @@ impl Committed {
     }
 }
 
-/// A candidate that waits for its turn; ordered by key.
+/// A candidate in the queue, ordered by key.
 #[derive(Clone, Copy, Debug)]
 struct Waiting(Candidate);
 
@@ -236,10 +237,10 @@ impl Ord for Waiting {
     }
 }
 
-/// Whether a traversal goes on.
+/// How far a traversal is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// Nothing was visited.
+    /// Not started.
     Fresh,
     Underway,
     /// No further candidate and no further commit.
@@ -261,20 +262,20 @@ pub(super) struct HitQueue {
     /// No hit behind it matters; a rounded t.
     pub cull_t: f32,
     waiting: BinaryHeap<Reverse<Waiting>>,
-    /// The closest opaque hit that was found and whose turn has not come.
+    /// The closest opaque hit found, not yet committed.
     opaque: Option<Committed>,
     committed: Option<Committed>,
-    /// The candidate that is with the caller.
+    /// The candidate that the caller decides on.
     presented: Option<Candidate>,
-    /// The key of the last one that was: all later ones lie behind it.
+    /// The key of the last candidate returned: all later ones lie behind it.
     last: Option<Key>,
-    /// The primitives that an observer has seen, where a ray may come to one several times.
+    /// The primitives that an observer has seen, if a ray may reach one several times.
     reported: Vec<HitPrimitive>,
     any_opaque_hit_ends: bool,
 }
 
 impl Cursor {
-    /// Begins a traversal. A ray that holds a NaN or an infinite origin or direction meets nothing.
+    /// Begins a traversal. A ray with a NaN, or with an infinite origin or direction, hits nothing.
     pub fn new(_tlas: &Tlas, trace: TraceRay) -> Self {
         Self::fresh(trace)
     }
@@ -308,16 +309,16 @@ impl Cursor {
         self.state = State::Fresh;
     }
 
-    /// Takes the memory of this one for a traversal that is over already, with this outcome.
+    /// Reuses this cursor for a traversal that is already over, with the given result.
     pub fn settle(&mut self, trace: TraceRay, committed: Option<Committed>) {
         self.trace = trace;
         self.terminate();
         self.hits.committed = committed;
     }
 
-    /// Lets the traversal end at *any* opaque hit, the first that it comes upon. For rays that only
-    /// ask whether something is hit: the caller must ensure that it cannot be observed which hit
-    /// was committed, or which candidates were handed out before.
+    /// Makes the traversal end at *any* opaque hit, the first one found. For occlusion rays: the
+    /// caller must ensure that nothing observes which hit was committed, or which candidates were
+    /// returned before.
     pub fn end_at_any_opaque_hit(&mut self) {
         self.hits.any_opaque_hit_ends = true;
     }
@@ -327,8 +328,8 @@ impl Cursor {
         &self.trace
     }
 
-    /// Goes on to the next candidate; `None` at the end. What was handed out before and not
-    /// confirmed is passed over.
+    /// Advances to the next candidate; `None` at the end. The previous candidate is ignored if it
+    /// was not confirmed.
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
         if self.state == State::Fresh && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
@@ -369,7 +370,7 @@ impl Cursor {
         next
     }
 
-    /// The next candidate; `None` where the turn of the closest opaque hit has come.
+    /// The next candidate; `None` if the closest opaque hit precedes all that are left.
     fn next<V: TraversalObserver>(
         &mut self,
         tlas: &Tlas,
@@ -399,8 +400,8 @@ impl Cursor {
         }
     }
 
-    /// Commits the candidate that [`Cursor::proceed`] returned last (not a box); the traversal is
-    /// over then, as all else lies behind. Returns whether there was one to commit.
+    /// Commits the candidate that [`Cursor::proceed`] returned last (not a box); this ends the
+    /// traversal, as all other hits lie behind. Returns whether there was one to commit.
     pub fn confirm(&mut self) -> bool {
         let Some(candidate) = self.hits.presented.filter(|candidate| !candidate.is_box()) else {
             return false;
@@ -419,8 +420,8 @@ impl Cursor {
         in_interval && self.hits.committed.is_none_or(|committed| candidate.key(t) <= committed.key())
     }
 
-    /// Commits a hit at t in the current box, where it is accepted; says whether it was. Several
-    /// may follow each other for one box.
+    /// Commits a hit at t in the current box if it is accepted; returns whether it was. One box may
+    /// have several.
     pub fn generate(&mut self, t: f32, hit_kind: HitKind) -> bool {
         let Some(candidate) = self.hits.presented.filter(|_| self.accepts(t)) else { return false };
         self.hits.committed = Some(Committed { candidate, t, hit_kind });
@@ -431,7 +432,7 @@ impl Cursor {
         true
     }
 
-    /// Ends the traversal; what is committed stays, and nothing is added.
+    /// Ends the traversal; the committed hit stays, and nothing is added.
     pub fn terminate(&mut self) {
         self.state = State::Ended;
         let committed = self.hits.committed;
@@ -439,7 +440,7 @@ impl Cursor {
         self.hits.committed = committed;
     }
 
-    /// The candidate that is with the caller.
+    /// The candidate that the caller decides on.
     pub fn candidate(&self) -> Option<&Candidate> {
         self.hits.presented.as_ref()
     }
@@ -456,7 +457,7 @@ impl Cursor {
         self.hits.committed.map_or(self.trace.ray.t_max, |committed| committed.t)
     }
 
-    /// The turn of the closest opaque hit: every candidate before it had its own.
+    /// Commits the closest opaque hit and ends the traversal: no candidate precedes it.
     fn finish(&mut self, observer: &mut impl TraversalObserver) {
         if let Some(hit) = self.hits.opaque.take()
             && self.hits.committed.is_none_or(|committed| hit.key() < committed.key())
@@ -484,12 +485,12 @@ impl HitQueue {
         self.any_opaque_hit_ends = false;
     }
 
-    /// Whether it is a candidate that had its turn, found again in another leaf.
+    /// Whether a candidate was returned already, and is found again in another leaf.
     fn was_presented(&self, waiting: &Waiting) -> bool {
         self.last.is_some_and(|last| waiting.key() <= last)
     }
 
-    /// Whether a primitive is reported to the observer for the first time; it is noted.
+    /// Records that a primitive is reported to the observer; returns whether for the first time.
     #[cold]
     pub fn is_first_report(&mut self, hit_primitive: HitPrimitive) -> bool {
         let first = !self.reported.contains(&hit_primitive);
@@ -499,7 +500,7 @@ impl HitQueue {
         first
     }
 
-    /// Takes an opaque hit; says whether it is the closest so far.
+    /// Adds an opaque hit; returns whether it is the closest so far.
     #[inline(always)]
     pub fn take_opaque(&mut self, candidate: Candidate) -> bool {
         let Some(hit) = Committed::opaque(candidate) else { return false };
@@ -512,7 +513,7 @@ impl HitQueue {
         closest
     }
 
-    /// Takes a candidate that will be handed out in its turn; says whether it may have one.
+    /// Queues a candidate; returns `false` if it lies behind a hit or was returned already.
     #[inline]
     pub fn take_candidate(&mut self, candidate: Candidate) -> bool {
         let waiting = Waiting(candidate);
@@ -523,13 +524,13 @@ impl HitQueue {
         true
     }
 
-    /// The t of the first candidate that waits for its turn.
+    /// The t of the first candidate in the queue.
     #[inline(always)]
     pub fn first_waiting(&self) -> Option<f32> {
         self.waiting.peek().map(|Reverse(first)| first.0.intersection.t)
     }
 
-    /// Lets no candidate have its turn.
+    /// Discards the candidates in the queue.
     #[inline(always)]
     pub fn forget_waiting(&mut self) {
         if !self.waiting.is_empty() {
@@ -537,7 +538,7 @@ impl HitQueue {
         }
     }
 
-    /// Whether nothing else need be visited.
+    /// Whether the traversal may end here.
     #[inline(always)]
     pub fn is_enough(&self) -> bool {
         self.any_opaque_hit_ends && self.opaque.is_some()

@@ -1,17 +1,17 @@
 //! Ray packets: coherent rays that traverse the BVH together.
 //!
-//! WorldRays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose
+//! Rays of neighbouring invocations mostly visit the same nodes. Up to [`MAX_RAYS`] rays whose
 //! direction signs agree traverse a tree as one frustum (interval arithmetic,
 //! `ray_soa::RaySoA::frustum`): a node is opened once for all of them, in the order of the
 //! frustum's entries. Before it is opened each ray tests its box, eight rays at a time; if only a
 //! few rays hit it they continue singly. In a leaf the rays that hit it test its primitives one
-//! after the other, as single rays do. So each ray finds what it would find singly: the order in
-//! which primitives are tested does not matter (see `cursor`).
+//! after the other, as single rays do. So each ray finds the same hit as it would singly: the order
+//! in which primitives are tested does not matter (see `cursor`).
 //!
 //! This does not pay for incoherent rays. A packet that takes more steps than its rays would take
 //! singly is given up: its rays are traced by a [`Cursor`] each, and so are those of the next few
-//! packets. WorldRays that are not [well scaled](crate::geometry::Ray::is_well_scaled), or start
-//! far from what they reach, are traced by a cursor too.
+//! packets. Rays that are not [well scaled](crate::geometry::Ray::is_well_scaled), or start far
+//! from the geometry, are traced by a cursor too.
 
 mod ray_soa;
 mod traversal;
@@ -209,7 +209,7 @@ impl Packet {
         self.traced_together
     }
 
-    /// Pushes the children of a node that `met` names, the nearest on top.
+    /// Pushes the children of a node that `maybe_hit` names, the nearest on top.
     #[inline(always)]
     fn push(&mut self, near: [f32; WIDTH], mut maybe_hit: u32, node: NodeRef) {
         let bottom = self.stack.len();

@@ -45,7 +45,7 @@ impl StackEntry {
 struct Stack {
     entries: Vec<StackEntry>,
     /// For each entry the smallest rounded t of any hit in it or in an entry below. It is not kept
-    /// if no candidate can wait for its turn.
+    /// if no candidate is possible.
     floors: Vec<f32>,
 }
 
@@ -283,7 +283,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
             return InstanceVerdict::Skipped;
         }
-        // An observer that asks for reasons is shown the traversal of a tree.
+        // An observer that asks for reasons always sees the traversal of a tree.
         let built = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
         let TraversalState { stack, instance_ray, in_instance, .. } = &mut *self.traversal;
         if !instance_ray.enter(self.tlas, number, built.bvh(), self.trace, self.hits.cull_t) {

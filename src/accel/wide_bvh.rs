@@ -18,7 +18,7 @@ use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 /// From this depth on sets are split at the median, as nothing else bounds the depth. The trees of
-/// real scenes stay far above it.
+/// real scenes are far shallower.
 const MAX_SAH_DEPTH: usize = 32;
 
 /// The padding in tree order behind a leaf that is not full.
@@ -39,7 +39,8 @@ pub struct WideBvh {
     scale: f64,
 }
 
-/// The factor that packs a run of leaves into one number; greater than the leaves of a node.
+/// The factor that packs a run of leaves into one number; greater than the number of leaves of a
+/// node.
 const RUN: usize = 2 * WIDTH;
 
 /// The leaves of a node are prefetched if a ray reaches this many of them on average.
@@ -164,7 +165,7 @@ fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     let factor = scale as f32;
     let corners = [prim_ref.low(), prim_ref.negated_high()];
     let scaled = corners.map(|corner| corner * F32x4::splat(factor));
-    // Exact where no number is infinite or meets the subnormal ones.
+    // Exact where no number is infinite or subnormal.
     let exact = |corner: F32x4, scaled: F32x4| {
         let normal = scaled.abs().cmp_ge(F32x4::splat(f32::MIN_POSITIVE));
         let zero = F32x4::ZERO.cmp_ge(corner.abs());
@@ -182,7 +183,7 @@ fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
 
 /// A BVH while it is built.
 struct Build {
-    /// Whether it is built by one thread, so that it starts no others.
+    /// Whether one thread builds it, without starting others.
     single_threaded: bool,
     cost: SahCost,
     deepest: usize,
@@ -271,10 +272,11 @@ impl Build {
         NodeRef::leaf(index, prim_refs.len())
     }
 
-    /// Builds the subtrees of a node by several threads; nodes and order are those of one thread.
+    /// Builds the subtrees of a node by several threads; the nodes and the order are the same as on
+    /// one thread.
     ///
     /// It spawns threads instead of using rayon's pool: a thread of the pool that waits here would
-    /// steal other work, and that may wait for this very tree.
+    /// steal other work, which may wait for this very tree.
     fn in_threads(
         &mut self,
         node_index: usize,
@@ -316,7 +318,7 @@ impl Build {
         }
     }
 
-    /// Appends what another thread has built; returns its root here.
+    /// Appends a subtree that another thread has built; returns its root in this tree.
     fn append(&mut self, own: Self, root: NodeRef) -> NodeRef {
         let size = self.cost.max_leaf_size;
         self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
@@ -362,7 +364,7 @@ mod tests {
         WideBvh::build(boxes, FOURS).expect("not empty")
     }
 
-    /// The nodes on the longest way from the root to a leaf.
+    /// The number of nodes on the longest path from the root to a leaf.
     fn depth(bvh: &WideBvh) -> usize {
         let mut deepest = 0;
         let mut open = vec![(bvh.root(), 0)];
@@ -375,7 +377,7 @@ mod tests {
         deepest
     }
 
-    /// Every box stands in exactly one leaf and lies within each node on the way to it.
+    /// Every box lies in exactly one leaf, and within each node on the path to it.
     fn check(bvh: &WideBvh, order: &[u32], boxes: &[Bounds]) {
         let leaf_size = 4;
         let mut seen = vec![0u32; boxes.len()];
@@ -415,15 +417,15 @@ mod tests {
         }
     }
 
-    /// Unit squares beside each other, `across` in a row, and as many again so far away along the
-    /// first axis.
+    /// Unit squares side by side, `across` in a row, and as many again at the distance `away` along
+    /// the first axis.
     fn squares(across: usize, away: f32) -> Vec<Bounds> {
         let at = |k: usize, x: f32| [x + (k % across) as f32, (k / across) as f32, 0.0];
         let square = |min: [f32; 3]| Bounds { min, max: [min[0] + 1.0, min[1] + 1.0, 0.0] };
         [0.0, away].iter().flat_map(|&x| (0..4).map(move |k| square(at(k, x)))).collect()
     }
 
-    /// How many boxes each leaf of a tree of one node has.
+    /// The number of boxes in each leaf of a tree of one node.
     fn leaves_of_root(bvh: &WideBvh) -> Vec<u32> {
         bvh.node(bvh.root()).children().map(|(child, _)| child.count()).collect()
     }
@@ -443,13 +445,13 @@ mod tests {
     #[test]
     fn leaves_are_fetched_where_a_ray_reaches_them() {
         let cost = SahCost { split_below: 0.8, intersection: 0.0625, ..FOURS };
-        // Eight units of surface, of 8 and of 12 around all.
+        // The leaves have 8 units of surface; the box around both has 8, then 12.
         for (away, wanted) in [(2.0, 0..2), (4.0, 0..0)] {
             let (bvh, _) = WideBvh::build(&squares(2, away), cost).expect("not empty");
             assert_eq!(leaves_of_root(&bvh), [4; 2]);
             assert_eq!(bvh.leaves(bvh.root()), wanted, "{away}");
         }
-        // Of every node in a large tree they are its own leaves, or none.
+        // For every node in a large tree they are its own leaves, or none.
         let boxes = boxes(20_000, 1.0);
         let (bvh, _) = build(&boxes);
         let mut open = vec![bvh.root()];

@@ -1,8 +1,8 @@
 //! The command line: one file per command.
 //!
 //! A command is a struct of arguments and a function `run`; its results go to standard output
-//! through `output`, its error comes back and is printed here. Exit codes: 0 fine, 1 an
-//! expectation failed, 2 an error (clap's own for a command line that makes no sense).
+//! through `output`, and [`main`] prints the error that it returns. Exit codes: 0 fine, 1 an
+//! expectation failed, 2 an error (clap's own for an invalid command line).
 
 #[cfg(feature = "stress")]
 pub mod check_math;
@@ -28,8 +28,8 @@ use clap::{CommandFactory, Parser};
 
 use crate::error::Result;
 
-/// Writes the enum of commands and its dispatch from one line a command: the file, the variant,
-/// the arguments.
+/// Generates the enum of commands and its dispatch from one line for each command: the file, the
+/// variant, the arguments.
 macro_rules! commands {
     ($($(#[$when:meta])* $file:ident $variant:ident($args:ident)),* $(,)?) => {
         #[derive(clap::Subcommand)]
@@ -79,7 +79,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(error.kind().exit_code())
 }
 
-/// The command line as clap knows it, so that what documents it can be checked against it.
+/// The command line as clap defines it, so that documents can be checked against it.
 pub fn command() -> clap::Command {
     CommandLine::command()
 }

@@ -62,8 +62,8 @@ pub struct RenderArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// Of the scene, of a shader that traps, or of writing the picture; `Expectation` where `--perturb`
-/// finds that an output is not stable, after all is written and printed.
+/// Errors of the scene, of a shader that traps, or of writing the image; `Expectation` if
+/// `--perturb` finds that an output is not stable, after everything is written and printed.
 pub fn run(args: RenderArgs) -> Result<()> {
     if args.json && !args.stability.asks() {
         let message = "`--json` is for --shadow and --perturb";
@@ -153,7 +153,8 @@ fn output_of(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &Imag
     }
 }
 
-/// The launch in bands of the output image; or why the image is held whole.
+/// Splits the launch into bands of the output image; the error says why the image must be held
+/// whole.
 fn in_bands<'a>(
     args: &RenderArgs,
     assembled: &'a Assembled,
@@ -187,7 +188,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// A bar that appears where standard error is a terminal and the work takes a while.
+/// A progress bar, shown if standard error is a terminal and the work takes a while.
 fn progress(count: u64) -> ProgressBar {
     let bar = ProgressBar::new(count);
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed_precise}  about {eta} left");

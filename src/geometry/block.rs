@@ -1,4 +1,4 @@
-//! Blocks of four primitives as a structure of arrays, and an f32 test that culls those which a ray
+//! Blocks of four primitives as a structure of arrays, and an f32 test that culls those that a ray
 //! certainly misses.
 //!
 //! A ray misses most primitives of a leaf, and a miss needs no t, only the sign of one or two
@@ -9,7 +9,7 @@
 //!
 //! # The ray
 //! The exact object-space ray o + t d is reparametrised: the origin moves by `t0` along it towards
-//! the primitives, where it starts far from them, and the direction is scaled so that its greatest
+//! the primitives if it starts far from them, and the direction is scaled so that its greatest
 //! component is of a magnitude from 1 to 2. With o' and D = λ d (λ > 0) the exact results and O, E
 //! their f32 neighbours,
 //!
@@ -25,16 +25,17 @@
 //! # The bounds
 //! The table at `object_ray::View` holds with u = 2^-24, `origin_error` e, c = κ + 12u. Each test
 //! lists what it uses. Spheres and swept spheres take one bound for all primitives, |E| (e + c x):
-//! x is at least the 1-norm of the way from o' to any point of the box around all, and so at least
+//! x is at least the 1-norm of the vector from o' to any point of the box around all, and so at
+//! least
 //! |o' - p| + r for a centre p and a radius r. The bounds are evaluated in f32 by sums, products
 //! and square roots of non-negative terms, which lose at most 2^-24 relatively each; `margin` = 1 +
 //! 2^-18 on every source outweighs 60 of those.
 //!
 //! *Underflow* costs at most 2^-150 per operation. e is raised by 2^-60, so that each bound's
 //! square is at least 2^-120 and its margin, 2^-138, outweighs the few such losses of any formula
-//! below. *Overflow*: for primitives or an origin o' beyond 2^60, and for what is not finite, e is
-//! infinite. Every comparison is written so that an infinite bound, and a NaN from it, keeps the
-//! lane.
+//! below. *Overflow*: for primitives or an origin o' beyond 2^60, and for values that are not
+//! finite, e is infinite. Every comparison is written so that an infinite bound, and a NaN from it,
+//! keeps the lane.
 
 mod aabb;
 mod linear_swept_sphere;
@@ -79,7 +80,7 @@ pub struct CullRay {
     relative_error: f32,
     /// |E| (e + c x), with margin, x being the greatest distance of all primitives and their radii.
     error_bound: f32,
-    /// `error_bound`, but infinite if points behind the origin count.
+    /// `error_bound`, but infinite if hits behind the origin count.
     behind: f32,
     /// An upper bound of the 2-norm of D.
     length: f32,
@@ -87,7 +88,7 @@ pub struct CullRay {
     cone: [f32; 3],
 }
 
-/// The error bounds that [`CullRay::prepare`] computes besides.
+/// The error bounds that [`CullRay::prepare`] also computes.
 struct Errors {
     /// For each component of the origin.
     origin: [f64; 3],
@@ -109,8 +110,8 @@ impl CullRay {
         cone: [f32::INFINITY; 3],
     };
 
-    /// Makes a ray ready for primitives that lie within the given box (object space); for boxes
-    /// there is [`BoxRay`].
+    /// Prepares a ray for primitives that lie within the given box (object space); for boxes there
+    /// is [`BoxRay`].
     #[inline]
     pub fn new(ray: &ObjectRay, around: &Bounds) -> Self {
         let world_space = if ray.is_in_world() { Self::world_space(ray.world(), around) } else { None };
@@ -121,9 +122,9 @@ impl CullRay {
     /// with a direction whose greatest component is of a magnitude from 2^-60 to 2^60. `None` for
     /// any other.
     ///
-    /// Both are exact then, as the direction is scaled by a power of two (but for what underflows,
-    /// by 2^-150 at most: times 2^60 of distance that is less than a share of e), and e = 2^-60.
-    /// 16u pays for 12u and for the roundings here.
+    /// Origin and direction are exact then, as the direction is scaled by a power of two, and e =
+    /// 2^-60. (Underflow costs 2^-150 at most, which at a distance of 2^60 is far below e.) 16u
+    /// covers 12u and the roundings here.
     #[inline(always)]
     pub fn world_space(ray: &Ray, around: &Bounds) -> Option<Self> {
         let far = farthest(three(ray.origin), around);
@@ -152,10 +153,10 @@ impl CullRay {
         })
     }
 
-    /// A ray in the object space of an instance, in f32 throughout. `None` where its direction is
-    /// not known well, or origin or primitives are very far.
+    /// A ray in the object space of an instance, in f32 throughout. `None` if the error of its
+    /// direction is large, or if origin or primitives are very far.
     ///
-    /// The sums of the errors of o' and of d, the latter scaled as it is, are e and κ |E|.
+    /// The error sums of o' and of d, scaled like d, are e and κ |E|.
     #[inline(always)]
     pub fn approximate(ray: &ApproximateRay, around: &Bounds) -> Option<Self> {
         let far = farthest(ray.origin, around);
@@ -196,7 +197,7 @@ impl CullRay {
         let inverse = 1.0 / most;
         let mut out = Self { axis, ..Self::EMPTY };
         const U: f64 = f64::EPSILON;
-        // Bounds of each component, in f64 with twice the error that theory asks for.
+        // Bounds of each component, in f64 with twice the error that theory gives.
         let mut origin_error = [0.0; 3];
         let mut direction_error = [0.0; 3];
         let mut error_bound = size;
@@ -257,7 +258,7 @@ fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
     let square: f64 = d.iter().map(|x| x * x).sum();
     let along: f64 =
         (0..3).map(|i| (0.5 * (f64::from(around.min[i]) + f64::from(around.max[i])) - o[i]) * d[i]).sum();
-    // The box lies within 2 sqrt 3 sizes of its middle; the rest pays for roundings.
+    // The box lies within 2 sqrt 3 sizes of its middle; the rest covers roundings.
     let t = (along / square) * (1.0 - 1e-9) - 4.0 * size / square.sqrt();
     if t > 0.0 && t.is_finite() { t } else { 0.0 }
 }
@@ -330,7 +331,7 @@ mod tests {
     const UNIT_BOX: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 
     /// Rays along z at a distance from the axis, near and far, and under a matrix with thirds in
-    /// its inverse: all alike for what lies around the origin.
+    /// its inverse: equivalent for primitives around the origin.
     fn rays(x: f32) -> Vec<ObjectRay> {
         let near = Ray::new([x, 0.0, 4.0], [0.0, 0.0, -0.5]);
         let far = Ray::new([x, 0.0, 4096.0], [0.0, 0.0, -1e-20]);
@@ -366,7 +367,7 @@ mod tests {
                     kept,
                     "{x} {ray:?}"
                 );
-                // Its bound is looser: radii within 2 in a hundred.
+                // Its bound is looser: within 2 percent of the radius.
                 assert_eq!(swept.maybe_hit_mask(BaselineSimd, &ray) & kept, kept, "{x} {ray:?}");
             }
             for ray in rays(x * 1.02) {

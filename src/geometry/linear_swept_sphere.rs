@@ -6,7 +6,8 @@
 //! sweep that the ray touches at t has the parameter u*(t) = (w.D + r0 δ + d.D t) / g, and the ray
 //! enters
 //! * cap 0, at the entry of sphere 0, if u* <= 0 there;
-//! * the side, at the falling root of A t^2 + 2 B t + C, if 0 < u* < 1 there;
+//! * the side, at the root of A t^2 + 2 B t + C at which it falls (the falling root), if 0 < u* < 1
+//!   there;
 //! * cap 1, at the entry of sphere 1, if u* >= 1 there.
 //!
 //! ```text
@@ -17,8 +18,8 @@
 //!
 //! The ray misses if |N|^2 < M^2. An entry on a disabled cap is no candidate (SEMANTICS 9).
 //!
-//! A filter in f64 from the point of closest approach (`f64_filter`) decides nearly always; what it
-//! leaves open is evaluated as above with a running bound, and then exactly (`exact`).
+//! An f64 filter from the point of closest approach (`f64_filter`) decides nearly all tests; the
+//! others are evaluated as above with a running error bound, and then exactly (`exact`).
 //!
 //! # Degenerate shapes (SEMANTICS 9)
 //! A NaN or infinity, or no positive radius: never hit. One negative radius: the shape ends in the
@@ -81,7 +82,7 @@ fn intersect_in<R: Real>(
     }
 }
 
-/// The test of what the filter leaves undecided.
+/// The test of rays that the filter leaves undecided.
 #[cold]
 #[inline(never)]
 fn intersect_closely(
@@ -125,15 +126,14 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
     })
 }
 
-/// The boxes around both halves of a linear swept sphere, where their surfaces together are three
-/// quarters of that of the one around the whole at most. `None` elsewhere, and where it is never
-/// hit.
+/// The boxes around both halves of a linear swept sphere, if their surfaces together are at most
+/// three quarters of that of the box around the whole. `None` otherwise, and if it is never hit.
 ///
 /// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <=
-/// 1; those of a half lie within the hull of its two end balls. The one in the middle, (P0 + P1) /
-/// 2, is found with two products and a sum, its radius too, and their difference and sum round once
-/// and, with the slack, again: each at most a unit roundoff of |P0| + |P1| + r0 + r1, or where they
-/// are subnormal 2^-150, ten in all. The slack is sixteen of both.
+/// 1; those of a half lie within the hull of its two end balls. The centre of the middle ball, (P0
+/// + P1) / 2, takes two products and a sum, its radius too; their difference and sum round once,
+/// and again with the slack. These ten roundings are each at most a unit roundoff of |P0| + |P1| +
+/// r0 + r1, or 2^-150 for subnormals; the slack is sixteen of both.
 #[inline]
 pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> {
     let [p0, p1] = positions.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));
@@ -216,7 +216,7 @@ fn filtered<R: Real, const BOUNDED: bool>(
     let g = axis2 - delta * delta;
     let e_g = when::<R, BOUNDED>(u2 * R::from_f32(6.0) * (axis2 + delta * delta));
     if !(g > e_g) {
-        // Ends in one place make g = -δ^2 exactly.
+        // If the ends coincide, g = -δ^2 exactly.
         if BOUNDED && !(g < -e_g) && axis_n > R::ZERO {
             return Verdict::Undecided;
         }
@@ -224,7 +224,7 @@ fn filtered<R: Real, const BOUNDED: bool>(
         return whole_sphere::<R, BOUNDED>(ray, ends[outer], [r0, r1][outer], outer, caps);
     }
 
-    // |d| times this bounds N's error, this the error of r0 D + δ w.
+    // This bounds the error of r0 D + δ w; |d| times this bounds N's error.
     let e_y = slack * (r0 * axis_n) + slope * error_bound;
     let c1 = cross(d, axis);
     let n = add(scale(r0, c1), scale(delta, cross(d, w)));
@@ -309,12 +309,13 @@ fn filtered<R: Real, const BOUNDED: bool>(
         return end_0;
     }
     let end_1 = end_entry::<R, BOUNDED>(ray, &sweep, ends[1], r1, 1, caps);
-    // Certainly on neither sphere: that leaves the side, unless it is certainly not there either.
+    // The ray enters neither end sphere. It may enter the side, unless u* is certainly outside (0,
+    // 1).
     let beside = v < -e_v || below_one == Some(false);
     if BOUNDED && end_1 == Verdict::Miss && !beside { Verdict::Undecided } else { end_1 }
 }
 
-/// A quotient of two values with their errors; without bounds the plain one.
+/// A quotient of two values, with its error bound if `BOUNDED`.
 #[inline(always)]
 fn quotient<R: Real, const BOUNDED: bool>(numerator: (R, R), denominator: (R, R)) -> (R, R) {
     if BOUNDED {
@@ -324,7 +325,7 @@ fn quotient<R: Real, const BOUNDED: bool>(numerator: (R, R), denominator: (R, R)
     }
 }
 
-/// How u* g = a + b t runs along the line.
+/// u* g = a + b t along the line, with error bounds.
 struct Sweep<R> {
     a: R,
     e_a: R,
@@ -345,7 +346,7 @@ impl<R: Real> Sweep<R> {
         (self.a + bt, when::<R, BOUNDED>(e))
     }
 
-    /// Whether u* < 1; without a bound always answered.
+    /// Whether u* < 1; `None` only if the bound leaves it undecided.
     #[inline(always)]
     fn below_one<const BOUNDED: bool>(&self, v: R, e_v: R) -> Option<bool> {
         let rest = self.g - v;
@@ -360,7 +361,7 @@ impl<R: Real> Sweep<R> {
     }
 }
 
-/// The hull's entry where it is that of one end's sphere; a miss where it is not.
+/// The hull's entry if it lies on the sphere of one end; otherwise a miss.
 #[inline(always)]
 fn end_entry<R: Real, const BOUNDED: bool>(
     ray: &View<R>,

@@ -134,9 +134,10 @@ impl<'a> WriteFinder<'a> {
                 // The shaders of the ray itself stand at depth 1, those of rays that they trace
                 // deeper.
                 let program = &self.pipeline.programs[self.shader as usize];
-                let rows = program.interface_registers(storage::INCOMING_RAY_PAYLOAD);
-                let rows = rows.filter(|rows| *word < rows.count && batch.invocations.depth == 1)?;
-                Some(u128::from(batch.registers[Reg(rows.first.0 + word)].0[0]))
+                let registers = program.interface_registers(storage::INCOMING_RAY_PAYLOAD);
+                let registers =
+                    registers.filter(|registers| *word < registers.count && batch.invocations.depth == 1)?;
+                Some(u128::from(batch.registers[Reg(registers.first.0 + word)].0[0]))
             }
             Target::Buffer(buffer, byte) => buffer.load(*byte, 32).map(u128::from),
             Target::Image(image, texel) => Some(image.load(*texel)),

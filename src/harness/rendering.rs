@@ -1,4 +1,4 @@
-//! `expect.stdout`, `expect.stderr` and `expect.png` beside a scene: renderings of what it leaves.
+//! The files of expected output next to a scene: `expect.stdout`, `expect.stderr` and `expect.png`.
 
 use std::path::{Path, PathBuf};
 
@@ -7,14 +7,14 @@ use crate::harness::case::Loaded;
 use crate::harness::expect::{Difference, Fix, Observed, PictureDifference, Subject, printed_diff};
 use crate::scene::image::Picture;
 
-/// Compares what a launch left with the renderings that stand beside its scene.
+/// Compares the output of a launch with the expected files next to its scene.
 ///
 /// What shaders print is `expect.stdout`, the report of a trap `expect.stderr`, and the image that
-/// `render` would save `expect.png`. `is_variant` leaves the report out: variants have lines of
-/// their own.
+/// `render` would save `expect.png`. `is_variant` skips the report: variants have lines of their
+/// own.
 ///
 /// # Errors
-/// `Io` where a rendering cannot be read.
+/// `Io` if an expected file cannot be read.
 pub fn differences(loaded: &Loaded, observed: &Observed, is_variant: bool) -> Result<Vec<Difference>> {
     let mut found = Vec::new();
     let beside = |name: &str| Some(loaded.scene.path.with_file_name(name)).filter(|path| path.exists());
@@ -74,7 +74,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
             difference.fix = Some(renewed);
             return Ok(Some(difference));
         }
-        // An empty file asks for its first content.
+        // An empty file is to be filled for the first time.
         Err(error) => {
             let mut difference = Difference::of(error);
             difference.fix = Some(renewed);

@@ -293,11 +293,11 @@ pub(super) fn trace<T: PipelineObserver, O: Observer<1>>(
 
 /// The largest payload that a pipeline's shaders declare, a line for each member and its offset.
 fn declared(pipeline: &Pipeline) -> Vec<String> {
-    let rows = |program: &Arc<Program>| {
-        let rows = program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?;
-        Some((program.clone(), rows.ty, rows.count))
+    let registers = |program: &Arc<Program>| {
+        let registers = program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?;
+        Some((program.clone(), registers.ty, registers.count))
     };
-    let largest = pipeline.programs.iter().filter_map(rows).max_by_key(|(.., count)| *count);
+    let largest = pipeline.programs.iter().filter_map(registers).max_by_key(|(.., count)| *count);
     largest.map_or_else(Vec::new, |(program, ty, _)| {
         let module = &program.module;
         let lines = Layout::new(module, ty, Rules::Packed).lines().into_iter();
@@ -340,13 +340,14 @@ pub(super) fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
 
 /// A payload by the type that the shader which ran last declares, or the largest one.
 fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
-    let rows = |program: &Arc<Program>| {
+    let registers = |program: &Arc<Program>| {
         program
             .interface_registers(storage::INCOMING_RAY_PAYLOAD)
-            .map(|rows| (program.clone(), rows.ty, rows.count))
+            .map(|registers| (program.clone(), registers.ty, registers.count))
     };
-    let ran = shader.and_then(|shader| rows(&pipeline.programs[shader.0 as usize]));
-    let declared = ran.or_else(|| pipeline.programs.iter().filter_map(rows).max_by_key(|(.., count)| *count));
+    let ran = shader.and_then(|shader| registers(&pipeline.programs[shader.0 as usize]));
+    let declared =
+        ran.or_else(|| pipeline.programs.iter().filter_map(registers).max_by_key(|(.., count)| *count));
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
     declared.map_or_else(Value::nothing, |(program, ty, _)| {
         Layout::new(&program.module, ty, Rules::Packed).read(&bytes)

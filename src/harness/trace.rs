@@ -273,23 +273,23 @@ impl Pipeline {
         let payload = self.programs.iter().filter_map(|program| {
             Some((program, program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?))
         });
-        let largest = payload.max_by_key(|(_, rows)| rows.count);
+        let largest = payload.max_by_key(|(_, registers)| registers.count);
         let words = self.payload_words();
         if operands.payload.is_empty() {
             operands.payload = vec![0; words];
-        } else if let Some((program, rows)) = largest
+        } else if let Some((program, registers)) = largest
             && operands.payload.len() != words
         {
             let given = RustLayout::untold("the payload given".into(), operands.payload.len() * 4);
-            return Err(layout(program, rows).mismatch("the payload", &given));
+            return Err(layout(program, registers).mismatch("the payload", &given));
         }
         self.check(scene)?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
         let outcome = launch.trace(scene.tlas(), operands.clone(), pipeline_observer)?;
-        let data = largest.map(|(program, rows)| {
+        let data = largest.map(|(program, registers)| {
             let words = outcome.payload.iter().copied();
-            TypedBytes::new(&program.module, rows.ty, "the payload", words)
+            TypedBytes::new(&program.module, registers.ty, "the payload", words)
         });
         let what = What::Ray { tlas: scene.tlas().clone(), operands, resources: resources.clone() };
         let explanation = Arc::new(Explanation { pipeline: self.clone(), what });
@@ -332,8 +332,8 @@ impl Pipeline {
     }
 }
 
-fn layout<'a>(program: &'a Program, rows: &InterfaceRegisters) -> Layout<'a> {
-    Layout::new(&program.module, rows.ty, Rules::Packed)
+fn layout<'a>(program: &'a Program, registers: &InterfaceRegisters) -> Layout<'a> {
+    Layout::new(&program.module, registers.ty, Rules::Packed)
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ where
     let supercode = supercode.as_ref().filter(|_| has_superops);
     loop {
         let block = &program.blocks[batch.block as usize];
-        // Behind a stop a block goes on, it is not entered.
+        // After a stop a block continues, it is not entered.
         if O::active() && batch.op == block.first && !batch.paused {
             observer.block(batch);
         }
@@ -52,7 +52,7 @@ where
             }
             let op = &ops[batch.op as usize];
             if let Op::LaneKernel { kernel, to, from } = op {
-                // Most operations are kernels, and those stop nothing.
+                // Most operations are kernels, and those never stop.
                 Width::<W>::run(*kernel, &mut batch.registers, *to, from);
                 if O::active() {
                     observer.after(batch, bindings, batch.op);
@@ -70,7 +70,7 @@ where
             }
             batch.silent = program.silent.get(batch.op as usize) == Some(&true);
             op.eval(batch, bindings);
-            // What is trapped at the block's end, or by the pipeline, is no such operation's.
+            // Traps at the block's end, or by the pipeline, are not of such an operation.
             batch.silent = false;
             if batch.mask.is_empty() {
                 break;
@@ -159,13 +159,13 @@ fn leave<const W: usize, O: Observer<W>>(
     going
 }
 
-/// All running lanes go on at one block.
+/// All running lanes continue at one block.
 fn go<const W: usize>(batch: &mut Batch<W>, program: &Program, target: u32) -> bool {
     charge(batch, program, target, batch.mask);
     batch.jump(target)
 }
 
-/// The running lanes go on at several blocks.
+/// The running lanes continue at several blocks.
 fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32, Mask<W>)]) -> bool {
     for &(target, mask) in edges {
         charge(batch, program, target, mask);
@@ -174,8 +174,8 @@ fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32,
     batch.follow(edges.iter().map(|&(target, mask)| (target, mask & live)))
 }
 
-/// Consumes fuel of lanes at a back edge: as much as the loop has instructions, so that what a lane
-/// may do depends neither on its neighbours nor on the width of its batch nor on the optimizer.
+/// Consumes fuel of lanes at a back edge: as much as the loop has instructions, so that a lane's
+/// limit depends neither on its neighbours nor on the width of its batch nor on the optimizer.
 fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
     if to <= batch.block {
         let before = to.checked_sub(1).map_or(0, |before| program.blocks[before as usize].instructions);
@@ -184,7 +184,7 @@ fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask
     }
 }
 
-/// Where the origin of a block's terminator stands, for the traps that it raises.
+/// The index of the origin of a block's terminator, for the traps that it raises.
 fn terminator(program: &Program, block: u32) -> u32 {
     program.ops.len() as u32 + block
 }

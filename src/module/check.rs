@@ -1,4 +1,4 @@
-//! The instructions of the functions, held against the grammar and the definitions.
+//! Checks the instructions of the functions against the grammar and the definitions.
 
 use rspirv::spirv::Op;
 
@@ -11,14 +11,13 @@ use crate::module::words::{Span, invalid};
 use crate::module::{BasicBlock, Definition, Id, Instruction, Module};
 use crate::module::{check_access, check_encoding};
 
-/// Checks every instruction of every function, then that no entry point calls itself in a circle;
-/// says what each function uses.
+/// Checks every instruction of every function, then that the call graph of no entry point has a
+/// cycle; returns what each function uses.
 ///
 /// # Errors
 /// `InvalidModule` where operands are missing or left over, an id has no definition or one in
-/// another function or further down, a label stands where a value is expected or the other way
-/// round, a call does not fit its function, an index leaves its composite, or calls go round in a
-/// circle.
+/// another function or further down, a label is found where a value is expected or the reverse, a
+/// call does not match its function, an index leaves its composite, or calls form a cycle.
 pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec<Uses>> {
     let mut calls = vec![Vec::new(); module.functions.len()];
     let mut named = vec![Vec::new(); module.functions.len()];
@@ -49,8 +48,7 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec
     Ok(calls.into_iter().zip(named).map(uses).collect())
 }
 
-/// What the instructions of a function use of the module: see
-/// [`Function`](crate::module::Function).
+/// The functions and variables that a function uses: see [`Function`](crate::module::Function).
 pub(super) struct Uses {
     pub(super) calls: Vec<u32>,
     pub(super) variables: Vec<u32>,
@@ -63,8 +61,8 @@ struct Checker<'m> {
 }
 
 impl Checker<'_> {
-    /// `here` is the block's index and the instruction's in it; `named` takes the variables that it
-    /// names.
+    /// Checks an instruction. `here` is the index of its block and its own in that; `named`
+    /// collects the variables that it names.
     fn instruction(&self, instruction: &Instruction, here: (u32, u32), named: &mut Vec<u32>) -> Result<()> {
         let mut note = |definition: Definition| {
             if let Definition::Variable(index) = definition {
@@ -72,7 +70,7 @@ impl Checker<'_> {
             }
         };
         let Some(known) = opcode(instruction.opcode) else {
-            // Which words of an unknown instruction are ids is unknown: take them all.
+            // Any word of an unknown instruction may be an id: take them all.
             let words = self.module.operands(instruction).iter();
             words.filter_map(|&word| self.module.definition(Id(word))).for_each(note);
             return Ok(());
@@ -117,7 +115,7 @@ impl Checker<'_> {
                 {
                     Err(self.expected(span, at, "a value of the same function"))
                 }
-                // Blocks stand behind those that dominate them, so definitions stand before uses.
+                // Blocks come after those that dominate them, so definitions come before uses.
                 (false, Definition::Result(_, block, position))
                     if (block, position) >= here && known.op != Op::Phi =>
                 {
@@ -128,7 +126,7 @@ impl Checker<'_> {
         })
     }
 
-    /// Holds a value that is returned against the function's type.
+    /// Checks a returned value against the function's return type.
     fn returned(&self, instruction: &Instruction) -> Result<()> {
         if instruction.opcode != Op::ReturnValue as u16 {
             return Ok(());
@@ -144,7 +142,8 @@ impl Checker<'_> {
         }
     }
 
-    /// Holds a call's arguments against the function; its index and where the call names it.
+    /// Checks a call's arguments against the function; returns its index and the word that names
+    /// it.
     fn call(&self, instruction: &Instruction) -> Result<(Option<u32>, usize)> {
         let span = span_of(instruction);
         let at = instruction.operands.start as usize;
@@ -185,7 +184,7 @@ impl Checker<'_> {
         Ok((Some(index), at))
     }
 
-    /// `OpPhi` opens a block; a merge instruction stands right before its end.
+    /// Checks that `OpPhi`s begin a block, and that a merge instruction is its last but one.
     fn order(&self, block: &BasicBlock) -> Result<()> {
         let mut phis_over = false;
         let last = block.instructions.len().saturating_sub(1);
@@ -234,7 +233,7 @@ pub(super) fn span_of(instruction: &Instruction) -> Span {
     }
 }
 
-/// Whether the operand of this index (behind result type and result id) names a label.
+/// Whether the operand of this index (after result type and result id) names a label.
 fn names_label(op: Op, index: usize) -> bool {
     match op {
         Op::Branch | Op::SelectionMerge => index == 0,
@@ -248,7 +247,7 @@ fn names_label(op: Op, index: usize) -> bool {
     }
 }
 
-/// Refuses circles of calls that an entry point reaches ("the static function-call graph for an
+/// Rejects cycles of calls that an entry point reaches ("the static function-call graph for an
 /// entry point must not contain cycles", section 2.16.1), and calls of entry points.
 fn circles(module: &Module, calls: &[Vec<(u32, usize)>]) -> Result<()> {
     #[derive(Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
-//! What follows an opcode: the operand kinds of rspirv's grammar tables, stepped over word by word.
+//! The operands of an opcode, parsed word by word with rspirv's grammar tables.
 //!
-//! An enumerant that the tables do not know may have parameters of its own, so nothing behind it
-//! can be told apart: the rest of such an instruction is carried unread.
+//! An enumerant that the tables do not know may have parameters of its own, so the operands after
+//! it cannot be parsed: the rest of such an instruction is kept unread.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::module::names::opcode_name;
 use crate::module::words::{Span, ends_string, invalid};
 
-/// An opcode of the tables.
+/// The table entry of an opcode.
 #[derive(Clone, Copy)]
 pub(crate) struct Opcode {
     /// The enumerant.
@@ -24,9 +24,9 @@ pub(crate) struct Opcode {
     pub(crate) name: &'static str,
     /// Whether its first operand is a result type.
     pub(crate) has_type: bool,
-    /// Whether it has a result id (behind the result type, where there is one).
+    /// Whether it has a result id (after the result type, if there is one).
     pub(crate) has_result: bool,
-    /// Whether it may stand outside functions only.
+    /// Whether it is allowed only outside functions.
     pub(crate) module_scope_only: bool,
     /// Whether it ends its block.
     pub(crate) ends_block: bool,
@@ -34,16 +34,16 @@ pub(crate) struct Opcode {
     plain: Plain,
 }
 
-/// The operands of an opcode, behind its result, that take a word each (or two) and bring nothing
-/// along.
+/// The operands of an opcode, after its result, that take a word each (or two) and have no
+/// parameters.
 #[derive(Clone, Copy)]
 struct Plain {
-    /// So many stand first and once.
+    /// The number of leading operands that occur once.
     leading: usize,
-    /// Whether there may be no more.
+    /// Whether these may be all.
     ends: bool,
-    /// What may follow them as often as one likes, and behind that nothing: its kind, and how many
-    /// words of that kind come together.
+    /// The operand that may follow them any number of times, up to the end: its kind, and how many
+    /// words of that kind make one.
     repeated: Option<(OperandKind, usize)>,
 }
 
@@ -66,7 +66,7 @@ impl Plain {
         Self { leading, ends, repeated }
     }
 
-    /// Whether so many words are as many such operands.
+    /// Whether that many words are exactly such operands.
     fn fits(&self, words: usize) -> bool {
         match words.checked_sub(self.leading) {
             None => false,
@@ -76,7 +76,7 @@ impl Plain {
     }
 }
 
-/// Whether operands of a kind are one word and bring nothing along.
+/// Whether operands of a kind are one word and have no parameters.
 fn is_plain(kind: OperandKind) -> bool {
     use OperandKind as K;
     !matches!(
@@ -98,13 +98,13 @@ fn is_plain(kind: OperandKind) -> bool {
 }
 
 impl Opcode {
-    /// Words of result type and result id.
+    /// The number of words of result type and result id.
     pub(crate) fn result_words(&self) -> usize {
         usize::from(self.has_type) + usize::from(self.has_result)
     }
 }
 
-/// One optional id that newer revisions of the specification let follow, and the tables lack.
+/// An optional id at the end that newer revisions of the specification allow and the tables lack.
 const OPTIONAL_ID: LogicalOperand =
     LogicalOperand { kind: OperandKind::IdRef, quantifier: OperandQuantifier::ZeroOrOne };
 
@@ -171,9 +171,9 @@ pub(crate) fn is_id(kind: OperandKind) -> bool {
     matches!(kind, OperandKind::IdRef | OperandKind::IdScope | OperandKind::IdMemorySemantics)
 }
 
-/// Holds an instruction's operands (result type and result id included) against the grammar.
+/// Checks an instruction's operands (result type and result id included) against the grammar.
 ///
-/// `literal_words` is how many words a number takes whose width hangs on a type: the value of
+/// `literal_words` is the number of words of a literal whose width depends on a type: the value of
 /// `OpConstant`, the cases of `OpSwitch`. Unknown opcodes pass.
 ///
 /// # Errors
@@ -187,7 +187,7 @@ pub(crate) fn walk(
 ) -> Result<()> {
     let Some(opcode) = opcode(span.opcode) else { return Ok(()) };
     let first = span.start + 1 + opcode.result_words();
-    // Most instructions: nothing has to be asked of their words.
+    // Most instructions: their words need not be examined.
     if opcode.plain.fits(span.end.wrapping_sub(first)) && first <= span.end {
         let Plain { leading, repeated, .. } = opcode.plain;
         let operands = &opcode.operands[opcode.result_words()..][..leading];
@@ -223,8 +223,8 @@ pub(crate) fn walk(
 
 /// The offsets of an instruction's operands that are ids, without result type and result id.
 ///
-/// `operands` is where they stand behind result type and result id. Reads an instruction that has
-/// passed [`walk`] before: what does not fit is left out.
+/// `operands` is their range, after result type and result id. The instruction must have passed
+/// [`walk`] before: what does not fit is left out.
 pub(crate) fn id_operands(
     words: &[u32],
     opcode_number: u16,
@@ -270,7 +270,7 @@ impl Cursor<'_> {
         Ok(())
     }
 
-    /// Steps over one operand with what its enumerant brings along.
+    /// Steps over one operand with its enumerant's parameters.
     fn operand(&mut self, kind: OperandKind) -> Result<()> {
         use OperandKind as K;
         match kind {
@@ -308,7 +308,7 @@ impl Cursor<'_> {
             K::LiteralSpecConstantOpInteger => {
                 let at = self.one(kind)?;
                 match u16::try_from(self.words[at]).ok().and_then(opcode) {
-                    // Refused here, because it would lead down without end.
+                    // Rejected here, because it would recurse without end.
                     Some(inner) if inner.op == spirv::Op::SpecConstantOp => {
                         Err(invalid(at, "OpSpecConstantOp cannot compute an OpSpecConstantOp"))
                     }
@@ -326,7 +326,7 @@ impl Cursor<'_> {
         }
     }
 
-    /// Takes one word and shows it.
+    /// Takes one word and passes it to `visit`.
     fn one(&mut self, kind: OperandKind) -> Result<usize> {
         let at = self.take_kind(kind)?;
         (self.visit)(at, kind)?;
@@ -362,9 +362,9 @@ impl Cursor<'_> {
     }
 }
 
-/// The operands that an enumerant brings along; `None` where the enumerant is not known.
+/// The parameters of an enumerant; `None` if the enumerant is not known.
 fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
-    /// The bits of a mask one by one, lowest first: the order in which their parameters stand.
+    /// The parameters of a mask's bits, in the order of the bits from the lowest.
     fn of_bits(word: u32, of_bit: impl Fn(u32) -> Option<dr::Operand>) -> Option<Vec<LogicalOperand>> {
         let mut all = Vec::new();
         for bit in (0..u32::BITS).map(|index| 1 << index).filter(|bit| word & bit != 0) {
@@ -400,7 +400,7 @@ fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
 mod tests {
     use super::*;
 
-    /// The kinds that a walk shows for one instruction's words, or its error's text.
+    /// The kinds that a walk visits for one instruction's words, or its error's text.
     fn kinds(words: &[u32], literal_words: usize) -> std::result::Result<Vec<OperandKind>, String> {
         let mut seen = Vec::new();
         let span = Span { opcode: words[0] as u16, start: 0, end: words.len() };

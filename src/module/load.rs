@@ -1,9 +1,9 @@
-//! Bytes to module.
+//! Loads a module from bytes.
 //!
 //! One pass over the words fills the arenas: module scope here and in `declare_type`,
 //! `declare_constant` and `decoration`; functions in `functions`. A second pass (`check`,
-//! `check_flow`) holds the instructions of the functions against the grammar and the definitions,
-//! which they may name before they come. All work is linear in the number of words.
+//! `check_flow`) checks the instructions of the functions against the grammar and the definitions,
+//! to which they may refer forward. All work is linear in the number of words.
 
 use std::collections::HashMap;
 
@@ -27,15 +27,15 @@ pub(super) const FUNCTION_STORAGE: u32 = 7;
 
 /// Reads a module from bytes of either byte order.
 ///
-/// Opcodes and enumerants that are not known here are carried as numbers: only running into them
-/// is an error. So are capabilities, memory models and instructions that this crate does not run.
+/// Opcodes and enumerants that are not known here are kept as numbers: only executing them is an
+/// error. So are capabilities, memory models and instructions that this crate does not run.
 ///
 /// # Errors
 /// * `InvalidModule` where the bytes are no module or break a rule without which they have no
 ///   meaning: words, grammar, definitions, types of constants, blocks, branches, calls. The place
 ///   is the offset of the word, counted from the module's first.
-/// * `UnsupportedModule` for versions above 1.6, and where a few words ask for a multitude of
-///   copies (decoration groups, execution modes).
+/// * `UnsupportedModule` for versions above 1.6, and where a few words request too many copies
+///   (decoration groups, execution modes).
 pub fn load(bytes: &[u8]) -> Result<Module> {
     let words = words_of(bytes)?;
     let header = header(&words)?;
@@ -56,10 +56,10 @@ pub fn load(bytes: &[u8]) -> Result<Module> {
 /// Ids that an instruction of unknown opcode may define, with that opcode.
 pub(super) type UnknownResults = HashMap<Id, u16>;
 
-/// What an imported instruction set means to us.
+/// How an imported instruction set is treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SetKind {
-    /// Its instructions count.
+    /// Its instructions are executed.
     Semantic,
     /// Debug information that is read.
     Debug,
@@ -80,7 +80,7 @@ impl SetKind {
     }
 }
 
-/// An execution mode before its entry points are known.
+/// An execution mode, before its entry points are known.
 struct PendingMode {
     number: u32,
     operands: Vec<u32>,
@@ -91,16 +91,16 @@ pub(super) struct Loader<'w> {
     pub(super) words: &'w [u32],
     pub(super) module: Module,
     pub(super) debug: DebugReader<'w>,
-    /// How deep each type is nested, by [`TypeId`].
+    /// The nesting depth of each type, by [`TypeId`].
     pub(super) depths: Vec<u32>,
-    /// Where the types of which only one may exist are declared, by opcode and operands.
+    /// The offsets of the types that must be unique, by opcode and operands.
     pub(super) unique_types: HashMap<Vec<u32>, usize>,
-    /// Pointers declared forward and not defined yet: where.
+    /// Pointers declared forward and not defined yet, with the offset.
     pub(super) forward: HashMap<Id, usize>,
     pub(super) unknown: UnknownResults,
     pub(super) pending: PendingDecorations,
     set_kinds: Vec<SetKind>,
-    /// Results of debug instructions: defined last, so that broken ones disturb nothing.
+    /// Results of debug instructions: defined last, so that broken ones do no harm.
     debug_results: Vec<Id>,
     modes: HashMap<Id, Vec<PendingMode>>,
     /// Targets of execution modes, with the offset that names them.
@@ -148,7 +148,7 @@ impl<'w> Loader<'w> {
         }
     }
 
-    /// Reads everything before the first `OpFunction`, and returns that.
+    /// Reads everything before the first `OpFunction`, and returns the span of that.
     fn module_scope(&mut self, walker: &mut Walker<'w>) -> Result<Option<Span>> {
         while let Some(span) = walker.next()? {
             let Some(known) = opcode(span.opcode) else {
@@ -241,7 +241,8 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    /// Hands names, sources, lines and debug information to their reader; says whether it was any.
+    /// Passes names, sources, lines and debug information to their reader; returns whether it was
+    /// any.
     pub(super) fn debug_instruction(&mut self, span: Span, known: &Opcode) -> Result<bool> {
         match known.op {
             Op::Name
@@ -281,7 +282,7 @@ impl<'w> Loader<'w> {
         }
     }
 
-    /// Remembers what an instruction of unknown opcode may define: its first or second operand.
+    /// Records what an instruction of unknown opcode may define: its first or second operand.
     pub(super) fn note_unknown(&mut self, span: Span) {
         for at in span.operands().take(2) {
             self.unknown.entry(self.id(at)).or_insert(span.opcode);
@@ -346,7 +347,7 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    /// Holds a variable's result type against its storage class; the type pointed to.
+    /// Checks a variable's result type against its storage class; returns the pointee type.
     pub(super) fn variable_type(
         &self,
         span: Span,
@@ -392,7 +393,7 @@ impl<'w> Loader<'w> {
         Ok((self.module, self.unknown))
     }
 
-    /// Each entry point names a function with a body and variables of module scope.
+    /// Checks that each entry point names a function with a body and variables of module scope.
     fn check_entry_points(&self) -> Result<()> {
         /// The execution model of OpenCL, whose entry points take parameters.
         const KERNEL: Stage = Stage::Other(6);
@@ -472,7 +473,7 @@ impl<'w> Loader<'w> {
         string(&self.words[at..]).map(|(text, _)| text).unwrap_or_default()
     }
 
-    /// The type whose id stands at a word.
+    /// The type whose id is the word at an offset.
     pub(super) fn type_at(&mut self, span: Span, at: usize) -> Result<TypeId> {
         let id = self.id(at);
         match self.module.definition(id) {
@@ -496,7 +497,7 @@ impl<'w> Loader<'w> {
         TypeId(self.module.types.len() as u32 - 1)
     }
 
-    /// Gives the id at a word its meaning.
+    /// Defines the id at a word.
     pub(super) fn define(&mut self, at: usize, definition: Definition) -> Result<()> {
         let id = self.id(at);
         if id.0 == 0 || id.0 >= self.bound {
@@ -511,7 +512,7 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    /// The error that something else than what is expected stands at a word.
+    /// The error that the id at a word is not what is expected.
     #[cold]
     pub(super) fn expected(&self, span: Span, at: usize, what: &str) -> Error {
         invalid(
@@ -525,7 +526,7 @@ impl<'w> Loader<'w> {
     }
 }
 
-/// Bounds copies that a few words can ask for in number (a group's decorations for each target).
+/// Bounds the copies that a few words can request (a group's decorations for each target).
 pub(super) struct CopyBudget {
     left: usize,
 }
@@ -558,7 +559,7 @@ fn is_declaration(known: &Opcode) -> bool {
             || matches!(known.op, Op::Variable | Op::UntypedVariableKHR))
 }
 
-/// Instructions of module scope that are valid and mean nothing to this crate.
+/// Whether an instruction of module scope is valid and ignored by this crate.
 fn is_carried(known: &Opcode) -> bool {
     known.op == Op::SamplerImageAddressingModeNV
         || known.op == Op::AsmTargetINTEL

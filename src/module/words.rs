@@ -1,4 +1,4 @@
-//! The physical layer: bytes to words, the header, and the walk from instruction to instruction.
+//! The physical layout: bytes to words, the header, and iteration over the instructions.
 //!
 //! SPIR-V specification, section 2.3 "Physical Layout of a SPIR-V Module and Instruction".
 
@@ -12,20 +12,20 @@ const MAGIC: u32 = 0x0723_0203;
 /// Words of the header: magic, version, generator, bound, schema.
 pub(crate) const HEADER_WORDS: usize = 5;
 
-/// A broken rule at a word of the module.
+/// The error that a rule is broken at a word of the module.
 #[cold]
 pub(crate) fn invalid(offset: usize, message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidModule, message).at(Place::Word(offset))
 }
 
-/// What the header says.
+/// The header of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Header {
     /// Major and minor version.
     pub(crate) version: (u8, u8),
     /// The tool that wrote the module.
     pub(crate) generator: u32,
-    /// Every id is below it.
+    /// Every id is less than this.
     pub(crate) bound: u32,
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Span {
 }
 
 impl Span {
-    /// Where its operands stand, result type and result id included.
+    /// The range of its operands, result type and result id included.
     pub(crate) fn operands(self) -> Range<usize> {
         self.start + 1..self.end
     }
@@ -47,8 +47,7 @@ impl Span {
 /// The words of a module, in this machine's byte order.
 ///
 /// # Errors
-/// `InvalidModule` where the length is no multiple of 4, or the magic number is missing in both
-/// byte orders.
+/// `InvalidModule` if the length is no multiple of 4, or the magic number is in neither byte order.
 pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
     let Some(first) = bytes.first_chunk::<4>() else {
         return Err(invalid(
@@ -89,7 +88,7 @@ pub(crate) fn words_of(bytes: &[u8]) -> Result<Vec<u32>> {
 /// Reads the header.
 ///
 /// # Errors
-/// `InvalidModule` for a short or senseless header, `UnsupportedModule` for a version above 1.6.
+/// `InvalidModule` for a short or invalid header, `UnsupportedModule` for a version above 1.6.
 pub(crate) fn header(words: &[u32]) -> Result<Header> {
     let Some(&[_, version, generator, bound, schema]) = words.first_chunk::<HEADER_WORDS>() else {
         return Err(invalid(
@@ -120,7 +119,7 @@ pub(crate) fn header(words: &[u32]) -> Result<Header> {
     Ok(Header { version: (major, minor), generator, bound })
 }
 
-/// Walks from instruction to instruction; holds that every one lies within the module.
+/// Iterates over the instructions; checks that each lies within the module.
 #[derive(Clone, Debug)]
 pub(crate) struct Walker<'w> {
     words: &'w [u32],
@@ -128,7 +127,7 @@ pub(crate) struct Walker<'w> {
 }
 
 impl<'w> Walker<'w> {
-    /// A walker that stands behind the header.
+    /// A walker at the first instruction after the header.
     pub(crate) fn new(words: &'w [u32]) -> Self {
         Self { words, at: HEADER_WORDS.min(words.len()) }
     }
@@ -165,7 +164,7 @@ impl<'w> Walker<'w> {
     }
 }
 
-/// A literal string: its text (what is not UTF-8 replaced) and the words it takes, the one with
+/// A literal string: its text (invalid UTF-8 is replaced) and the number of its words, the one with
 /// the closing zero byte included. `None` where the zero byte is missing.
 pub(crate) fn string(words: &[u32]) -> Option<(String, usize)> {
     let count = words.iter().position(|&word| ends_string(word))? + 1;

@@ -1,7 +1,8 @@
 //! Arithmetic instructions (SPIR-V 3.3.13).
 //!
 //! Integer division by zero, which the specification leaves undefined, gives all ones, and the
-//! remainder gives the dividend: what most GPUs do, and the same on every machine here.
+//! remainder gives the dividend: this is what most GPUs do, and it is the same on every machine
+//! here.
 
 use half::f16;
 
@@ -39,7 +40,7 @@ lane_kernels! {
     FMod Core [f16 f32 f64] (a: T, b: T) -> T { a - b * Float::floor(a / b) }
 }
 
-/// The halves of the extended operations, which give a struct of two.
+/// The halves of the extended operations, whose result is a struct of two members.
 pub mod extended {
     use crate::lane_kernels;
 
@@ -85,8 +86,8 @@ mod tests {
         check(&FMul, 32, &[0x0080_0000, 0x3F00_0000], 0x0040_0000); // a denormal result is kept
         check(&FMul, 64, &[2f64.to_bits(), 3f64.to_bits()], 6f64.to_bits());
         check(&FDiv, 32, &[0x3F80_0000, 0], 0x7F80_0000);
-        // One NaN, whichever operand has which bits, and where there was none (infinity - infinity,
-        // 0 / 0).
+        // A NaN result always has the same bits: for any NaN operand, and without one (infinity -
+        // infinity, 0 / 0).
         check(&FAdd, 32, &[0xFFC0_1234, 0x7FC0_0001], 0x7FC0_0000);
         check(&FMul, 32, &[0x7FC0_0001, 0xFFC0_1234], 0x7FC0_0000);
         check(&FSub, 32, &[0x7F80_0000, 0x7F80_0000], 0x7FC0_0000);

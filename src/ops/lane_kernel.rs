@@ -18,14 +18,14 @@ use crate::ops::superop::SuperCode;
 /// Runs a kernel over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
 
-/// Which table an instruction's number belongs to.
+/// The instruction set to which an instruction's number belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum InstructionSet {
     /// SPIR-V's own opcodes.
     Core,
     /// `GLSL.std.450`.
     Glsl,
-    /// Not an instruction of its own, but part of what one is translated to.
+    /// Not an instruction of its own, but part of the translation of one.
     Internal,
 }
 
@@ -37,13 +37,13 @@ pub struct LaneKernel {
     pub width: u32,
     /// Words of the result.
     pub words: u32,
-    /// Words of each operand; the rest is zero.
+    /// Words of each operand; 0 for operands that it does not have.
     pub operands: [u32; 3],
     /// Bits of each operand that is a float; else 0.
     pub float_operands: [u32; 3],
     /// Bits of the result where it is a float; else 0.
     pub float_result: u32,
-    /// Whether the operand that chooses the kernel is a signed integer.
+    /// Whether the operand that selects the kernel is a signed integer.
     pub signed: bool,
     /// For batches of one lane.
     pub one: Eval<1>,
@@ -68,9 +68,9 @@ impl PartialEq for LaneKernel {
     }
 }
 
-/// Runs a kernel in batches of `W` lanes, with the vector extensions that the processor has.
+/// Runs a kernel in batches of `W` lanes, with the vector extensions of the processor.
 pub trait Width<const W: usize> {
-    /// Writes the result's kernels for every lane.
+    /// Writes the result's registers for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 
     /// Whether batches of this width run superinstructions.
@@ -121,7 +121,8 @@ impl Width<64> for LaneKernel {
     }
 }
 
-/// For subgroups of 128, which are rare: twice 64 lanes, so that no kernel is compiled once more.
+/// For subgroups of 128, which are rare: two runs of 64 lanes, so that kernels need not be compiled
+/// for this width.
 impl Width<128> for LaneKernel {
     fn run(&self, registers: &mut Registers<128>, to: Reg, from: &[Reg; 3]) {
         const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
@@ -145,7 +146,7 @@ impl Width<128> for LaneKernel {
     }
 }
 
-/// A kernel's function with its arguments, to be compiled for AVX2: the same lane loop, and the
+/// A kernel's function with its arguments, to be compiled for AVX2: the same lane loop with the
 /// same results, as nothing is fused or reordered.
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
@@ -171,7 +172,7 @@ impl<F: Fn(&mut Registers<64>, Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_,
 pub struct OpFamily {
     /// The specification's name, without `Op`.
     pub name: &'static str,
-    /// Whose number it is.
+    /// The set to which the number belongs.
     pub set: InstructionSet,
     /// The opcode or extended instruction number.
     pub number: u32,
@@ -210,7 +211,7 @@ pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
     }
 }
 
-/// Writes families of kernels.
+/// Defines families of kernels.
 ///
 /// ```text
 /// lane_kernels! { FAdd Core [f16 f32 f64] (a: T, b: T) -> T { a + b } }
@@ -256,9 +257,9 @@ macro_rules! number {
     };
 }
 
-/// The lane loop of a kernel, by the type that names its family.
+/// The lane loop of a kernel, implemented for the type that names its family.
 pub trait LaneLoop {
-    /// Writes the result's kernels for every lane.
+    /// Writes the result's registers for every lane.
     fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 }
 
@@ -404,7 +405,7 @@ macro_rules! lane_kernel {
     }};
 }
 
-/// The width that chooses a kernel; `bool` has none.
+/// The width that selects a kernel; `bool` has none.
 pub trait ScalarWidth {
     /// Bits, 0 for a bool.
     const BITS: u32;
@@ -429,7 +430,7 @@ bits! {
     u64: 64 0 false i64: 64 0 true half::f16: 16 16 false f32: 32 32 false f64: 64 64 false
 }
 
-/// Pads a list of an operand's numbers.
+/// Pads a list of one number for each operand.
 #[doc(hidden)]
 pub const fn operands(words: &[u32]) -> [u32; 3] {
     let mut padded = [0; 3];
@@ -467,7 +468,7 @@ pub(crate) mod tests {
         (0..W).map(value).collect()
     }
 
-    /// What a kernel gives in every lane of every width of a batch.
+    /// The results of a kernel in every lane of every width of a batch.
     pub(crate) fn results(kernel: &LaneKernel, inputs: &[u64]) -> Vec<u64> {
         [
             run::<1>(kernel, inputs),

@@ -1,4 +1,4 @@
-//! Pointers while a function is lowered: where they lead is mostly known before running.
+//! Pointers while a function is lowered: what they point to is mostly known statically.
 
 use smallvec::SmallVec;
 
@@ -39,16 +39,16 @@ pub mod storage {
     pub const HIT_OBJECT_ATTRIBUTE_EXT: u32 = 5411;
 }
 
-/// Where a pointer leads.
+/// The base of a pointer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PointerBase {
-    /// Registers of the register file from a known one on.
+    /// Registers of the register file, from a known one on.
     Registers {
         /// The variable's first register.
         first: Reg,
         /// How many registers the variable has.
         count: u32,
-        /// Whether nothing writes them while the shader runs.
+        /// Whether they are never written while the shader runs.
         constant: bool,
     },
     /// Registers of the register file; the pointer's index is the register's number with
@@ -69,10 +69,10 @@ pub enum PointerBase {
     Texel(Box<TexelPlace>),
 }
 
-/// A pointer: a place and how far into it.
+/// A pointer: a base and an offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pointer {
-    /// Where it leads.
+    /// The base.
     pub place: PointerBase,
     /// What it points to.
     pub pointee: TypeId,
@@ -83,14 +83,14 @@ pub struct Pointer {
     pub offset: u32,
     /// The computed part of the offset.
     pub index: Option<Reg>,
-    /// The layout of matrices below, in a buffer.
+    /// The layout of matrices in the pointee, in a buffer.
     pub matrix: Option<MatrixLayout>,
-    /// Bytes between the components of the vector pointed to, where they do not touch.
+    /// The byte stride of the components of the vector pointed to, if they are not adjacent.
     pub component_stride: Option<u32>,
 }
 
 impl Pointer {
-    /// To the beginning of a place.
+    /// A pointer to the start of a base.
     pub fn new(place: PointerBase, pointee: TypeId, storage_class: u32) -> Self {
         let (index, matrix, component_stride) = (None, None, None);
         Self { place, pointee, storage_class, offset: 0, index, matrix, component_stride }
@@ -101,7 +101,7 @@ impl Pointer {
         Reg(REGISTER_POINTER.wrapping_add(self.offset))
     }
 
-    /// Whether it leads into memory without a layout of its own, where each scalar takes as many
+    /// Whether it points into memory without a layout of its own, where each scalar takes as many
     /// words as in registers: workgroup memory, unless its variables are blocks
     /// (`WorkgroupMemoryExplicitLayoutKHR`).
     pub fn is_packed(&self, translator: &Translator<'_>) -> bool {
@@ -119,7 +119,7 @@ pub const OPCODES: &[rspirv::spirv::Op] = &[
     rspirv::spirv::Op::ArrayLength,
 ];
 
-/// Storage classes whose variables have a place.
+/// Storage classes whose variables have a base.
 pub const STORAGE_CLASSES: &[u32] = &[
     storage::UNIFORM_CONSTANT,
     storage::INPUT,
@@ -140,7 +140,7 @@ pub const STORAGE_CLASSES: &[u32] = &[
     storage::HIT_OBJECT_ATTRIBUTE_EXT,
 ];
 
-/// How many words a pointer takes as a value.
+/// The number of words of a pointer as a value.
 pub fn pointer_word_count(storage_class: u32) -> u32 {
     match storage_class {
         storage::UNIFORM
@@ -153,7 +153,7 @@ pub fn pointer_word_count(storage_class: u32) -> u32 {
     }
 }
 
-/// The pointer that a variable at module scope is; its registers or slot are made on first use.
+/// The pointer to a variable at module scope; its registers or slot are allocated on first use.
 pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> {
     let variable = translator.module.variables[index as usize].clone();
     let id = variable.id;
@@ -219,7 +219,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
                     id.0
                 )));
             };
-            // A block without an instance name goes by its own.
+            // A block without an instance name is named after its type.
             let block = || translator.module.name(translator.module.id_of_type(pointee)?);
             let name = translator.module.name(id).or_else(block).unwrap_or_default().to_string();
             let slot = translator.slots.len() as u32;
@@ -242,8 +242,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
     }
 }
 
-/// The error of an input variable that is no builtin: nothing comes before the stages that run
-/// here.
+/// The error of an input variable that is no builtin: no stage precedes those that run here.
 fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> Error {
     /// `Location`
     const LOCATION: u32 = 30;
@@ -256,7 +255,7 @@ fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> E
 }
 
 /// A pointer as words that a phi, a select or a call can carry. The null pointer is zeros, and so
-/// is what a variable holds before anything is stored there; no other pointer begins with zeros.
+/// is the initial value of a variable; no other pointer begins with zeros.
 pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.place {
         PointerBase::Registers { first, count, .. } => {
@@ -297,7 +296,7 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
     }
 }
 
-/// The pointer that words written by [`pointer_words`] mean.
+/// The pointer that the words of [`pointer_words`] represent.
 pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[Reg]) -> Result<Pointer> {
     let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("a pointer is needed here"));
@@ -347,7 +346,7 @@ fn is_buffer_array(translator: &Translator<'_>, mut ty: TypeId) -> bool {
     array && matches!(translator.module.ty(ty), Type::Struct { block: true, .. })
 }
 
-/// How many descriptors a type of a binding takes; arrays of arrays count through.
+/// The number of descriptors of a binding's type; arrays of arrays are flattened.
 pub fn descriptor_count(translator: &mut Translator<'_>, mut ty: TypeId) -> Result<u32> {
     let mut count = 1u32;
     while let Type::Array { element, length, .. } = *translator.module.ty(ty) {
@@ -358,13 +357,13 @@ pub fn descriptor_count(translator: &mut Translator<'_>, mut ty: TypeId) -> Resu
     Ok(count)
 }
 
-/// A computed offset and a constant one together.
+/// The sum of a computed offset and a constant one.
 pub fn shifted(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
     let Some(index) = index else { return Ok(base) };
     if translator.constant_word(base) == Some(0) {
         return Ok(index);
     }
-    // Saturating, so that an offset that is out of bounds stays it.
+    // Saturating, so that an offset that is out of bounds stays out of bounds.
     let to = translator.fresh(1)?;
     let one = translator.constant(1)?;
     let scale = translator.constant_word(base).unwrap_or(0);
@@ -378,7 +377,7 @@ pub fn shifted(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -
     Ok(to)
 }
 
-/// `OpAccessChain` and its kin: follows indices from a pointer.
+/// `OpAccessChain` and similar instructions: follows indices from a pointer.
 pub fn follow(translator: &mut Translator<'_>, mut pointer: Pointer, indices: &[u32]) -> Result<Pointer> {
     for &index in indices {
         pointer = step(translator, pointer, crate::module::Id(index))?;
@@ -469,7 +468,7 @@ fn element_step(
     pointer.pointee = element;
     let index = translator.integer(index, Reading::Index)?;
     let constant = translator.constant_word(index);
-    // A handle's upper bits name the slot: an array without an end must not reach them.
+    // A handle's upper bits name the slot: an index into a runtime array must not reach them.
     let length = match (&pointer.place, length) {
         (PointerBase::Descriptors { .. }, Length::Unknown) => Length::Known(1 << ELEMENT_BITS),
         _ => length,
@@ -492,7 +491,8 @@ fn element_step(
     if let PointerBase::Descriptors { first, buffers: true, .. } = pointer.place
         && !is_array
     {
-        // The element of an array of buffers is chosen: what follows are its bytes.
+        // The element of an array of buffers is selected: the indices that follow are into its
+        // bytes.
         let handle = Bindings::element_handle(first, pointer.offset);
         let buffer = match pointer.index.take() {
             None => BufferRef::Handle(handle),
@@ -507,7 +507,7 @@ fn element_step(
     Ok(pointer)
 }
 
-/// The alignment among memory operands that begin at a position: a mask, then a literal where its
+/// The alignment in the memory operands that begin at a position: a mask, then a literal if its
 /// second bit is set.
 fn alignment(translator: &Translator<'_>, instruction: &Instruction, at: usize) -> Result<u32> {
     const ALIGNED: u32 = 2;

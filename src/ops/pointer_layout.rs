@@ -1,8 +1,8 @@
 //! The layout of matrices behind pointers that are values.
 //!
-//! How a matrix lies in a buffer is a decoration of the member that holds it, which the type of a
-//! pointer into it does not tell. A pointer that came through a phi, a select or a call is
-//! therefore traced back to the access chains that made it.
+//! The layout of a matrix in a buffer is a decoration of the member that holds it, not of the type
+//! of a pointer into it. A pointer that comes from a phi, a select or a call is therefore traced
+//! back to the access chains that made it.
 
 use std::collections::HashSet;
 
@@ -14,14 +14,14 @@ use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator};
 
-/// The layout of matrices below, and the bytes between the components of the vector pointed to,
-/// where they do not touch: as in [`Pointer`].
+/// The layout of matrices in the pointee, and the byte stride of the components of the vector
+/// pointed to, if they are not adjacent: as in [`Pointer`].
 pub type Layout = (Option<MatrixLayout>, Option<u32>);
 
 /// Gives a pointer that was read from registers the layout that its sources agree on.
 ///
 /// # Errors
-/// `UnsupportedModule` where they do not.
+/// `UnsupportedModule` if they do not agree.
 pub fn complete(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
     let module = translator.module;
     let concerned = match module.ty(pointer.pointee) {
@@ -33,7 +33,7 @@ pub fn complete(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> R
     }
     let mut trace = Trace { translator, module, seen: HashSet::new() };
     match *trace.layouts(id) {
-        // Nothing is loaded or stored through null: any layout will do.
+        // Nothing is loaded or stored through null: any layout is correct.
         [] => pointer.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
         [layout] => (pointer.matrix, pointer.component_stride) = layout,
         _ => {
@@ -52,11 +52,11 @@ pub fn ends_in_matrix(module: &Module, mut ty: TypeId) -> bool {
     matches!(module.ty(ty), Type::Matrix { .. })
 }
 
-/// A search through what defines pointers.
+/// A search through the definitions of pointers.
 struct Trace<'a, 'm> {
     translator: &'a Translator<'m>,
     module: &'m Module,
-    /// Ids on the way: a loop adds nothing to what it began with.
+    /// Visited ids: a loop adds nothing new.
     seen: HashSet<Id>,
 }
 
@@ -83,7 +83,7 @@ impl Trace<'_, '_> {
                 let block = &module.functions[function as usize].blocks[block as usize];
                 self.of_result(&block.instructions[at as usize])
             }
-            // The null pointer leads into no matrix: it agrees with every layout.
+            // The null pointer points into no matrix: it agrees with every layout.
             Some(Definition::Constant(_)) => Layouts::new(),
             _ => SmallVec::from_slice(&[(None, None)]),
         }
@@ -169,7 +169,7 @@ pub(super) fn instructions(module: &Module) -> impl Iterator<Item = &Instruction
     blocks.flat_map(|block| &block.instructions)
 }
 
-/// Opcodes that make pointers of pointers.
+/// Opcodes that compute pointers from pointers.
 pub(super) mod opcode {
     pub const UNDEF: u16 = 1;
     pub const FUNCTION_CALL: u16 = 57;

@@ -1,8 +1,8 @@
-//! The bytes between the elements of the array that a pointer leads into.
+//! The array stride, in bytes, of the array that a pointer points into.
 //!
-//! The type of a pointer tells them where it has an `ArrayStride`, which `OpPtrAccessChain` needs
-//! in most storage classes. `OpPtrDiff` needs none: "the element size is the same as in the array"
-//! that both pointers lead into. So the pointer is traced back to the access chains that made it.
+//! The type of a pointer gives it as `ArrayStride`, which `OpPtrAccessChain` needs in most storage
+//! classes. `OpPtrDiff` needs none: "the element size is the same as in the array" that both
+//! pointers point into. So the pointer is traced back to the access chains that made it.
 
 use std::collections::HashSet;
 
@@ -12,17 +12,17 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer_layout::{instructions, opcode};
 
-/// What a module tells of the array that pointers lead into.
+/// What is known of the array that pointers point into.
 pub enum Stride {
-    /// The stride of every array that they may lead into.
+    /// The stride of every array that they may point into.
     One(u32),
-    /// They may lead into arrays of several strides.
+    /// They may point into arrays of several strides.
     Several,
-    /// They lead into no array that the module tells of.
+    /// No array that they point into is known.
     None,
 }
 
-/// The stride of the one array that all of some pointers of one type lead into.
+/// The stride of the array that all of these pointers of one type point into.
 pub fn stride_of_array(module: &Module, pointers: &[Id]) -> Stride {
     let mut all: SmallVec<[u32; 1]> = SmallVec::new();
     for &pointer in pointers {
@@ -52,7 +52,7 @@ fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
     }
 }
 
-/// The strides of all arrays of a type: for pointers that come out of memory.
+/// The strides of all arrays of a type: for pointers that are loaded from memory.
 fn arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
     let mut found = SmallVec::new();
     for ty in &module.types {
@@ -67,13 +67,13 @@ fn arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
     found
 }
 
-/// A search through what defines a pointer.
+/// A search through the definitions of a pointer.
 struct Trace<'m> {
     module: &'m Module,
-    /// Ids on the way: a loop adds nothing to what it began with.
+    /// Visited ids: a loop adds nothing new.
     seen: HashSet<Id>,
     found: SmallVec<[u32; 1]>,
-    /// Whether each way back ended at an array.
+    /// Whether each definition was traced back to an array.
     complete: bool,
 }
 
@@ -96,7 +96,7 @@ impl Trace<'_> {
                 let instruction = &block.instructions[at as usize];
                 self.result(instruction.opcode, module.operands(instruction));
             }
-            // The null pointer leads nowhere.
+            // The null pointer points to nothing.
             Some(Definition::Constant(_)) => {}
             _ => self.complete = false,
         }
@@ -128,7 +128,7 @@ impl Trace<'_> {
         }
     }
 
-    /// The array that the last of the indices goes into.
+    /// Adds the array that the last of the indices selects from.
     fn chain(&mut self, base: u32, indices: &[u32]) {
         let Some((_, before)) = indices.split_last() else { return self.follow(Id(base)) };
         match self.stride(base, before) {
@@ -138,7 +138,7 @@ impl Trace<'_> {
         }
     }
 
-    /// The stride of the array that indices lead to.
+    /// The stride of the array that indices reach.
     fn stride(&self, base: u32, indices: &[u32]) -> Option<u32> {
         let module = self.module;
         let mut ty = pointee(module, Id(base))?;

@@ -1,17 +1,17 @@
 //! Superinstructions: frequent operations on 32-bit values, run without leaving one loop.
 //!
-//! Most of what a shader does are some ninety regular instructions on 32-bit values, and moves. A
-//! [`SuperOp`] names one of them by an opcode. Its loop over the lanes stands in one arm of a
-//! `match` that is compiled for the processor's vectors as a whole. The result of each
-//! superinstruction stays in an *accumulator*, a register that the compiler keeps in vector
-//! registers from one superinstruction to the next: an operand that the one before it gave is not
-//! loaded, and a result without other uses is never stored. Frequent pairs and chains of
-//! operations have an opcode of their own, because dispatch takes time, too. Each operation of them
-//! rounds as it does by itself.
+//! Most operations of a shader are some ninety regular instructions on 32-bit values, and moves. A
+//! [`SuperOp`] names one of them by an opcode. Its loop over the lanes is one arm of a `match` that
+//! is compiled as a whole for the processor's vectors. The result of each superinstruction stays in
+//! an *accumulator*, a register that the compiler keeps in vector registers from one
+//! superinstruction to the next: an operand that the one before it computed is not loaded, and a
+//! result without other uses is never stored. Frequent pairs and chains of operations have an
+//! opcode of their own, because dispatch takes time, too. Each of their operations rounds as it
+//! does by itself.
 //!
 //! Lane kernels write every NaN as the same bits ([`crate::machine::Scalar::to_words`]). Here that
-//! is a superinstruction of its own, `Settle`. It stands only behind results whose NaN payload may
-//! be observed: an operation on floats treats all NaNs alike.
+//! is a superinstruction of its own, `Settle`. It is emitted only after results whose NaN payload
+//! may be observed: an operation on floats treats all NaNs alike.
 //!
 //! Operands that are constants are often read as one word for all lanes. Such opcodes keep the word
 //! in a vector register, where the register would be loaded vector by vector. A batch has its
@@ -53,8 +53,8 @@ pub struct SuperOp {
     from: Operands<u8>,
 }
 
-/// Of a superop: three are what one operation has, chains of patterns have more. With eight the
-/// compiler loads their numbers as one vector and takes it apart, which takes longer.
+/// The operands of a superinstruction: one operation has up to three, chains have more. With eight
+/// the compiler loads their numbers as one vector and splits it, which takes longer.
 type Operands<T> = [T; 6];
 
 /// The operations of a program as superinstructions.
@@ -74,10 +74,11 @@ pub const DIRECT_REGISTERS: usize = 256;
 /// The direct registers.
 type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 
-/// The accumulator takes what a function gives of registers, and of what it held, which is operand
-/// `AT` (none for 0); the result goes to its register, too, where it is `STORED`. Operands whose
-/// bit `UNIFORM` has are the same in all lanes: one word is read of each, and kept in a vector
-/// register. Those whose bit `AMOUNTS` has, too, are by how many bits to shift, and less than 32.
+/// Applies a function to registers and puts the result into the accumulator. Operand `AT`, counted
+/// from one, is the accumulator's old value (0 for none); if `STORED`, the result goes to its
+/// register, too. Operands whose bit is set in `UNIFORM` are the same in all lanes: one word is
+/// read of each, and kept in a vector register. Those whose bit is set in `AMOUNTS` are shift
+/// amounts less than 32.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
 fn apply<
@@ -127,8 +128,8 @@ fn apply<
     *accumulator = result;
 }
 
-/// Whether an operand of a function is read lane by lane from its register: not one that the
-/// function does not have, that the accumulator is, or that is uniform.
+/// Whether an operand of a function is read lane by lane from its register: if the function has it,
+/// and it is neither the accumulator nor uniform.
 const fn reads<F: WordFunction>(accumulator: usize, uniform: u8, at: usize) -> bool {
     at < F::OPERANDS && at + 1 != accumulator && !has(uniform, at)
 }
@@ -136,17 +137,17 @@ const fn reads<F: WordFunction>(accumulator: usize, uniform: u8, at: usize) -> b
 /// The word of a uniform operand.
 #[inline(always)]
 fn uniform<const W: usize>(registers: &DirectRegisters<W>, superop: &SuperOp, at: usize, amounts: u8) -> u32 {
-    // What the compiler knows to be less than 32 it need not compare.
+    // The mask lets the compiler leave out a comparison with 32.
     registers[usize::from(superop.from[at])].0[0] & if has(amounts, at) { 31 } else { !0 }
 }
 
-/// Whether operands that are the same in all lanes have one among them.
+/// Whether the bit of an operand is set in a mask of operands.
 const fn has(uniform: u8, operand: usize) -> bool {
     uniform >> operand & 1 == 1
 }
 
-/// Floats to integers likewise: the processor's conversion of eight is none that the compiler makes
-/// of a loop.
+/// As [`apply`], for floats to integers: the compiler does not make the processor's conversion of
+/// eight from a loop.
 #[inline(always)]
 fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     vectors: V,
@@ -167,8 +168,8 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     *accumulator = result;
 }
 
-/// Stores the accumulator, or a register; where not every lane runs, for those whose word is all
-/// ones.
+/// Stores the accumulator, or a register; if not every lane runs, in those whose word in `running`
+/// is all ones.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
 fn store<const W: usize, const AT: usize>(
@@ -192,7 +193,7 @@ fn store<const W: usize, const AT: usize>(
     }
 }
 
-/// Codes of a function: whether some operands are read as one word for all lanes
+/// The opcode of a function: whether some operands are read as one word for all lanes
 /// ([`Function::uniform`]), the operand that is the accumulator, and whether the result is stored.
 const fn opcode(function: Function, uniform: bool, at: usize, stored: bool) -> u16 {
     (function as u16) << 4 | (uniform as u16) << 3 | (at as u16) << 1 | stored as u16
@@ -230,7 +231,7 @@ macro_rules! functions {
             Other,
         }
 
-        /// Codes by the names of their functions, as patterns.
+        /// Opcodes by the names of their functions, as patterns.
         #[allow(non_snake_case)]
         mod codes {
             functions! { @codes Move MoveMasked Settle SettleMasked FToS Square
@@ -261,9 +262,9 @@ macro_rules! functions {
                 matches!(self, $(Self::$commuting)|* | Self::TwoProducts | Self::ThreeProducts)
             }
 
-            /// The operands that a code of its own reads as one word for all lanes, where all of
-            /// them are constants: a bit for each, the first is the lowest. None where there is no
-            /// such code.
+            /// The operands that an opcode of its own reads as one word for all lanes, if all of
+            /// them are constants: a bit for each, the first is the lowest. 0 if there is no such
+            /// opcode.
             const fn uniform(self) -> u8 {
                 match self {
                     $(Self::$commuting)|* | $(Self::$binary)|* | $(Self::$shift)|* | $(Self::$two)|* => SECOND,
@@ -284,7 +285,7 @@ macro_rules! functions {
                 }
             }
 
-            /// Pairs: both functions, how they hang together, and the function that is both.
+            /// Pairs: both functions, how the second uses the first, and the function that is both.
             const PAIRS: &'static [(Self, Self, PairShape, Self)] = &[
                 $((Self::$two_first, Self::$two_second, PairShape::$two_shape, Self::$two),)*
                 $((Self::$three_first, Self::$three_second, PairShape::$three_shape, Self::$three),)*
@@ -447,7 +448,7 @@ type FSub = arithmetic::FSub<f32>;
 type IMul = arithmetic::IMul<u32>;
 type IAdd = arithmetic::IAdd<u32>;
 type Right = bit::ShiftRightLogical<u32>;
-/// A shift to the right whose result is taken for a signed number.
+/// A logical shift to the right whose result is a signed number.
 struct SignedRight;
 
 impl Binary for SignedRight {
@@ -470,7 +471,7 @@ type ShiftXor = WithItself<Right, Xor>;
 type MixTwice = Chain<TernaryWord<Then<ShiftXor, IMul>>, TernaryWord<Then<ShiftXor, IMul>>>;
 /// A third round ends with its exclusive or.
 type Mix = Chain<MixTwice, BinaryWord<ShiftXor>>;
-/// Of inner products, and of matrices and vectors.
+/// Found in inner products, and in products of matrices and vectors.
 type TwoProducts = Last<BinaryWord<FMul>, TernaryWord<Then<FMul, FAdd>>>;
 
 functions! {

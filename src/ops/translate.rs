@@ -1,7 +1,7 @@
-//! From an instruction of a module to operations on registers.
+//! Translates instructions of a module to operations on registers.
 //!
-//! A [`Translator`] holds what is known of each id: the registers of its words, or where a pointer
-//! leads. Composites vanish here: extracting, inserting and shuffling only rearrange the list of
+//! A [`Translator`] keeps what each id stands for: the registers of its words, or where a pointer
+//! points. Composites vanish here: extracting, inserting and shuffling only rearrange the list of
 //! registers.
 
 mod values;
@@ -33,7 +33,7 @@ pub struct Slot {
     pub name: String,
 }
 
-/// Registers that a variable of the entry point's interface takes.
+/// Registers that a variable of the entry point's interface occupies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InterfaceRegisters {
     /// The variable.
@@ -46,7 +46,7 @@ pub struct InterfaceRegisters {
     pub first: Reg,
     /// How many registers.
     pub count: u32,
-    /// Of payloads and callable data, a fingerprint of their scalars; see [`Translator::scalars`].
+    /// For payloads and callable data, a fingerprint of their scalars; see [`Translator::scalars`].
     pub scalars: u64,
 }
 
@@ -77,10 +77,10 @@ pub struct Origin {
     pub scope: u32,
 }
 
-/// More registers than a program may have: 4 MiB a lane.
+/// The most registers that a program may have: 4 MiB a lane.
 const MAX_REGISTERS: u32 = 1 << 20;
 
-/// Turns instructions into operations; see the module's text.
+/// Translates instructions into operations; see the module's documentation.
 pub struct Translator<'m> {
     /// The module.
     pub module: &'m Module,
@@ -92,7 +92,7 @@ pub struct Translator<'m> {
     pub origins: Vec<Origin>,
     /// Where the current instruction comes from.
     pub origin: Origin,
-    /// How the entry point wants floats to be computed.
+    /// The float controls that the entry point declares.
     pub float_controls: FloatControls,
     /// The descriptor bindings used.
     pub slots: Vec<Slot>,
@@ -109,8 +109,8 @@ pub struct Translator<'m> {
     pub workgroup_blocks: bool,
     /// Whether the entry point is a compute shader with a derivative group.
     pub derivatives: bool,
-    /// Whether loads give what is known to have been stored, and operations on constants run here.
-    /// Never off for constants of the module, on which types depend.
+    /// Whether stores are forwarded to loads, and operations on constants are folded. Constants of
+    /// the module are always folded, as types depend on them.
     pub optimizes: bool,
     /// The constant that says whether its ray queries look at opacity micromaps
     /// (`OpacityMicromapIdKHR`).
@@ -127,14 +127,14 @@ pub struct Translator<'m> {
     wide_constants: FxHashMap<u64, Reg>,
     /// By register: the word of a constant.
     words: Vec<Option<u32>>,
-    /// By variable's register: another register in which its current value stands, known since a
-    /// time.
+    /// By register of a variable: another register that holds its current value, and the time from
+    /// which this is known.
     known: Vec<(u32, Reg)>,
-    /// What is known of variables since another time counts no more.
+    /// The current time; entries of `known` from another time are outdated.
     time: u32,
-    /// By type: how many words a value takes.
+    /// By type: the number of words of a value.
     word_counts: Vec<Option<u32>>,
-    /// Whether a constant of the module is translated.
+    /// Whether a constant of the module is being translated.
     pub(super) in_constant: bool,
     /// Registers in which operations on constants run: two of the result, and two of each operand.
     folding: Registers<1>,
@@ -190,7 +190,7 @@ impl<'m> Translator<'m> {
         self.ticks += 1;
     }
 
-    /// Adds the instructions counted since the last time to the clock: before a block ends.
+    /// Adds the instructions counted since the last time to the clock; called before a block ends.
     pub fn set_clock(&mut self) -> Result<()> {
         const SHADER_CLOCK: u32 = 5055;
         let ticks = std::mem::take(&mut self.ticks);
@@ -245,10 +245,10 @@ impl<'m> Translator<'m> {
         self.error(ErrorKind::InvalidModule, message)
     }
 
-    /// Something in a buffer lacks a decoration of its layout.
+    /// A type in a buffer lacks a layout decoration.
     ///
-    /// The validator asks for them in four storage classes; of the others, as shader records, no
-    /// rule says it.
+    /// The validator requires these in four storage classes; for the others, such as shader
+    /// records, no rule does.
     pub fn not_laid_out(&self, storage_class: u32, message: impl Into<String>) -> Error {
         use crate::ops::pointer::storage;
         match storage_class {
@@ -291,7 +291,7 @@ impl<'m> Translator<'m> {
         self.origins.push(self.origin);
     }
 
-    /// The register that always holds a word.
+    /// The register that holds a constant word.
     pub fn constant(&mut self, word: u32) -> Result<Reg> {
         if let Some(&reg) = self.constants.get(&word) {
             return Ok(reg);
@@ -307,7 +307,7 @@ impl<'m> Translator<'m> {
         self.words[reg.0 as usize] = Some(word);
     }
 
-    /// The first of the two registers that always hold 64 bits.
+    /// The first of two registers that hold a constant of 64 bits.
     pub fn wide_constant(&mut self, bits: u64) -> Result<Reg> {
         if let Some(&reg) = self.wide_constants.get(&bits) {
             return Ok(reg);
@@ -324,7 +324,7 @@ impl<'m> Translator<'m> {
         self.words.get(reg.0 as usize).copied().flatten()
     }
 
-    /// Appends a kernel on the given operands, or folds it where all of them are constants. Gives
+    /// Appends a kernel on the given operands, or folds it if all of them are constants. Returns
     /// the first register of the result.
     pub fn emit_kernel(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
         if self.float_controls.concern(kernel) {
@@ -371,7 +371,7 @@ impl<'m> Translator<'m> {
         Some(low | high << 32)
     }
 
-    /// One register for two words that must lie together.
+    /// The first of two consecutive registers that hold two words, copied if need be.
     pub fn pair(&mut self, low: Reg, high: Reg) -> Result<Reg> {
         if high == low.plus(1) {
             return Ok(low);
@@ -399,7 +399,7 @@ impl<'m> Translator<'m> {
         Ok(to)
     }
 
-    /// Gives a variable of the Workgroup storage class its place, a byte offset.
+    /// Allocates a variable of the Workgroup storage class; returns its byte offset.
     ///
     /// # Errors
     /// `InvalidModule` where variables with and without a layout of their own are mixed,
@@ -426,8 +426,7 @@ impl<'m> Translator<'m> {
         Ok(start)
     }
 
-    /// Remembers, until the block ends, that a variable's register has the value of another
-    /// register.
+    /// Records, until the block ends, that a variable's register has the value of another register.
     pub fn remember(&mut self, variable: Reg, value: Reg) {
         let registers = self.known.len().max(variable.0 as usize + 1);
         self.known.resize(registers, (0, Reg(0)));
@@ -440,12 +439,13 @@ impl<'m> Translator<'m> {
         (self.optimizes && since == self.time).then_some(value)
     }
 
-    /// Forgets what variables hold: at a block's beginning, and where something may change them.
+    /// Discards the known values of variables: at a block's start, and where something may change
+    /// them.
     pub fn forget(&mut self) {
         self.time += 1;
     }
 
-    /// Gives an id its meaning.
+    /// Defines what an id stands for.
     pub fn define(&mut self, id: Id, value: IdValue) {
         self.values.define(id, value);
     }
@@ -455,25 +455,25 @@ impl<'m> Translator<'m> {
         self.values.local(id)
     }
 
-    /// How many ids of functions stand for something: what [`Translator::leave`] goes back to.
+    /// The number of ids of functions that are defined, for [`Translator::leave`] to return to.
     pub fn locals(&self) -> usize {
         self.values.locals()
     }
 
-    /// Leaves functions: forgets what their ids stand for, but for the first so many.
+    /// Leaves functions: discards the definitions of their ids, except for the first `locals`.
     pub fn leave(&mut self, locals: usize) {
         self.values.forget(locals);
     }
 
-    /// Gives the result of an instruction its words.
+    /// Defines the result of an instruction as words.
     pub fn result(&mut self, instruction: &Instruction, words: Words) {
         if let Some(id) = instruction.result {
             self.define(id, IdValue::Words(words));
         }
     }
 
-    /// Checks that the result of an instruction has as many words as its type: its uses
-    /// go by the type.
+    /// Checks that the result of an instruction has as many words as its type: its uses rely on the
+    /// type.
     pub fn check_result(&mut self, instruction: &Instruction) -> Result<()> {
         let (Some(id), Some(_)) = (instruction.result, instruction.result_type) else { return Ok(()) };
         let Some(IdValue::Words(words)) = self.local(id) else { return Ok(()) };
@@ -546,7 +546,7 @@ impl<'m> Translator<'m> {
         Ok(value)
     }
 
-    /// The words of an id; a pointer is written out.
+    /// The words of an id; a pointer is converted to words.
     ///
     /// # Errors
     /// `UnsupportedModule` for a pointer into a matrix in memory or a composite, as the

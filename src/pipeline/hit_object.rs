@@ -13,7 +13,7 @@ use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Trace, at};
 
 impl<const W: usize> Trace<W> {
-    /// What a lane's ray found.
+    /// The result of a lane's ray.
     pub fn hit_object(&self, lane: usize) -> HitObject {
         let trace = self.rays.get(lane);
         match self.committed[lane] {
@@ -47,8 +47,8 @@ where
         let mut lanes = Mask::NONE;
         for lane in mask.lanes() {
             let batch = &running.batch;
-            let found = object.register(&batch.registers, lane).and_then(|row| {
-                let found = batch.hit_objects.get(batch.registers[row].0[lane]);
+            let found = object.register(&batch.registers, lane).and_then(|register| {
+                let found = batch.hit_objects.get(batch.registers[register].0[lane]);
                 match found.unwrap_or(&HitObject::Unrecorded) {
                     HitObject::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
                     HitObject::Empty => Ok(false),
@@ -84,8 +84,8 @@ where
         let memory = &self.bindings[running.shader.0 as usize].memory;
         for lane in mask.lanes() {
             let batch = &mut running.batch;
-            let record = object.register(&batch.registers, lane).and_then(|row| {
-                let found = batch.hit_objects.get(batch.registers[row].0[lane]);
+            let record = object.register(&batch.registers, lane).and_then(|register| {
+                let found = batch.hit_objects.get(batch.registers[register].0[lane]);
                 let found = found.unwrap_or(&HitObject::Unrecorded);
                 let table = match found {
                     HitObject::Hit(..) => &self.pipeline.sbt.hit,

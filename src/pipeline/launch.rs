@@ -17,7 +17,7 @@ use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{Done, Tasks};
 use crate::pipeline::trapped::{Trapped, missing_record};
 
-/// What a launch did.
+/// Counts of what a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Rays traced.
@@ -37,7 +37,7 @@ pub struct Stats {
 pub struct Elided {
     /// Closest hits on opaque geometry whose hit group has an any-hit shader, which did not run.
     pub any_hit: u64,
-    /// Occlusion rays: they ask only whether there is a hit, and end at whatever hit comes first.
+    /// Occlusion rays: they ask only whether there is a hit, and end at the first hit found.
     pub occlusion: u64,
     /// Invocations of shaders without effect: they are counted, and not run.
     pub empty: u64,
@@ -74,7 +74,7 @@ impl Stats {
         }
     }
 
-    /// The sum of two.
+    /// The sum of two counts.
     #[must_use]
     pub fn plus(mut self, other: &Self) -> Self {
         self.rays += other.rays;
@@ -93,14 +93,14 @@ impl Stats {
     }
 }
 
-/// What became of one ray.
+/// The result of one ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RayOutcome {
     /// The closest hit; `None` for a miss.
     pub committed: Option<Committed>,
     /// The payload's words.
     pub payload: Vec<u32>,
-    /// What was done.
+    /// Counts of the work done.
     pub stats: Stats,
 }
 
@@ -128,14 +128,14 @@ pub struct Launch<'a> {
     pub resources: &'a Resources,
 }
 
-/// Invocations that one task of a thread runs, a multiple of the widest batch: enough that taking
-/// it up costs little; few enough that threads end together.
+/// The number of invocations of one task, a multiple of the widest batch: enough that starting a
+/// task costs little, few enough that the threads end at about the same time.
 fn task_size(count: u64) -> u64 {
     const LEAST: u64 = 128;
     (count / 1024).clamp(LEAST, 8192) / LEAST * LEAST
 }
 
-/// A launch of so few invocations needs no threads: starting them would take longer.
+/// Up to this many invocations run on one thread: starting more would take longer.
 const FEW: u64 = 1024;
 
 impl Launch<'_> {
@@ -152,8 +152,8 @@ impl Launch<'_> {
         self.run_positions::<W>(size, 0..count, done)
     }
 
-    /// Runs the invocations at some positions of a launch's order, which begin at a multiple of the
-    /// widest batch.
+    /// Runs the invocations at a range of positions in a launch's order. The range starts at a
+    /// multiple of the widest batch.
     pub(super) fn run_positions<const W: usize>(
         &self,
         size: [u32; 3],
@@ -167,8 +167,8 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
         let ordered = self.pipeline.order_dependent();
-        // The schedule does not depend on the width of a batch: one after the other, or 64
-        // together.
+        // These schedules do not depend on the width of a batch: one invocation after the other, or
+        // 64 at a time.
         let one_thread = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
         let by_index = one_thread || subgroups.is_some();
         let order = if by_index { Order::by_index(size) } else { Order::by_tiles(size) };
@@ -190,7 +190,7 @@ impl Launch<'_> {
         tasks.run(one_thread || few, worker).map_err(|trapped| trapped.error)
     }
 
-    /// Works in a thread as long as there are tasks.
+    /// The loop of a worker thread: runs tasks until none is left.
     fn work<const W: usize>(
         &self,
         work: &Work<'_, impl Fn(u64) -> Range<u64> + Sync, impl Fn(u64) + Sync>,
@@ -230,7 +230,7 @@ impl Launch<'_> {
         (stack.stats, stack.trapped)
     }
 
-    /// How many invocations a launch has.
+    /// The number of invocations of a launch.
     pub(super) fn count(&self, size: [u32; 3]) -> Result<u64> {
         let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
         let most = self.pipeline.max_invocations;
@@ -255,8 +255,8 @@ impl Launch<'_> {
     }
 
     /// Runs the ray generation shader over a grid under observers: in launch order, on one thread,
-    /// with the same results as [`Launch::run`]. Events of the lanes of a batch are mixed. A launch
-    /// that needs subgroups of more than 64 is not observed.
+    /// with the same results as [`Launch::run`]. Events of the lanes of a batch are interleaved. A
+    /// launch that needs subgroups of more than 64 is not observed.
     ///
     /// # Errors
     /// As [`Launch::run`].
@@ -297,9 +297,9 @@ impl Launch<'_> {
         Ok(stats)
     }
 
-    /// Runs the ray generation shader for one launch index at one lane, under observers. Where a
-    /// shader has subgroup instructions, its whole subgroup runs: the pipeline observer sees that
-    /// index alone, and operations are not observed.
+    /// Runs the ray generation shader for one launch index in one lane, under observers. If a
+    /// shader has subgroup instructions, its whole subgroup runs: the pipeline observer sees only
+    /// that index, and operations are not observed.
     ///
     /// # Errors
     /// The trap, if there is one.
@@ -328,7 +328,7 @@ impl Launch<'_> {
         }
     }
 
-    /// Runs the subgroup of a launch index; the observer sees the events of that index alone.
+    /// Runs the subgroup of a launch index; the observer sees only the events of that index.
     fn run_subgroup<const W: usize, T: PipelineObserver>(
         &self,
         record: &Record,
@@ -400,7 +400,7 @@ impl Launch<'_> {
     }
 }
 
-/// What the threads of a launch share.
+/// The data that the threads of a launch share.
 struct Work<'a, R, D> {
     record: &'a Record,
     bindings: &'a [Bindings],

@@ -93,7 +93,9 @@ impl Pipeline {
     /// The words of the largest payload that a shader takes.
     pub fn payload_words(&self) -> usize {
         let counts = self.programs.iter().filter_map(|program| {
-            program.interface_registers(storage::INCOMING_RAY_PAYLOAD).map(|rows| rows.count as usize)
+            program
+                .interface_registers(storage::INCOMING_RAY_PAYLOAD)
+                .map(|registers| registers.count as usize)
         });
         counts.max().unwrap_or(0)
     }
@@ -312,8 +314,8 @@ impl Builder {
             if !known {
                 device.check_module(&program.module).map_err(context)?;
             }
-            if let Some(rows) = program.interface_registers(storage::HIT_ATTRIBUTE) {
-                device.check_attributes(&program.name, u64::from(rows.count) * 4)?;
+            if let Some(registers) = program.interface_registers(storage::HIT_ATTRIBUTE) {
+                device.check_attributes(&program.name, u64::from(registers.count) * 4)?;
             }
         }
         for (table, records) in [

@@ -1,13 +1,13 @@
-//! Rays that can meet only opaque geometry, so that no shader decides on the way: a batch traces
+//! Rays that can hit only opaque geometry, so that no shader runs during traversal: a batch traces
 //! them together.
 
 use crate::accel::{Committed, Packet, Tlas, TraceRay};
 
-/// The rays of a batch that can meet only opaque geometry, and the memory to trace them.
+/// The rays of a batch that can hit only opaque geometry, and the memory to trace them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct OpaqueBatch {
-    /// The rays to trace. They share their flags, those that the pipeline adds included; only
-    /// opaque triangles, spheres and linear swept spheres can be in their way.
+    /// The rays to trace. They share their flags, those that the pipeline adds included; they can
+    /// hit only opaque triangles, spheres and linear swept spheres.
     pub rays: Vec<TraceRay>,
     /// The closest hit of each ray.
     pub hits: Vec<Option<Committed>>,
@@ -15,8 +15,8 @@ pub(super) struct OpaqueBatch {
 }
 
 impl OpaqueBatch {
-    /// Traces the rays, all through one structure. With `occlusion_only` it is decided whether each
-    /// ray has a hit; which one it is then stays open.
+    /// Traces the rays in one acceleration structure. With `occlusion_only` each ray finds any hit,
+    /// not the closest.
     pub fn trace(&mut self, tlas: &Tlas, occlusion_only: bool) {
         let packet = self.packet.get_or_insert_default();
         let decided = packet.trace(tlas, &self.rays, occlusion_only, &mut self.hits);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// How wide and high a tile is.
+/// The width and height of a tile.
 pub(super) const SIDE: u64 = 8;
 
 /// An order of the launch indices of a grid: each has a position.
@@ -18,8 +18,8 @@ impl Order {
         Self { size: size.map(u64::from), tiled: false }
     }
 
-    /// By tiles of 8 x 8 invocations, row after row of them, so that a batch of 64 is a tile: their
-    /// rays go alike more often than those of 64 in a row.
+    /// By tiles of 8 x 8 invocations, row after row of them, so that a batch of 64 is a tile: its
+    /// rays are more coherent than those of 64 invocations in a row.
     pub fn by_tiles(size: [u32; 3]) -> Self {
         Self { tiled: true, ..Self::by_index(size) }
     }
@@ -43,13 +43,13 @@ impl Order {
         [x as u32, y as u32, z as u32]
     }
 
-    /// How large the grid is.
+    /// The size of the grid.
     pub fn size(&self) -> [u32; 3] {
         self.size.map(|side| side as u32)
     }
 
-    /// The launch indices at some positions: where x goes up by 1 from each to the next, the first
-    /// of them and how many there are.
+    /// The launch indices at a range of positions, as runs in which x increases by 1: the first
+    /// index and the length of each run.
     pub fn lines(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
         let (order, Range { mut start, end }) = (*self, positions);
         std::iter::from_fn(move || {
@@ -62,13 +62,13 @@ impl Order {
         })
     }
 
-    /// The number that a launch index has where x goes fastest.
+    /// The number of a launch index in the order in which x is fastest.
     pub fn number(&self, id: [u32; 3]) -> u64 {
         let [x, y, z] = id.map(u64::from);
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// A number (as above) that no index at these positions or behind them lies below.
+    /// A lower bound of the numbers (as above) of all indices at these positions or later ones.
     pub fn least_number(&self, positions: &Range<u64>) -> u64 {
         if !self.tiled {
             return positions.start;

@@ -1,5 +1,4 @@
-//! Payloads and callable data: what a shader gives and what the shader that it calls takes are of
-//! one type.
+//! Payloads and callable data: checks that a shader and the shader that it calls declare one type.
 
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
@@ -9,30 +8,29 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::program::Program;
 
-/// The variable of a shader's interface whose rows it gives.
+/// The interface variable of a shader whose first register this is.
 fn given(program: &Program, first: Reg) -> Option<&InterfaceRegisters> {
-    program.interface.iter().find(|rows| rows.first == first)
+    program.interface.iter().find(|registers| registers.first == first)
 }
 
-/// The variable that a shader takes payload or callable data in, where it has one that it uses.
+/// The variable for incoming payload or callable data, if the shader has one that it uses.
 fn taken(program: &Program) -> Option<&InterfaceRegisters> {
     let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
     classes.into_iter().find_map(|class| program.interface_registers(class))
 }
 
-/// The scalars of what a shader gives from some rows; see [`InterfaceRegisters::scalars`].
-pub(super) fn scalars_given(program: &Program, rows: RegSpan) -> Option<u64> {
-    given(program, rows.first).map(|rows| rows.scalars)
+/// The scalars of the data that a shader passes from a span; see [`InterfaceRegisters::scalars`].
+pub(super) fn scalars_given(program: &Program, span: RegSpan) -> Option<u64> {
+    given(program, span.first).map(|registers| registers.scalars)
 }
 
-/// Whether a shader can take data of these scalars. One that does not use what it is given takes
-/// anything.
+/// Whether a shader accepts data of these scalars. A shader that does not use its data accepts any.
 pub(super) fn takes(program: &Program, scalars: Option<u64>) -> bool {
     let Some(scalars) = scalars else { return true };
-    taken(program).is_none_or(|rows| rows.scalars == scalars)
+    taken(program).is_none_or(|registers| registers.scalars == scalars)
 }
 
-/// Both types, of what a shader gives and of what the called one takes.
+/// Both types: of the data that a shader passes, and of the data that the called one declares.
 pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option<String> {
     let (given, taken) = (given(caller, first)?, taken(called)?);
     Some(format!(
@@ -45,13 +43,13 @@ pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option
     ))
 }
 
-/// The file that a module was made from, where it names one: many entry points are called `main`.
+/// The source file that a module names, if any: many entry points are called `main`.
 fn source(module: &Module) -> String {
     let file = module.debug_info.files.first().filter(|file| !file.name.is_empty());
     file.map_or_else(String::new, |file| format!(" ({})", file.name))
 }
 
-/// A type for people, a struct with its members.
+/// A type as text, a struct with its members.
 fn of_type(module: &Module, ty: TypeId) -> String {
     let name = module.describe_type(ty);
     let Type::Struct { members, .. } = module.ty(ty) else { return name };

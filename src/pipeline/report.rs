@@ -28,7 +28,7 @@ struct Reported {
 }
 
 impl<const W: usize> IntersectionReport<W> {
-    /// Takes the reports of an intersection batch.
+    /// Makes the reports of an intersection batch.
     pub fn new<T: PipelineObserver>(
         pipeline: &Pipeline,
         trace: &mut Trace<W>,
@@ -47,7 +47,9 @@ impl<const W: usize> IntersectionReport<W> {
                 continue;
             }
             let attributes = match program.interface_registers(storage::HIT_ATTRIBUTE) {
-                Some(rows) => batch.registers.lane_words(rows.first, rows.count, lane).collect(),
+                Some(registers) => {
+                    batch.registers.lane_words(registers.first, registers.count, lane).collect()
+                }
                 None => Data::new(),
             };
             let reported = Reported { t, kind, attributes };
@@ -97,15 +99,15 @@ impl<const W: usize> IntersectionReport<W> {
         }
     }
 
-    /// Writes the hit attributes that an any-hit shader begins with.
-    pub fn write_hit_attributes(&self, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+    /// Writes the initial hit attributes of an any-hit shader.
+    pub fn write_hit_attributes(&self, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let attributes = self.reports[lane].iter().flat_map(|reported| &reported.attributes);
-            rows.iter_mut().zip(attributes).for_each(|(row, &word)| row.0[lane] = word);
+            registers.iter_mut().zip(attributes).for_each(|(register, &word)| register.0[lane] = word);
         }
     }
 
-    /// Takes the decisions of an any-hit shader on lanes of the intersection batch.
+    /// Applies the decisions of an any-hit shader to lanes of the intersection batch.
     pub fn deliver<T: PipelineObserver>(
         &mut self,
         trace: &mut Trace<W>,
@@ -129,7 +131,7 @@ impl<const W: usize> IntersectionReport<W> {
                 }
             };
             if any_hit.exits[lane] == Exit::Terminated {
-                // The report does not return where an any-hit shader terminates the ray.
+                // The report does not return if an any-hit shader terminates the ray.
                 trace.cursor_mut(lane).terminate();
                 intersection.exit(Mask::lane(lane), Exit::Terminated);
             }

@@ -1,4 +1,5 @@
-//! The stack of shader calls: shaders that run or wait, and between them what they wait for.
+//! The stack of shader calls: shaders that run or wait, and between them the traces, calls and
+//! reports that they wait for.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,7 +27,7 @@ use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
 use crate::pipeline::trapped::Trapped;
 use crate::program::Program;
 
-/// Why a shader runs.
+/// The role in which a shader runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     RayGeneration,
@@ -39,46 +40,46 @@ pub(super) enum Role {
     Callable,
 }
 
-/// A shader that runs or waits. Its lanes are those of its caller, as many of them as called it.
+/// A shader that runs or waits. Its lanes are the lanes of its caller that called it.
 #[derive(Clone, Debug)]
 pub(super) struct Running<const W: usize> {
     pub shader: Shader,
     role: Role,
     pub batch: Batch<W>,
     lanes: Mask<W>,
-    /// The rows of the payload, or of callable data.
+    /// The registers of the payload, or of callable data.
     data: Option<RegSpan>,
     attributes: Option<RegSpan>,
 }
 
 impl<const W: usize> Running<W> {
-    /// Takes the payload (or callable data) that a caller's registers hold.
-    fn take_data(&mut self, from: &Registers<W>, rows: RegSpan) {
+    /// Copies the payload (or callable data) from a caller's registers.
+    fn take_data(&mut self, from: &Registers<W>, span: RegSpan) {
         if let Some(own) = self.data {
-            let count = own.count.min(rows.count);
+            let count = own.count.min(span.count);
             // Nothing reads the other lanes.
-            self.batch.registers.copy_span(own.first, from, rows.first, count, Mask::ALL);
+            self.batch.registers.copy_span(own.first, from, span.first, count, Mask::ALL);
         }
     }
 
-    /// Leaves the payload (or callable data) in a caller's registers.
-    fn leave_data(&self, to: &mut Registers<W>, rows: RegSpan) {
+    /// Copies the payload (or callable data) back to a caller's registers.
+    fn leave_data(&self, to: &mut Registers<W>, span: RegSpan) {
         if let Some(own) = self.data {
-            let count = own.count.min(rows.count);
-            to.copy_span(rows.first, &self.batch.registers, own.first, count, self.lanes);
+            let count = own.count.min(span.count);
+            to.copy_span(span.first, &self.batch.registers, own.first, count, self.lanes);
         }
     }
 
-    /// The rows of its attributes.
+    /// The registers of its hit attributes.
     fn attributes(&mut self) -> Option<&mut [Lanes<W>]> {
-        self.attributes.map(|rows| self.batch.registers.span_mut(rows.first, rows.count))
+        self.attributes.map(|span| self.batch.registers.span_mut(span.first, span.count))
     }
 }
 
 /// `OpExecuteCallableKHR` in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Call<const W: usize> {
-    /// The row of the records' indices.
+    /// The register of the record indices.
     index: Reg,
     data: RegSpan,
     /// Callable shaders and the lanes that call them.
@@ -89,7 +90,7 @@ pub(super) struct Call<const W: usize> {
 #[derive(Clone, Debug)]
 pub(super) enum ShaderCallFrame<const W: usize> {
     Shader(Box<Running<W>>),
-    /// `object` where the hit objects there take what is found.
+    /// `object`: the hit objects that receive the result, if any.
     Trace {
         trace: Box<Trace<W>>,
         payload: RegSpan,
@@ -157,16 +158,15 @@ where
         }
     }
 
-    /// Runs the ray generation shader for the invocations at any number of positions, a batch after
-    /// the other.
+    /// Runs the ray generation shader for the invocations at a range of positions, batch by batch.
     pub fn launch_all(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
             self.launch(record, order, start..positions.end.min(start + W as u64));
         }
     }
 
-    /// Runs the ray generation shader for the invocations at some positions of a launch's order: a
-    /// batch.
+    /// Runs the ray generation shader for one batch: the invocations at a range of positions in a
+    /// launch's order.
     pub fn launch(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general(self.pipeline, record) else { return };
@@ -185,7 +185,7 @@ where
         self.run();
     }
 
-    /// Runs any shader but an intersection shader for one invocation, without what would call it.
+    /// Runs any shader but an intersection shader for one invocation, without a caller.
     pub fn invoke(&mut self, shader: Shader, invocation: Invocation, payload: Data, attributes: Data) {
         let role = match self.pipeline.programs[shader.0 as usize].stage {
             Stage::RayGeneration => Role::RayGeneration,
@@ -197,18 +197,18 @@ where
         let mut running = self.ready(shader, role);
         running.batch.invocations.set(0, invocation);
         begin(self.pipeline, &mut running, Mask::lane(0));
-        for (rows, words) in [(running.data, payload), (running.attributes, attributes)] {
-            if let Some(rows) = rows {
-                let words = words.into_iter().take(rows.count as usize);
-                running.batch.registers.set_lane_words(rows.first, 0, words);
+        for (span, words) in [(running.data, payload), (running.attributes, attributes)] {
+            if let Some(span) = span {
+                let words = words.into_iter().take(span.count as usize);
+                running.batch.registers.set_lane_words(span.first, 0, words);
             }
         }
         self.push(running);
         self.run();
     }
 
-    /// Traces one ray without a ray generation shader, in the first lane; the trace when it is
-    /// over.
+    /// Traces one ray without a ray generation shader, in the first lane; returns the finished
+    /// trace.
     pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.spare_trace(true);
         let payload = trace.take_host_operands(tlas, operands);
@@ -216,7 +216,7 @@ where
         self.run()
     }
 
-    /// Runs until the stack is empty; the trace that nothing called.
+    /// Runs until the stack is empty; returns the trace if it has no caller.
     fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
             match self.frames.last_mut()? {
@@ -272,7 +272,7 @@ where
         }
     }
 
-    /// Puts a shader on the stack that the rays of the trace there wait for.
+    /// Pushes a shader that rays of the trace on top of the stack wait for.
     pub(super) fn enter_traced(&mut self, waiting: Waiting<W>) {
         let Waiting { shader, role, lanes } = waiting;
         let mut running = self.ready(shader, role);
@@ -282,13 +282,13 @@ where
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         begin(self.pipeline, &mut running, lanes);
         running.take_data(trace.payload(below), *payload);
-        if let Some(rows) = running.attributes() {
-            trace.write_hit_attributes(role, lanes, rows);
+        if let Some(attributes) = running.attributes() {
+            trace.write_hit_attributes(role, lanes, attributes);
         }
         self.push(running);
     }
 
-    /// A batch of a shader without lanes.
+    /// A batch for a shader, without lanes yet.
     fn ready(&mut self, shader: Shader, role: Role) -> Box<Running<W>> {
         let mut running = self.free_batches[shader.0 as usize].pop().unwrap_or_else(|| {
             let program = &*self.pipeline.programs[shader.0 as usize];
@@ -310,7 +310,7 @@ where
         running
     }
 
-    /// Puts a batch on the stack whose lanes have begun.
+    /// Pushes a batch whose lanes have begun.
     fn push(&mut self, mut running: Box<Running<W>>) {
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let mask = running.lanes;
@@ -321,8 +321,8 @@ where
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
-                let rows =
-                    |rows: Option<RegSpan>| rows.map_or_else(Vec::new, |rows| read(rows.first, rows.count));
+                let words =
+                    |span: Option<RegSpan>| span.map_or_else(Vec::new, |span| read(span.first, span.count));
                 self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
                 self.pipeline_observer.event(Event::Enter {
                     shader: running.shader,
@@ -330,17 +330,17 @@ where
                     builtins: program
                         .inputs
                         .iter()
-                        .map(|rows| (rows.builtin, read(rows.first, rows.count)))
+                        .map(|input| (input.builtin, read(input.first, input.count)))
                         .collect(),
-                    payload: rows(running.data),
-                    attributes: rows(running.attributes),
+                    payload: words(running.data),
+                    attributes: words(running.attributes),
                 });
             }
         }
         self.frames.push(ShaderCallFrame::Shader(running));
     }
 
-    /// Takes a shader that is done from the stack and gives its results to its caller.
+    /// Pops a shader that is done and passes its results to its caller.
     fn leave(&mut self) {
         let pipeline = self.pipeline;
         let Some(ShaderCallFrame::Shader(running)) = self.frames.pop() else {
@@ -355,8 +355,8 @@ where
                 self.trap(&running, lane, trap);
             }
             if T::ACTIVE {
-                let payload = running.data.map_or_else(Vec::new, |rows| {
-                    running.batch.registers.lane_words(rows.first, rows.count, lane).collect()
+                let payload = running.data.map_or_else(Vec::new, |span| {
+                    running.batch.registers.lane_words(span.first, span.count, lane).collect()
                 });
                 let (shader, stage) = (running.shader, program.stage);
                 self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
@@ -495,7 +495,7 @@ where
         }
     }
 
-    /// Puts an any-hit shader on the stack that decides on reports.
+    /// Pushes an any-hit shader that decides on reports.
     fn enter_reported(&mut self, shader: Shader, lanes: Mask<W>) {
         let role = Role::ReportedAnyHit;
         let mut running = self.ready(shader, role);
@@ -512,8 +512,8 @@ where
         report.write_builtins(lanes, &mut running.batch);
         begin(self.pipeline, &mut running, lanes);
         running.take_data(trace.payload(below), *payload);
-        if let Some(rows) = running.attributes() {
-            report.write_hit_attributes(lanes, rows);
+        if let Some(attributes) = running.attributes() {
+            report.write_hit_attributes(lanes, attributes);
         }
         self.push(running);
     }
@@ -530,7 +530,7 @@ fn begin<const W: usize>(pipeline: &Pipeline, running: &mut Running<W>, lanes: M
 const CALL_LIMIT: u64 = 1024;
 
 impl Stats {
-    /// Counts a batch of a stage.
+    /// Counts a batch of a stage and its lanes.
     pub(super) fn count(&mut self, stage: Stage, lanes: u32) {
         let entry = self.shaders.entry(stage).or_default();
         entry.batches += 1;

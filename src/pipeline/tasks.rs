@@ -7,21 +7,21 @@ use rayon::prelude::*;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::trapped::Trapped;
 
-/// Numbers of tasks, of which each free thread takes the next: threads end together, however unlike
-/// the tasks are. (Cut into halves beforehand, they would only be cut again where a thread has come
-/// to steal.)
+/// Numbers of tasks, of which each free thread takes the next: threads end together, however
+/// different the tasks are. (Ranges that are halved in advance are only split again when a thread
+/// steals.)
 #[derive(Debug)]
 pub(super) struct Tasks {
     count: u64,
     next: AtomicU64,
-    /// The lowest number at which one is known to have trapped.
+    /// The lowest number that is known to have trapped.
     trapped_at: AtomicU64,
 }
 
-/// What tasks did together.
+/// The results of several tasks.
 #[derive(Default)]
 pub(super) struct Done {
-    /// The sums.
+    /// The sums of their counts.
     pub stats: Stats,
     /// The trap with the lowest number, which is the one to report, with that number.
     pub trapped: Option<(u64, Trapped)>,
@@ -36,13 +36,12 @@ impl Done {
 }
 
 impl Tasks {
-    /// As many tasks, none of them begun.
+    /// A queue of `count` tasks, none of them begun.
     pub fn new(count: u64) -> Self {
         Self { count, next: AtomicU64::new(0), trapped_at: AtomicU64::new(u64::MAX) }
     }
 
-    /// The tasks that are this one's to do, in ascending order; of several such iterators each gets
-    /// others.
+    /// Takes tasks from the queue, in ascending order; several such iterators share the queue.
     pub fn iter(&self) -> impl Iterator<Item = u64> {
         std::iter::from_fn(|| {
             let next = self.next.fetch_add(1, Relaxed);
@@ -50,19 +49,19 @@ impl Tasks {
         })
     }
 
-    /// Whether one of a lower number has trapped: then what has this number can no longer change
-    /// the answer.
+    /// Whether an invocation of a lower number has trapped: this number then no longer affects the
+    /// result.
     pub fn is_beyond_trap(&self, number: u64) -> bool {
         self.trapped_at.load(Relaxed) < number
     }
 
-    /// Remembers that what has this number has trapped.
+    /// Records that the invocation of this number has trapped.
     pub fn trap_at(&self, number: u64) {
         self.trapped_at.fetch_min(number, Relaxed);
     }
 
-    /// Has this thread work alone, or those of the pool; what they did together, or the trap with
-    /// the lowest number.
+    /// Runs the worker on this thread alone, or on those of the pool; returns the sums, or the trap
+    /// with the lowest number.
     pub fn run(&self, alone: bool, worker: impl Fn() -> Done + Sync) -> Result<Stats, Box<Trapped>> {
         // One task needs no threads: starting them would take longer.
         let done = match alone || self.count <= 1 {
@@ -75,8 +74,8 @@ impl Tasks {
         }
     }
 
-    /// Has the threads of the pool work, as many as there are tasks for, and gives what each
-    /// returns. Each works until [`Tasks::iter`] gives it nothing more.
+    /// Runs the worker on threads of the pool, at most one for each task, and returns their
+    /// results. Each works until [`Tasks::iter`] is empty.
     fn on_threads<T: Send>(&self, worker: impl Fn() -> T + Sync) -> Vec<T> {
         let threads = (rayon::current_num_threads() as u64).min(self.count) as usize;
         (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()

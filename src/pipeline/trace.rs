@@ -1,7 +1,7 @@
 //! A trace in progress: the rays of a batch's lanes, from their operands to closest-hit or miss.
 //!
-//! Whatever a lane's ray calls runs in the same lane of another batch, so that operands, payloads
-//! and what builtins read are copied as whole rows.
+//! A shader that a lane's ray calls runs in the same lane of another batch, so that operands,
+//! payloads and builtins are copied as whole registers.
 
 mod ending;
 
@@ -35,8 +35,8 @@ pub(super) struct Waiting<const W: usize> {
     pub lanes: Mask<W>,
 }
 
-/// The rays of one `OpTraceRayKHR`, each in the lane that traces it; its memory is used again for
-/// the next.
+/// The rays of one `OpTraceRayKHR`, each in the lane that traces it; its memory is reused for the
+/// next.
 #[derive(Clone, Debug)]
 pub(super) struct Trace<const W: usize> {
     /// The lanes that trace.
@@ -56,36 +56,35 @@ pub(super) struct Trace<const W: usize> {
     /// The traversals of rays that may call shaders on the way, by lane; those of other lanes are
     /// unused.
     cursors: Vec<Option<Cursor>>,
-    /// The closest hits, where traversal is over.
+    /// The closest hits of rays whose traversal is over.
     pub committed: [Option<Committed>; W],
     /// Attributes of hits that were reported or that hit objects hold, by lane.
     attributes: Vec<Data>,
-    /// The indices of the shader records that are called.
-    /// Of lanes that trap for want of a record, its index; as their payload does not suit, the
-    /// shader's.
+    /// The indices of the shader records that are called. For a lane that traps, the index of the
+    /// missing record, or of the shader whose payload does not match.
     pub(super) records: [u64; W],
-    /// Whether hit objects say which records, and with them the attributes: nothing is traversed.
+    /// Whether hit objects give the records and attributes, so that nothing is traversed.
     pub settled: bool,
     /// Lanes whose caller traps: a shader that their ray called trapped, or is null where it must
     /// not be.
     trapped: SmallVec<[(usize, TrapCode); 0]>,
-    /// The lanes of the list.
+    /// The lanes in `trapped`.
     trapping: Mask<W>,
     opaque: OpaqueBatch,
     waiting: SmallVec<[Waiting<W>; 2]>,
-    /// The rays that are on their way.
+    /// The lanes whose traversal is not over.
     traversing: Mask<W>,
     begun: bool,
     finished: bool,
     /// The instruction that traces.
     caller: Option<Caller>,
-    /// The scalars of the payload that its shader gives.
+    /// A fingerprint of the scalars in the caller's payload.
     payload_scalars: Option<u64>,
     /// Whether closest-hit and miss shaders run at the end.
     shades: bool,
     /// Whether an observer sees shaders run.
     pub observed: bool,
-    /// Ray flags that every ray has besides its own, and no shader sees.
+    /// Ray flags that are added to every ray's own; shaders do not see them.
     pub pipeline_flags: u32,
     /// Counts of what its rays did, and of what was elided.
     pub stats: Stats,
@@ -145,7 +144,7 @@ impl<const W: usize> Trace<W> {
         self.stats = Stats::default();
     }
 
-    /// Copies the places in the launch of the invocations that trace.
+    /// Copies the launch indices of the invocations that trace.
     pub fn called_from_shader(
         &mut self,
         caller: Caller,
@@ -157,29 +156,29 @@ impl<const W: usize> Trace<W> {
         self.depth = invocations.depth + 1;
     }
 
-    /// Whether a shader can take the payload of the rays.
+    /// Whether the payload of the rays matches the one that a shader declares.
     pub fn suits(&self, pipeline: &Pipeline, shader: Shader) -> bool {
         payload::takes(&pipeline.programs[shader.0 as usize], self.payload_scalars)
     }
 
-    /// Ends the ray of a lane that calls a shader which cannot take its payload.
+    /// Ends the ray of a lane whose payload does not match that of the shader it calls.
     fn end_by_mismatch(&mut self, lane: usize, shader: Shader) {
         self.records[lane] = shader.0.into();
         self.trap(lane, TrapCode::PayloadMismatch);
     }
 
-    /// Gives a ray from the host a place in the launch: index 0 of a launch of one invocation.
+    /// Gives a ray from the host a launch index: 0 in a launch of one invocation.
     pub fn called_from_host(&mut self) {
         (self.launch_id, self.launch_size, self.depth) = ([Lanes::splat(0); 3], [1; 3], 1);
     }
 
-    /// Lets the rays of some lanes, whose operands are set, begin.
+    /// Begins the rays of some lanes, whose operands are set.
     pub fn begin(&mut self, lanes: Mask<W>) {
         self.lanes = lanes;
         self.traversing = if self.settled { Mask::NONE } else { lanes };
     }
 
-    /// Adds a ray that a hit object knows the end of.
+    /// Adds a ray whose result a hit object holds.
     pub fn add_settled(
         &mut self,
         lane: usize,
@@ -200,7 +199,7 @@ impl<const W: usize> Trace<W> {
         self.lanes
     }
 
-    /// The structure that a lane's ray goes through.
+    /// The acceleration structure that a lane's ray traverses.
     pub fn tlas(&self, lane: usize) -> &Arc<Tlas> {
         self.structures.get(lane).expect("bug in anyhit: a ray without a structure")
     }
@@ -212,7 +211,7 @@ impl<const W: usize> Trace<W> {
 
     /// `LaunchIdKHR` of a lane.
     pub fn launch_id(&self, lane: usize) -> [u32; 3] {
-        self.launch_id.each_ref().map(|row| row.0[lane])
+        self.launch_id.each_ref().map(|register| register.0[lane])
     }
 
     /// The traversal of a lane's ray that may call shaders.
@@ -227,7 +226,7 @@ impl<const W: usize> Trace<W> {
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
     }
 
-    /// What a lane traps for when the trace is over.
+    /// The trap code of a lane that traps when the trace is over.
     pub fn trapped(&self, lane: usize) -> Option<TrapCode> {
         self.trapped.iter().find(|(trapped, _)| *trapped == lane).map(|&(_, code)| code)
     }
@@ -245,7 +244,7 @@ impl<const W: usize> Trace<W> {
         self.traversing = self.traversing.without(Mask::lane(lane));
     }
 
-    /// Goes on until a shader must run; `None` when every ray is done. The payload is that of the
+    /// Advances until a shader must run; `None` when every ray is done. `payload` is that of the
     /// rays.
     pub fn advance<T: PipelineObserver>(
         &mut self,
@@ -270,12 +269,12 @@ impl<const W: usize> Trace<W> {
                 self.waiting.reverse();
                 return self.waiting.pop();
             }
-            // The last is called first: keep the order of lanes.
+            // The list is popped from its end: keep the order of lanes.
             self.waiting.reverse();
         }
     }
 
-    /// Traces all rays that can meet only opaque geometry; the others get a traversal that can be
+    /// Traces all rays that can hit only opaque geometry; the others get a traversal that can be
     /// resumed.
     fn set_out<T: PipelineObserver>(&mut self) {
         if !T::ACTIVE {
@@ -303,13 +302,13 @@ impl<const W: usize> Trace<W> {
         TraceRay { flags: trace.flags | RayFlags(self.pipeline_flags), ..trace }
     }
 
-    /// Traces the rays through one structure that can meet only opaque geometry.
+    /// Traces the rays in one structure that can hit only opaque geometry.
     fn trace_opaque(&mut self, number: usize) {
         let through = match self.structures.all().len() {
             1 => self.traversing,
             _ => self.traversing & Mask::equal(self.structures.numbers(), number as u32),
         };
-        // Nothing reads which hit an occlusion ray commits, where no hit object keeps it.
+        // Nothing reads which hit an occlusion ray commits, unless a hit object keeps it.
         let occlusion = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
         let unread = self.shades && self.caller.is_some();
         let tlas = &self.structures.all()[number];
@@ -341,7 +340,7 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Lets each ray go on to its next candidate that a shader decides.
+    /// Advances each ray to its next candidate that a shader decides.
     fn traverse<T: PipelineObserver>(&mut self, pipeline: &Pipeline, observer: &mut T) {
         for lane in self.traversing.lanes() {
             observer.invocation(self.launch_id(lane));
@@ -406,13 +405,13 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Ends a ray on its way: its caller traps.
+    /// Ends a ray during traversal: its caller traps.
     fn end_by_trap(&mut self, lane: usize, code: TrapCode) {
         self.trap(lane, code);
         self.cursor_mut(lane).terminate();
     }
 
-    /// Lets lanes wait for a shader.
+    /// Adds lanes to those that wait for a shader.
     fn wait(&mut self, shader: Shader, role: Role, lanes: Mask<W>) {
         match self.waiting.iter_mut().find(|group| group.shader == shader && group.role == role) {
             Some(group) => group.lanes = group.lanes | lanes,
@@ -433,7 +432,7 @@ impl<const W: usize> Trace<W> {
         hit_record_index(instance.sbt_record_offset, candidate.geometry, stride, offset)
     }
 
-    /// Takes how the lanes of a shader end that their rays called.
+    /// Applies the exits of a shader that the lanes' rays called.
     pub fn deliver(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
         for lane in lanes.lanes() {
             let exit = batch.exits[lane];
@@ -454,7 +453,7 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Remembers the attributes of a hit that was committed by a report.
+    /// Stores the attributes of a hit that was committed by a report.
     pub fn commit_attributes(&mut self, lane: usize, attributes: Data) {
         if self.attributes.len() <= lane {
             self.attributes.resize_with(lane + 1, Data::new);
@@ -462,7 +461,7 @@ impl<const W: usize> Trace<W> {
         self.attributes[lane] = attributes;
     }
 
-    /// A lane's hit of a primitive that has attributes of its own.
+    /// A lane's hit of a primitive whose attributes traversal computes.
     #[inline]
     fn built_in(&self, lane: usize) -> Option<&Candidate> {
         let candidate = self.committed[lane].as_ref().map(|committed| &committed.candidate);
@@ -477,7 +476,7 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Writes what the builtins of a shader in a role read.
+    /// Writes the builtins of a shader that runs in a role.
     pub fn write_builtins(&self, pipeline: &Pipeline, role: Role, lanes: Mask<W>, to: &mut Invocations<W>) {
         (to.launch_id, to.launch_size, to.depth) = (self.launch_id, self.launch_size, self.depth);
         to.rays = self.rays;
@@ -516,8 +515,8 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// Writes the hit attributes that a shader in a role begins with.
-    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, rows: &mut [Lanes<W>]) {
+    /// Writes the initial hit attributes of a shader that runs in a role.
+    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let candidate = match role {
                 Role::AnyHit => self.cursor(lane).candidate(),
@@ -526,10 +525,13 @@ impl<const W: usize> Trace<W> {
             };
             if let Some(candidate) = candidate {
                 let values = candidate.intersection.attributes;
-                rows.iter_mut().zip(values).for_each(|(row, value)| row.0[lane] = value.to_bits());
+                registers
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(register, value)| register.0[lane] = value.to_bits());
             } else if role == Role::ClosestHit {
                 let words = self.attributes.get(lane).into_iter().flatten();
-                rows.iter_mut().zip(words).for_each(|(row, &word)| row.0[lane] = word);
+                registers.iter_mut().zip(words).for_each(|(register, &word)| register.0[lane] = word);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Traces on the stack: from the operands of an instruction to rays, and back to the caller.
+//! Begins and ends traces on the stack: reads their operands and returns results to the caller.
 
 use std::sync::Arc;
 
@@ -18,8 +18,8 @@ use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Data, Trace};
 
 impl<const W: usize> Trace<W> {
-    /// Takes the operands of an instruction, for the lanes of a mask; gives those whose structure
-    /// exists.
+    /// Reads the operands of an instruction for the lanes of a mask; returns the lanes whose
+    /// acceleration structure exists.
     fn take_operands(
         &mut self,
         registers: &Registers<W>,
@@ -27,13 +27,13 @@ impl<const W: usize> Trace<W> {
         bindings: &Bindings,
         mask: Mask<W>,
     ) -> Mask<W> {
-        let row = |at: u32| &registers[operands.plus(at)];
+        let operand = |at: u32| &registers[operands.plus(at)];
         self.rays.copy(registers, operands.plus(2), operands.plus(3), operands.plus(7));
-        (self.sbt_offset, self.sbt_stride, self.miss_index) = (*row(4), *row(5), *row(6));
+        (self.sbt_offset, self.sbt_stride, self.miss_index) = (*operand(4), *operand(5), *operand(6));
         let (mut rest, mut found) = (mask, Mask::NONE);
         while let Some(lane) = rest.lowest() {
-            let handle = [row(0).0[lane], row(1).0[lane]];
-            let same = rest & Mask::equal(row(0), handle[0]) & Mask::equal(row(1), handle[1]);
+            let handle = [operand(0).0[lane], operand(1).0[lane]];
+            let same = rest & Mask::equal(operand(0), handle[0]) & Mask::equal(operand(1), handle[1]);
             rest = rest.without(same);
             if let Some(tlas) = bindings.acceleration_structure(handle) {
                 self.structures.set(same, tlas);
@@ -43,7 +43,7 @@ impl<const W: usize> Trace<W> {
         found
     }
 
-    /// Takes the operands of a ray from the host into the first lane; returns the registers of its
+    /// Sets the first lane to the operands of a ray from the host; returns the registers of its
     /// payload.
     pub fn take_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
@@ -53,11 +53,11 @@ impl<const W: usize> Trace<W> {
         (self.sbt_offset.0[0], self.sbt_stride.0[0], self.miss_index.0[0]) =
             (sbt_offset, sbt_stride, miss_index);
         let mut registers = Registers::new(payload.len());
-        let rows = RegSpan { first: Reg(0), count: payload.len() as u32 };
-        registers.set_lane_words(rows.first, 0, payload);
+        let span = RegSpan { first: Reg(0), count: payload.len() as u32 };
+        registers.set_lane_words(span.first, 0, payload);
         self.host_payload = Some(registers);
         self.begin(Mask::lane(0));
-        rows
+        span
     }
 
     /// The registers that hold the payload; `below` are the frames under the trace.
@@ -94,7 +94,7 @@ where
         if trace.depth > self.pipeline.max_recursion || matches!(object, Some(ObjectRef::Computed { .. })) {
             lanes = Mask::NONE;
         }
-        // What is not certain is looked at lane by lane.
+        // Lanes that may break a rule are checked one by one.
         for lane in mask.without(lanes).lanes() {
             let place = object.map_or(Ok(Reg(0)), |object| object.register(&batch.registers, lane));
             let handle = || {
@@ -123,7 +123,7 @@ where
         self.push_trace(trace, payload, object);
     }
 
-    /// Puts a trace on the stack whose rays begin.
+    /// Pushes a trace whose rays begin.
     pub(super) fn push_trace(
         &mut self,
         mut trace: Box<Trace<W>>,
@@ -143,7 +143,8 @@ where
                     launch_id,
                     depth: trace.depth,
                     trace: trace.rays.get(lane),
-                    sbt: [&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index].map(|row| row.0[lane]),
+                    sbt: [&trace.sbt_offset, &trace.sbt_stride, &trace.miss_index]
+                        .map(|operand| operand.0[lane]),
                     payload: words,
                 });
             }
@@ -151,8 +152,8 @@ where
         self.frames.push(ShaderCallFrame::Trace { trace, payload, object });
     }
 
-    /// Goes on with the trace on top of the stack: the next shader that its rays call is put there,
-    /// or it ends. What remains of it where nothing called it.
+    /// Advances the trace on top of the stack: pushes the next shader that its rays call, or ends
+    /// the trace. Returns an ended trace that has no caller.
     pub(super) fn advance_trace(&mut self) -> Option<Box<Trace<W>>> {
         let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
             unreachable!("bug in anyhit: what goes on is no trace");
@@ -170,7 +171,7 @@ where
         }
     }
 
-    /// Takes a trace whose rays are done from the stack.
+    /// Pops a trace whose rays are done; returns it if it has no caller.
     fn end_trace(&mut self) -> Option<Box<Trace<W>>> {
         let Some(ShaderCallFrame::Trace { mut trace, payload, object }) = self.frames.pop() else {
             return None;
@@ -216,7 +217,7 @@ where
 /// `SkipTrianglesKHR` and `SkipAABBsKHR`
 const SKIPS: u32 = 0x300;
 
-/// Checks a ray. Where the pipeline skips one kind of primitive the ray must not skip the other.
+/// Checks a ray. If the pipeline skips one kind of primitive, the ray must not skip the other.
 fn check(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
     trace.check()?;
     if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
@@ -228,7 +229,7 @@ fn check(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
     Ok(())
 }
 
-/// Ray, flags, cull mask and time of a trace's operands, checked.
+/// Reads and checks the ray, flags, cull mask and time of a trace's operands.
 pub(crate) fn trace_operands(words: &[u32; TRACE_OPERANDS as usize]) -> Result<TraceRay, RayRule> {
     let float = |at: usize| f32::from_bits(words[at]);
     let ray = Ray {

@@ -19,7 +19,7 @@ pub struct Trapped {
     pub launch_id: [u32; 3],
     /// The code of the trap.
     pub code: TrapCode,
-    /// The offset or device address that an access asked for.
+    /// The offset or device address of the access.
     pub fault_value: u64,
     /// The shader.
     pub shader: Shader,
@@ -29,7 +29,7 @@ pub struct Trapped {
     pub error: Error,
 }
 
-/// How many callers a report names from each end of the stack.
+/// The number of callers that a report names from each end of the stack.
 const SHOWN_CALLERS: usize = 8;
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
@@ -89,11 +89,11 @@ where
 }
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
-    /// What two shaders make of a payload, and the rule that it breaks.
+    /// The types that two shaders declare of a payload, and the rule that they break.
     fn mismatch(&self, running: &Running<W>, op: u32, called: u64) -> Option<Vec<String>> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
         let own = match program(running.shader).ops.get(op as usize)? {
-            Op::Stop(op) => op.given().map(|rows| (running.shader, rows.first)),
+            Op::Stop(op) => op.given().map(|span| (running.shader, span.first)),
             _ => None,
         };
         // A reported hit's any-hit shader has the payload of the shader that traces.
@@ -115,7 +115,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     }
 }
 
-/// Which record a trap is about that is in no table.
+/// Names the missing record that a trap is about.
 pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<String> {
     let (what, count) = match code {
         TrapCode::HitRecordMissing => {
@@ -128,7 +128,7 @@ pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<St
     Some(format!("record {index} ({what}), counted from 0, of a table with {records}"))
 }
 
-/// The report of a trap by itself: what, where in the source, and which access.
+/// The report of a trap without callers: message, source position, and access.
 pub(crate) fn trap_error<const W: usize>(
     program: &Program,
     batch: &Batch<W>,
@@ -184,8 +184,7 @@ pub(super) fn source_line(program: &Program, op: u32) -> String {
     program.origins.get(op as usize).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
 }
 
-/// The source line of the instruction at a word offset, or the one that it is near to, behind its
-/// preposition.
+/// The source line of the instruction at a word offset, or a line near it, with a preposition.
 fn source_line_of(program: &Program, offset: u32) -> String {
     match (program.place_at(offset), program.place_near(offset)) {
         (Some(place), _) => format!(" at {}", words(&place)),

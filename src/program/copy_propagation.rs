@@ -1,12 +1,12 @@
 //! Copy propagation and dead-store elimination.
 //!
-//! Shader compilers keep locals in variables. Within a block the translator has forwarded what is
-//! stored to what is loaded. What remains is a load that copies a variable's register, and the
-//! store itself, often dead: operations read the variable's own register where its copy serves one
-//! block alone, and stores to variables that nothing reads any more are removed.
+//! Shader compilers keep locals in variables. Within a block the translator has forwarded stores to
+//! loads. What remains is a load that copies a variable's register, and the store itself, often
+//! dead: operations are made to read the variable's own register if its copy is used in one block
+//! only, and stores to variables that nothing reads any more are removed.
 //!
-//! Both passes follow one lane. A masked store to a register is, for a lane that runs it, a whole
-//! write, and nothing at all for the others; so the ordinary rules hold, lane by lane.
+//! Both passes reason about one lane. For a lane that runs it, a masked store to a register is a
+//! full write, for the others it is nothing; so the scalar rules hold, lane by lane.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ use crate::program::{Program, Terminator};
 /// More bits of liveness than this are not worth their memory.
 const MOST_BITS: usize = 1 << 28;
 
-/// Registers that the program's operations do not fully account for.
+/// Registers that are also accessed in ways that operations do not name.
 pub(super) struct Shared(Vec<bool>);
 
 impl Shared {
@@ -47,8 +47,8 @@ impl Shared {
     }
 }
 
-/// Lets operations read a variable's register itself, where its copy serves this block alone; what
-/// has no uses then is left to `eliminate_dead_code`.
+/// Makes operations read a variable's register itself, if its copy is used in this block only;
+/// `eliminate_dead_code` removes what has no uses then.
 pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let shared = Shared::of(program, addressed);
     // How often a register is written.
@@ -60,7 +60,7 @@ pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
             }
         });
     }
-    // Each copy that is still the same as its original.
+    // Each copy that still equals its original.
     let mut copies: FxHashMap<Reg, Reg> = FxHashMap::default();
     for block in &mut program.blocks {
         copies.clear();
@@ -81,7 +81,7 @@ pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
                 };
                 copies.retain(|copy, original| !lost(copy) && !lost(original));
                 if let Op::Stop(_) = op {
-                    // The pipeline may write what it likes meanwhile.
+                    // The pipeline may write any register meanwhile.
                     copies.clear();
                 }
             }
@@ -117,7 +117,7 @@ pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     }
 }
 
-/// The operands of an operation that are one register each, wherever it lies.
+/// Visits the operands of an operation that are one register each, which may be any register.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     match op {
         Op::LaneKernel { kernel, from, .. } => {
@@ -150,9 +150,9 @@ pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bo
         each_target(&block.terminator, |to| before[to as usize].push(at as u32));
     }
     let mut begins = Begins::of(program, &stores, &before);
-    // As they were when their block was looked at last.
+    // The result of the last visit of each block.
     let mut needed = vec![true; program.ops.len()];
-    // Blocks behind which something has become live that was not known to be.
+    // Blocks whose live-out set may have grown since the last visit.
     let mut stale = vec![true; count];
     let mut changed = true;
     while changed {
@@ -175,22 +175,22 @@ pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bo
 /// No bit.
 const NONE: u32 = u32::MAX;
 
-/// What operations do with registers that are stored to, each of which has a bit.
+/// The accesses of registers that have masked stores; each such register has a bit.
 struct Stores {
     /// Words of 64 bits.
     words: usize,
-    /// By block, the last first.
+    /// By block, in reverse order.
     events: Vec<Event>,
-    /// Where each block's events end; they begin where the block's before it end.
+    /// The end of each block's events, where those of the next block begin.
     ends: Vec<usize>,
 }
 
-/// What an operation or a terminator does with a bit.
+/// An access of a bit's register by an operation or a terminator.
 #[derive(Clone, Copy)]
 enum Event {
     Read(u32),
     Write(u32),
-    /// A masked store by an operation: from what is read, or [`NONE`].
+    /// A masked store by operation `at`, from a bit or [`NONE`].
     Store {
         at: u32,
         to: u32,
@@ -199,7 +199,7 @@ enum Event {
 }
 
 impl Stores {
-    /// `None` where nothing is stored, or there is too much.
+    /// `None` if nothing is stored, or if the sets would be too large.
     fn of(program: &Program, shared: &Shared) -> Option<Self> {
         let mut bits = vec![NONE; program.register_count as usize + 1];
         let mut used = 0;
@@ -267,8 +267,8 @@ impl Stores {
         self.events.extend(bits.iter().filter(|&&bit| bit != NONE).map(|&bit| event(bit)));
     }
 
-    /// Runs backwards over a block from what is live behind it; operations that store what is not
-    /// live are not needed, and read nothing.
+    /// Goes backwards over a block from its live-out set; stores to registers that are not live are
+    /// not needed, and read nothing.
     fn back(&self, block: usize, live: &mut [u64], needed: &mut [bool]) {
         let first = if block == 0 { 0 } else { self.ends[block - 1] };
         for event in &self.events[first..self.ends[block]] {
@@ -297,25 +297,25 @@ impl Stores {
     }
 }
 
-/// What is live where blocks begin.
+/// The live-in sets of blocks.
 ///
-/// Bits are numbered in the order of the program, so that those of a word are named by few blocks
-/// that lie together. With the loops that these lie in they are the word's span: no way leads out
-/// of it and back, so that elsewhere nothing is kept of the word.
+/// Bits are numbered in the order of the program, so that the bits of a word are named by few
+/// blocks that lie together. These and the loops around them are the word's span: no path leaves it
+/// and returns, so the word is kept nowhere else.
 struct Begins {
     /// By word: the first and the last block of its span.
     spans: Vec<(u32, u32)>,
-    /// By block: whether a way leads from it to a call or a return, where all is live.
+    /// By block: whether a path leads from it to a call or a return, where all is live.
     reaches_call: Vec<bool>,
-    /// By block: where its words begin below; and one more.
+    /// By block: where its entries in `words` begin; and one more.
     first: Vec<u32>,
-    /// The numbers of words.
+    /// The numbers of kept words.
     words: Vec<u32>,
     live: Vec<u64>,
 }
 
 impl Begins {
-    /// Nothing is live so far.
+    /// Makes empty sets.
     fn of(program: &Program, stores: &Stores, before: &[SmallVec<[u32; 2]>]) -> Self {
         let blocks = program.blocks.len() as u32;
         let mut loops: Vec<(u32, u32)> = Vec::new();
@@ -323,7 +323,7 @@ impl Begins {
             each_target(&block.terminator, |to| loops.extend((to <= at).then_some((to, at))));
         }
         let mut spans = stores.spans();
-        // By block: the words that are kept from there on.
+        // By block: the words whose span begins there.
         let mut starting = vec![Vec::new(); blocks as usize];
         for (word, (first, last)) in (0u32..).zip(&mut spans) {
             let mut grows = true;
@@ -360,7 +360,7 @@ impl Begins {
         self.first[block] as usize..self.first[block + 1] as usize
     }
 
-    /// What is live behind a block, of the words that are kept there.
+    /// The live-out set of a block, of the words that are kept there.
     fn behind(&self, program: &Program, block: usize, live: &mut [u64]) {
         let terminator = &program.blocks[block].terminator;
         let words = &self.words[self.range(block)];
@@ -371,7 +371,7 @@ impl Begins {
                 live[self.words[at] as usize] |= self.live[at];
             }
             if self.reaches_call[to as usize] {
-                // What is not kept there is nowhere written on that way.
+                // Words that are not kept there are not written on that path.
                 for &word in words {
                     let (first, last) = self.spans[word as usize];
                     if !(first..=last).contains(&to) {
@@ -382,7 +382,7 @@ impl Begins {
         });
     }
 
-    /// Takes what is live where a block begins; says whether that is news.
+    /// Sets the live-in set of a block; returns whether it has changed.
     fn take(&mut self, block: usize, live: &[u64]) -> bool {
         let mut changed = false;
         for at in self.range(block) {
@@ -393,12 +393,12 @@ impl Begins {
     }
 }
 
-/// Whether all is live behind a terminator: functions share registers with their callers.
+/// Whether all is live after a terminator: functions share registers with their callers.
 fn all_is_live(terminator: &Terminator) -> bool {
     matches!(terminator, Terminator::Call { .. } | Terminator::Return)
 }
 
-/// The blocks that a terminator goes on to, but for calls.
+/// The successors of a terminator, except for calls.
 fn each_target(terminator: &Terminator, mut visit: impl FnMut(u32)) {
     match terminator {
         Terminator::Branch(to) => visit(*to),

@@ -12,15 +12,15 @@ use crate::program::copy_propagation::each_read;
 /// No entry.
 const NONE: u32 = u32::MAX;
 
-/// What operations need of each other, found from the last one to the first.
+/// The operations and registers that are needed, found from the last operation to the first.
 struct Needs<'a> {
     ops: &'a [Op],
     /// By operation.
     needed: Vec<bool>,
     /// By register: whether it is live.
     live: Vec<bool>,
-    /// By register: the operations passed so far that write it, and whose results have not been
-    /// read since. The last of them, and for each entry the one before.
+    /// By register: the operations passed so far that write it and whose results are not read
+    /// later. `last` has the last of them, `passed` for each entry the one before.
     last: Vec<u32>,
     passed: Vec<(u32, u32)>,
     /// Operations whose reads are not marked yet.
@@ -40,7 +40,7 @@ impl<'a> Needs<'a> {
         }
     }
 
-    /// Somebody reads registers.
+    /// Marks registers as read.
     fn read(&mut self, first: Reg, count: u32) {
         for register in first.0..first.0 + count {
             let register = register as usize;
@@ -54,8 +54,8 @@ impl<'a> Needs<'a> {
         }
     }
 
-    /// Marks what is needed, given that all that others read is marked; of `stores`, by operation,
-    /// only those.
+    /// Marks what is needed, after the registers that others read; operations for which `stores` is
+    /// false are not.
     fn find(&mut self, stores: Option<&[bool]>) {
         let ops = self.ops;
         for (at, op) in ops.iter().enumerate().rev() {
@@ -98,8 +98,8 @@ impl<'a> Needs<'a> {
 }
 
 /// Removes operations whose results are not read; `addressed` are registers that computed register
-/// numbers reach, `stores` tells of each operation where it is false that it is no use. What is
-/// left also tells whether the order of invocations matters.
+/// numbers reach, an operation for which `stores` is false is of no use. Also finds whether the
+/// rest depends on the order of invocations.
 pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
     let mut needs = Needs::new(program);
     for &(first, count) in addressed {
@@ -130,7 +130,7 @@ pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stor
     program.addresses_records = program.ops.iter().any(addresses);
 }
 
-/// Removes the operations that are not needed and moves the blocks' borders.
+/// Removes the operations that are not needed and adjusts the blocks' ranges.
 fn remove(program: &mut Program, needed: &[bool]) {
     let mut before = Vec::with_capacity(needed.len() + 1);
     let mut count = 0;
@@ -145,7 +145,7 @@ fn remove(program: &mut Program, needed: &[bool]) {
     }
     let mut keep = needed.iter();
     program.ops.retain(|_| *keep.next().expect("bug in anyhit: an operation without a verdict"));
-    // The origins of terminators stand behind those of operations.
+    // The origins of terminators follow those of operations.
     let mut keep = needed.iter();
     program.origins.retain(|_| *keep.next().unwrap_or(&true));
     let is_noop = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from);

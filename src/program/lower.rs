@@ -1,8 +1,8 @@
-//! From an entry point to a [`Program`].
+//! Lowers an entry point to a [`Program`].
 //!
 //! Functions are inlined where they are small or called once, so that pointers to a caller's
-//! variables lead to known registers; large ones called from several places become real calls.
-//! Blocks are laid out in structured order, which is what lets lanes meet again (see
+//! variables point to known registers; large ones called from several places become real calls.
+//! Blocks are laid out in structured order, in which lanes reconverge (see
 //! [`Batch`](crate::machine::Batch)). Phis become moves on the edges.
 
 mod branch;
@@ -45,7 +45,7 @@ const OPACITY_MICROMAP_ID: u32 = 6031;
 const INLINE_SIZE: u64 = 2_000;
 /// Beyond this many instructions only functions that are called once are inlined.
 const INLINE_TOTAL: usize = 400_000;
-/// Calls nest this deep inlined; deeper ones become real.
+/// Calls are inlined up to this depth; deeper ones become real calls.
 const INLINE_DEPTH: usize = 48;
 
 /// Whether calls are inlined.
@@ -58,7 +58,7 @@ pub enum Inlining {
     Never,
 }
 
-/// Whether a program is made fast.
+/// Whether a program is optimized.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Optimization {
     /// Every pass runs.
@@ -78,7 +78,7 @@ pub struct LowerOptions {
     /// Which passes run.
     pub optimization: Optimization,
     /// Whether each pass is checked ([`crate::program::verify`]), which takes longer than all of
-    /// them: as a default in debug builds. What a pass breaks is a panic.
+    /// them; the default in debug builds. Panics if a pass breaks the program.
     pub verify: bool,
 }
 
@@ -116,8 +116,8 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
     Ok(program)
 }
 
-/// The program of an entry point as it is translated, and the registers that computed register
-/// numbers reach.
+/// Translates an entry point; returns the program, not optimized, and the registers that computed
+/// register numbers reach.
 fn translate(
     module: &Arc<Module>,
     entry: &EntryPoint,
@@ -178,8 +178,8 @@ fn translate(
     Ok(lowering.finish(module, entry, workgroup))
 }
 
-/// Runs the passes: eliminates what a program can do without, analyses what is left of it, and
-/// makes the operations that run where nobody observes.
+/// Runs the passes: eliminates dead code, analyses what is left, and makes the operations that run
+/// without an observer.
 fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     let (operations, builtins) = (program.ops.len(), program.inputs.len());
     let pass = |program: &mut Program, name: &str, pass: &dyn Fn(&mut Program)| {
@@ -190,7 +190,7 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
         }
     };
     pass(program, "dead-code elimination", &|program| eliminate_dead_code(program, addressed, None));
-    // What was dropped, and room that was never used, would stay with the program.
+    // The memory of eliminated operations, and unused capacity, would stay with the program.
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
     program.blocks.shrink_to_fit();
@@ -230,7 +230,7 @@ fn expect_same(program: &Program, pass: &str, compared: std::result::Result<(), 
     }
 }
 
-/// Refuses what only a ray-tracing pipeline can serve.
+/// Rejects instructions that only a ray-tracing pipeline can run.
 fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
     let translator = &lowering.translator;
     let stop = translator.ops.iter().position(|op| matches!(op, Op::Stop(_)));
@@ -250,13 +250,13 @@ fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
 enum Return {
     /// Ends the invocation.
     Entry,
-    /// Goes on in the caller; the value is left in registers.
+    /// Continues in the caller; the value is left in registers.
     Inlined { label: u32, result: Words },
     /// Ends a real call; the value is left in registers.
     StandingAlone { result: Words },
 }
 
-/// A function that is really called.
+/// A function that is called, not inlined.
 #[derive(Clone)]
 struct Standing {
     label: u32,
@@ -264,11 +264,11 @@ struct Standing {
     result: Words,
 }
 
-/// A block whose targets are labels, not places yet.
+/// A lowering in progress. Targets of its blocks are labels, not indices yet.
 struct Lowering<'m> {
     translator: Translator<'m>,
     module: &'m Module,
-    /// By label: where it was placed.
+    /// By label: the index of its block.
     placed: Vec<u32>,
     blocks: Vec<Block>,
     instruction_spans: Vec<InstructionSpan>,
@@ -293,8 +293,8 @@ impl<'m> Lowering<'m> {
         self.placed.len() as u32 - 1
     }
 
-    /// Makes room for about an operation an instruction and a block for four, as what outgrows its
-    /// room is all copied.
+    /// Reserves memory for about one operation an instruction and one block for four, as growing
+    /// copies everything.
     fn make_room(&mut self, entry: u32) {
         let operations = self.sizes[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
         self.translator.ops.reserve_exact(operations);
@@ -317,7 +317,7 @@ impl<'m> Lowering<'m> {
         self.terminators.push(self.translator.origin);
     }
 
-    /// Variables of module scope that have an initialiser.
+    /// Initialises variables of module scope that have an initialiser.
     fn initialize_globals(&mut self, reachable: &[InterfaceVariable]) -> Result<()> {
         let reachable: FxHashSet<Id> = reachable.iter().map(|variable| variable.id).collect();
         for index in 0..self.module.variables.len() {
@@ -354,7 +354,7 @@ impl<'m> Lowering<'m> {
         let mut labels = vec![None; function.blocks.len()];
         order.iter().for_each(|&block| labels[block] = Some(self.label()));
         for &block in &order {
-            // They open their block.
+            // Phis begin their block.
             let instructions = function.blocks[block].instructions.iter();
             for phi in instructions.take_while(|instruction| instruction.opcode == opcode::PHI) {
                 self.translator.origin.offset = phi.offset;
@@ -368,7 +368,7 @@ impl<'m> Lowering<'m> {
             let label = labels[block].expect("bug in anyhit: a block without a label");
             let block = &function.blocks[block];
             if position == 0 {
-                // The function's first block goes on in the block that is open.
+                // The function's first block continues the open block.
                 self.placed[label as usize] = self.blocks.len() as u32;
             } else {
                 self.begin(label);
@@ -444,7 +444,7 @@ impl<'m> Lowering<'m> {
         }
     }
 
-    /// Notes that the open block runs an instruction.
+    /// Records that the open block runs an instruction.
     fn note(&mut self, instruction: &Instruction) {
         self.instructions += 1;
         let (block, scope) = (self.blocks.len() as u32, self.translator.origin.scope);
@@ -483,7 +483,7 @@ impl<'m> Lowering<'m> {
         self.translator.variables.push((first, count));
         let place = PointerBase::Registers { first, count, constant: false };
         let pointer = Pointer::new(place, pointee, storage_class);
-        // A query of a function that runs again is not the query that it was.
+        // Each call of the function gets a new query.
         if self.translator.origin.scope != 0 && is_query(self.module, pointee) {
             self.translator.emit(Op::RayQuery(ray_query::RayQueryOp::Forget { first, count }));
         }
@@ -498,7 +498,7 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    /// The program as it was lowered, with the registers that computed register numbers reach.
+    /// Returns the lowered program, and the registers that computed register numbers reach.
     fn finish(
         self,
         module: &Arc<Module>,
@@ -573,11 +573,11 @@ fn is_query(module: &Module, mut ty: TypeId) -> bool {
     matches!(module.ty(ty), Type::RayQuery)
 }
 
-/// Where an instruction stands.
+/// The position of an instruction.
 struct Site<'a> {
     function: &'a Function,
     block: Id,
-    /// By block of the function: the lowering's label, of those that can be reached.
+    /// By block of the function: the lowering's label, if the block is reachable.
     labels: &'a [Option<u32>],
     plan: &'a Return,
 }

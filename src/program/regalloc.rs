@@ -5,15 +5,15 @@
 //!
 //! * basic blocks that only follow one another form a [`Superblock`];
 //! * a value, or a variable, that is written and then read within one superblock, by operations
-//!   that name its register alone, gets a register that the last of another such value has left, so
+//!   that name it as a single register, gets a register that another such value no longer needs, so
 //!   that the registers of a batch stay in the L1 cache;
 //! * copies of such values are propagated to their uses;
-//! * regular operations are scheduled so that each goes on with the result of the one before it,
-//!   where there is one ([`crate::program::schedule`]).
+//! * regular operations are scheduled so that each uses the result of the one before it, where
+//!   possible ([`crate::program::schedule`]).
 //!
-//! All other values keep their registers, so that everything outside (constants, interfaces, what
-//! loops carry, terminators) is as it was. Operations that can trap keep their numbers, by which
-//! traps name them.
+//! All other values keep their registers, so that everything outside (constants, interfaces,
+//! loop-carried values, terminators) is unchanged. Operations that can trap keep their indices, by
+//! which traps name them.
 
 mod direct_registers;
 
@@ -32,7 +32,7 @@ use crate::program::schedule::Schedule;
 use crate::program::{Program, Terminator};
 use direct_registers::{rename_constants, rename_values};
 
-/// The operations of a program as batches run them that have no observer.
+/// The operations of a program as batches without an observer run them.
 #[derive(Clone, Debug, Default)]
 pub struct OptimizedCode {
     /// One for each of [`Program::ops`].
@@ -52,15 +52,15 @@ pub struct Superblock {
     pub last: u32,
 }
 
-/// A register that stands alone in an operation.
+/// The access of a single register that an operation names by itself.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Single {
     Read,
     Write,
 }
 
-/// Makes the [`OptimizedCode`] of a program. Returns by register which one holds its value now,
-/// where that lives longer than a superblock.
+/// Makes the [`OptimizedCode`] of a program. Returns, by register, the one that now holds its
+/// value, if that outlives a superblock.
 pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
     let superblocks = superblocks(program);
     let starts = starts(program, &superblocks);
@@ -68,7 +68,7 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     let shared = Shared::of(program, addressed);
     let values = LocalValues::of(program, &mut ops, &starts, &shared);
     for op in &mut ops {
-        // The lanes that read such a value later in the superblock run now.
+        // All lanes that read such a value later in the superblock run now.
         if let Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = *op
             && values.is_local(to)
         {
@@ -81,7 +81,7 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
         let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
         forward(&mut ops, superblock, &values, &shared, &mut written, &mut copies);
     }
-    // Tables by register are large: what follows takes their memory.
+    // Tables by register are large: the passes below reuse their memory.
     drop((written, copies));
     for &(start, superblock) in &starts {
         let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
@@ -116,7 +116,8 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
                     }
                 }
             });
-            // A regular operation reads all lanes before it writes one: it may write where it read.
+            // A regular operation reads all lanes before it writes one: it may write a register
+            // that it reads.
             if let Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }) = op {
                 pool.free.extend(left.drain(..));
             }
@@ -145,8 +146,8 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     renamed
 }
 
-/// Lets casts of unsigned numbers to floats that are less than 2^31, as they were shifted to the
-/// right, be casts of signed ones: processors have those, and the floats are the same.
+/// Replaces casts of unsigned numbers to floats by casts of signed ones if the numbers were shifted
+/// to the right, and so are less than 2^31: processors have those, and the floats are the same.
 fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     let cast = |from| conversion::kernel(from, 32, 32);
     let (Some(unsigned), Some(signed)) = (cast(Conversion::UToF), cast(Conversion::SToF)) else { return };
@@ -175,11 +176,11 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     }
 }
 
-/// What becomes of each operation's result: of those that stand in shared registers, which
-/// operations read it until the register is written again.
+/// How each operation's result is used: for a result in a shared register, the operations that read
+/// it until the register is written again.
 ///
-/// It is told of the registers as they are shared. Where a copy got the register of its original it
-/// is gone, and the uses of the copy read the original.
+/// The registers are those after sharing. A copy that got the register of its original is gone, and
+/// the uses of the copy read the original.
 fn result_uses(
     program: &Program,
     ops: &mut [Op],
@@ -269,7 +270,7 @@ fn starts(program: &Program, superblocks: &[Superblock]) -> Vec<(u32, Superblock
     starts
 }
 
-/// A copy of a register as it was left before an operation.
+/// A copy of a register as it was before operation `at`.
 #[derive(Clone, Copy)]
 struct Copied {
     at: u32,
@@ -277,10 +278,10 @@ struct Copied {
     good: bool,
 }
 
-/// The copies within a superblock, by the register that is one.
+/// The copies within a superblock, by the register of the copy.
 struct Copies {
     all: Vec<(Reg, Copied)>,
-    /// By register: where its copy stands, and one more; 0 where it is none.
+    /// By register: the index of its copy in `all` plus one; 0 if it is none.
     pool: Vec<u32>,
 }
 
@@ -309,8 +310,9 @@ impl Copies {
     }
 }
 
-/// Lets the operations of a run read what local values are copies of; copies without uses become
-/// idle then. `written` has, for each register, one more than the operation that wrote it last.
+/// Makes the operations of a superblock read the originals of local values that are copies; copies
+/// without uses then become idle. `written` has, for each register, the operation that wrote it
+/// last, plus one.
 fn forward(
     ops: &mut [Op],
     superblock: Range<usize>,
@@ -323,9 +325,9 @@ fn forward(
         return;
     }
     copies.clear();
-    // When the pipeline last had its turn.
+    // The last stop for the pipeline, plus one.
     let mut stopped = 0;
-    // First see which copies hold whenever they are read, then rename.
+    // First find the copies that equal their originals whenever they are read, then rename.
     for at in superblock.clone() {
         let op = &mut ops[at];
         let at = at as u32;
@@ -344,7 +346,7 @@ fn forward(
             Op::Stop(_) | Op::Barrier => stopped = at + 1,
             Op::Memory(memory::MemoryOp::Move { to, from }) if values.is_local(to) => {
                 let good = values.is_written_once(to) && !shared.holds(from);
-                // A copy of a copy is one of what that was made of.
+                // A copy of a copy is a copy of the first original.
                 let from = copies.find(from).filter(|copy| copy.good).map_or(from, |copy| copy.from);
                 copies.insert(to, Copied { at, from, good });
             }
@@ -376,7 +378,7 @@ pub(super) fn is_idle(op: &Op) -> bool {
 struct RegisterPool {
     next: u32,
     free: Vec<Reg>,
-    /// As many of the free registers have never been taken.
+    /// The number of free registers that have never been taken.
     untaken: usize,
     /// By register: whether it has been taken.
     taken: Vec<bool>,
@@ -463,12 +465,12 @@ impl LocalValues {
         Self(registers)
     }
 
-    /// Registers that are shared already stand behind all others, and are not local.
+    /// Registers that are shared already come after all others, and are not local.
     fn is_local(&self, reg: Reg) -> bool {
         self.0.get(reg.0 as usize).is_some_and(|register| register.local)
     }
 
-    /// The registers that are not named when local values share registers, the lowest last.
+    /// The registers that are free once local values share registers, the lowest last.
     fn vanishing(&self) -> Vec<Reg> {
         let registers = (0..self.0.len() as u32).zip(&self.0).rev();
         registers
@@ -487,8 +489,8 @@ impl LocalValues {
     }
 }
 
-/// The registers that an operation names by themselves, reads first; writes are of all running
-/// lanes at least. An operation that is not known here names none.
+/// Visits the registers that an operation names by themselves, reads first; a write is of all
+/// running lanes at least. Operations that are not listed here name none.
 fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
     match op {
         Op::LaneKernel { kernel, to, from } => {
@@ -569,7 +571,7 @@ mod tests {
             .map(|cast| conversion::kernel(cast, 32, 32).expect("a kernel of 32 bits"));
         let kernel =
             |kernel, to, from| Op::LaneKernel { kernel, to: Reg(to), from: [Reg(from), Reg(9), Reg(9)] };
-        // By one bit at least; by nothing; and what was written again behind the shift.
+        // By one bit at least; by none; and a register that was written again after the shift.
         for (by, between, expected) in [(1, 5, signed), (31, 5, signed), (0, 5, unsigned), (8, 1, unsigned)] {
             let mut ops = [kernel(shift, 1, 0), kernel(unsigned, between, 3), kernel(unsigned, 2, 1)];
             sign_casts(&mut ops, &[(Reg(9), by)]);

@@ -1,11 +1,10 @@
 //! Instruction scheduling: orders the regular operations between two irregular ones so that each
-//! goes on with the result of the one before it, where an operation can. The value then stays in
-//! the accumulator of superinstructions ([`crate::ops::superop`]) and need not be stored and
-//! loaded.
+//! uses the result of the one before it, where possible. The value then stays in the accumulator of
+//! superinstructions ([`crate::ops::superop`]) and need not be stored and loaded.
 //!
-//! A regular operation neither traps nor stops, and has no effect beside the registers that it
-//! writes. Every order gives the same results that keeps the order of the reads and writes of each
-//! register.
+//! A regular operation neither traps nor stops, and has no effect except on the registers that it
+//! writes. Every order that keeps the order of the reads and writes of each register gives the same
+//! results.
 
 use crate::machine::Reg;
 use crate::ops::memory;
@@ -15,15 +14,15 @@ use crate::program::regalloc::is_idle;
 /// No entry.
 const NONE: u32 = u32::MAX;
 
-/// A list scheduler; its memory serves one superblock after the other.
+/// A list scheduler; its memory is reused for each superblock.
 pub(super) struct Schedule {
     /// By register: the operation of this region that wrote it last, and the last of those that
     /// have read it since.
     registers: Vec<RegisterUse>,
     touched: Vec<u32>,
-    /// Operations that read a register, each with the one that read it before.
+    /// Operations that read a register, each linked to the previous reader.
     readers: Vec<(u32, u32)>,
-    /// Which operation waits for which: the later one, the earlier one.
+    /// The dependences: an operation, and an earlier one that it waits for.
     edges: Vec<(u32, u32)>,
     waiting: Vec<Waiting>,
     /// The operations that wait, by the operation that they wait for.
@@ -34,7 +33,7 @@ pub(super) struct Schedule {
 #[derive(Clone, Copy)]
 struct RegisterUse {
     written: u32,
-    /// Among the readers.
+    /// An index into `readers`.
     read: u32,
 }
 
@@ -45,12 +44,12 @@ impl RegisterUse {
 /// An operation that waits for others.
 #[derive(Clone, Copy)]
 struct Waiting {
-    /// How many it waits for.
+    /// The number of operations that it waits for.
     count: u32,
-    /// Where those that wait for it stand among the followers.
+    /// The range of `followers` that wait for it.
     first: u32,
     end: u32,
-    /// The last that was found to wait for it.
+    /// The last operation that was found to wait for it.
     last: u32,
     done: bool,
 }
@@ -69,7 +68,7 @@ impl Schedule {
         }
     }
 
-    /// Orders the operations of a run.
+    /// Orders the operations of a superblock.
     pub fn order(&mut self, ops: &mut [Op]) {
         let regular = |op: &Op| {
             matches!(
@@ -120,7 +119,7 @@ impl Schedule {
             for &follower in &followers[first as usize..end as usize] {
                 waiting[follower as usize].count -= 1;
             }
-            // A masked copy leaves the value at hand that it copies.
+            // A masked copy leaves the value that it copies in the accumulator.
             let copies = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::MoveMasked { .. }));
             if goes_on.is_none() || !copies(&ops[next as usize]) {
                 before = Some(next);
@@ -150,7 +149,7 @@ impl Schedule {
                     }
                 }
             };
-            // Regular operations tell what they read before what they write.
+            // Regular operations report their reads before their writes.
             op.accesses(|access| match access {
                 Access::Read(first, count) => {
                     for register in first.0..first.0 + count {
@@ -179,7 +178,7 @@ impl Schedule {
         touched.drain(..).for_each(|register| registers[register as usize] = RegisterUse::UNTOUCHED);
     }
 
-    /// Sorts those that wait by what they wait for.
+    /// Groups the operations that wait by what they wait for.
     fn find_followers(&mut self) {
         let Self { edges, waiting, followers, .. } = self;
         let mut first = 0;
@@ -199,7 +198,7 @@ impl Schedule {
     }
 }
 
-/// The register of an operation's result, where it is one.
+/// The register of an operation's result, if it is a single one.
 fn result(op: &Op) -> Option<Reg> {
     match *op {
         Op::LaneKernel { kernel, to, .. } => (kernel.words == 1).then_some(to),
@@ -233,7 +232,7 @@ mod tests {
 
     #[test]
     fn an_operation_follows_the_one_whose_result_it_reads() {
-        // x * x + z and y * y + z, as a compiler writes them that goes by components.
+        // x * x + z and y * y + z, as a compiler emits them that works by components.
         let mut ops = [
             kernel(&FMul, 10, 0, 0),
             kernel(&FMul, 11, 1, 1),

@@ -1,10 +1,10 @@
 //! Compares recorded hits with those that the engine finds.
 //!
-//! A ray's hit is *missed* where only the recording has one, *extra* where only we do, and on
-//! *another primitive* where both do but not on the same, unless both primitives are at the same
-//! correctly rounded t: such a tie is open, and counted by itself. Rows that a reference itself
-//! cannot decide, by their margin, are left out and counted, and so are rays at boxes that graze
-//! the sphere their shader looks for.
+//! A ray's hit is *missed* if only the recording has one, *extra* if only we do, and on *another
+//! primitive* if both do but not on the same, unless both primitives are at the same correctly
+//! rounded t: such a tie is counted separately. Rows that a reference itself cannot decide, by
+//! their margin, are left out and counted, and so are rays at boxes that graze the sphere of the
+//! box's shader.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -17,7 +17,7 @@ use crate::recording::{Driver, Places, Recording, Reference, TracedRay};
 const LEAST_MARGIN: f64 = 1e-28;
 /// Below this distance from a triangle's edge a reference of 64 bits does not decide.
 const LEAST_EDGE_MARGIN: f64 = 1e-15;
-/// Rows that are described, of each kind of comparison.
+/// The number of rows that are described for each kind of comparison.
 const EXAMPLES: usize = 5;
 
 /// The results of the comparison of one recording.
@@ -33,7 +33,7 @@ pub struct Comparison {
     /// Against `driver.*`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub driver: Option<AgainstDriver>,
-    /// Tensors that would shape the scene, if their names meant something.
+    /// Tensors that would define part of the scene, but whose names are unknown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ignored_tensors: Vec<String>,
     /// Notes on geometry that was left out.
@@ -69,9 +69,9 @@ pub struct Hits {
 /// How errors are distributed.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Distribution {
-    /// Half of the rows are not above.
+    /// The median.
     pub p50: f64,
-    /// 99 in 100 are not above.
+    /// The 99th percentile.
     pub p99: f64,
     /// The 99.9th percentile.
     #[serde(rename = "p99.9")]
@@ -140,7 +140,7 @@ pub struct AgainstDriver {
     pub object_ray: Option<Agreement>,
 }
 
-/// In how many rows something differs.
+/// The number of rows in which a value differs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Agreement {
     /// The number of rows compared.
@@ -195,7 +195,7 @@ impl Row {
 }
 
 impl Reference {
-    /// Whether the reference's own arithmetic could not tell whether this ray hits, or what.
+    /// Whether the reference's own arithmetic could not decide whether this ray hits, or what.
     fn undecidable(&self, at: usize) -> bool {
         let near = |margins: &Option<Vec<f64>>, least: f64, tangent_decides: bool| {
             margins.as_ref().is_some_and(|all| {
@@ -213,7 +213,7 @@ impl Reference {
     }
 }
 
-/// One row of a recording: the hit, as far as it is known.
+/// One row of a recording: the hit, as far as it was recorded.
 struct Recorded {
     hit: bool,
     /// t as a sum of two, where it was recorded.
@@ -221,7 +221,7 @@ struct Recorded {
     place: [Option<i64>; 3],
 }
 
-/// How our hit and the recorded one are related.
+/// The relation of our hit to the recorded one.
 enum Relation {
     BothMiss,
     Missed,
@@ -293,12 +293,12 @@ impl Recorded {
     }
 }
 
-/// Whether a recorded t is one: a miss has -1, and some write infinity or NaN.
+/// Whether a recorded t is that of a hit: a miss has -1, or in some recordings infinity or NaN.
 fn is_hit(t: f64) -> bool {
     t >= 0.0 && t.is_finite()
 }
 
-/// Counts hits, and hands each row on whose hits agree.
+/// Counts hits, and passes on each row whose hits agree.
 fn count<'a>(
     rows: &'a [Row],
     recorded: impl Fn(usize) -> Recorded,
@@ -345,7 +345,7 @@ fn count<'a>(
 }
 
 impl Distribution {
-    /// Of any errors; a NaN counts as the greatest.
+    /// The distribution of errors; a NaN counts as the greatest.
     fn of(mut errors: Vec<f64>) -> Option<Self> {
         errors.sort_by(f64::total_cmp);
         let max = *errors.last()?;
@@ -388,7 +388,7 @@ fn with_reference(reference: &Reference, rows: &[Row]) -> AgainstReference {
 fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstDriver {
     let recorded = |at: usize| {
         let hit = driver.miss_ran.as_ref().map_or(is_hit(driver.t[at]), |all| all[at] == 0);
-        // Where no closest-hit shader ran, nothing of the hit is known.
+        // If no closest-hit shader ran, nothing of the hit is known.
         let seen = hit && is_hit(driver.t[at]);
         let place = if seen { driver.places.at(at) } else { [None; 3] };
         Recorded { hit, t: seen.then(|| [driver.t[at], 0.0]), place }
@@ -442,7 +442,8 @@ fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstD
     }
 }
 
-/// Closest-hit runs where something is hit, unless the ray's flags skip it; otherwise miss.
+/// Compares which shaders ran: closest-hit if something is hit, unless the ray's flags skip it;
+/// otherwise miss.
 fn shaders_ran<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Option<Agreement> {
     agreement(rows, |row| {
         let hit = row.hit().is_some();
@@ -517,7 +518,7 @@ fn positions_and_radii(recording: &Recording, hit: &Committed) -> Option<Vec<f32
 }
 
 impl Comparison {
-    /// Whether t was computed by an intersection shader, whose arithmetic is its own.
+    /// Whether t was computed by an intersection shader, in its own arithmetic.
     pub fn is_procedural(&self) -> bool {
         self.geometry.as_deref() == Some(GeometryKind::Aabbs.to_string().as_str())
     }

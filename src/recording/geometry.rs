@@ -4,7 +4,8 @@ use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
 use crate::error::{Error, ErrorKind, Result};
 use crate::recording::tensors::Tensors;
 
-/// Reads `geometry0.*`, `geometry1.*`, ... until there is none; `notes` takes what was left out.
+/// Reads `geometry0.*`, `geometry1.*`, ... until there is none; what is left out is described in
+/// `notes`.
 pub(super) fn read(tensors: &Tensors<'_>, notes: &mut Vec<String>) -> Result<Vec<Geometry>> {
     let mut geometries = Vec::new();
     while let Some(geometry) = geometry(tensors, geometries.len(), notes)? {
@@ -44,7 +45,7 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
             (None, Some(_)) => return Err(tensors.missing(&name("positions"))),
             (Some(_), None) => return Err(tensors.missing(&name("radii"))),
         };
-        // Vulkan forbids them, and drivers differ in what they make of them.
+        // Vulkan forbids them, and drivers treat them differently.
         let negative = radii.iter().filter(|radius| **radius < 0.0).count();
         if negative > 0 {
             notes.push(format!(
@@ -64,8 +65,8 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
     Ok(Some(Geometry::new(data, GeometryFlags(flags))))
 }
 
-/// Spheres or linear swept spheres: what the metadata's `kind` says, otherwise what the driver's
-/// shaders saw, otherwise indices make it the latter.
+/// Spheres or linear swept spheres: as the metadata's `kind` says, otherwise as the driver's
+/// shaders saw, otherwise the latter if there are indices.
 fn swept_or_not(
     tensors: &Tensors<'_>,
     name: &impl Fn(&str) -> String,

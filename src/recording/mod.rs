@@ -1,9 +1,9 @@
 //! Recorded hits of a GPU, and their comparison with the engine: `anyhit verify`.
 //!
-//! A [`Recording`] is a safetensors file with geometry, instances, rays, and what became of each
-//! ray: `driver.*` as a driver reported it, `reference.*` as an independent computation of higher
-//! precision did. [`compare`](compare::compare) traces the rays once more and counts what differs.
-//! `docs/verify.md` says which tensors a file may hold.
+//! A [`Recording`] is a safetensors file with geometry, instances, rays, and the result of each
+//! ray: `driver.*` from a driver, `reference.*` from an independent computation of higher
+//! precision. [`compare`](compare::compare) traces the rays once more and counts what differs.
+//! `docs/verify.md` lists the tensors that a file may contain.
 
 pub mod compare;
 mod geometry;
@@ -31,18 +31,18 @@ pub struct Recording {
     pub driver: Option<Driver>,
     /// The results of a computation of higher precision, if recorded.
     pub reference: Option<Reference>,
-    /// The sphere that a box's intersection shader looks for, as centre and radius, of all boxes of
-    /// all geometries in turn.
+    /// The sphere, as centre and radius, that the intersection shader tests in each box, for all
+    /// boxes of all geometries in order.
     spheres: Vec<[f32; 4]>,
-    /// Tensors that would shape the scene, if their names meant something.
+    /// Tensors that would define part of the scene, but whose names are unknown.
     pub strange: Vec<String>,
-    /// Notes on geometry that was left out, in sentences.
+    /// Notes on geometry that was left out.
     pub notes: Vec<String>,
-    /// Which of the spheres belongs to the first box of a geometry.
+    /// By geometry: the index of its first box's sphere.
     first_sphere: Vec<usize>,
 }
 
-/// Which primitive a ray hit, as far as that was recorded; by ray, -1 for a miss.
+/// The primitive that each ray hit, as far as it was recorded; by ray, -1 for a miss.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
     /// `InstanceId`
@@ -62,7 +62,7 @@ pub struct Reference {
     pub t_low: Option<Vec<f64>>,
     /// The primitive.
     pub places: Places,
-    /// Relative distance of the nearest decision from its edge; an exact 0 is a tangent.
+    /// The least relative distance of a decision from changing; an exact 0 is a tangent.
     pub margin: Option<Vec<f64>>,
     /// Relative distance of the nearest edge of a triangle.
     pub edge_margin: Option<Vec<f64>>,
@@ -121,7 +121,7 @@ impl Recording {
     ///
     /// # Errors
     /// `InvalidRecording`, naming the tensor, where one is missing, of another type or shape, or
-    /// holds what no geometry, instance or ray can hold.
+    /// holds values that are invalid for a geometry, instance or ray.
     pub fn of(bytes: &[u8]) -> Result<Self> {
         let tensors = Tensors::of(bytes)?;
         let mut notes = Vec::new();
@@ -148,13 +148,13 @@ impl Recording {
         Ok(Self { tlas, rays, driver, reference, spheres, strange, notes, first_sphere })
     }
 
-    /// What its geometries are made of.
+    /// The kind of primitive of its geometries.
     pub fn kind(&self) -> Option<crate::accel::GeometryKind> {
         self.tlas.instances().first().and_then(|instance| instance.blas.kind())
     }
 }
 
-/// A scene's mistake is a recording's here.
+/// Turns an error of a scene into one of the recording.
 fn invalid(error: Error) -> Error {
     let messages = std::iter::once(error.message()).chain(error.others().iter().map(Error::message));
     let errors = messages.map(|message| Error::new(ErrorKind::InvalidRecording, message));
@@ -194,7 +194,7 @@ fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Ve
         blas: blas.clone(),
         transform: std::array::from_fn(|row| std::array::from_fn(|column| m[4 * row + column])),
         motion: None,
-        // The least value that fits in 24 bits where there are more instances than that.
+        // Only the low 24 bits, if there are more instances than that.
         custom_index: of(&custom, at, (100 + at as u32) & 0xFF_FFFF),
         mask: of(&masks, at, 0xFF) as u8,
         sbt_record_offset: of(&offsets, at, 0),

@@ -42,7 +42,7 @@ pub struct TracedRay {
     pub attributes: [f32; 2],
     /// How often the any-hit shader ran.
     pub any_hits: i64,
-    /// Every primitive that was met and not culled, also behind the closest.
+    /// Every primitive that was hit and not culled, also behind the closest.
     pub met: Vec<(HitPrimitive, Intersection)>,
     /// Whether the recorded intersection shader's rounding decides which sphere is hit.
     pub nearly_tangent: bool,
@@ -80,8 +80,8 @@ impl Recording {
     }
 
     /// Reports the far root of the box's sphere with kind 2 and the attributes (1, t), then the
-    /// near one with kind 1 and (2, t) where the first was accepted, otherwise (3, t). Says whether
-    /// single precision, as in the recorded shader, could see another number of roots.
+    /// near one with kind 1 and (2, t) where the first was accepted, otherwise (3, t). Returns
+    /// whether single precision, as in the recorded shader, could find another number of roots.
     fn intersection_shader(
         &self,
         cursor: &mut Cursor,
@@ -120,7 +120,7 @@ impl Recording {
     }
 }
 
-/// Notes every primitive that is met and not culled.
+/// Records every primitive that is hit and not culled.
 #[derive(Default)]
 struct Met(Vec<(HitPrimitive, Intersection)>);
 

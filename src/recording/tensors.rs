@@ -27,7 +27,7 @@ const GEOMETRY: &[&str] = &[
     "end_caps",
 ];
 
-/// One tensor, which remembers its name.
+/// One tensor with its name.
 struct Tensor<'a> {
     name: &'a str,
     view: TensorView<'a>,
@@ -43,19 +43,19 @@ impl<'a> Tensors<'a> {
         Ok(Self { tensors, metadata })
     }
 
-    /// What the file's metadata say about a key.
+    /// The value of a key in the file's metadata.
     pub fn note(&self, key: &str) -> Option<&str> {
         self.metadata.metadata().as_ref()?.get(key).map(String::as_str)
     }
 
-    /// Tensors that shape the scene and whose name means nothing here, sorted.
+    /// Tensors that would define part of the scene, but whose names are unknown, sorted.
     pub fn strange(&self) -> Vec<String> {
         let known = |name: &str| match name.split_once('.') {
             Some(("ray", part)) => RAY.contains(&part),
             Some(("instance", part)) => INSTANCE.contains(&part),
             Some(("procedural", part)) => part == "sphere",
             Some((geometry, part)) if geometry.starts_with("geometry") => GEOMETRY.contains(&part),
-            // What else was recorded of a ray does not change it.
+            // Other recorded results do not change the scene.
             Some(("driver" | "reference", _)) => true,
             _ => false,
         };
@@ -72,7 +72,7 @@ impl<'a> Tensors<'a> {
         names.filter(|name| number(name).is_some_and(|number| number >= count)).min()
     }
 
-    /// The error about a tensor that must be there.
+    /// The error that a required tensor is missing.
     pub fn missing(&self, name: &str) -> Error {
         let error = Error::new(ErrorKind::InvalidRecording, format!("there is no tensor `{name}`"));
         let mut names = self.tensors.names();
@@ -81,12 +81,12 @@ impl<'a> Tensors<'a> {
         error.note(format!("the tensors here are: {}", shown.join(", ")))
     }
 
-    /// One float a ray.
+    /// One float for each ray.
     pub fn floats(&self, name: &str, rays: usize) -> Result<Option<Vec<f64>>> {
         self.of_length(name, rays)?.map(|tensor| tensor.floats()).transpose()
     }
 
-    /// N floats a ray.
+    /// N floats for each ray.
     pub fn float_rows<const N: usize>(&self, name: &str, rays: usize) -> Result<Option<Vec<[f64; N]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         tensor.check_rows(N)?;
@@ -94,7 +94,7 @@ impl<'a> Tensors<'a> {
         Ok(Some(tensor.floats()?.chunks_exact(N).map(array).collect()))
     }
 
-    /// Floats of a ray, as many as one of the `lengths`.
+    /// Floats for each ray; their number is one of `lengths`.
     pub fn long_rows(&self, name: &str, rays: usize, lengths: &[usize]) -> Result<Option<Vec<Vec<f64>>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         tensor.check_count(rays)?;
@@ -121,7 +121,7 @@ impl<'a> Tensors<'a> {
         Ok(Some(tensor.singles()?.chunks_exact(12).map(array).collect()))
     }
 
-    /// N single-precision floats a ray, which must be there.
+    /// N single-precision floats for each ray; the tensor is required.
     pub fn rows_of<const N: usize>(&self, name: &str, rays: usize) -> Result<Vec<[f32; N]>> {
         let tensor = self.tensor(name).ok_or_else(|| self.missing(name))?;
         tensor.check_rows(N)?;
@@ -154,7 +154,7 @@ impl<'a> Tensors<'a> {
         Ok(Some(values.chunks_exact(components).map(point).collect()))
     }
 
-    /// How many numbers a row of a tensor has.
+    /// The number of values in a row of a tensor.
     pub fn row_length(&self, name: &str) -> Option<usize> {
         Some(self.tensor(name)?.view.shape().iter().skip(1).product())
     }
@@ -172,17 +172,17 @@ impl<'a> Tensors<'a> {
         Ok(Some(tensor.singles()?))
     }
 
-    /// One single-precision float a ray; a single one stands for all.
+    /// One single-precision float for each ray; a single one is used for all.
     pub fn ray_singles(&self, name: &str, rays: usize) -> Result<Option<Vec<f32>>> {
         self.one_or_each(name, rays, |tensor| tensor.singles())
     }
 
-    /// One integer a ray.
+    /// One integer for each ray.
     pub fn integers(&self, name: &str, rays: usize) -> Result<Option<Vec<i64>>> {
         self.of_length(name, rays)?.map(|tensor| tensor.words()).transpose()
     }
 
-    /// One integer of at most `bits` bits for each of `count` things; a single one stands for all.
+    /// One integer of at most `bits` bits for each of `count` items; a single one is used for all.
     pub fn unsigned(&self, name: &str, count: usize, bits: u32) -> Result<Option<Vec<u32>>> {
         self.one_or_each(name, count, |tensor| tensor.unsigned(bits))
     }
@@ -224,7 +224,7 @@ impl<'a> Tensors<'a> {
     }
 
     fn tensor(&self, name: &str) -> Option<Tensor<'_>> {
-        // The name comes from the file, so that it lives as long.
+        // The name is that in the file, which lives as long.
         let view = self.tensors.tensor(name).ok()?;
         let name = self.tensors.names().into_iter().find(|known| *known == name)?;
         Some(Tensor { name, view })
@@ -267,14 +267,14 @@ impl Tensor<'_> {
         })
     }
 
-    /// Floats that single precision holds exactly.
+    /// Floats that single precision represents exactly.
     fn singles(&self) -> Result<Vec<f32>> {
         let data = self.view.data();
         Ok(match self.view.dtype() {
             Dtype::F16 => numbers(data, |bytes| f16::from_le_bytes(bytes).into()),
             Dtype::F32 => numbers(data, f32::from_le_bytes),
-            // What goes to a device has single precision; an array in double precision may hold
-            // just that.
+            // Data for a device has single precision; an array in double precision may hold such
+            // values.
             Dtype::F64 => {
                 let doubles = numbers(data, f64::from_le_bytes);
                 let exact = |x: &f64| x.is_nan() || f64::from(*x as f32) == *x;

@@ -1,4 +1,4 @@
-//! A test case: rays and the scene they are traced in, as numbers that can be written to a file.
+//! A test case: rays and their scene, as numbers that can be written to a file.
 
 mod geometries;
 
@@ -10,22 +10,22 @@ use crate::geometry::Ray;
 
 type Matrix = [[f32; 4]; 3];
 
-/// A ray, others that are traced together with it, and primitives of one kind in one instance or
-/// several.
+/// A ray, other rays that are traced in the same packet, and primitives of one kind in one or
+/// several instances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StressCase {
-    /// The family that drew it.
+    /// The family that generated it.
     pub family: String,
-    /// Where t is 0.
+    /// The point at t = 0.
     pub origin: [f32; 3],
-    /// The way per unit of t.
+    /// The vector per unit of t.
     pub direction: [f32; 3],
     /// The lower end of the interval.
     pub t_min: f32,
     /// The upper end of the interval.
     pub t_max: f32,
-    /// When, from 0 to 1.
+    /// The ray time, from 0 to 1.
     #[serde(default, skip_serializing_if = "is_default")]
     pub time: f32,
     /// The ray's flags. All primitives are opaque.
@@ -37,8 +37,8 @@ pub struct StressCase {
     /// How the instance moves, in place of the transform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Moves>,
-    /// How many twins of the instance there are that no ray sees: above four instances there is a
-    /// tree over them.
+    /// The number of copies of the instance that the ray's mask excludes: above four instances, a
+    /// BVH is built over them.
     #[serde(default = "four", skip_serializing_if = "is_four")]
     pub hidden: usize,
     /// Primitives, all of one kind.
@@ -71,7 +71,7 @@ fn is_one<T: From<u8> + PartialEq>(value: &T) -> bool {
     *value == one()
 }
 
-/// The mask of instances that no ray sees.
+/// The mask of instances that rays exclude.
 const HIDDEN: u8 = 0x80;
 
 /// An instance.
@@ -99,7 +99,7 @@ impl Placement {
     }
 }
 
-/// How an instance moves: what is given for time 0 and for time 1.
+/// How an instance moves: its keys at time 0 and at time 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Moves {
@@ -110,7 +110,7 @@ pub enum Moves {
 }
 
 impl Moves {
-    /// As an instance takes it.
+    /// The motion of an instance.
     pub fn motion(&self) -> Motion {
         let srt = |&[sx, a, b, pvx, sy, c, pvy, sz, pvz, qx, qy, qz, qw, tx, ty, tz]: &[f32; 16]| Srt {
             scale: [sx, sy, sz],
@@ -126,19 +126,19 @@ impl Moves {
     }
 }
 
-/// A ray that is traced together with that of the case.
+/// A ray that is traced in a packet with that of the case.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Neighbour {
-    /// Where t is 0.
+    /// The point at t = 0.
     pub origin: [f32; 3],
-    /// The way per unit of t.
+    /// The vector per unit of t.
     pub direction: [f32; 3],
     /// The least t.
     pub t_min: f32,
     /// The greatest t.
     pub t_max: f32,
-    /// When, from 0 to 1.
+    /// The ray time, from 0 to 1.
     #[serde(default, skip_serializing_if = "is_default")]
     pub time: f32,
     /// Its flags.
@@ -150,7 +150,7 @@ pub struct Neighbour {
 }
 
 impl Neighbour {
-    /// As a trace takes it.
+    /// The operands of its trace.
     pub fn trace(&self) -> TraceRay {
         let Self { origin, direction, t_min, t_max, time, flags, cull_mask } = *self;
         let ray = Ray { origin, direction, t_min, t_max };
@@ -207,7 +207,7 @@ impl StressCase {
         }
     }
 
-    /// Names the family that the case was drawn from.
+    /// Sets the name of the family that generated the case.
     #[must_use]
     pub fn named(self, family: &str) -> Self {
         Self { family: family.to_owned(), ..self }
@@ -218,7 +218,7 @@ impl StressCase {
         Ray { origin: self.origin, direction: self.direction, t_min: self.t_min, t_max: self.t_max }
     }
 
-    /// The ray as a trace takes it.
+    /// The operands of the ray's trace.
     pub fn trace(&self) -> TraceRay {
         TraceRay { ray: self.ray(), flags: RayFlags(self.flags), cull_mask: 1, time: self.time }
     }
@@ -230,7 +230,7 @@ impl StressCase {
         std::iter::once(first).chain(self.others.iter().cloned()).chain(hidden).collect()
     }
 
-    /// All its numbers, for changing them one by one.
+    /// All its numbers, to be changed one by one.
     pub fn numbers(&mut self) -> Vec<&mut f32> {
         let mut out: Vec<&mut f32> = self.origin.iter_mut().chain(&mut self.direction).collect();
         out.extend([&mut self.t_min, &mut self.t_max, &mut self.time]);
@@ -266,7 +266,7 @@ impl StressCase {
         out
     }
 
-    /// The case as a file.
+    /// The case as the text of a file.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("bug in anyhit: plain numbers are TOML")
     }

@@ -4,13 +4,13 @@ use crate::geometry::Ray;
 
 type Matrix = [[f32; 4]; 3];
 
-/// A stream of cases: the same seed, the same cases.
+/// A random generator of rays and shapes; a seed always gives the same ones.
 pub struct Draw {
     state: u64,
 }
 
 impl Draw {
-    /// The stream of a seed.
+    /// The generator for a seed.
     pub fn new(seed: u64) -> Self {
         Self { state: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) }
     }
@@ -34,7 +34,7 @@ impl Draw {
         (self.bits() % n as u64) as usize
     }
 
-    /// True once in n.
+    /// True once in n draws.
     pub fn one_in(&mut self, n: usize) -> bool {
         self.below(n) == 0
     }
@@ -55,7 +55,7 @@ impl Draw {
         2f32.powi(least + self.below((most - least + 1) as usize) as i32)
     }
 
-    /// A point of the integer lattice, or any, at one scale.
+    /// A point of the integer lattice, or any point, at a random scale.
     pub fn point(&mut self) -> [f32; 3] {
         let s = self.scale();
         if self.one_in(2) { self.lattice(s) } else { self.anywhere(s) }
@@ -95,7 +95,7 @@ impl Draw {
         let caps = [[true; 2], [false, true], [true, false], [false; 2], [true; 2]][self.below(5)];
         let s = self.scale();
         let (positions, radii) = match self.below(8) {
-            // The lattice: exact tangents, parallels and joints abound.
+            // The lattice: exact tangents, parallels and joints are frequent.
             0..=2 => {
                 let p = [self.lattice(s), self.lattice(s)];
                 (p, [self.below(4) as f32 * s, self.below(4) as f32 * s])
@@ -110,7 +110,8 @@ impl Draw {
                 let r = self.unit().abs() * s;
                 ([self.anywhere(s), self.anywhere(s)], [r, if self.one_in(2) { r } else { r.next_up() }])
             }
-            // All but self-enclosing: along an axis, |r0 - r1| within a bit of the length.
+            // One ball almost contains the other: along an axis, |r0 - r1| within a bit of the
+            // length.
             5 => {
                 let p = self.lattice(s);
                 let mut q = p;
@@ -135,7 +136,7 @@ impl Draw {
         match self.below(4) {
             0 | 1 => std::array::from_fn(|_| self.lattice(s)),
             2 => std::array::from_fn(|_| self.anywhere(s)),
-            // A needle: the third vertex a few bits beside the edge.
+            // A needle: the third vertex is a few bits off the edge.
             _ => {
                 let (a, b) = (self.anywhere(s), self.anywhere(s));
                 let u = self.unit();
@@ -189,7 +190,7 @@ impl Draw {
         m
     }
 
-    /// The ray with, in one case of three, a matrix under which it was drawn (see `place`).
+    /// The ray, in one of three cases transformed, with the matrix (see `image`).
     pub fn placed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
         if !self.one_in(3) {
             return (Ray::new(origin, direction), None);
@@ -199,7 +200,8 @@ impl Draw {
     }
 
     /// The image of an object-space ray under a matrix, rounded: near the same edges, but on none
-    /// exactly unless the matrix is of small integers. Without the matrix where it leaves f32.
+    /// exactly unless the matrix is of small integers. Returns the ray without a matrix if the
+    /// image overflows f32.
     pub fn image(&mut self, m: Matrix, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
         let apply = |v: [f32; 3], w: f32| -> [f32; 3] {
             std::array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3] * w)
@@ -209,7 +211,7 @@ impl Draw {
         if finite { (ray, Some(m)) } else { (Ray::new(origin, direction), None) }
     }
 
-    /// A ray at the surface of the swept sphere between two balls: through it, grazing it, from it,
+    /// A ray near the surface of the swept sphere of two balls: through it, grazing it, from it,
     /// along it.
     pub fn ray_near(&mut self, positions: [[f32; 3]; 2], radii: [f32; 2]) -> (Ray, Option<Matrix>) {
         let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
@@ -239,7 +241,7 @@ impl Draw {
         self.placed(origin, direction.map(|x| x * long))
     }
 
-    /// A unit vector or so, or an axis.
+    /// A vector of about unit length, or an axis.
     pub fn direction(&mut self) -> [f32; 3] {
         if self.one_in(5) {
             let mut axis = [0.0; 3];
@@ -251,8 +253,8 @@ impl Draw {
         v.map(|x| x / length)
     }
 
-    /// A ray through a target, from it or from near or far before it: along an axis, between points
-    /// of the lattice, or any; of any length.
+    /// A ray through a target, starting at it or near or far before it: along an axis, between
+    /// points of the lattice, or random; of any length.
     pub fn aim(&mut self, target: [f32; 3], s: f32) -> ([f32; 3], [f32; 3]) {
         let mut direction = if self.one_in(2) { self.lattice(1.0) } else { self.direction() };
         if direction == [0.0; 3] {
@@ -288,9 +290,8 @@ impl Draw {
         self.placed(origin, direction.map(|x| x * long))
     }
 
-    /// A fan's centre and rim, a ray exactly through the centre, an edge or the inside, and a
-    /// matrix. All is built so that the ray meets the fan's inside: the rim runs once round the
-    /// ray's axis.
+    /// A triangle fan's centre and rim, a ray exactly through the centre, an edge or the inside,
+    /// and a matrix. The ray always hits the fan: the rim runs once around the ray's axis.
     pub fn fan(&mut self, count: usize) -> (Vec<[f32; 3]>, Ray, Option<Matrix>) {
         let (up, along, across) = [(0, 1, 2), (1, 2, 0), (2, 0, 1)][self.below(3)];
         let s = 2f32.powi(self.below(161) as i32 - 80);

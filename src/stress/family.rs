@@ -9,18 +9,18 @@ use crate::stress::case::{Shape, StressCase};
 use crate::stress::draw::Draw;
 pub use neighbours::surround;
 
-/// A way of drawing cases.
+/// A generator of cases.
 pub struct Family {
     /// Its name.
     pub name: &'static str,
-    /// What is hard about it.
+    /// What makes its cases difficult.
     pub about: &'static str,
-    /// Draws one case of the family.
+    /// Generates one case of the family.
     pub draw: fn(&mut Draw) -> StressCase,
 }
 
-/// All families. Cases take turns: case n is of family n modulo their number, so that a new family
-/// changes the cases of every seed.
+/// All families. Case n is of family n modulo their number, so that a new family changes the cases
+/// of every seed.
 pub const FAMILIES: &[Family] = &[
     Family {
         name: "spheres",
@@ -109,7 +109,7 @@ fn boxes(draw: &mut Draw) -> StressCase {
     StressCase::new(vec![Shape::Aabb([min, max])], draw.ray_near([min, max], [0.0; 2]))
 }
 
-/// A round shape of radius 1 or so, and the ends between which it runs.
+/// A sphere or swept sphere of radius about 1, and its ends.
 fn round(draw: &mut Draw) -> (Shape, [[f32; 3]; 2], [f32; 2]) {
     let s = draw.scale();
     let p = draw.anywhere(s);
@@ -129,8 +129,8 @@ fn ten_to(k: i32) -> f64 {
     10f64.powi(k)
 }
 
-/// A line that passes the surface at radius (1 + off), `distance` radii before it, in f64 until it
-/// is rounded.
+/// A ray that passes the axis at (1 + off) radii, from `distance` radii before it; computed in f64,
+/// then rounded.
 fn passing(draw: &mut Draw, [p, q]: [[f32; 3]; 2], radii: [f32; 2], off: f64, distance: f64) -> Ray {
     let u = f64::from([0.0, 0.25, 0.5, 0.75, 1.0, draw.unit().abs()][draw.below(6)]);
     let normal = draw.direction().map(f64::from);
@@ -188,7 +188,7 @@ fn axis_parallel(draw: &mut Draw) -> StressCase {
 
 fn enclosing(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
-    // Pythagorean quadruples: lengths that are exact.
+    // Pythagorean quadruples, whose lengths are exact.
     let (axis, length) =
         [([1.0, 2.0, 2.0], 3.0), ([2.0, 3.0, 6.0], 7.0), ([0.0, 3.0, 4.0], 5.0), ([0.0, 0.0, 1.0], 1.0f32)]
             [draw.below(4)];
@@ -213,7 +213,7 @@ fn needles(draw: &mut Draw) -> StressCase {
     let thin = ten_to(-(2 + draw.below(6) as i32)) as f32;
     let (p, q) = (draw.anywhere(s), draw.anywhere(s));
     if draw.one_in(3) {
-        // A sliver: the third vertex beside the edge.
+        // A sliver: the third vertex is close to the edge.
         let u = draw.unit().abs();
         let r: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u + draw.unit() * thin * s);
         return StressCase::new(vec![Shape::Triangle([p, q, r])], draw.ray_through([p, q, r]));
@@ -224,7 +224,7 @@ fn needles(draw: &mut Draw) -> StressCase {
     let off = [0.0, 1e-7, -1e-7, -0.5, -0.99, 1e-3][draw.below(6)];
     let distance = ten_to(draw.below(7) as i32);
     let ray = if draw.one_in(4) {
-        // Along the axis, or all but.
+        // Along the axis, or nearly.
         let origin = std::array::from_fn(|i| p[i] - (q[i] - p[i]) + draw.unit() * r);
         Ray::new(origin, std::array::from_fn(|i| q[i] - p[i]))
     } else {
@@ -257,7 +257,7 @@ fn zero_length(draw: &mut Draw) -> StressCase {
     StressCase::new(vec![shape], (ray, matrix))
 }
 
-/// Draws a size from 10^-30 to 10^30.
+/// A random size from 10^-30 to 10^30.
 fn any_size(draw: &mut Draw) -> f32 {
     2f32.powi(draw.below(200) as i32 - 100) * (1.0 + draw.unit().abs())
 }
@@ -343,7 +343,7 @@ fn degenerate(draw: &mut Draw) -> StressCase {
     let mut vertices = match draw.below(4) {
         0 => [a; 3],
         1 => [a, a, draw.lattice(s)],
-        // In a line, exactly where the sums are.
+        // In a line, exactly if the sums are exact.
         _ => [a, std::array::from_fn(|i| a[i] + step[i]), std::array::from_fn(|i| a[i] + 2.0 * step[i])],
     };
     if draw.one_in(2) {
@@ -417,7 +417,7 @@ fn ties(draw: &mut Draw) -> StressCase {
 fn fields(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let kind = std::mem::discriminant(&case.shapes[0]);
-    // Others of the kind, drawn at their own scales.
+    // Others of the kind, at their own scales.
     for _ in 0..400 {
         if case.shapes.len() == 12 {
             break;

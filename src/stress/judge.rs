@@ -1,11 +1,11 @@
 //! Compares every result for a case with that of the exact reference.
 //!
-//! For each primitive and instance that the ray meets or comes near: the block test keeps what the
-//! line meets; hit or miss, the surface, t and the attributes are right, for the case's interval
-//! and, where it is hit, for intervals that end at t and one step beside it. What moves has the
-//! right numbers at the ray's time. Then, for all of them together, what the ray finds on its way
-//! through trees, by itself and in a packet with its neighbours, is what testing every primitive
-//! finds.
+//! For each primitive and instance that the ray hits or nearly hits: the block test keeps what the
+//! line hits; hit or miss, the surface, t and the attributes are right, for the case's interval
+//! and, if it is hit, for intervals that end at t and at the next f32 on either side. Moving
+//! primitives have the right numbers at the ray's time. Then, for all of them together, BVH
+//! traversal of the single ray, and of a packet with its neighbours, finds the same as testing
+//! every primitive.
 
 mod moment;
 mod one;
@@ -33,14 +33,14 @@ pub struct Tally {
     pub hits: u64,
     /// Lines and primitives that the f32 block test culled.
     pub dropped: u64,
-    /// Rays that went through nodes of a BLAS by themselves.
+    /// Single rays that traversed nodes of a BLAS.
     pub trees: u64,
-    /// Rays that went together with others to the end.
+    /// Rays that were traced in a packet to the end.
     pub packets: u64,
 }
 
 impl Tally {
-    /// The sums.
+    /// The sum of both.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         Self {
@@ -75,19 +75,19 @@ pub fn check_caught(case: &StressCase, precision: Precision) -> Result<Tally, Fa
 
 /// Up to this many pairs of instance and primitive of a case are all judged.
 const ALL: usize = 24;
-/// Of more pairs those that are hit are judged, and this many near misses.
+/// Of more pairs, those that are hit are judged, and this many near misses.
 const NEAR: usize = 16;
 /// The number of instances without hits that are judged.
 const INSTANCES: usize = 4;
-/// For this many of the closest hits intervals that end there are judged too.
+/// For this many of the closest hits, intervals that end there are judged too.
 const ENDED: usize = 12;
-/// For this many neighbours the hit is judged in rational numbers too.
+/// For this many neighbours, the hit is judged in rational numbers too.
 const NEIGHBOURS: usize = 3;
 
-/// Judges all answers about a case.
+/// Checks all results for a case.
 ///
 /// # Errors
-/// The first wrong answer.
+/// The first wrong result.
 pub fn check(case: &StressCase, precision: Precision) -> Result<Tally, Failure> {
     let mut tally = Tally { lines: 1 + case.neighbours.len() as u64, ..Tally::default() };
     let trace = case.trace();
@@ -114,7 +114,7 @@ pub fn check(case: &StressCase, precision: Precision) -> Result<Tally, Failure> 
     Ok(tally)
 }
 
-/// Judges the rays beside that of the case.
+/// Checks the neighbours of the case's ray.
 fn check_neighbours(
     case: &StressCase,
     scene: &TracedScene,
@@ -154,7 +154,7 @@ fn check_neighbours(
     scene.check_together(&all, tally)
 }
 
-/// Judges the answers of the primitives' tests about one ray.
+/// Checks the results of the primitives' tests for one ray.
 struct Judge<'a> {
     case: &'a StressCase,
     precision: Precision,
@@ -163,7 +163,8 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// The line of the ray in an instance: that there is one, or none, is right.
+    /// The line of the ray in an instance, after checking that the engine agrees whether there is
+    /// one.
     fn line(&self, instance: usize) -> Result<Option<LineOf>, Failure> {
         let Ray { origin, direction, .. } = self.ray;
         let matrix = self.moment.places[instance].matrix.as_ref();
@@ -182,7 +183,7 @@ impl Judge<'_> {
     fn check_primitives(&self, tally: &mut Tally) -> Result<bool, Failure> {
         let Some(first) = self.line(0)? else { return Ok(false) };
         let shapes = self.moment.shapes.len();
-        // Twins that are hidden from rays are no others.
+        // The hidden copies are not counted.
         let instances = 1 + self.case.others.len();
         let all = shapes * instances <= ALL;
         let (mut ended, mut near, mut looked) = (0, 0, 0);
@@ -222,7 +223,7 @@ impl Judge<'_> {
         Ok(true)
     }
 
-    /// Judges a hit that is known.
+    /// Checks a known hit.
     fn check_hit(&self, hit: &ExactHit, tally: &mut Tally) -> Result<(), Failure> {
         match self.line(hit.instance)? {
             Some(line) => self.check_primitive((hit.instance, hit.shape), &line, false, tally),
@@ -230,7 +231,7 @@ impl Judge<'_> {
         }
     }
 
-    /// `is_ended`: over intervals that end at a hit, too.
+    /// Checks a primitive; with `is_ended`, over intervals that end at a hit, too.
     fn check_primitive(
         &self,
         (instance, index): (usize, usize),
@@ -265,7 +266,7 @@ impl Judge<'_> {
     }
 }
 
-/// A line in f64, only for leaving out what is far away from it.
+/// A line in f64, used only to leave out shapes that are far from it.
 struct Way {
     origin: [f64; 3],
     direction: [f64; 3],
@@ -277,7 +278,7 @@ impl Way {
         Self { origin, direction }
     }
 
-    /// Whether the line surely passes a shape at some distance. (A number that is none is not far.)
+    /// Whether the line surely passes a shape at some distance. (A NaN is not far.)
     fn is_far_from(&self, shape: &Shape) -> bool {
         let wide = |v: [f32; 3]| v.map(f64::from);
         let distance = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
@@ -296,7 +297,7 @@ impl Way {
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
         let along = dot(m, d) / dot(d, d);
         let beside = std::array::from_fn(|i| m[i] - along * d[i]);
-        // Cancellation leaves an error of the size of what was taken away.
+        // Cancellation leaves an error relative to the subtracted terms.
         dot(beside, beside).sqrt() - 1e-12 * dot(m, m).sqrt() > 1.01 * reach
     }
 }

@@ -4,8 +4,8 @@ use crate::geometry::Precision;
 use crate::stress::case::{Moves, Placement, Shape, StressCase};
 use crate::stress::judge::{Failure, check_caught};
 
-/// A case that fails, no greater than the given one in any respect, and how it fails. Tries each
-/// change in turn and keeps it where the case still fails (in whatever way), until none helps.
+/// A case that fails, no larger than the given one in any respect, and how it fails. Tries each
+/// change in turn and keeps it if the case still fails (in whatever way), until none helps.
 ///
 /// # Panics
 /// Where the given case does not fail.
@@ -13,7 +13,7 @@ pub fn minimise(case: &StressCase, precision: Precision) -> (StressCase, Failure
     let fails = |case: &StressCase| check_caught(case, precision).err();
     let failure = fails(case).expect("bug in anyhit: a case that does not fail is made smaller");
     let mut search = Search { best: case.clone(), failure, fails };
-    // A change that is kept makes the case smaller, so that this ends; the bound is for time.
+    // Each kept change makes the case smaller, so that this ends; the bound limits the time.
     for _ in 0..8 {
         let before = search.best.clone();
         search.shorten(0, |case| &mut case.neighbours);
@@ -36,7 +36,7 @@ pub fn minimise(case: &StressCase, precision: Precision) -> (StressCase, Failure
     (search.best, search.failure)
 }
 
-/// The least case so far that fails.
+/// The smallest failing case so far.
 struct Search<F> {
     best: StressCase,
     failure: Failure,
@@ -44,7 +44,7 @@ struct Search<F> {
 }
 
 impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
-    /// Makes a change where the case still fails; says whether it does, and is another one.
+    /// Keeps a change if the case still fails; returns whether it does, and the case differs.
     fn keeps(&mut self, change: impl FnOnce(&mut StressCase)) -> bool {
         let mut candidate = self.best.clone();
         change(&mut candidate);
@@ -79,7 +79,7 @@ impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
         }
     }
 
-    /// What is special about the case becomes what it is in others.
+    /// Replaces special properties of the case by their defaults.
     fn simplify(&mut self) {
         self.keeps(|case| case.transform = None);
         self.keeps(|case| case.motion = None);
@@ -109,7 +109,8 @@ impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
         }
     }
 
-    /// Neighbours become the ray of the case, or at least start, head, and end as it does.
+    /// Makes neighbours equal to the ray of the case, or at least its origin, direction and
+    /// interval.
     fn equalise(&mut self) {
         for at in 0..self.best.neighbours.len() {
             let StressCase { origin, direction, t_min, t_max, time, flags, .. } = self.best;
@@ -127,7 +128,7 @@ impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
     }
 }
 
-/// Shorter numbers that could stand for one, the shortest first.
+/// Shorter numbers that could replace one, the shortest first.
 fn simpler(x: f32) -> Vec<f32> {
     let mut out = Vec::new();
     if x == 0.0 || !x.is_finite() {
@@ -163,7 +164,7 @@ mod tests {
         case.neighbours[40].direction = [0.0, 0.0, -1.0];
         let motion = Moves::Matrix([[[0.1; 4]; 3], [[0.2; 4]; 3]]);
         case.others = vec![Placement::new(Some([[0.7; 4]; 3]), Some(motion)); 9];
-        // Eight rays, of which one goes down, and a ball of its own.
+        // Eight rays, of which one points down, and a sphere for that.
         let fails = |case: &StressCase| {
             let has_ball = case.shapes.iter().any(|shape| *shape == ball(40));
             let goes_down = case.neighbours.iter().any(|neighbour| neighbour.direction[2] < 0.0);

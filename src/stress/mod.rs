@@ -1,11 +1,10 @@
 //! Fuzzing of intersection and traversal against an exact reference: `anyhit stress`.
 //!
-//! A [`StressCase`] is a ray, perhaps with others that go together with it, and primitives of one
-//! kind in an instance or several, which may move. The [`family`] module draws cases where
-//! intersectors break, [`judge`] compares every answer with [`mod@reference`], which computes in
-//! rational numbers and shares no code with `geometry`, and [`minimise`] makes a failure small
-//! enough to read. Case number n of a seed is the same on every machine, whatever the number of
-//! threads.
+//! A [`StressCase`] is a ray, perhaps in a packet with others, and primitives of one kind in one or
+//! several instances, which may move. The [`family`] module generates cases in which intersectors
+//! fail, [`judge`] compares every answer with [`mod@reference`], which computes in rational numbers
+//! and shares no code with `geometry`, and [`minimise`] makes a failure small enough to read. Case
+//! number n of a seed is the same on every machine, whatever the number of threads.
 
 pub mod case;
 pub mod draw;
@@ -25,7 +24,7 @@ use crate::geometry::Precision;
 use crate::stress::draw::Draw;
 use crate::stress::family::FAMILIES;
 
-/// How many cases run between two looks at the clock.
+/// The number of cases that run between two checks of the time limit.
 const ROUND: u64 = 1000;
 
 /// A run ends after this many failures.
@@ -34,13 +33,13 @@ const ENOUGH: usize = 10;
 /// The settings of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct StressSettings {
-    /// The seed from which the cases are drawn.
+    /// The seed from which the cases are generated.
     pub seed: u64,
     /// The run ends after at least this many rays.
     pub rays: Option<u64>,
-    /// Ends the run after so long.
+    /// The run ends after at least this time.
     pub time: Option<Duration>,
-    /// What is tested; below `Exact` failures are the rule.
+    /// The precision that is tested; below `Exact`, failures are expected.
     pub precision: Precision,
 }
 
@@ -58,7 +57,7 @@ pub struct Found {
 /// The results of a run.
 #[derive(Clone, Debug)]
 pub struct StressReport {
-    /// Cases drawn.
+    /// The number of cases.
     pub cases: u64,
     /// The counts of each family of [`FAMILIES`].
     pub families: Vec<Tally>,
@@ -85,7 +84,7 @@ pub fn case(seed: u64, number: u64) -> StressCase {
     case
 }
 
-/// Runs until the settings or ten failures end it; `progress` is told from time to time.
+/// Runs until the settings or ten failures end it; `progress` is called from time to time.
 pub fn run(settings: &StressSettings, mut progress: impl FnMut(&StressReport)) -> StressReport {
     let begin = Instant::now();
     let mut report = StressReport {
@@ -137,7 +136,7 @@ mod tests {
         assert_ne!(case(7, 0), case(8, 0));
     }
 
-    /// The judge must not be blind: plain f32 arithmetic is wrong in every run.
+    /// The judge must find errors: plain f32 arithmetic is wrong in every run.
     #[test]
     fn plain_floats_are_found_wrong_and_the_case_is_made_small() {
         let settings = StressSettings { seed: 1, rays: Some(1), time: None, precision: Precision::Float };

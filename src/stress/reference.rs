@@ -1,5 +1,5 @@
-//! Intersections in rational numbers and their square roots, written from SEMANTICS alone: slow,
-//! with divisions, and another formulation than the code under test at every step.
+//! Intersections in rational numbers and their square roots, written only from SEMANTICS: slow,
+//! with divisions, and at every step formulated differently from the code under test.
 
 pub mod motion;
 
@@ -9,12 +9,12 @@ use dashu_ratio::RBig;
 
 use crate::geometry::{Bounds, Ray, Surface};
 
-/// What a ray meets, before any interval is considered.
+/// What a ray hits, before any interval is considered.
 #[derive(Debug)]
 pub struct Expected {
     /// The parameter.
     pub t: Root,
-    /// As in `Intersection`, those that the surface has.
+    /// As in `Intersection`, for the surface that is hit.
     pub attributes: Vec<Root>,
     /// Which surface is entered.
     pub surface: Surface,
@@ -40,7 +40,7 @@ impl Root {
         Self { p: a + b * &self.p, s: self.s * sign(b), r: &self.r * b * b }
     }
 
-    /// How it compares with another.
+    /// Compares it with another.
     pub fn compare(&self, other: &Self) -> Ordering {
         let a = &self.p - &other.p;
         let (s1, s2) = (self.s * sign(&self.r), -other.s * sign(&other.r));
@@ -72,7 +72,8 @@ impl Root {
         inside && !self.rounds_to(f32::INFINITY)
     }
 
-    /// Its value to a relative error of about 2^-50; only for showing how far off another is.
+    /// Its value to a relative error of about 2^-50; only used to print how far off another value
+    /// is.
     pub fn to_f64(&self) -> f64 {
         let p = self.p.to_f64().value();
         let root = f64::from(self.s) * self.r.to_f64().value().sqrt();
@@ -84,7 +85,7 @@ impl Root {
         product / (p - root)
     }
 
-    /// Whether `value` is its nearest f32, the even one of two.
+    /// Whether `value` is its nearest f32, ties to even.
     pub fn rounds_to(&self, value: f32) -> bool {
         // The number half-way to a neighbour; 2^128 stands for the neighbour of MAX.
         let half = |neighbour: f32| {
@@ -157,7 +158,8 @@ fn solve(mut rows: [[RBig; 4]; 3]) -> Option<[RBig; 3]> {
     Some(std::array::from_fn(|i| &rows[i][3] / &rows[i][i]))
 }
 
-/// The two roots of `a t^2 + 2 b t + c`, ascending; one where it is linear; none or all is none.
+/// The two roots of `a t^2 + 2 b t + c`, ascending; one if it is linear; an equation with no or all
+/// solutions has none.
 fn roots(a: &RBig, b: &RBig, c: &RBig) -> Vec<Root> {
     if sign(a) == 0 {
         return if sign(b) == 0 { vec![] } else { vec![Root::from(-c / (b + b))] };
@@ -172,9 +174,9 @@ fn roots(a: &RBig, b: &RBig, c: &RBig) -> Vec<Root> {
 
 /// A ray's line in object space.
 pub struct LineOf {
-    /// Where t is 0.
+    /// The point at t = 0.
     pub origin: [RBig; 3],
-    /// The way per unit of t.
+    /// The vector per unit of t.
     pub direction: [RBig; 3],
 }
 
@@ -195,7 +197,7 @@ impl LineOf {
         })
     }
 
-    /// Origin and direction in f64: only for leaving out what is far away.
+    /// Origin and direction in f64, only used to leave out shapes that are far away.
     pub fn to_f64(&self) -> ([f64; 3], [f64; 3]) {
         let near = |v: &[RBig; 3]| std::array::from_fn(|i| v[i].to_f64().value());
         (near(&self.origin), near(&self.direction))
@@ -221,8 +223,8 @@ impl LineOf {
         Some(Expected { t, attributes: vec![], surface: Surface::Sphere })
     }
 
-    /// The hull is the union of the two balls and of what the cone has between its circles of
-    /// contact; the entry is the least parameter of the three, and its surface follows from u*.
+    /// The hull is the union of the two balls and of the cone between its circles of contact; the
+    /// entry is the least parameter of the three, and its surface follows from u*.
     pub fn linear_swept_sphere(
         &self,
         positions: [[f32; 3]; 2],
@@ -234,7 +236,7 @@ impl LineOf {
         }
         let [mut p0, mut p1] = positions.map(vector);
         let [mut r0, mut r1] = radii.map(rational);
-        // u of the shape as given, at u' of the shape that ends in its apex: first + u' rate.
+        // u of the given shape, from u' of the shape that ends in its apex: first + u' rate.
         let (mut first, mut rate) = (RBig::ZERO, RBig::ONE);
         let mut is_apex = [false; 2];
         let axis = difference(&p1, &p0);
@@ -341,7 +343,7 @@ impl LineOf {
         } else if [&a, &b, &c].iter().any(|x| sign(x) < 0) {
             return None;
         }
-        // SEMANTICS 4.2: front where e1 x e2 runs against the ray.
+        // SEMANTICS 4.2: front if e1 x e2 points against the ray.
         let normal = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| &e1[i] * &e2[j] - &e1[j] * &e2[i]);
         let front = sign(&dot(&normal, &self.direction)) < 0;
         Some(Expected {
@@ -351,7 +353,7 @@ impl LineOf {
         })
     }
 
-    /// The interval cut to every slab in turn; its start where anything is left.
+    /// The interval clipped to every slab in turn; its start, if anything is left.
     pub fn aabb(&self, min: [f32; 3], max: [f32; 3], t_min: f32, t_max: f32) -> Option<Root> {
         let mut start = rational(t_min);
         let mut end = t_max.is_finite().then(|| rational(t_max));

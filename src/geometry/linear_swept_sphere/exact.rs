@@ -1,5 +1,5 @@
-//! The exact step for linear swept spheres: the three conditions of the parent module, asked in
-//! dyadic numbers and in the order in which the line meets the intervals.
+//! The exact step for linear swept spheres: the three conditions of the parent module, evaluated in
+//! dyadic numbers and in the order of the intervals along the line.
 
 use std::cmp::Ordering;
 
@@ -8,7 +8,7 @@ use crate::geometry::{Intersection, sphere};
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::surd::Surd;
 
-/// Where the exact ray enters, for finite ends of which one at least has a positive radius.
+/// Where the exact ray enters, for finite ends, at least one of which has a positive radius.
 #[cold]
 #[inline(never)]
 pub(super) fn intersect(
@@ -17,7 +17,7 @@ pub(super) fn intersect(
     radii: [f32; 2],
     caps: [bool; 2],
 ) -> Option<Intersection> {
-    // An end of negative radius comes second; u then runs the other way.
+    // An end of negative radius comes second; u is then reversed.
     let turned = radii[0] < 0.0;
     let order = if turned { [1, 0] } else { [0, 1] };
     let shape = Shape::new(ray, order.map(|end| positions[end]), order.map(|end| radii[end]));

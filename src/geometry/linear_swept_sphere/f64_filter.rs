@@ -29,7 +29,7 @@ use crate::geometry::verdict::{Verdict, rounded};
 use crate::math::real::{dot, from_f32, norm1, sub};
 
 /// Where a ray enters the shape, if the error bound decides it. Shapes that are not solid or end in
-/// an apex are missed or left undecided.
+/// an apex give a miss or are left undecided.
 #[inline(always)]
 pub(super) fn entry(
     ray: &ObjectRay,
@@ -55,7 +55,7 @@ pub(super) fn entry(
     let h = begin * begin + k * room;
     let wide = 8.0 * (size + error_bound) * error_bound;
     let e_h = square * wide;
-    // Written so that a NaN is not sure.
+    // Written so that a NaN is undecided.
     if !(k >= square * (1.0 / 16.0) && r0 >= 0.0 && r1 >= 0.0) {
         return Verdict::Undecided;
     }

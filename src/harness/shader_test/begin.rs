@@ -41,8 +41,8 @@ impl ShaderTest {
 
     pub(super) fn override_builtins(&self, batch: &mut Batch<1>) {
         for (builtin, words) in &self.builtins {
-            for rows in self.program.inputs.iter().filter(|rows| rows.builtin == *builtin) {
-                batch.registers.set_lane_words(rows.first, 0, words.iter().copied());
+            for registers in self.program.inputs.iter().filter(|registers| registers.builtin == *builtin) {
+                batch.registers.set_lane_words(registers.first, 0, words.iter().copied());
             }
         }
     }
@@ -51,32 +51,32 @@ impl ShaderTest {
         if self.payload.is_none() && self.members.is_empty() {
             return Ok(());
         }
-        let Some(rows) = self.payload_rows() else {
+        let Some(registers) = self.payload_rows() else {
             let given = self.payload.as_ref().map_or("members", |given| &given.rust.name);
             return Err(invalid(format!("the shader does not use the payload that it is given: `{given}`")));
         };
-        let mut data = self.data(batch, rows, "the payload");
+        let mut data = self.data(batch, registers, "the payload");
         if let Some(given) = &self.payload {
             data.take(given)?;
         }
         for (path, scalars) in &self.members {
             data.set(path, &scalars[..])?;
         }
-        batch.registers.set_lane_words(rows.first, 0, data.words());
+        batch.registers.set_lane_words(registers.first, 0, data.words());
         Ok(())
     }
 
     pub(super) fn fill_attributes(&self, batch: &mut Batch<1>) -> Result<()> {
         let Some(given) = &self.attributes else { return Ok(()) };
-        let Some(rows) = self.program.interface_registers(storage::HIT_ATTRIBUTE) else {
+        let Some(registers) = self.program.interface_registers(storage::HIT_ATTRIBUTE) else {
             let given = &given.rust.name;
             return Err(invalid(format!(
                 "the shader does not use the hit attributes that it is given: `{given}`"
             )));
         };
-        let mut data = self.data(batch, rows, "the hit attributes");
+        let mut data = self.data(batch, registers, "the hit attributes");
         data.take(given)?;
-        batch.registers.set_lane_words(rows.first, 0, data.words());
+        batch.registers.set_lane_words(registers.first, 0, data.words());
         Ok(())
     }
 }

@@ -44,8 +44,12 @@ impl ShaderTest {
         self.override_builtins(&mut batch);
         self.fill_payload(&mut batch)?;
         let attribute_rows = program.interface_registers(storage::HIT_ATTRIBUTE);
-        if let (Some(rows), Some(words)) = (attribute_rows, attributes) {
-            batch.registers.set_lane_words(rows.first, 0, words.into_iter().take(rows.count as usize));
+        if let (Some(registers), Some(words)) = (attribute_rows, attributes) {
+            batch.registers.set_lane_words(
+                registers.first,
+                0,
+                words.into_iter().take(registers.count as usize),
+            );
         }
         self.fill_attributes(&mut batch)?;
         let mut events = vec![self.enter(&batch)];
@@ -87,7 +91,7 @@ impl ShaderTest {
         if let Exit::Trapped(trap) = exit {
             return Err(trap_error(program, &batch, 0, trap));
         }
-        let words = self.payload_rows().map_or_else(Vec::new, |rows| words(&batch, rows));
+        let words = self.payload_rows().map_or_else(Vec::new, |registers| words(&batch, registers));
         events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
         let explanation = Arc::new(Explanation {
             pipeline: self.pipeline(),
@@ -105,7 +109,7 @@ impl ShaderTest {
             executes,
             calls,
             printed: printed.into_iter().map(|line| line.text).collect(),
-            data: self.payload_rows().map(|rows| self.data(&batch, rows, "the payload")),
+            data: self.payload_rows().map(|registers| self.data(&batch, registers, "the payload")),
             bound: Bound { programs: vec![self.program.clone()], resources },
             explanation,
         })
@@ -121,24 +125,33 @@ impl ShaderTest {
     fn enter(&self, batch: &Batch<1>) -> Event {
         let read = |first: Reg, count| batch.registers.lane_words(first, count, 0).collect();
         let inputs = self.program.inputs.iter();
-        let rows = |rows: Option<&InterfaceRegisters>| rows.map_or_else(Vec::new, |rows| words(batch, rows));
+        let registers = |registers: Option<&InterfaceRegisters>| {
+            registers.map_or_else(Vec::new, |registers| words(batch, registers))
+        };
         Event::Enter {
             shader: Shader(0),
             stage: self.program.stage,
-            builtins: inputs.map(|rows| (rows.builtin, read(rows.first, rows.count))).collect(),
-            payload: rows(self.payload_rows()),
-            attributes: rows(self.program.interface_registers(storage::HIT_ATTRIBUTE)),
+            builtins: inputs
+                .map(|registers| (registers.builtin, read(registers.first, registers.count)))
+                .collect(),
+            payload: registers(self.payload_rows()),
+            attributes: registers(self.program.interface_registers(storage::HIT_ATTRIBUTE)),
         }
     }
 
-    pub(super) fn data(&self, batch: &Batch<1>, rows: &InterfaceRegisters, what: &'static str) -> TypedBytes {
-        let words = batch.registers.lane_words(rows.first, rows.count, 0);
-        TypedBytes::new(&self.program.module, rows.ty, what, words)
+    pub(super) fn data(
+        &self,
+        batch: &Batch<1>,
+        registers: &InterfaceRegisters,
+        what: &'static str,
+    ) -> TypedBytes {
+        let words = batch.registers.lane_words(registers.first, registers.count, 0);
+        TypedBytes::new(&self.program.module, registers.ty, what, words)
     }
 
-    pub(super) fn read(&self, batch: &Batch<1>, rows: Option<&InterfaceRegisters>) -> Value {
-        let Some(rows) = rows else { return Value::nothing() };
-        self.data(batch, rows, "").value()
+    pub(super) fn read(&self, batch: &Batch<1>, registers: Option<&InterfaceRegisters>) -> Value {
+        let Some(registers) = registers else { return Value::nothing() };
+        self.data(batch, registers, "").value()
     }
 
     pub(super) fn payload_rows(&self) -> Option<&InterfaceRegisters> {
@@ -151,6 +164,6 @@ impl ShaderTest {
 }
 
 /// The words of an interface variable.
-fn words(batch: &Batch<1>, rows: &InterfaceRegisters) -> Vec<u32> {
-    batch.registers.lane_words(rows.first, rows.count, 0).collect()
+fn words(batch: &Batch<1>, registers: &InterfaceRegisters) -> Vec<u32> {
+    batch.registers.lane_words(registers.first, registers.count, 0).collect()
 }

@@ -22,11 +22,11 @@ impl ShaderTest {
         if answer.is_empty() { error } else { error.note(answer) }
     }
 
-    /// The variable of the interface whose rows an instruction names.
+    /// The variable of the interface whose registers an instruction names.
     fn data_at(&self, batch: &Batch<1>, at: RegSpan, what: &'static str) -> TypedBytes {
-        let rows = self.program.interface.iter().find(|rows| rows.first == at.first);
-        let rows = rows.expect("bug in anyhit: a payload that is no variable of the interface");
-        self.data(batch, rows, what)
+        let registers = self.program.interface.iter().find(|registers| registers.first == at.first);
+        let registers = registers.expect("bug in anyhit: a payload that is no variable of the interface");
+        self.data(batch, registers, what)
     }
 
     /// Serves a trace; `None` where the shader traps at it.
@@ -139,7 +139,7 @@ impl ShaderTest {
         &self,
         batch: &mut Batch<1>,
         index: Reg,
-        rows: RegSpan,
+        span: RegSpan,
         number: usize,
     ) -> Result<CallableCall> {
         let answer = self.calls.as_ref().ok_or_else(|| {
@@ -147,10 +147,10 @@ impl ShaderTest {
             self.calls_out("calls a callable shader", how)
         })?;
         let index = batch.registers[index].0[0];
-        let data = self.data_at(batch, rows, "the callable data");
+        let data = self.data_at(batch, span, "the callable data");
         let mut call = CallableCall { number, index, given: data.value(), data };
         answer.give(&mut call).map_err(|error| error.context(format!("call {}", number + 1)))?;
-        batch.registers.set_lane_words(rows.first, 0, call.data.words().take(rows.count as usize));
+        batch.registers.set_lane_words(span.first, 0, call.data.words().take(span.count as usize));
         Ok(call)
     }
 
@@ -177,6 +177,6 @@ impl ShaderTest {
 
 /// What a hit object holds.
 fn held(batch: &Batch<1>, object: ObjectRef) -> Result<HitObject, TrapCode> {
-    let row = object.register(&batch.registers, 0)?;
-    Ok(batch.hit_objects.get(batch.registers[row].0[0]).cloned().unwrap_or_default())
+    let register = object.register(&batch.registers, 0)?;
+    Ok(batch.hit_objects.get(batch.registers[register].0[0]).cloned().unwrap_or_default())
 }

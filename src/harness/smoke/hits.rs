@@ -29,10 +29,11 @@ impl SmokeGeometry {
     /// tells: hit attributes of other than two floats are those of an intersection shader, and a
     /// builtin that only one kind has means that kind.
     pub fn of_program(program: &Program) -> Vec<Self> {
-        if program.interface_registers(storage::HIT_ATTRIBUTE).is_some_and(|rows| rows.count != 2) {
+        if program.interface_registers(storage::HIT_ATTRIBUTE).is_some_and(|registers| registers.count != 2) {
             return vec![Self::Aabb];
         }
-        let reads = |name: &str| program.inputs.iter().any(|rows| rows.builtin.name.starts_with(name));
+        let reads =
+            |name: &str| program.inputs.iter().any(|registers| registers.builtin.name.starts_with(name));
         let telling = [
             (Self::Triangle, reads("HitTriangle")),
             (Self::Sphere, reads("HitSphere") || reads("HitIsSphere")),

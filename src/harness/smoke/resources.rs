@@ -121,8 +121,8 @@ pub fn given(
         }
     }
     let mut words = |class: u32| {
-        let rows = program.interface_registers(class)?;
-        Some(filler.words(rows.ty, u64::from(class) << 48))
+        let registers = program.interface_registers(class)?;
+        Some(filler.words(registers.ty, u64::from(class) << 48))
     };
     let payload = words(storage::INCOMING_RAY_PAYLOAD).or_else(|| words(storage::INCOMING_CALLABLE_DATA));
     let attributes = words(storage::HIT_ATTRIBUTE);
@@ -175,7 +175,7 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
 /// from others.
 pub fn answer(
     module: &Module,
-    rows: &InterfaceRegisters,
+    registers: &InterfaceRegisters,
     (numbers, root): (ValueSource, u64),
     far: u32,
 ) -> Vec<u32> {
@@ -187,7 +187,7 @@ pub fn answer(
         _ => Like::Hit,
     };
     let mut answer = Answer { module, numbers, root, like, words: Vec::new() };
-    answer.append(rows.ty);
+    answer.append(registers.ty);
     answer.words
 }
 

@@ -158,11 +158,11 @@ impl PipelineObserver for StandIn<'_> {
         let [x, y, z] = self.launch_id.map(u64::from);
         let before = std::mem::replace(before, *before + 1);
         let root = mix(mix(x | y << 32, z), before);
-        let rows = self.program.interface.iter().find(|rows| rows.first == caller.payload);
-        let Some(rows) = rows.filter(|_| caller.shader == Shader(0)) else { return };
+        let registers = self.program.interface.iter().find(|registers| registers.first == caller.payload);
+        let Some(registers) = registers.filter(|_| caller.shader == Shader(0)) else { return };
         // Loops that wait for a sum end, too.
         let far = FAR.saturating_mul(1 + (before / 16) as u32);
-        let answer = resources::answer(&self.program.module, rows, (self.numbers, root), far);
+        let answer = resources::answer(&self.program.module, registers, (self.numbers, root), far);
         words.iter_mut().zip(answer).for_each(|(to, word)| *to = word);
     }
 }

@@ -437,7 +437,8 @@ impl Probe for Mover<'_> {
         let program = &plan.programs.all[self.shader];
         match &program.ops[op as usize] {
             &Op::RayQuery(ray_query::RayQueryOp::Proceed { query, to }) if batch.registers[to].0[0] == 0 => {
-                let handle = query.register(&batch.registers, 0).map(|row| batch.registers[row].0[0]);
+                let handle =
+                    query.register(&batch.registers, 0).map(|register| batch.registers[register].0[0]);
                 if let Ok(query) = handle.and_then(|handle| batch.queries.query(handle)) {
                     let place = (self.shader, program.origins[op as usize].offset, Where::Hit);
                     self.decide(hit_code(query.committed()), place);

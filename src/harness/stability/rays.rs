@@ -24,13 +24,13 @@ impl Numbers {
     pub const T_MAX: u32 = 7;
     const COUNT: u32 = 8;
 
-    /// Their rows, behind the first of the operands.
+    /// Their registers, given the first of the operands.
     pub fn rows(self, operands: Reg) -> impl Iterator<Item = Reg> {
         (0..Self::COUNT).map(move |word| operands.plus(self.0 + word))
     }
 }
 
-/// What stands beside the numbers of a ray.
+/// The shadow entries of the numbers of a ray.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beside(pub Vec<Option<Entry>>);
 

@@ -200,7 +200,7 @@ impl<'a> ShadowInterpreter<'a> {
 
     fn moves(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp) {
         let Some(frame) = self.frames.last_mut() else { return };
-        let at = |first: Reg, row: Reg| first.computed(batch.registers[row].0[0]);
+        let at = |first: Reg, register: Reg| first.computed(batch.registers[register].0[0]);
         match *op {
             memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from } => {
                 let entry = frame.entry(from);
@@ -248,8 +248,8 @@ impl<'a> ShadowInterpreter<'a> {
                 frame.forget(first, count);
             }
         });
-        let row = |query: ObjectRef| query.register(&batch.registers, 0).ok();
-        let handle = op.query().and_then(row).map(|row| batch.registers[row].0[0]);
+        let register = |query: ObjectRef| query.register(&batch.registers, 0).ok();
+        let handle = op.query().and_then(register).map(|register| batch.registers[register].0[0]);
         let Some((handle, Ok(query))) = handle.map(|handle| (handle, batch.queries.query(handle))) else {
             return;
         };
@@ -297,7 +297,7 @@ impl<'a> ShadowInterpreter<'a> {
         let caller = self.frames.last();
         let data = match stage {
             Stage::Callable => caller.and_then(|caller| match caller.waits {
-                Waits::Call(rows) => Some(caller.entries(rows)),
+                Waits::Call(span) => Some(caller.entries(span)),
                 _ => None,
             }),
             _ => self.rays.last().map(|ray| ray.payload.clone()),
@@ -317,11 +317,11 @@ impl<'a> ShadowInterpreter<'a> {
             _ => self.rays.last().map_or_else(Beside::default, |ray| ray.beside.clone()),
         };
         let frame = self.enter(shader);
-        if let (Some(rows), Some(data)) = (program.interface_registers(class), data) {
-            frame.set_all(rows.span(), &data);
+        if let (Some(registers), Some(data)) = (program.interface_registers(class), data) {
+            frame.set_all(registers.span(), &data);
         }
-        if let Some(rows) = program.interface_registers(storage::HIT_ATTRIBUTE) {
-            frame.set_all(rows.span(), &attributes);
+        if let Some(registers) = program.interface_registers(storage::HIT_ATTRIBUTE) {
+            frame.set_all(registers.span(), &attributes);
         }
         for input in &program.inputs {
             let entry = |word: u32| match input.builtin.number {
@@ -343,15 +343,15 @@ impl<'a> ShadowInterpreter<'a> {
         let Some(frame) = self.frames.pop() else { return };
         let program = &self.plan.programs.all[frame.shader];
         if stage == Stage::Callable {
-            let rows = program.interface_registers(storage::INCOMING_CALLABLE_DATA);
-            if let (Some(rows), Some(caller)) = (rows, self.frames.last_mut())
+            let registers = program.interface_registers(storage::INCOMING_CALLABLE_DATA);
+            if let (Some(registers), Some(caller)) = (registers, self.frames.last_mut())
                 && let Waits::Call(data) = caller.waits
             {
-                caller.set_all(data, &frame.entries(rows.span()));
+                caller.set_all(data, &frame.entries(registers.span()));
             }
         } else if let Some(ray) = self.rays.last_mut() {
-            if let Some(rows) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) {
-                ray.payload = frame.entries(rows.span());
+            if let Some(registers) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) {
+                ray.payload = frame.entries(registers.span());
             }
             if let (Stage::AnyHit, Exit::Ignored, Some(place)) = (stage, exit, ray.candidate) {
                 ray.ignored.insert(place);
@@ -422,9 +422,9 @@ impl Probe for ShadowInterpreter<'_> {
         }
         let Some(frame) = self.frames.last_mut() else { return };
         match std::mem::take(&mut frame.waits) {
-            Waits::Trace(rows) => {
+            Waits::Trace(span) => {
                 if let Some(ray) = self.rays.pop() {
-                    frame.set_all(rows, &ray.payload);
+                    frame.set_all(span, &ray.payload);
                 }
             }
             Waits::No | Waits::Call(_) | Waits::Report => {}
@@ -466,8 +466,8 @@ impl Probe for ShadowInterpreter<'_> {
                 frame.waits = Waits::Report;
                 frame.forget(accepted, 1);
                 let t = frame.entry(t);
-                let rows = program.interface_registers(storage::HIT_ATTRIBUTE);
-                let attributes = rows.map_or_else(Vec::new, |rows| frame.entries(rows.span()));
+                let registers = program.interface_registers(storage::HIT_ATTRIBUTE);
+                let attributes = registers.map_or_else(Vec::new, |registers| frame.entries(registers.span()));
                 if let Some(ray) = self.rays.last_mut() {
                     ray.reported = (t, attributes);
                 }

@@ -1,4 +1,4 @@
-//! The f64 values that stand beside a shader's registers.
+//! The f64 shadow values of a shader's registers.
 
 use std::collections::HashMap;
 
@@ -6,11 +6,11 @@ use crate::harness::stability::rays::{Beside, Numbers, Queried};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg};
 
-/// What stands beside a word, or beside the two words of a wide number.
+/// The shadow of a word, or of the two words of a wide number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Entry {
-    /// The bits that it stands beside: where the register holds others by now, something that is
-    /// not followed wrote it, and the entry means nothing.
+    /// The bits of the register: if it holds others by now, it was written by something that is not
+    /// shadowed, and the entry is invalid.
     pub bits: u64,
     /// The value without the rounding; of a truth value 0 or 1, of an integer the integer.
     pub value: f64,
@@ -20,7 +20,7 @@ pub(super) struct Entry {
 #[derive(Debug, Default)]
 pub(super) struct Frame {
     pub shader: usize,
-    /// By row; an entry counts only with the frame's own number.
+    /// By register; an entry is valid only with the frame's own number.
     entries: Vec<(u64, Entry)>,
     number: u64,
     /// What it waits for.
@@ -46,51 +46,51 @@ pub(super) enum Waits {
 }
 
 impl Frame {
-    /// Begins anew as the frame of a shader with so many rows.
-    pub fn begin(&mut self, shader: usize, rows: usize, number: u64) {
-        self.entries.resize(rows.max(self.entries.len()), (0, Entry::default()));
+    /// Resets the frame for a shader with that many registers.
+    pub fn begin(&mut self, shader: usize, registers: usize, number: u64) {
+        self.entries.resize(registers.max(self.entries.len()), (0, Entry::default()));
         (self.shader, self.number) = (shader, number);
         (self.waits, self.waits_at) = (Waits::No, 0);
         self.queries.clear();
     }
 
-    /// The entry at a row, whatever the row holds by now.
+    /// The entry of a register, whatever the register holds by now.
     pub fn entry(&self, reg: Reg) -> Option<Entry> {
         let &(number, entry) = self.entries.get(reg.0 as usize)?;
         (number == self.number).then_some(entry)
     }
 
-    /// The value beside what a register of one or two words holds.
+    /// The shadow value of a register of one or two words, if it holds `bits`.
     pub fn value(&self, reg: Reg, bits: u64) -> Option<f64> {
         self.entry(reg).filter(|entry| entry.bits == bits).map(|entry| entry.value)
     }
 
-    /// Puts an entry at a row, or takes it away.
+    /// Sets the entry of a register, or removes it.
     pub fn set(&mut self, reg: Reg, entry: Option<Entry>) {
         if let Some(place) = self.entries.get_mut(reg.0 as usize) {
             *place = entry.map_or((0, Entry::default()), |entry| (self.number, entry));
         }
     }
 
-    /// Takes away what stands beside some rows.
+    /// Removes the entries of some registers.
     pub fn forget(&mut self, first: Reg, count: u32) {
         (0..count).for_each(|word| self.set(first.plus(word), None));
     }
 
-    /// What stands beside the numbers of a ray, given the first of an instruction's operands.
+    /// The entries of the numbers of a ray, given the first of an instruction's operands.
     pub fn beside(&self, numbers: Numbers, operands: Reg) -> Beside {
-        Beside(numbers.rows(operands).map(|row| self.entry(row)).collect())
+        Beside(numbers.rows(operands).map(|register| self.entry(register)).collect())
     }
 
-    /// What stands beside some rows.
-    pub fn entries(&self, rows: RegSpan) -> Vec<Option<Entry>> {
-        (0..rows.count).map(|word| self.entry(rows.first.plus(word))).collect()
+    /// The entries of some registers.
+    pub fn entries(&self, span: RegSpan) -> Vec<Option<Entry>> {
+        (0..span.count).map(|word| self.entry(span.first.plus(word))).collect()
     }
 
-    /// Puts entries beside rows.
-    pub fn set_all(&mut self, rows: RegSpan, entries: &[Option<Entry>]) {
-        for word in 0..rows.count {
-            self.set(rows.first.plus(word), entries.get(word as usize).copied().flatten());
+    /// Sets the entries of registers.
+    pub fn set_all(&mut self, span: RegSpan, entries: &[Option<Entry>]) {
+        for word in 0..span.count {
+            self.set(span.first.plus(word), entries.get(word as usize).copied().flatten());
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Access to single texels by integer coordinates: `OpImageFetch`, `OpImageRead`, `OpImageWrite`,
-//! and the place that `OpImageTexelPointer` leads atomic instructions to.
+//! and the texel that `OpImageTexelPointer` gives to atomic instructions.
 //!
-//! A coordinate outside the image stops its lane (Vulkan, "Integer Texel Coordinate Validation").
+//! A coordinate outside the image traps its lane (Vulkan, "Integer Texel Coordinate Validation").
 
 use rspirv::spirv::Op as Opcode;
 
@@ -23,13 +23,13 @@ use crate::ops::translate::{IdValue, Translator, Words};
 /// A texel by integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TexelPlace {
-    /// What the shader declares of the image.
+    /// The declared view of the image.
     pub view: View,
     /// The image's handle.
     pub image: Reg,
     /// Column, row, slice, then layer or cube face, as many as the dimension has.
     pub coordinate: Words,
-    /// Added to the column, row and slice.
+    /// The offset that is added to the column, row and slice.
     pub offset: Option<Words>,
     /// The mip level.
     pub level: Option<Reg>,
@@ -91,7 +91,7 @@ impl TexelPlace {
         Ok((image, image.index(&position).ok_or_else(outside)?))
     }
 
-    /// The coordinates with the offset added, which layers and faces have none of.
+    /// The coordinates with the offset added; layers and faces have no offset.
     fn coordinates<const W: usize>(&self, reader: Reader<'_, '_, W>) -> impl Iterator<Item = i64> {
         let axes = self.view.dimension.axes();
         self.coordinate.iter().enumerate().map(move |(axis, &reg)| {
@@ -101,7 +101,7 @@ impl TexelPlace {
         })
     }
 
-    /// Remembers what the lane asked for, for the report of its trap.
+    /// Stores the coordinates of the lane, for the report of its trap.
     #[cold]
     pub fn remember<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
         let reader = Reader::new(&batch.registers, lane, bindings);
@@ -126,8 +126,8 @@ impl TexelPlace {
         batch.remember_access(lane, accessed);
     }
 
-    /// The place as atomic instructions need it: its texel has the size of the scalar that the
-    /// pointer points to, or is the vector of so many 16-bit floats.
+    /// As [`TexelPlace::find`], for atomic instructions: the texel must have the size of the scalar
+    /// that the pointer points to, or be the vector of that many 16-bit floats.
     ///
     /// # Errors
     /// As [`TexelPlace::find`], and `ImageMismatch` for a texel of another size.
@@ -152,7 +152,7 @@ impl TexelPlace {
 pub struct TexelRead {
     /// Where to.
     pub to: Texel,
-    /// Where from.
+    /// The texel.
     pub place: TexelPlace,
 }
 
@@ -167,7 +167,7 @@ impl TexelRead {
     pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
         match self.place.find(reader) {
             Ok((image, index)) => Ok(image.format().decode(image.load(index))),
-            // Zeros, with what the format lacks added (Vulkan, robustImageAccess2).
+            // Zeros, with missing components of the format filled in (Vulkan, robustImageAccess2).
             Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => {
                 Ok(reader.image(self.place.view, self.place.image)?.format().decode(0))
             }

@@ -1,26 +1,26 @@
-//! From coordinates in texels to the texels themselves (Vulkan, "(u,v,w,a) to (i,j,k,l,n)
-//! Transformation" and "Wrapping Operation").
+//! Converts coordinates in texels to texels (Vulkan, "(u,v,w,a) to (i,j,k,l,n) Transformation" and
+//! "Wrapping Operation").
 //!
-//! A coordinate that is not a number counts as 0; an infinite one leads as far as integers do, and
-//! the address mode decides. Neither has a fraction.
+//! A NaN coordinate counts as 0; an infinite one saturates to the integer range, and the address
+//! mode applies. Neither has a fraction.
 
 use crate::machine::sampler::AddressMode;
 
-/// The integer that a coordinate lies in, and its fraction within.
+/// The integer part and the fraction of a coordinate.
 pub fn floor(coordinate: f32) -> (i64, f32) {
     let floor = coordinate.floor();
     let fraction = coordinate - floor;
-    // `as` saturates, and takes not-a-number to 0.
+    // `as` saturates, and converts NaN to 0.
     (i64::from(floor as i32), if fraction.is_nan() { 0.0 } else { fraction })
 }
 
-/// The layer that an array coordinate names: rounded to nearest even, clamped to the `count` layers
-/// that there are.
+/// The layer that an array coordinate names: rounded to nearest even, clamped to the `count`
+/// layers.
 pub fn layer(coordinate: f32, count: u32) -> i64 {
     (coordinate.round_ties_even() as i64).clamp(0, i64::from(count) - 1)
 }
 
-/// The texel of an axis of `size` texels that a coordinate is wrapped to; `None` is the border.
+/// Wraps a coordinate to an axis of `size` texels; `None` is the border.
 pub fn wrap(mode: AddressMode, at: i64, size: u32) -> Option<i64> {
     let size = i64::from(size);
     match mode {

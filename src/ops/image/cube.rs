@@ -1,14 +1,14 @@
 //! Cube maps: face selection, and texels beyond a face's edge (Vulkan, "Cube Map Face Selection"
 //! and "Cube Map Edge Handling").
 //!
-//! The face is that of the component of largest magnitude; of equals z wins over y and x, y over x.
-//! A component that is not a number is never the largest.
+//! The face is that of the component of largest magnitude; on ties z wins over y and x, y over x. A
+//! NaN component is never the largest.
 
 use std::ops::Neg;
 
-/// The face that a direction meets, as the layer within its cube: +x, -x, +y, -y, +z, -z.
+/// The face that a direction hits, as the layer within its cube: +x, -x, +y, -y, +z, -z.
 pub fn face([x, y, z]: [f32; 3]) -> u32 {
-    // What is not a number must lose every comparison.
+    // A NaN must lose every comparison.
     let size = |component: f32| if component.is_nan() { -1.0 } else { component.abs() };
     let (component, positive) = if size(z) >= size(x) && size(z) >= size(y) {
         (z, 4)
@@ -49,23 +49,23 @@ pub fn coordinates([s, t, r]: [f32; 3]) -> [f32; 2] {
     [s, t].map(|component| 0.5 * (component / r.abs()) + 0.5)
 }
 
-/// How (s_face, t_face) change, where the direction (s_c, t_c, r_c) changes like `change`; both on
-/// the direction's face ("Cube Map Derivative Transformation").
+/// The derivatives of (s_face, t_face), given the derivatives `change` of the direction (s_c, t_c,
+/// r_c); both on the direction's face ("Cube Map Derivative Transformation").
 ///
 /// `|r_c|` grows with the derivative that the specification's table gives for `r_c`: that of the
-/// axis, turned round on negative faces.
+/// axis, negated on negative faces.
 pub fn derivatives([s, t, r]: [f32; 3], change: [f32; 3]) -> [f32; 2] {
     let growth = if r.is_sign_negative() { -change[2] } else { change[2] };
     let one = |at: f32, change: f32| 0.5 * ((r.abs() * change - at * growth) / (r * r));
     [one(s, change[0]), one(t, change[1])]
 }
 
-/// The texel at (i, j) of a face of `size` texels each way, and its face, where it lies beyond one
-/// edge by one texel; `None` beyond a corner, where no texel is.
+/// The texel at (i, j) of a face of `size` x `size` texels, and its face, where (i, j) lies one
+/// texel beyond an edge; `None` beyond a corner, where there is no texel.
 ///
-/// Texel centres are vectors of whole numbers: with the half side `size`, texel i stands at
-/// `2 i + 1 - size`. Beyond an edge that is one more than the half side; folded over the edge, the
-/// texel lies in the neighbouring face's plane, one step below its border.
+/// Texel centres are integer vectors: with the half side `size`, texel i is at `2 i + 1 - size`.
+/// Beyond an edge, that is one more than the half side; folded over the edge, the texel lies in the
+/// neighbouring face's plane, one step below its border.
 pub fn neighbour(face: u32, [i, j]: [i64; 2], size: u32) -> Option<(u32, [i64; 2])> {
     let size = i64::from(size);
     let outside = |at: i64| at < 0 || at >= size;
@@ -133,8 +133,9 @@ mod tests {
 
     #[test]
     fn neighbours_share_the_edge() {
-        // Every texel beyond an edge must touch the texel it is reached from: of their centres in
-        // space, (4 times) the distance is that of two cells folded over the cube's edge.
+        // Every texel beyond an edge must touch the texel that it is reached from: for their
+        // centres in space, (4 times) the distance is that of two cells folded over the cube's
+        // edge.
         let size = 4;
         let centre = |face: u32, [i, j]: [i64; 2]| {
             let sign = if face.is_multiple_of(2) { 1 } else { -1 };

@@ -7,17 +7,16 @@
 //! * linear: with `u - 0.5 = i0 + alpha`, the sum of `((w_i * w_j) * w_k) * texel` over k, then j,
 //!   then i, lower numbers first; `w_i0 = 1 - alpha`, `w_i1 = alpha`. Weights have all 24 bits of a
 //!   binary32 (`subTexelPrecisionBits` is not 8). Every operation is rounded to nearest even, none
-//!   is contracted. A texel whose weight is 0 takes no part, so that an infinity beside does no
-//!   harm.
+//!   is contracted. A texel whose weight is 0 is left out, so that an infinity in it has no effect.
 //!
-//! Between levels: `w_hi * value_hi + w_lo * value_lo`; a level whose weight is 0 takes no part. A
-//! stretched footprint with N > 1 probes is the sum of the values at `(s, t, r) + (i / (N + 1) -
-//! 0.5) * d(s, t, r)`, i from 1 to N, divided by N; for a cube the probes are directions, each
-//! choosing its face. With the reductions min and max, the least or greatest value stands for each
-//! sum. All of this is one lane's affair, so that a batch's width cannot change it.
+//! Between levels: `w_hi * value_hi + w_lo * value_lo`; a level whose weight is 0 is left out. An
+//! anisotropic footprint with N > 1 probes is the sum of the values at `(s, t, r) + (i / (N + 1) -
+//! 0.5) * d(s, t, r)`, i from 1 to N, divided by N; for a cube the probes are directions, each with
+//! a face of its own. With the reductions min and max, the least or greatest value replaces each
+//! sum. Each lane is filtered by itself, so that the batch width does not change the result.
 //!
 //! Linear filters of cubes are seamless: beyond an edge lies the neighbouring face; beyond a corner
-//! the mean of the three texels that meet there, `((own + along i) + along j) / 3`. Cubes know no
+//! the mean of the three texels that meet there, `((own + along i) + along j) / 3`. Cubes have no
 //! other address mode; nearest filters clamp to the edge.
 //!
 //! Integer formats are never filtered linearly (no such format has the feature): the nearest texel
@@ -28,7 +27,7 @@ use crate::machine::image::{Image, Position};
 use crate::machine::sampler::{BorderColor, Filter, ReductionMode, Sampler};
 use crate::ops::image::{address, cube, level};
 
-/// Where the level of detail comes from.
+/// The source of the level of detail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lod {
     /// The instruction gives it.
@@ -55,7 +54,7 @@ pub struct Lookup<'a> {
 }
 
 impl<'a> Lookup<'a> {
-    /// At the origin of the first layer.
+    /// A lookup at the origin of the first layer.
     pub fn new(image: &'a Image, sampler: &'a Sampler) -> Self {
         Self { image, sampler, at: [0.0; 3], layer: 0.0, offset: [0; 3], reference: None }
     }
@@ -106,8 +105,8 @@ impl Lookup<'_> {
         bits(mean)
     }
 
-    /// The level that would be accessed, between two of them a fraction, and lambda', which no
-    /// limit touches (`OpImageQueryLod`).
+    /// The level that would be accessed, fractional between two levels, and lambda', which is not
+    /// clamped (`OpImageQueryLod`).
     pub fn query(&self, lod: Lod) -> [f32; 2] {
         let lambda = level::biased(self.footprint(lod).0, self.sampler, 0.0);
         let lod = level::lod(lambda, self.sampler, 0.0);
@@ -115,14 +114,14 @@ impl Lookup<'_> {
         [levels[0].0 as f32 + levels[1].1, lambda]
     }
 
-    /// The texel of a plane's level 0, by the address modes.
+    /// A texel of level 0 of a 2D image, by the address modes.
     pub fn plane_texel(&self, at: [i64; 2]) -> [f32; 4] {
         let point = Point { at: [0.0; 3], layer: 0 };
         floats(self.texel(&point, 0, [at[0], at[1], 0], Filter::Nearest))
     }
 
-    /// Whether one level alone is read, which of them is meant, and the first and last texel read
-    /// in it: none of the coarser one where it is not read. For addresses clamped to the edge.
+    /// Whether only one level is read, the level, and the first and last texel read in it; none of
+    /// the coarser level if it is not read. For addresses clamped to the edge.
     pub fn texels(
         &self,
         lod: Lod,
@@ -177,7 +176,7 @@ impl Lookup<'_> {
         self.image.format().class() != Class::Float
     }
 
-    /// lambda_base, the number of probes and the way along which they lie.
+    /// lambda_base, the number of probes and the vector along which they lie.
     fn footprint(&self, lod: Lod) -> (f32, u32, [f32; 3]) {
         let gradients = match lod {
             Lod::Explicit(lod) => return (lod, 1, [0.0; 3]),
@@ -275,7 +274,7 @@ impl Lookup<'_> {
         floats(self.texel(point, level, at, Filter::Linear))
     }
 
-    /// The texel that integer coordinates lead to, by the address modes.
+    /// The texel at integer coordinates, by the address modes.
     fn texel(&self, point: &Point, level: u32, at: [i64; 3], filter: Filter) -> [u64; 4] {
         let shape = self.image.shape();
         let extent = self.image.level_extent(level);
@@ -299,7 +298,8 @@ impl Lookup<'_> {
         self.stored(Some(Position { at: wrapped, layer, sample: 0, level }))
     }
 
-    /// A texel of the image or, without a position, of the border; compared where that is asked.
+    /// A texel of the image or, without a position, of the border; compared if the lookup has a
+    /// reference.
     fn stored(&self, position: Option<Position>) -> [u64; 4] {
         let format = self.image.format();
         let mut texel = match position {
@@ -322,7 +322,7 @@ impl Lookup<'_> {
         texel
     }
 
-    /// The border colour; components that the format lacks are those of any texel.
+    /// The border colour; missing components of the format are filled in as for any texel.
     fn border(&self) -> [u64; 4] {
         let format = self.image.format();
         let one = format.one();
@@ -338,7 +338,7 @@ impl Lookup<'_> {
     }
 }
 
-/// A weighted sum, or the least or greatest of what is added.
+/// A weighted sum, or the least or greatest of the values.
 struct Sum {
     reduction: ReductionMode,
     so_far: Option<[f32; 4]>,
@@ -351,7 +351,7 @@ impl Sum {
 
     fn add(&mut self, weight: f32, value: [f32; 4]) {
         let value = match self.reduction {
-            // A texel that stands alone keeps its bits.
+            // A single texel keeps its bits.
             ReductionMode::WeightedAverage if weight != 1.0 => value.map(|part| weight * part),
             _ => value,
         };

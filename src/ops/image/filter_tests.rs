@@ -1,4 +1,4 @@
-//! Values of the filters worked out by hand: what the cases under `shaders/pass/images` leave out.
+//! Hand-derived values of the filters, for what the cases under `shaders/pass/images` leave out.
 
 use std::sync::Arc;
 
@@ -80,7 +80,7 @@ fn borders_take_the_components_that_the_format_has() {
         ..white
     };
     assert_eq!(red(&image, &half, [0.125, 0.5, 0.0]), 0.25 * 1.0 + 0.75 * 4.0);
-    // Integers have integers: 1 is 1, not 1.0.
+    // Integer formats give integers: 1 is 1, not 1.0.
     let integers = Image::zeroed(Format::new(Component::Uint8, 4), ImageShape::plane(1, 1)).unwrap();
     let texel = lookup(&integers, &white, [9.0, 0.5, 0.0]).sample(Lod::Explicit(0.0), 0.0, 0.0);
     assert_eq!(texel, [1; 4]);

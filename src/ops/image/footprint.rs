@@ -1,9 +1,9 @@
 //! `OpImageSampleFootprintNV` (`SPV_NV_shader_image_footprint`; Vulkan, "Texel Footprint
 //! Evaluation"): which groups of texels a sampling instruction would read.
 //!
-//! Only addresses clamped to the edge have a defined footprint, others stop their lane; so does a
-//! sampler with anisotropy, whose probes are the implementation's own affair. A texel whose weight
-//! is 0 is not read. The granularity asked for always suffices, and is told as 0.
+//! Only addresses clamped to the edge have a defined footprint, others trap their lane; so does a
+//! sampler with anisotropy, whose probes are implementation-defined. A texel whose weight is 0 is
+//! not read. The requested granularity always suffices, and is reported as 0.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -25,8 +25,8 @@ use crate::ops::translate::{Translator, Words};
 /// A query for a footprint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FootprintOp {
-    /// The registers of: whether one level is read; anchor; offset; mask of two words; level;
-    /// granularity.
+    /// The first register of the result: whether one level is read; anchor; offset; mask of two
+    /// words; level; granularity.
     pub to: Reg,
     registers: u32,
     view: View,
@@ -39,7 +39,7 @@ pub struct FootprintOp {
     operands: Operands,
 }
 
-/// Width, height and depth of a group of texels; `None` where the granularity has none.
+/// Width, height and depth of a group of texels; `None` for a granularity without groups.
 fn group(granularity: u32, axes: usize) -> Option<[u32; 3]> {
     let plane = |at: u32| match at {
         1 => Some([2, 2]),
@@ -83,7 +83,7 @@ impl FootprintOp {
         visit(Access::Write(self.to, self.registers));
     }
 
-    /// The answer for a lane, row by row.
+    /// The result for a lane, word by word.
     pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<Vec<u32>, TrapCode> {
         let image = reader.image(self.view, self.image)?;
         let sampler = reader.sampler(self.sampler)?;
@@ -111,7 +111,7 @@ impl FootprintOp {
             let last: [u32; 3] = std::array::from_fn(|axis| high[axis] / group[axis]);
             for axis in 0..axes {
                 anchor[axis] = last[axis] / side;
-                // Groups left of the anchor wrap round to the far end of the neighbourhood.
+                // Groups left of the anchor wrap around to the far end of the neighbourhood.
                 offset[axis] = (anchor[axis] * side).saturating_sub(first[axis]);
             }
             for z in first[2]..=last[2] {

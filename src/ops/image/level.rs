@@ -1,11 +1,11 @@
-//! The level of detail: from gradients or an operand to mip levels (Vulkan, "Scale Factor
+//! The level of detail: selects mip levels from gradients or an operand (Vulkan, "Scale Factor
 //! Operation, LOD Operation and Image Level(s) Selection").
 //!
 //! Where the specification leaves a choice: rho_x and rho_y are the lengths of the derivatives in
 //! texels of level 0, the squares added in the order u, v, w, each operation rounded to binary32;
 //! log2 is correctly rounded; the level of detail and its fraction have all their 24 bits; the
-//! nearest level is the preferred `ceil(d + 0.5) - 1`. A level of detail that is not a number is
-//! the least one. The limits are `maxSamplerLodBias` 16 and `maxSamplerAnisotropy` 16.
+//! nearest level is the preferred `ceil(d + 0.5) - 1`. A NaN level of detail is the least one. The
+//! limits are `maxSamplerLodBias` 16 and `maxSamplerAnisotropy` 16.
 
 use crate::machine::sampler::{Filter, Sampler};
 
@@ -54,8 +54,8 @@ pub fn lod(lod: f32, sampler: &Sampler, min_lod: f32) -> f32 {
     }
 }
 
-/// The levels that a level of detail chooses of `count`, with their weights; a weight of 0 stands
-/// for none.
+/// The levels, of `count`, that a level of detail selects, with their weights; 0 means that a level
+/// is not read.
 pub fn levels(lod: f32, mode: Filter, count: u32) -> [(u32, f32); 2] {
     let last = (count - 1) as f32;
     let level = if lod >= last {
@@ -120,7 +120,7 @@ mod tests {
         let far = Sampler { lod_bias: -40.0, min_lod: -100.0, ..Sampler::default() };
         assert_eq!(lod(0.0, &far, -100.0), -16.0);
         assert_eq!(lod(0.0, &Sampler { lod_bias: 40.0, ..far }, 0.0), 16.0);
-        // min_lod above max_lod: the greatest wins where it is passed.
+        // min_lod above max_lod: max_lod wins where it is exceeded.
         let crossed = Sampler { min_lod: 3.0, max_lod: 2.0, ..Sampler::default() };
         assert_eq!([2.5, 1.0].map(|base| lod(base, &crossed, 0.0)), [2.0, 3.0]);
     }

@@ -1,14 +1,14 @@
-//! Image instructions (SPIR-V 3.3.10): decoding, and what becomes of them.
+//! Image instructions (SPIR-V 3.3.10): their translation and their operations.
 //!
 //! * [`sample`]: sampling and gathering with an explicit level of detail; the arithmetic, from
-//!   Vulkan's "Image Operations", stands in [`filter`], [`level`], [`address`] and [`cube`].
+//!   Vulkan's "Image Operations", is in [`filter`], [`level`], [`address`] and [`cube`].
 //! * [`access`]: fetches, reads, writes and texel pointers.
 //! * [`query`]: sizes, levels, samples; [`footprint`]: which texels would be read.
 //! * [`processing`]: weighted samples, box filters, block matching.
 //!
 //! Instructions that need implicit derivatives run in compute shaders with a derivative group, and
-//! are refused elsewhere when a shader is lowered: ray-tracing stages have none. Sparse forms give
-//! residency code 0: every texel is resident.
+//! are rejected in other shaders when they are lowered: ray-tracing stages have none. Sparse forms
+//! give residency code 0: every texel is resident.
 
 pub mod access;
 pub mod address;
@@ -71,7 +71,7 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::ImageSampleFootprintNV,
 ];
 
-/// Opcodes that need implicit derivatives, and are refused by name where there are none.
+/// Opcodes that need implicit derivatives, and are rejected by name where there are none.
 pub const IMPLICIT: &[Opcode] = &[
     Opcode::ImageSampleImplicitLod,
     Opcode::ImageSampleDrefImplicitLod,
@@ -113,7 +113,7 @@ impl ImageOp {
     }
 
     /// Runs the operation for the running lanes, one after the other in their order; a lane that
-    /// fails is stopped.
+    /// fails traps.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         for lane in batch.mask.lanes() {
             if let Err(code) = self.eval_lane(&mut batch.registers, lane, bindings) {
@@ -159,7 +159,7 @@ impl ImageOp {
     }
 }
 
-/// Remembers which descriptor a lane meant, for the report of its trap.
+/// Stores the descriptor that a lane accessed, for the report of its trap.
 fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle: Reg, bindings: &Bindings) {
     let handle = batch.registers[handle].0[lane];
     batch.remember_access(lane, Accessed::descriptor(handle, bindings));
@@ -206,7 +206,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let words = translator.operand(instruction, 0)?;
             translator.result(instruction, SmallVec::from_slice(&words[..1]));
         }
-        // Code 0 says that all texels were resident, and no other code is ever made.
+        // Code 0 says that all texels were resident; no other code occurs.
         Opcode::ImageSparseTexelsResident => {
             let resident = translator.constant(1)?;
             translator.result(instruction, SmallVec::from_slice(&[resident]));
@@ -229,7 +229,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
-/// The registers of an instruction's texel, and its result made of them; a sparse one stands behind
+/// Allocates the registers of an instruction's texel and defines its result; a sparse texel follows
 /// its residency code. `checked` says that it comes from the image of operand 0.
 fn texel_result(
     translator: &mut Translator<'_>,

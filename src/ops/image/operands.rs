@@ -28,8 +28,8 @@ const ZERO_EXTEND: u32 = 0x2000;
 const NONTEMPORAL: u32 = 0x4000;
 const OFFSETS: u32 = 0x10000;
 
-/// The image operands of an instruction. What concerns caches and visibility is ignored: texels
-/// are shared directly.
+/// The image operands of an instruction. Operands for caches and visibility are ignored: texels are
+/// shared directly.
 #[derive(Clone, Debug, Default)]
 pub struct Operands {
     /// Added to an implicit level of detail.
@@ -51,8 +51,8 @@ pub struct Operands {
 }
 
 impl Operands {
-    /// Reads the operands from the mask at operand `at` on; `implicit` says whether the instruction
-    /// has an implicit level of detail.
+    /// Reads the operands, starting with the mask at operand `at`; `implicit` says whether the
+    /// instruction has an implicit level of detail.
     ///
     /// # Errors
     /// `InvalidModule` for `Bias`, which needs an implicit level of detail; `UnsupportedModule` for
@@ -144,7 +144,7 @@ impl Operands {
         Ok(operands)
     }
 
-    /// The level of detail that a lane gives.
+    /// The level of detail of a lane.
     pub fn level<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Lod {
         match &self.gradients {
             Some(given) => Lod::Gradients([0, 1].map(|way: usize| {
@@ -165,7 +165,7 @@ impl Operands {
         std::array::from_fn(|axis| part(axis).map_or(0, |&reg| reader.integer(reg)))
     }
 
-    /// Every kernel that is read.
+    /// Every register that is read.
     pub fn registers(&self) -> impl Iterator<Item = Reg> {
         let single = [self.bias, self.lod, self.sample, self.min_lod].into_iter().flatten();
         let gradients = self.gradients.iter().flatten().flatten().copied();

@@ -2,10 +2,10 @@
 //! box filters and block matching (Vulkan, "Weight Image Sampling", "Block Matching", "Box Filter
 //! Sampling").
 //!
-//! Sums go over rows, in them over columns, lower numbers first, from the first term on, each
-//! operation rounded to nearest even; fractions have all bits of a binary32. A box is 1 to 64
-//! texels wide and high, a smaller or larger one counts as that. A block that leaves the reference
-//! image stops its lane: what it matches is undefined.
+//! Sums run over rows, and within them over columns, in ascending order from the first term on,
+//! each operation rounded to nearest even; fractions have all bits of a binary32. The sides of a
+//! box are clamped to 1 to 64 texels. A block that exceeds the reference image traps its lane: its
+//! result is undefined.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -33,14 +33,14 @@ pub struct Sampled {
     sampler: Reg,
 }
 
-/// What is done.
+/// The kind of processing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProcessKind {
-    /// The mean of a box, whose sides stand in rows.
+    /// The mean of a box, with the registers of its sides.
     Box(Words),
     /// A sum weighted by another image.
     Weighted(Sampled),
-    /// Blocks are compared.
+    /// A comparison of blocks.
     Match {
         /// The other image.
         reference: Sampled,
@@ -50,12 +50,12 @@ pub enum ProcessKind {
         size: Words,
         /// Whether differences are squared.
         squared: bool,
-        /// How often.
+        /// The positions.
         times: Times,
     },
 }
 
-/// At which places of the target a block is compared.
+/// The positions in the target at which a block is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Times {
     /// At the coordinate.
@@ -149,7 +149,7 @@ fn texel(image: &Image, sampler: &Sampler, at: [i64; 2]) -> [f32; 4] {
     Lookup::new(image, sampler).plane_texel(at)
 }
 
-/// Values combined as the sampler's reduction mode has it.
+/// Values combined by the sampler's reduction mode.
 #[derive(Default)]
 struct Combined(Option<[f32; 4]>);
 
@@ -174,7 +174,7 @@ impl Combined {
 fn boxed(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]) -> [f32; 4] {
     let centre = unnormalized(image, sampler, coordinate);
     let mode = sampler.reduction_mode;
-    // Not a number counts as 1.
+    // NaN counts as 1.
     let sides = sides.map(|side| if side >= 1.0 { side.min(MOST_BOX) } else { 1.0 });
     let axis = |axis: usize| {
         let start = centre[axis] - sides[axis] / 2.0;
@@ -186,7 +186,7 @@ fn boxed(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]
             at if at + 1 == last && end != 0.0 => end,
             _ => 1.0,
         });
-        // `as` saturates, and takes not-a-number to 0.
+        // `as` saturates, and converts NaN to 0.
         (i64::from(first as i32), weights.collect::<Vec<f32>>())
     };
     let ((i, across), (j, down)) = (axis(0), axis(1));
@@ -286,7 +286,7 @@ impl Blocks<'_> {
         }
     }
 
-    /// The difference of the block of the reference and that at a place of the target.
+    /// The difference between the block of the reference and the block at a position of the target.
     fn difference(&self, target: [i64; 2]) -> [f32; 4] {
         let mode = self.sampler.reduction_mode;
         let sums = mode == ReductionMode::WeightedAverage;

@@ -13,11 +13,11 @@ use crate::ops::integer_operand::Reading;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::Translator;
 
-/// What is asked.
+/// The property of the image that is queried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Question {
     /// Width, height, depth, as many as there are, then layers (cubes in an array of cubes), of the
-    /// level in a register or of level 0. A level that does not exist stops the lane.
+    /// level in a register or of level 0. A level that does not exist traps the lane.
     Size(Option<Reg>),
     /// Mip levels.
     Levels,
@@ -28,13 +28,13 @@ pub enum Question {
 /// A query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Query {
-    /// Where the answer goes.
+    /// The registers of the result.
     pub to: Texel,
-    /// What the shader declares of the image.
+    /// The declared view of the image.
     pub view: View,
     /// The image's handle.
     pub image: Reg,
-    /// What is asked.
+    /// The property of the image that is queried.
     pub question: Question,
 }
 
@@ -48,7 +48,7 @@ impl Query {
         visit(Access::Write(self.to.to, self.to.registers()));
     }
 
-    /// The answer for a lane.
+    /// The result for a lane.
     pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
         let image = reader.image(self.view, self.image)?;
         let shape = image.shape();

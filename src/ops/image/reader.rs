@@ -1,5 +1,5 @@
-//! What image instructions read for a lane: words of its registers, and the descriptors that they
-//! name.
+//! Reads a lane's operands of image instructions: words of its registers, and the descriptors that
+//! they name.
 
 use crate::machine::image::Image;
 use crate::machine::sampler::Sampler;
@@ -7,7 +7,7 @@ use crate::machine::{Bindings, Descriptor, Reg, Registers, TrapCode};
 use crate::ops::image::view::View;
 use crate::ops::memory::OUT_OF_BOUNDS;
 
-/// The registers of a lane, and what its handles lead to.
+/// The registers of a lane, and the bindings for its handles.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader<'r, 'b, const W: usize> {
     registers: &'r Registers<W>,
@@ -17,7 +17,7 @@ pub struct Reader<'r, 'b, const W: usize> {
 }
 
 impl<'r, 'b, const W: usize> Reader<'r, 'b, W> {
-    /// Of a lane.
+    /// The reader of a lane.
     pub fn new(registers: &'r Registers<W>, lane: usize, bindings: &'b Bindings) -> Self {
         Self { registers, lane, bindings }
     }
@@ -42,12 +42,12 @@ impl<'r, 'b, const W: usize> Reader<'r, 'b, W> {
         u64::from(self.word(reg)) | u64::from(self.word(reg.plus(1))) << 32
     }
 
-    /// The image whose handle stands in a register; see [`View::image`].
+    /// The image whose handle is in a register; see [`View::image`].
     pub fn image(&self, view: View, handle: Reg) -> Result<&'b Image, TrapCode> {
         view.image(self.bindings, self.word(handle))
     }
 
-    /// The sampler whose handle stands in a register.
+    /// The sampler whose handle is in a register.
     ///
     /// # Errors
     /// `DescriptorMissing`, `IndexOutOfBounds`

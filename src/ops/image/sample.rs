@@ -1,5 +1,5 @@
-//! Sampling and gathering, with a level of detail that is given or follows from derivatives, and
-//! the query for that level.
+//! Sampling and gathering, with a level of detail from an operand or from derivatives, and the
+//! query for that level.
 
 use rspirv::spirv::Op as Opcode;
 
@@ -19,12 +19,12 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words};
 
-/// What is made of the texels.
+/// The result that is computed from the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SampleKind {
     /// A filtered value.
     Filter,
-    /// One component of four texels, its number in a register.
+    /// One component of four texels; a register holds the component's number.
     Gather(Reg),
     /// Four comparisons.
     GatherCompared,
@@ -37,9 +37,9 @@ pub enum SampleKind {
 pub struct Sample {
     /// Where to.
     pub to: Texel,
-    /// What is made of the texels.
+    /// The result that is computed from the texels.
     pub kind: SampleKind,
-    /// What the shader declares of the image.
+    /// The declared view of the image.
     pub view: View,
     /// The image's handle.
     pub image: Reg,
@@ -47,7 +47,7 @@ pub struct Sample {
     pub sampler: Reg,
     /// (s, t, r), as many as there are, then the array coordinate.
     pub coordinate: Words,
-    /// What they and the reference are divided by.
+    /// The divisor of the coordinates and the reference (`Proj`).
     pub divisor: Option<Reg>,
     /// `D_ref`, the reference of a depth comparison.
     pub reference: Option<Reg>,

@@ -1,4 +1,4 @@
-//! What a shader declares of an image, and the image that it finds.
+//! The image type that a shader declares, and the image that is bound to it.
 
 use crate::error::Result;
 use crate::machine::format::Class;
@@ -9,7 +9,7 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::memory::OUT_OF_BOUNDS;
 use crate::ops::translate::Translator;
 
-/// An `OpTypeImage`, as far as running needs it.
+/// An `OpTypeImage`, as far as the operations need it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct View {
     /// `Dim` and `Arrayed`.
@@ -25,8 +25,8 @@ pub struct View {
 impl View {
     /// The image with a handle.
     ///
-    /// The image's own format is used, whatever `Image Format` says, so long as both are floats or
-    /// both integers; the signedness of integers may differ, the bits are then taken as they are.
+    /// The image's own format is used, whatever `Image Format` says, as long as both are floats or
+    /// both integers; the signedness of integers may differ, the bits are then kept.
     ///
     /// # Errors
     /// `DescriptorMissing`, `IndexOutOfBounds` for an index outside its array of descriptors, or
@@ -57,12 +57,12 @@ impl View {
     }
 }
 
-/// The view that an image or sampled image has by its type.
+/// The view that the type of an image or sampled image declares.
 pub fn view_of(translator: &Translator<'_>, id: Id) -> Result<View> {
     view(translator, &image_type(translator, id)?)
 }
 
-/// Holds the type of a texel that is read or written against the image's `Sampled Type`.
+/// Checks the type of a texel that is read or written against the image's `Sampled Type`.
 ///
 /// # Errors
 /// `InvalidModule` where they differ.

@@ -15,10 +15,10 @@ use crate::ops::superop::{Function, Operands, SuperCode, SuperOp, has, opcode};
 /// How the result of an operation is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultUse {
-    /// How often it is read, where all that read it are operations of the same run that name its
-    /// register alone, and no other operation writes that register; else `None`.
+    /// The number of reads, if all are by operations of the same superblock that name its register
+    /// by itself, and no other operation writes that register; else `None`.
     pub reads: Option<u32>,
-    /// Whether an operation may observe the payload of a NaN: anything but one that reads a float.
+    /// Whether an operation may observe the payload of a NaN: any that does not read it as a float.
     pub nan_payload_observed: bool,
 }
 
@@ -27,15 +27,14 @@ impl ResultUse {
     pub const UNKNOWN: Self = Self { reads: None, nan_payload_observed: true };
 }
 
-/// Whether an operation takes an operand for a float of 32 bits, so that all NaNs are the same to
-/// it.
+/// Whether an operation reads an operand as a float of 32 bits, so that it treats all NaNs alike.
 pub fn takes_float(kernel: &'static LaneKernel, operand: usize) -> bool {
-    // Packing keeps what it can of a NaN.
+    // Packing keeps as many bits of a NaN as fit.
     kernel.float_operands[operand] == 32 && kernel.name != "Half"
 }
 
-/// The two functions that a clamp is: the first of the value and the lower bound, the second of
-/// that and the upper one.
+/// The two functions of a clamp: the first of the value and the lower bound, the second of that and
+/// the upper one.
 fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
     Some(match (kernel.name, kernel.width) {
         ("FClamp", 32) => [Function::FMax, Function::FMin],
@@ -46,7 +45,7 @@ fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
     })
 }
 
-/// What a register calculates, where it has a code or is a clamp.
+/// What a lane kernel computes, if it has an opcode or is a clamp.
 #[derive(Clone, Copy)]
 enum Known {
     One(Function),
@@ -63,7 +62,7 @@ fn known(kernel: &'static LaneKernel) -> Option<Known> {
     KNOWN.get(&address(kernel)).copied()
 }
 
-/// What identifies a register of the tables.
+/// The address that identifies a lane kernel.
 fn address(kernel: &'static LaneKernel) -> usize {
     std::ptr::from_ref(kernel) as usize
 }
@@ -76,9 +75,9 @@ struct Planned {
     from: Operands<u8>,
     operands: usize,
     result_use: ResultUse,
-    /// Whether its first operand stands for two.
+    /// Whether its first operand is used twice.
     twice: bool,
-    /// Whether it gives a float that may be any NaN.
+    /// Whether its result is a float that may be a NaN of any bits.
     float: bool,
     op: u32,
 }
@@ -91,8 +90,8 @@ impl Planned {
         Self { function, to: 0, from, operands: 0, result_use, twice: false, float: false, op: at as u32 }
     }
 
-    /// Whether it has a code that reads constants as one word for all lanes: with this operand in
-    /// the accumulator, counted from one, or with none.
+    /// Whether it has an opcode that reads constants as one word for all lanes: with this operand
+    /// in the accumulator, counted from one, or with none.
     fn is_uniform(&self, at: usize, constants: &Constants) -> bool {
         let (uniform, amounts) = (self.function.uniform(), self.function.amounts());
         let mut operands = (0..).zip(&self.from[..self.operands]);
@@ -134,9 +133,8 @@ struct Held {
 }
 
 impl SuperCode {
-    /// Selects superinstructions for the operations. `superblocks` are the ranges that run without
-    /// a branch; no operation writes the registers of `constants`, which every batch has in all
-    /// lanes.
+    /// Selects superinstructions for the operations. `runs` are the ranges of superblocks; no
+    /// operation writes the registers of `constants`, which every batch has in all lanes.
     pub fn of(
         ops: &[Op],
         runs: impl IntoIterator<Item = Range<usize>>,
@@ -173,7 +171,7 @@ impl SuperCode {
             if planned.function.commutes() && operands[0] != held.register && operands[1] == held.register {
                 operands.swap(0, 1);
             }
-            // A chain begins with the accumulator, or reads registers alone.
+            // A chain begins with the accumulator, or reads only registers.
             let places = if operands.len() > 3 { &operands[..1] } else { operands };
             if let Some(place) = places.iter().position(|&register| register == held.register) {
                 at = place + 1;
@@ -184,7 +182,7 @@ impl SuperCode {
             (planned.function, at, planned.from, held.as_mut())
             && a == b
         {
-            // Both operands are at hand.
+            // Both operands are the accumulator.
             (planned.function, planned.operands) = (Function::Square, 1);
             held.served += 1;
         }
@@ -194,7 +192,7 @@ impl SuperCode {
             && let Some(last) = self.superops.last_mut()
             && last.opcode == opcode(Function::Settle, false, 1, true)
         {
-            // The settled value has no other use: its register is left out.
+            // The settled value has no other use: its register is not written.
             *last =
                 SuperOp { opcode: opcode(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
             held.reads = None;
@@ -235,7 +233,8 @@ impl SuperCode {
         self.op_of.push(op);
     }
 
-    /// The accumulator takes another value: what all that need it had from there is not stored.
+    /// The accumulator takes another value: the old one is not stored if all its reads were served
+    /// from there.
     fn let_go(&mut self, held: Option<Held>) {
         if let Some(Held { superop, reads: Some(reads), served, .. }) = held
             && reads == served
@@ -245,8 +244,7 @@ impl SuperCode {
     }
 }
 
-/// Appends what an operation calculates: nothing where it does nothing, twice something where it is
-/// a clamp.
+/// Appends the functions of an operation: none if it does nothing, two if it is a clamp.
 fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
         Op::Memory(memory::MemoryOp::Move { to, from }) if to == from => return,
@@ -269,7 +267,7 @@ fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planne
     }
 }
 
-/// The number of a register, where superinstructions can name it: of a direct one.
+/// The number of a direct register, as superinstructions name it.
 fn word(reg: Reg) -> Option<u8> {
     u8::try_from(reg.0).ok()
 }
@@ -314,10 +312,10 @@ fn single(
         }
         _ => return None,
     };
-    // Conversions of integers, and choices between numbers, make none.
+    // Conversions of integers, and `Step`, give no NaN.
     let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);
     let mut from = self::operands(from);
-    // Codes that read one word for all lanes read that of their second operand.
+    // Opcodes that read one word for all lanes read that of their second operand.
     if function.commutes() && constants.word(from[0]).is_some() && constants.word(from[1]).is_none() {
         from.swap(0, 1);
     }
@@ -329,7 +327,7 @@ fn operands([a, b, c]: [u8; 3]) -> Operands<u8> {
     [a, b, c, c, c, c]
 }
 
-/// Appends one, put together with those before it that it has a function with as a pair.
+/// Appends one, merged with those before it with which it forms a pair that has a function.
 fn push(planned: &mut Vec<Planned>, mut last: Planned) {
     while let Some(both) = planned.last().and_then(|first| pair(first, &last)) {
         planned.pop();
@@ -338,7 +336,7 @@ fn push(planned: &mut Vec<Planned>, mut last: Planned) {
     planned.push(last);
 }
 
-/// Two as one, where they have a function together and the first one's result goes nowhere else.
+/// Merges two, if they have a function together and the first one's result has no other use.
 fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     let mut pairs = Function::PAIRS
         .iter()
@@ -350,7 +348,7 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     if reads != 1 {
         return None;
     }
-    // What the second one has beside the first one's result stands behind what that has.
+    // The second one's operands, except for the first one's result, follow those of the first.
     let chain = |function, others: &[u8]| {
         let mut from = first.from;
         let operands = first.operands + others.len();

@@ -43,7 +43,7 @@ impl<const W: usize> Trace<W> {
                     |lane| RayFlags(self.rays.flags.0[lane]).contains(RayFlags::SKIP_CLOSEST_HIT_SHADER);
                 skipped = lanes & Mask::from_fn(skips);
             }
-            // Those for whom a record is looked at.
+            // The lanes whose record is read.
             let called = if self.shades { lanes.without(skipped) } else { Mask::NONE };
             if has_any_hit {
                 let is_opaque = |hit: &Committed| hit.candidate.opaque;
@@ -77,14 +77,14 @@ impl<const W: usize> Trace<W> {
                 (Some(shader), _) => self.wait(shader, role, called),
                 (None, Some(code)) => called.lanes().for_each(|lane| self.trap(lane, code)),
                 (None, None) if T::ACTIVE => {
-                    let (Some(caller), Some((registers, rows))) = (self.caller, &mut payload) else {
+                    let (Some(caller), Some((registers, span))) = (self.caller, &mut payload) else {
                         continue;
                     };
                     for lane in called.lanes() {
-                        let mut words: Data = registers.lane_words(rows.first, rows.count, lane).collect();
+                        let mut words: Data = registers.lane_words(span.first, span.count, lane).collect();
                         observer.invocation(self.launch_id(lane));
                         observer.absent(caller, &mut words);
-                        registers.set_lane_words(rows.first, lane, words);
+                        registers.set_lane_words(span.first, lane, words);
                     }
                 }
                 (None, None) => {}
@@ -92,7 +92,7 @@ impl<const W: usize> Trace<W> {
         }
     }
 
-    /// What a record says of the end of a ray.
+    /// What a record specifies for the end of a ray.
     fn ending(&self, pipeline: &Pipeline, role: Role, index: u64) -> Ending {
         let (shader, has_any_hit) = match role {
             Role::Miss => (at(&pipeline.sbt.miss, index).and_then(|record| general(pipeline, record)), false),
@@ -107,7 +107,7 @@ impl<const W: usize> Trace<W> {
     }
 }
 
-/// What a record says of the end of a ray.
+/// What a record specifies for the end of a ray.
 #[derive(Clone, Copy, Debug)]
 struct Ending {
     shader: Option<Shader>,
@@ -116,7 +116,7 @@ struct Ending {
     leaves_unread: bool,
 }
 
-/// Whether a shader leaves nothing behind but words of the payload that its caller does not read.
+/// Whether a shader's only effect is on words of the payload that its caller does not read.
 fn leaves_unread(pipeline: &Pipeline, caller: Caller, shader: Shader) -> bool {
     let [caller_program, program] = [caller.shader, shader].map(|one| &pipeline.programs[one.0 as usize]);
     let read = || caller_program.payloads.reads_behind(caller.op);

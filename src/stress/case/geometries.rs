@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
 use crate::stress::case::{Shape, StressCase};
 
-/// A geometry of a case has so many primitives at most, so that cases of many have several.
+/// The most primitives in a geometry of a case, so that cases with many have several geometries.
 const MOST: usize = 48;
 
-/// What of a case can share a geometry.
+/// The kinds of primitives, each of which can share a geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Triangles,
@@ -33,7 +33,7 @@ impl Shape {
         })
     }
 
-    /// Whether it goes on where the one before it ends, without a cap of its own there.
+    /// Whether it continues from the end of the one before it, without a cap of its own there.
     fn follows(&self) -> bool {
         matches!(self, Self::LinearSweptSphere { caps: [false, true], .. })
     }
@@ -41,9 +41,9 @@ impl Shape {
 
 impl StressCase {
     /// The primitives as opaque geometries, and of each how many primitives it has: in their order,
-    /// so that (geometry, primitive) orders them as they stand. `None` where none of Vulkan's forms
-    /// holds them: a swept sphere has both caps or none, or only the second where it begins with
-    /// the end of the one before it.
+    /// so that (geometry, primitive) keeps their order. `None` if Vulkan cannot express them: a
+    /// swept sphere has both caps or none, or only the second if it begins with the end of the one
+    /// before it.
     pub fn geometries(&self) -> Option<(Vec<Geometry>, Vec<usize>)> {
         let (mut geometries, mut counts) = (Vec::new(), Vec::new());
         let mut rest = &self.shapes[..];
@@ -104,7 +104,7 @@ fn geometry(kind: Kind, shapes: &[Shape]) -> Option<Geometry> {
     })
 }
 
-/// In pairs of vertices, or where some follow others by successive indices.
+/// As pairs of vertices, or by successive indices if some follow others.
 fn swept(end_caps: EndCaps, shapes: &[Shape]) -> Option<GeometryData> {
     let (mut all_positions, mut all_radii) = (Vec::<[f32; 3]>::new(), Vec::<f32>::new());
     let mut indices = Vec::new();
@@ -141,7 +141,7 @@ mod tests {
     use crate::accel::Primitive;
     use crate::geometry::Ray;
 
-    /// What a BLAS makes of the geometries is what the case says.
+    /// Checks that the primitives of a BLAS are those of the case.
     fn check(shapes: Vec<Shape>, counts: &[usize]) {
         let case = StressCase::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None));
         let (geometries, found) = case.geometries().expect("one of the forms");

@@ -24,7 +24,7 @@ pub fn moving_triangles(draw: &mut Draw) -> StressCase {
     let by = if draw.one_in(2) { draw.lattice(scale) } else { draw.anywhere(scale) };
     let later = |vertex: [f32; 3]| -> [f32; 3] {
         std::array::from_fn(|i| match kind {
-            // Not at all; all alike; towards the origin; through it to the other side.
+            // No motion; a common translation; towards the origin; through it to the other side.
             0 => vertex[i],
             1 | 2 => vertex[i] + by[i],
             3 => vertex[i] * 0.25,
@@ -67,8 +67,8 @@ fn matrices(draw: &mut Draw, scale: f32) -> Moves {
     (0..3).for_each(|i| first[i][3] *= scale);
     let mut second = first;
     match draw.below(5) {
-        // A move, a turn of the axes, a mirror image (half way it has no inverse), a bit more,
-        // anything.
+        // A translation, a rotation of the axes, a mirror image (half way it has no inverse), a
+        // slight change, any matrix.
         0 | 1 => {
             let by = draw.lattice(scale);
             (0..3).for_each(|i| second[i][3] += by[i]);
@@ -107,7 +107,7 @@ fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
             let next = quaternion(draw);
             other[9..13].copy_from_slice(&next);
         }
-        // The inverse rotation: near the middle time almost none is left.
+        // The inverse rotation: near the middle time almost no rotation is left.
         1 => {
             for x in &mut other[9..13] {
                 *x = -*x * if draw.one_in(4) { 0.75 } else { 1.0 };
@@ -124,7 +124,7 @@ fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
     Moves::Srt([key, other])
 }
 
-/// A box whose corner stays where it is while the numbers of its matrix change places, and rounding
+/// A box whose corner stays fixed while the elements of its matrix are exchanged, and rounding
 /// moves it by a bit; the ray runs along an axis past that corner.
 fn still_corner(draw: &mut Draw) -> StressCase {
     let s = draw.scale();
@@ -175,7 +175,7 @@ pub fn moving_instances(draw: &mut Draw) -> StressCase {
             Placement { flags: [0, 0, 0, 2][draw.below(4)], ..Placement::new(None, Some(moves(draw, scale))) }
         })
         .collect();
-    // The ray is aimed as one of them sees it.
+    // The ray is aimed in the space of one of them.
     let seen = draw.below(all.len());
     let matrix = all[seen].motion.and_then(|moves| moves.motion().at(time));
     let ray = match matrix.filter(is_regular) {

@@ -3,10 +3,10 @@
 use crate::stress::case::{Neighbour, Shape, StressCase};
 use crate::stress::draw::Draw;
 
-/// Known hits cost a test of each primitive by each ray: so many at the most.
+/// The known hits need a test of each primitive by each ray: the most such tests.
 const TESTS: usize = 4096;
 
-/// Gives a case neighbours, now and then: a packet is eight rays at least, and 64 at most.
+/// Sometimes gives a case neighbours: a packet has 8 to 64 rays.
 pub fn surround(draw: &mut Draw, case: &mut StressCase) {
     let primitives = case.shapes.len() * (1 + case.others.len());
     let has_tree = primitives > 4;
@@ -22,7 +22,7 @@ pub fn surround(draw: &mut Draw, case: &mut StressCase) {
         case.hidden = 0;
     }
     let way = Way::draw(draw);
-    // Rays of other flags or masks keep all from going together.
+    // A ray of other flags or masks prevents the packet.
     let odd = if draw.one_in(10) { draw.below(count) } else { count };
     let neighbours = (0..count).map(|at| {
         let mut neighbour = way.next(draw, case);
@@ -35,14 +35,14 @@ pub fn surround(draw: &mut Draw, case: &mut StressCase) {
     case.neighbours = neighbours.collect();
 }
 
-/// How rays lie beside each other.
+/// How the rays of a packet differ.
 struct Way {
     /// How far apart they start and by how much their directions differ, in sizes of each.
     apart: f32,
     turned: f32,
     /// Whether they go through corners of primitives.
     is_aimed: bool,
-    /// Whether signs of directions are turned.
+    /// Whether signs of directions are flipped.
     is_mixed: bool,
     /// Whether intervals differ.
     is_cut: bool,
@@ -64,7 +64,7 @@ impl Way {
         let StressCase { mut origin, mut direction, mut t_min, mut t_max, time, flags, .. } = *case;
         let (from, long) = (draw.size(origin), draw.size(direction));
         if self.is_aimed && case.transform.is_none() {
-            // Of the case's length, so that t is alike.
+            // Of the case's length, so that t is similar.
             let corner = corner(draw, case);
             let way: [f32; 3] = std::array::from_fn(|i| corner[i] - origin[i]);
             let by = long / draw.size(way);
@@ -78,7 +78,7 @@ impl Way {
             if self.is_mixed && draw.one_in(4) {
                 direction[i] = -direction[i];
             }
-            // Here and there one that does not go with the others.
+            // Now and then a ray that does not fit the packet.
             if self.is_mixed && draw.one_in(64) {
                 direction[i] *= draw.scale();
             }

@@ -72,7 +72,7 @@ fn aimed(draw: &mut Draw, shapes: Vec<Shape>, target: [f32; 3], scale: f32) -> S
 }
 
 pub fn meshes(draw: &mut Draw) -> StressCase {
-    // Of more than 512 primitives the first few rays look through a list.
+    // With more than 512 primitives the first few rays search a list.
     let side = if draw.one_in(60) { 17 } else { 2 + draw.below(6) };
     let sheet = sheet(draw, side);
     let target = sheet.target(draw);
@@ -84,7 +84,7 @@ pub fn meshes(draw: &mut Draw) -> StressCase {
 pub fn grids(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let side = 2 + draw.below(3);
-    // Beside each other, flat, overlapping, or with a gap of one bit.
+    // Side by side, flat, overlapping, or with a gap of one bit.
     let kind = draw.below(5);
     let shapes = (0..side * side * side).map(|k| {
         let min = [k % side, k / side % side, k / side / side].map(|x| (x as f32 - 1.0) * scale);
@@ -117,9 +117,8 @@ pub fn strands(draw: &mut Draw) -> StressCase {
     StressCase::new(shapes, placed)
 }
 
-/// Swept spheres whose ends reach up to one plane, though at other heights and with other radii,
-/// and a ray in that plane: boxes around their halves end there, too, where the middle of the axis
-/// is rounded.
+/// Swept spheres whose ends touch one plane, with different heights and radii, and a ray in that
+/// plane: boxes around their halves end there, too, where the middle of the axis is rounded.
 fn level(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let [up, along, across] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]][draw.below(3)];
@@ -140,7 +139,7 @@ fn level(draw: &mut Draw) -> StressCase {
     let Shape::LinearSweptSphere { positions: [p, q], .. } = shapes[draw.below(shapes.len())] else {
         unreachable!("bug in anyhit: a strand of other shapes")
     };
-    // Through the middle or so, across or along.
+    // Through about the middle, across or along.
     let u = [0.5, 0.5, draw.unit().abs()][draw.below(3)];
     let mut target: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u);
     target[up] = [top, top.next_up(), top.next_down()][draw.below(3)];
@@ -159,7 +158,7 @@ fn strand(draw: &mut Draw) -> (Vec<Shape>, f32) {
     let count = 6 + draw.below(40);
     let thin = [0.25, 0.25, 1e-2, 1e-4][draw.below(4)] * scale;
     let (is_lattice, tapers) = (draw.one_in(3), draw.one_in(3));
-    // Long links are halved for the tree where they lie close together.
+    // Long links are halved for the tree if they lie close together.
     let step = if draw.one_in(2) { 4.0 * scale } else { scale };
     let mut points = vec![draw.lattice(scale)];
     let mut heading = draw.direction();
@@ -184,7 +183,7 @@ fn strand(draw: &mut Draw) -> (Vec<Shape>, f32) {
 pub fn swarms(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let shapes: Vec<Shape> = if draw.one_in(2) {
-        // A lattice of balls that touch, or nearly.
+        // A lattice of spheres that touch, or nearly.
         let side = 2 + draw.below(3);
         let radius = [0.5, 0.5f32.next_up(), 0.5f32.next_down(), 0.25][draw.below(4)] * scale;
         let at = |k: usize| [k % side, k / side % side, k / side / side].map(|x| (x as f32 - 1.0) * scale);
@@ -203,7 +202,7 @@ pub fn swarms(draw: &mut Draw) -> StressCase {
         unreachable!("bug in anyhit: a swarm of other shapes")
     };
     if draw.one_in(3) {
-        // Where two of a lattice touch, or beside it.
+        // Where two of a lattice touch, or close to it.
         let mut target = center;
         target[draw.below(3)] += radius;
         return aimed(draw, shapes, target, scale);
@@ -235,7 +234,7 @@ pub fn soups(draw: &mut Draw) -> StressCase {
     case
 }
 
-/// A few shapes of a kind, and where a ray may go.
+/// A few shapes of a kind, a target for a ray, and their scale.
 pub fn few(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
     match draw.below(4) {
         0 => {

@@ -24,11 +24,11 @@ pub struct Moment {
 /// An instance at a time.
 pub struct PlacedInstance {
     placement: Placement,
-    /// Of one that moves, where there is one.
+    /// The matrix at the time, if the instance moves and has one.
     moved: Option<Matrix>,
     /// Object to world; without one it is the identity.
     pub matrix: Option<Matrix>,
-    /// Where there is a matrix, and it has an inverse.
+    /// The transform, if there is a matrix and it has an inverse.
     transform: Option<Transform>,
 }
 
@@ -37,7 +37,7 @@ pub struct PlacedInstance {
 pub struct ExactHit {
     pub instance: usize,
     pub shape: usize,
-    /// Its surface is the one that the instance presents.
+    /// The intersection, with the surface as the instance presents it.
     pub found: Intersection,
 }
 
@@ -55,7 +55,7 @@ impl Moment {
             let moved = placement.motion.and_then(|moves| moves.motion().at(time));
             let matrix = match placement.motion {
                 None => placement.transform,
-                // Where there is no matrix there is no inverse either.
+                // If there is no matrix there is no inverse either.
                 Some(_) => Some(moved.unwrap_or([[0.0; 4]; 3])),
             };
             let transform = matrix.as_ref().and_then(Transform::new);
@@ -64,7 +64,7 @@ impl Moment {
         Self { time, shapes: shapes.collect(), places: places.collect() }
     }
 
-    /// Judges the numbers that an instance has at the time.
+    /// Checks the matrix of an instance at the time.
     pub fn check_place(&self, instance: usize) -> Result<(), Failure> {
         let PlacedInstance { placement, moved, .. } = &self.places[instance];
         let Some(moves) = &placement.motion else { return Ok(()) };
@@ -91,7 +91,7 @@ impl Moment {
         Ok(())
     }
 
-    /// The ray as an instance's primitives see it.
+    /// The ray in the object space of an instance.
     pub fn object_ray(&self, instance: usize, ray: &Ray) -> Option<ObjectRay> {
         let place = &self.places[instance];
         match place.matrix {

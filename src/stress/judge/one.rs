@@ -11,7 +11,7 @@ use crate::stress::case::Shape;
 use crate::stress::judge::{Failure, Tally, fail};
 use crate::stress::reference::{Expected, LineOf};
 
-/// What the tests of primitives find, of a shape that does not move.
+/// The result of the primitive tests, for a shape that does not move.
 pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
     match *shape {
         Shape::Triangle(vertices) => triangle::intersect(ray, vertices, precision),
@@ -44,7 +44,7 @@ struct Tested<'a> {
     block: &'a block::Triangle4,
     lane: usize,
     ray: &'a ObjectRay,
-    /// Whether it is to be taken as one in world space.
+    /// Whether the ray is treated as one in world space.
     in_world: bool,
 }
 
@@ -64,7 +64,7 @@ impl LaneTask for Tested<'_> {
 
 /// One primitive of a case and the line of a ray.
 pub struct LineAndPrimitive<'a> {
-    /// Where it is at the time.
+    /// The primitive at the time.
     pub shape: &'a Shape,
     pub line: &'a LineOf,
     pub matrix: Option<&'a [[f32; 4]; 3]>,
@@ -73,7 +73,7 @@ pub struct LineAndPrimitive<'a> {
 }
 
 impl LineAndPrimitive<'_> {
-    /// Where the line meets it; `None` for a box, whose entry depends on the interval.
+    /// Where the line hits it; `None` for a box, whose entry depends on the interval.
     pub fn expected(&self) -> Option<Expected> {
         match *self.shape {
             Shape::Triangle(vertices) => self.line.triangle(vertices),
@@ -93,7 +93,7 @@ impl LineAndPrimitive<'_> {
         tally: &mut Tally,
     ) -> Result<(), Failure> {
         let lane = self.index % LANES;
-        // As it is prepared, and in an instance in f32 as well.
+        // As [`CullRay::new`] prepares it, and in an instance in f32 as well.
         let transform = self.matrix.and_then(Transform::new);
         let approximate = transform.and_then(|transform| transform.approximate(ray.world()));
         let cull_rays = |bounds: &Bounds| {
@@ -151,7 +151,7 @@ impl LineAndPrimitive<'_> {
         Ok(())
     }
 
-    /// The answer for one interval.
+    /// Checks the result for one interval.
     pub fn check(
         &self,
         ray: &Ray,
@@ -170,7 +170,7 @@ impl LineAndPrimitive<'_> {
             let mut block = block::Triangle4::EMPTY;
             let lane = index % LANES;
             block.set(lane, *vertices);
-            // In world space both ways of taking a ray.
+            // In world space, both representations of the ray.
             for in_world in [false, true].into_iter().filter(|in_world| !in_world || self.matrix.is_none()) {
                 let tested = CpuTier::new().run(Tested { block: &block, lane, ray: &object, in_world });
                 let agrees = match tested {

@@ -1,11 +1,11 @@
 //! Judges BVH traversal: a cursor and a packet must find what testing every primitive finds.
 //!
-//! Both run on the best instruction set of the CPU and on the baseline. A cursor has
-//! two ways through the same trees, and both are gone: an opaque ray commits the least hit of the
-//! key (t, instance, geometry, primitive), a ray for which nothing is opaque has all hits handed
-//! out in the order of that key, each once, whether somebody looks on or not. Packets are traced as
-//! launches trace them: all rays of a case together, then over intervals that end where each of
-//! them hits or one step beside it, and for any hit at all.
+//! Both run on the best instruction set of the CPU and on the baseline. A cursor has two code paths
+//! through the same trees, and both are tested: an opaque ray commits the hit of the least key (t,
+//! instance, geometry, primitive); a ray for which nothing is opaque gets all hits in the order of
+//! that key, each once, with or without an observer. Packets are traced as in launches: all rays of
+//! a case together, then over intervals that end at each ray's hit or one f32 next to it, and for
+//! any hit at all.
 
 use std::sync::Arc;
 
@@ -41,8 +41,8 @@ struct Seen {
 }
 
 impl TracedScene {
-    /// `None` where the case is none that Vulkan allows: negative radii, boxes that are inside out,
-    /// keys of a motion without inverse.
+    /// `None` if Vulkan does not allow the case: negative radii, boxes with min > max, motion keys
+    /// without inverse.
     pub fn new(case: &StressCase, precision: Precision) -> Result<Option<Self>, Failure> {
         let Some((geometries, counts)) = case.geometries() else { return Ok(None) };
         let Ok(blas) = Blas::new(geometries) else { return Ok(None) };
@@ -54,7 +54,7 @@ impl TracedScene {
             ..TlasInstance::of(blas.clone(), placement.transform.unwrap_or(IDENTITY))
         });
         let instances: Vec<_> = instances.collect();
-        // Traversal knows two kinds of vectors.
+        // Traversal has two kinds of SIMD vectors.
         let levels = CpuTier::available().into_iter().take(2);
         let structures =
             levels.map(|(name, cpu_tier)| Ok((name, Tlas::on(instances.clone(), precision, cpu_tier)?)));
@@ -83,7 +83,7 @@ impl TracedScene {
         }
     }
 
-    /// Judges the traversal of a single ray.
+    /// Checks the traversal of a single ray.
     pub fn check_alone(&self, moment: &Moment, trace: &TraceRay, tally: &mut Tally) -> Result<(), Failure> {
         let hits = moment.hits(trace, self.precision);
         let Ray { t_min, t_max, .. } = trace.ray;
@@ -145,7 +145,7 @@ impl TracedScene {
         Ok(())
     }
 
-    /// Judges the traversal of rays in packets, each with its moment.
+    /// Checks the traversal of rays in packets, each with its moment.
     pub fn check_together(&self, rays: &[(TraceRay, &Moment)], tally: &mut Tally) -> Result<(), Failure> {
         if self.has_boxes || rays.is_empty() {
             return Ok(());
@@ -167,8 +167,7 @@ impl TracedScene {
             ended.iter().zip(moments).map(|(trace, moment)| moment.hits(trace, precision)).collect();
         let told = [(&traces, &hits, false), (&ended, &hits_of_ended, false), (&traces, &hits, true)];
         for (name, tlas) in &self.structures {
-            // One after another in the memory of one packet, which gives up for a while where it
-            // does not pay.
+            // All with one `Packet`, which traces single rays for a while after it did not pay.
             let mut packet = Packet::default();
             for (traces, hits, any) in told {
                 self.check_packet(&mut packet, tlas, (traces, hits), any, tally)
@@ -204,7 +203,7 @@ impl TracedScene {
         Ok(())
     }
 
-    /// `any`: it may be any of the hits.
+    /// With `any`, it may be any of the hits.
     fn check_committed(
         &self,
         hits: &[ExactHit],
@@ -266,7 +265,7 @@ mod tests {
         let mut case = StressCase::new((0..count).map(ball).collect(), (ray, None));
         case.hidden = 0;
         let Ray { origin, t_min, t_max, .. } = ray;
-        // Past all of them, but for the first rays.
+        // All but the first rays miss everything.
         case.neighbours = (0..16)
             .map(|k| {
                 let direction = [1.0, k as f32 * 0.125, 0.0];
@@ -276,7 +275,7 @@ mod tests {
         case
     }
 
-    /// Judges the traversal of one case by what is hit of another one.
+    /// Checks the traversal of one case against the hits of another one.
     fn judged(traced: &StressCase, known: &StressCase) -> [Result<Tally, String>; 2] {
         let scene = TracedScene::new(traced, Precision::Exact).expect("regular").expect("legal");
         let moment = Moment::new(known, 0.0);
@@ -295,7 +294,8 @@ mod tests {
     fn rays_through_trees_and_packets_are_counted() {
         let [alone, together] = judged(&balls(9), &balls(9)).map(|result| result.expect("right"));
         let levels = CpuTier::available().len().min(2) as u64;
-        // The ray is traced for all hits, watched and not, for the closest and for any.
+        // The ray is traced for all hits, with and without an observer, for the closest and for
+        // any.
         assert_eq!((alone.rays, alone.trees, alone.packets), (4 * levels, 4 * levels, 0));
         // Sixteen rays as they are, over shorter intervals, and for any hit.
         assert_eq!((together.rays, together.packets), (48 * levels, 48 * levels));
@@ -312,11 +312,11 @@ mod tests {
             less.shapes[lost] = Shape::Sphere { center: [0.0, 100.0, 0.0], radius: 1.0 };
             let [alone, together] = judged(&less, &whole);
             assert!(alone.is_err(), "ball {lost} is lost");
-            // Packets find the closest alone.
+            // Packets find only the closest.
             assert_eq!(together.is_err(), lost == 0, "ball {lost}: {together:?}");
             assert!(judged(&whole, &less)[0].is_err(), "ball {lost} is there");
         }
-        // One lane alone is wrong: the sixth ray, which meets nothing else.
+        // Only one lane is wrong: the sixth ray, which hits nothing else.
         let [mut less, mut more] = [whole.clone(), whole];
         less.shapes.push(Shape::Sphere { center: [12.0, -10.0, 0.0], radius: 0.5 });
         more.shapes.push(Shape::Sphere { center: [12.0, 10.0, 0.0], radius: 0.5 });
@@ -347,7 +347,7 @@ mod tests {
         };
         let (front, back) = (Surface::TriangleFront, Surface::TriangleBack);
         assert_eq!(hits_of(0), [(0, 1.0, front), (2, 2.0, back), (3, 2.0, front)]);
-        // Back faces are culled; then front faces, but where that is disabled.
+        // Back faces are culled; then front faces, except where that is disabled.
         assert_eq!(hits_of(16), [(0, 1.0, front), (3, 2.0, front)]);
         assert_eq!(hits_of(32), [(2, 2.0, back), (3, 2.0, front)]);
     }
