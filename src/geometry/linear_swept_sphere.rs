@@ -129,11 +129,11 @@ pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
 /// The boxes around both halves of a linear swept sphere, if their surfaces together are at most
 /// three quarters of that of the box around the whole. `None` otherwise, and if it is never hit.
 ///
-/// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, 0 <= u <=
-/// 1; those of a half lie within the hull of its two end balls. The centre of the middle ball,
-/// (P0 + P1) / 2, takes two products and a sum, its radius too; their difference and sum round
-/// once, and again with the slack. These ten roundings are each at most a unit roundoff of |P0| + |P1| +
-/// r0 + r1, or 2^-150 for subnormals; the slack is sixteen of both.
+/// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, where u
+/// goes from 0 to 1; those of a half lie within the hull of its two end balls. The centre of the
+/// middle ball, (P0 + P1) / 2, takes two products and a sum, its radius too; their difference and
+/// sum round once, and again with the slack. These ten roundings are each at most a unit roundoff
+/// of |P0| + |P1| + r0 + r1, or 2^-150 for subnormals; the slack is sixteen of both.
 #[inline]
 pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> {
     let [p0, p1] = positions.map(|[x, y, z]| F32x4::new([x, y, z, 0.0]));
