@@ -19,8 +19,7 @@ where
 {
     let OptimizedCode { ops, supercode, superblocks } = &program.optimized;
     let ops = if O::active() { &program.ops } else { ops };
-    let has_superops = LaneKernel::HAS_SUPEROPS && batch.registers.cpu_tier().is_wide() && !O::active();
-    let supercode = supercode.as_ref().filter(|_| has_superops);
+    let supercode = supercode.as_ref().filter(|_| !O::active() && LaneKernel::has_superops(&batch.registers));
     loop {
         let block = &program.blocks[batch.block as usize];
         // After a stop a block continues, it is not entered.

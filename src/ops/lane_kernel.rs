@@ -73,8 +73,10 @@ pub trait Width<const W: usize> {
     /// Writes the result's registers for every lane.
     fn run(&self, registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
 
-    /// Whether batches of this width run superinstructions.
-    const HAS_SUPEROPS: bool = false;
+    /// Whether batches of this width run superinstructions on this CPU.
+    fn has_superops(_: &Registers<W>) -> bool {
+        false
+    }
 
     /// Runs superinstructions up to the first operation that has none, and returns its number; see
     /// [`SuperCode::run`].
@@ -107,7 +109,10 @@ impl Width<64> for LaneKernel {
         (self.full)(registers, to, from);
     }
 
-    const HAS_SUPEROPS: bool = true;
+    #[inline]
+    fn has_superops(registers: &Registers<64>) -> bool {
+        registers.cpu_tier().is_wide()
+    }
 
     #[inline]
     fn run_superops(

@@ -574,7 +574,8 @@ impl SuperCode {
     ) -> usize {
         let cpu_tier = registers.cpu_tier();
         let registers = registers.all_mut().first_chunk_mut().expect("every batch has the direct registers");
-        cpu_tier.run_wide(Loop { registers, superops, running }).unwrap_or(0)
+        let ran = cpu_tier.run_wide(Loop { registers, superops, running });
+        ran.expect("superinstructions run on a CPU with wide registers")
     }
 }
 
