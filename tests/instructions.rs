@@ -26,3 +26,4 @@ mod run;
 mod sharing;
 mod subgroups;
 mod verdicts;
+mod workgroup;

@@ -4,10 +4,9 @@
 use std::sync::Arc;
 
 use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::Compute;
 
 use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
-use crate::support::assembly::assemble;
+use crate::instructions::workgroup::Workgroup;
 
 /// Atomic instructions that change memory by an operand.
 const UPDATES: [&str; 9] = ["IAdd", "ISub", "SMin", "UMin", "SMax", "UMax", "And", "Or", "Xor"];
@@ -139,67 +138,39 @@ fn any_two_updates_of_workgroup_memory_are_made_in_one_schedule() {
     let pairs = UPDATES.iter().flat_map(|&a| UPDATES.map(|b| [a, b])).enumerate();
     for (way, updates) in pairs.map(|(number, updates)| (ways[number % 2], updates)) {
         let [first, second] = updates;
-        let module = assemble(&format!(
-            "OpCapability Shader
-             OpCapability VariablePointers
-             OpMemoryModel Logical GLSL450
-             OpEntryPoint GLCompute %main \"main\" %global %word %other %given %out
-             OpExecutionMode %main LocalSize {INVOCATIONS} 1 1
-             OpDecorate %global BuiltIn GlobalInvocationId
-             OpDecorate %words ArrayStride 4
-             OpDecorate %block Block
-             OpMemberDecorate %block 0 Offset 0
-             OpDecorate %out DescriptorSet 0
-             OpDecorate %out Binding 0
-             OpDecorate %given DescriptorSet 0
-             OpDecorate %given Binding 1
-             %void = OpTypeVoid
-             %function = OpTypeFunction %void
-             %bool = OpTypeBool
-             %uint = OpTypeInt 32 0
-             %0 = OpConstant %uint 0
-             %1 = OpConstant %uint 1
-             %2 = OpConstant %uint 2
-             %264 = OpConstant %uint 264
-             %golden = OpConstant %uint 0x9E3779B9
-             %uint3 = OpTypeVector %uint 3
-             %ptr_in = OpTypePointer Input %uint3
-             %global = OpVariable %ptr_in Input
-             %ptr_shared = OpTypePointer Workgroup %uint
-             %word = OpVariable %ptr_shared Workgroup
-             %other = OpVariable %ptr_shared Workgroup
-             %words = OpTypeRuntimeArray %uint
-             %block = OpTypeStruct %words
-             %ptr_block = OpTypePointer StorageBuffer %block
-             %ptr_uint = OpTypePointer StorageBuffer %uint
-             %given = OpVariable %ptr_block StorageBuffer
-             %out = OpVariable %ptr_block StorageBuffer
-             %main = OpFunction %void None %function
-             %entry = OpLabel
-             %global_id = OpLoad %uint3 %global
-             %i = OpCompositeExtract %uint %global_id 0
-             %number_at = OpAccessChain %ptr_uint %given %0 %0
-             %number = OpLoad %uint %number_at
-             %start_at = OpAccessChain %ptr_uint %given %0 %1
-             %start = OpLoad %uint %start_at
-             %a = OpCopyObject %ptr_shared %word
-             {way}
-             OpStore %a %start
-             OpControlBarrier %2 %2 %264
-             %next = OpIAdd %uint %i %1
-             %value = OpIMul %uint %next %golden
-             %old_a = OpAtomic{first} %uint %a %2 %0 %value
-             %old_b = OpAtomic{second} %uint %b %2 %0 %value
-             OpControlBarrier %2 %2 %264
-             %left = OpLoad %uint %word
-             %left_at = OpAccessChain %ptr_uint %out %0 %i
-             OpStore %left_at %left
-             OpReturn
-             OpFunctionEnd"
-        ));
-        let module = Arc::new(anyhit::module::load(&module).expect("a module"));
-        let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a program");
-        let usual = Compute::new(program).expect("a compute shader");
+        let usual = Workgroup {
+            size: INVOCATIONS,
+            interface: "%word %other %given",
+            annotations: "
+                OpDecorate %given DescriptorSet 0
+                OpDecorate %given Binding 1",
+            declarations: "
+                %golden = OpConstant %uint 0x9E3779B9
+                %ptr_shared = OpTypePointer Workgroup %uint
+                %word = OpVariable %ptr_shared Workgroup
+                %other = OpVariable %ptr_shared Workgroup
+                %given = OpVariable %ptr_block StorageBuffer",
+            body: &format!(
+                "%number_at = OpAccessChain %ptr_uint %given %0 %0
+                 %number = OpLoad %uint %number_at
+                 %start_at = OpAccessChain %ptr_uint %given %0 %1
+                 %start = OpLoad %uint %start_at
+                 %a = OpCopyObject %ptr_shared %word
+                 {way}
+                 OpStore %a %start
+                 OpControlBarrier %2 %2 %264
+                 %next = OpIAdd %uint %g %1
+                 %value = OpIMul %uint %next %golden
+                 %old_a = OpAtomic{first} %uint %a %2 %0 %value
+                 %old_b = OpAtomic{second} %uint %b %2 %0 %value
+                 OpControlBarrier %2 %2 %264
+                 %left = OpLoad %uint %word
+                 %left_at = OpAccessChain %ptr_uint %out %0 %g
+                 OpStore %left_at %left"
+            ),
+            ..Workgroup::default()
+        }
+        .compute();
         let reference = usual.unoptimized().expect("a compute shader");
         let start = 0x0F0F_5A5Au32;
         let expected = scheduled(updates, start, INVOCATIONS);

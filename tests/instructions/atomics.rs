@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::{Compute, Launch, Pipeline};
+use anyhit::pipeline::{Launch, Pipeline};
 use anyhit::program::{Inlining, LowerOptions};
 
 use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
-use crate::support::assembly::assemble;
+use crate::instructions::workgroup::{Workgroup, compute};
 
 const COUNTER_LAYOUT: &str = "
     OpDecorate %counter_block Block
@@ -211,55 +211,23 @@ fn threads_change_nothing() {
 
 #[test]
 fn workgroup_memory_does_not_depend_on_the_width() {
-    let module = assemble(
-        "OpCapability Shader
-         OpMemoryModel Logical GLSL450
-         OpEntryPoint GLCompute %main \"main\" %index %global %count %out
-         OpExecutionMode %main LocalSize 192 1 1
-         OpDecorate %index BuiltIn LocalInvocationIndex
-         OpDecorate %global BuiltIn GlobalInvocationId
-         OpDecorate %words ArrayStride 4
-         OpDecorate %block Block
-         OpMemberDecorate %block 0 Offset 0
-         OpDecorate %out DescriptorSet 0
-         OpDecorate %out Binding 0
-         %void = OpTypeVoid
-         %function = OpTypeFunction %void
-         %uint = OpTypeInt 32 0
-         %uint3 = OpTypeVector %uint 3
-         %0 = OpConstant %uint 0
-         %2 = OpConstant %uint 2
-         %3 = OpConstant %uint 3
-         %264 = OpConstant %uint 264
-         %ptr_in = OpTypePointer Input %uint
-         %ptr_in3 = OpTypePointer Input %uint3
-         %index = OpVariable %ptr_in Input
-         %global = OpVariable %ptr_in3 Input
-         %ptr_shared = OpTypePointer Workgroup %uint
-         %count = OpVariable %ptr_shared Workgroup
-         %words = OpTypeRuntimeArray %uint
-         %block = OpTypeStruct %words
-         %ptr_block = OpTypePointer StorageBuffer %block
-         %ptr_uint = OpTypePointer StorageBuffer %uint
-         %out = OpVariable %ptr_block StorageBuffer
-         %main = OpFunction %void None %function
-         %entry = OpLabel
-         %i = OpLoad %uint %index
-         %triple = OpIMul %uint %i %3
-         %global_id = OpLoad %uint3 %global
-         %g = OpCompositeExtract %uint %global_id 0
-         %a = OpAtomicIAdd %uint %count %2 %0 %i
-         %b = OpAtomicXor %uint %count %2 %0 %triple
-         OpControlBarrier %2 %2 %264
-         %sum = OpLoad %uint %count
-         %pointer = OpAccessChain %ptr_uint %out %0 %g
-         OpStore %pointer %sum
-         OpReturn
-         OpFunctionEnd",
-    );
-    let module = Arc::new(anyhit::module::load(&module).expect("a module"));
-    let compute = Compute::new(anyhit::program::lower(&module, &module.entry_points[0]).expect("a program"));
-    let compute = compute.expect("a compute shader");
+    let compute = Workgroup {
+        size: 192,
+        interface: "%count",
+        declarations: "
+            %ptr_shared = OpTypePointer Workgroup %uint
+            %count = OpVariable %ptr_shared Workgroup",
+        body: "
+            %triple = OpIMul %uint %i %3
+            %a = OpAtomicIAdd %uint %count %2 %0 %i
+            %b = OpAtomicXor %uint %count %2 %0 %triple
+            OpControlBarrier %2 %2 %264
+            %sum = OpLoad %uint %count
+            %pointer = OpAccessChain %ptr_uint %out %0 %g
+            OpStore %pointer %sum",
+        ..Workgroup::default()
+    }
+    .compute();
     let dispatch = |lanes: usize| {
         let out = Buffer::zeroed(4 * 192 * 40);
         let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
@@ -401,68 +369,43 @@ fn memory_behind_an_address_is_counted_in() {
 /// them, also where a function that is really called reaches it through a pointer.
 #[test]
 fn wide_integers_in_workgroup_memory_lie_on_any_word() {
-    let module = assemble(
-        "OpCapability Shader
-         OpCapability Int64
-         OpCapability Int64Atomics
-         OpMemoryModel Logical GLSL450
-         OpEntryPoint GLCompute %main \"main\" %index %cells %out
-         OpExecutionMode %main LocalSize 96 1 1
-         OpDecorate %index BuiltIn LocalInvocationIndex
-         OpDecorate %words ArrayStride 8
-         OpDecorate %block Block
-         OpMemberDecorate %block 0 Offset 0
-         OpDecorate %out DescriptorSet 0
-         OpDecorate %out Binding 0
-         %void = OpTypeVoid
-         %function = OpTypeFunction %void
-         %uint = OpTypeInt 32 0
-         %ulong = OpTypeInt 64 0
-         %0 = OpConstant %uint 0
-         %1 = OpConstant %uint 1
-         %2 = OpConstant %uint 2
-         %96 = OpConstant %uint 96
-         %start = OpConstant %ulong 4294967295 0
-         %ptr_in = OpTypePointer Input %uint
-         %index = OpVariable %ptr_in Input
-         %cell = OpTypeStruct %uint %ulong
-         %array = OpTypeArray %cell %96
-         %ptr_array = OpTypePointer Workgroup %array
-         %ptr_cell = OpTypePointer Workgroup %cell
-         %ptr_wide = OpTypePointer Workgroup %ulong
-         %cells = OpVariable %ptr_array Workgroup
-         %words = OpTypeRuntimeArray %ulong
-         %block = OpTypeStruct %words
-         %ptr_block = OpTypePointer StorageBuffer %block
-         %ptr_ulong = OpTypePointer StorageBuffer %ulong
-         %out = OpVariable %ptr_block StorageBuffer
-         %helper_type = OpTypeFunction %void %ptr_cell
-         %helper = OpFunction %void DontInline %helper_type
-         %parameter = OpFunctionParameter %ptr_cell
-         %helper_entry = OpLabel
-         %wide = OpAccessChain %ptr_wide %parameter %1
-         %old = OpAtomicIIncrement %ulong %wide %2 %0
-         OpReturn
-         OpFunctionEnd
-         %main = OpFunction %void None %function
-         %entry = OpLabel
-         %i = OpLoad %uint %index
-         %own = OpAccessChain %ptr_cell %cells %i
-         %own_wide = OpAccessChain %ptr_wide %cells %i %1
-         OpStore %own_wide %start
-         %call = OpFunctionCall %void %helper %own
-         %again = OpFunctionCall %void %helper %own
-         %sum = OpLoad %ulong %own_wide
-         %pointer = OpAccessChain %ptr_ulong %out %0 %i
-         OpStore %pointer %sum
-         OpReturn
-         OpFunctionEnd",
-    );
-    let module = Arc::new(anyhit::module::load(&module).expect("a module"));
+    let module = Workgroup {
+        size: 96,
+        is_wide: true,
+        capabilities: "OpCapability Int64Atomics",
+        interface: "%cells",
+        declarations: "
+            %96 = OpConstant %uint 96
+            %start = OpConstant %ulong 4294967295 0
+            %cell = OpTypeStruct %uint %ulong
+            %array = OpTypeArray %cell %96
+            %ptr_array = OpTypePointer Workgroup %array
+            %ptr_cell = OpTypePointer Workgroup %cell
+            %ptr_wide = OpTypePointer Workgroup %ulong
+            %cells = OpVariable %ptr_array Workgroup
+            %helper_type = OpTypeFunction %void %ptr_cell",
+        body: "
+            %own = OpAccessChain %ptr_cell %cells %i
+            %own_wide = OpAccessChain %ptr_wide %cells %i %1
+            OpStore %own_wide %start
+            %call = OpFunctionCall %void %helper %own
+            %again = OpFunctionCall %void %helper %own
+            %sum = OpLoad %ulong %own_wide
+            %pointer = OpAccessChain %ptr_ulong %out %0 %i
+            OpStore %pointer %sum",
+        functions: "
+            %helper = OpFunction %void DontInline %helper_type
+            %parameter = OpFunctionParameter %ptr_cell
+            %helper_entry = OpLabel
+            %wide = OpAccessChain %ptr_wide %parameter %1
+            %old = OpAtomicIIncrement %ulong %wide %2 %0
+            OpReturn
+            OpFunctionEnd",
+        ..Workgroup::default()
+    }
+    .module();
     for inlining in [Inlining::Never, Inlining::WherePaying] {
-        let options = LowerOptions { inlining, ..LowerOptions::default() };
-        let program = anyhit::program::lower_with(&module, &module.entry_points[0], options);
-        let compute = Compute::new(program.expect("a program")).expect("a compute shader");
+        let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
         for lanes in [1, 8, 64] {
             let out = Buffer::zeroed(8 * 96);
             let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
@@ -530,79 +473,50 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word_whatever_leads_there() {
     for (at, &(way, pointer)) in WIDE_POINTERS.iter().enumerate() {
         for turn in 0..2 {
             let (update, expected) = updates[(at + 3 * turn) % updates.len()];
-            let module = assemble(&format!(
-                "OpCapability Shader
-                 OpCapability Int64
-                 OpCapability Int64Atomics
-                 OpCapability VariablePointers
-                 OpMemoryModel Logical GLSL450
-                 OpEntryPoint GLCompute %main \"main\" %index %cells %out
-                 OpExecutionMode %main LocalSize 70 1 1
-                 OpDecorate %index BuiltIn LocalInvocationIndex
-                 OpDecorate %ptr_cell ArrayStride 12
-                 OpDecorate %words ArrayStride 8
-                 OpDecorate %block Block
-                 OpMemberDecorate %block 0 Offset 0
-                 OpDecorate %out DescriptorSet 0
-                 OpDecorate %out Binding 0
-                 %void = OpTypeVoid
-                 %function = OpTypeFunction %void
-                 %bool = OpTypeBool
-                 %int = OpTypeInt 32 1
-                 %uint = OpTypeInt 32 0
-                 %ulong = OpTypeInt 64 0
-                 %minus_one = OpConstant %int -1
-                 %0 = OpConstant %uint 0
-                 %1 = OpConstant %uint 1
-                 %2 = OpConstant %uint 2
-                 %72 = OpConstant %uint 72
-                 %100 = OpConstant %uint 100
-                 %start = OpConstant %ulong 0xFFFFFFFFL
-                 %seven = OpConstant %ulong 7L
-                 %high = OpConstant %ulong 0x100000000L
-                 %ptr_in = OpTypePointer Input %uint
-                 %index = OpVariable %ptr_in Input
-                 %cell = OpTypeStruct %uint %ulong
-                 %array = OpTypeArray %cell %72
-                 %ptr_array = OpTypePointer Workgroup %array
-                 %ptr_cell = OpTypePointer Workgroup %cell
-                 %ptr_wide = OpTypePointer Workgroup %ulong
-                 %cells = OpVariable %ptr_array Workgroup
-                 %ptr_held = OpTypePointer Function %ptr_wide
-                 %words = OpTypeRuntimeArray %ulong
-                 %block = OpTypeStruct %words
-                 %ptr_block = OpTypePointer StorageBuffer %block
-                 %ptr_ulong = OpTypePointer StorageBuffer %ulong
-                 %out = OpVariable %ptr_block StorageBuffer
-                 %wide_type = OpTypeFunction %ptr_wide %ptr_cell
-                 %main = OpFunction %void None %function
-                 %entry = OpLabel
-                 %held = OpVariable %ptr_held Function
-                 %i = OpLoad %uint %index
-                 %is_inside = OpULessThan %bool %i %100
-                 %own = OpAccessChain %ptr_cell %cells %i
-                 %own_wide = OpAccessChain %ptr_wide %cells %i %1
-                 OpStore %own_wide %start
-                 {pointer}
-                 {update}
-                 %left = OpLoad %ulong %own_wide
-                 %left_at = OpAccessChain %ptr_ulong %out %0 %i
-                 OpStore %left_at %left
-                 OpReturn
-                 OpFunctionEnd
-                 %wide_of = OpFunction %ptr_wide DontInline %wide_type
-                 %given = OpFunctionParameter %ptr_cell
-                 %given_entry = OpLabel
-                 %given_wide = OpAccessChain %ptr_wide %given %1
-                 OpReturnValue %given_wide
-                 OpFunctionEnd"
-            ));
-            let module = Arc::new(anyhit::module::load(&module).expect("a module"));
+            let module = Workgroup {
+                size: 70,
+                is_wide: true,
+                capabilities: "OpCapability Int64Atomics",
+                interface: "%cells",
+                annotations: "OpDecorate %ptr_cell ArrayStride 12",
+                declarations: "
+                    %minus_one = OpConstant %int -1
+                    %72 = OpConstant %uint 72
+                    %100 = OpConstant %uint 100
+                    %start = OpConstant %ulong 0xFFFFFFFFL
+                    %seven = OpConstant %ulong 7L
+                    %high = OpConstant %ulong 0x100000000L
+                    %cell = OpTypeStruct %uint %ulong
+                    %array = OpTypeArray %cell %72
+                    %ptr_array = OpTypePointer Workgroup %array
+                    %ptr_cell = OpTypePointer Workgroup %cell
+                    %ptr_wide = OpTypePointer Workgroup %ulong
+                    %cells = OpVariable %ptr_array Workgroup
+                    %ptr_held = OpTypePointer Function %ptr_wide
+                    %wide_type = OpTypeFunction %ptr_wide %ptr_cell",
+                variables: "%held = OpVariable %ptr_held Function",
+                body: &format!(
+                    "%is_inside = OpULessThan %bool %i %100
+                     %own = OpAccessChain %ptr_cell %cells %i
+                     %own_wide = OpAccessChain %ptr_wide %cells %i %1
+                     OpStore %own_wide %start
+                     {pointer}
+                     {update}
+                     %left = OpLoad %ulong %own_wide
+                     %left_at = OpAccessChain %ptr_ulong %out %0 %i
+                     OpStore %left_at %left"
+                ),
+                functions: "
+                    %wide_of = OpFunction %ptr_wide DontInline %wide_type
+                    %given = OpFunctionParameter %ptr_cell
+                    %given_entry = OpLabel
+                    %given_wide = OpAccessChain %ptr_wide %given %1
+                    OpReturnValue %given_wide
+                    OpFunctionEnd",
+            }
+            .module();
             for inlining in [Inlining::Never, Inlining::WherePaying] {
-                let options = LowerOptions { inlining, ..LowerOptions::default() };
-                let program = anyhit::program::lower_with(&module, &module.entry_points[0], options);
-                let program = program.unwrap_or_else(|error| panic!("{way}: {}", error.render()));
-                let compute = Compute::new(program).expect("a compute shader");
+                let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
                 for lanes in [1, 64] {
                     let out = Buffer::zeroed(8 * 70);
                     let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));

@@ -1,12 +1,9 @@
 //! Builtins that no shader of `shaders/` reads.
 
-use std::sync::Arc;
-
 use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::Compute;
 
 use crate::instructions::run::Shader;
-use crate::support::assembly::assemble;
+use crate::instructions::workgroup::Workgroup;
 
 /// Runs a shader that writes the words of input variables, given as (builtin, type, words).
 fn read(capabilities: &str, builtins: &[(&str, &str, u32)]) -> Vec<[u32; 16]> {
@@ -90,47 +87,18 @@ fn masks_of_the_subgroup() {
 
 #[test]
 fn the_constant_decorated_with_workgroup_size_counts() {
-    let module = assemble(
-        "OpCapability Shader
-         OpMemoryModel Logical GLSL450
-         OpEntryPoint GLCompute %main \"main\" %index %out
-         OpExecutionMode %main LocalSize 1 1 1
-         OpDecorate %index BuiltIn LocalInvocationIndex
-         OpDecorate %size BuiltIn WorkgroupSize
-         OpDecorate %words ArrayStride 4
-         OpDecorate %block Block
-         OpMemberDecorate %block 0 Offset 0
-         OpDecorate %out DescriptorSet 0
-         OpDecorate %out Binding 0
-         %void = OpTypeVoid
-         %function = OpTypeFunction %void
-         %uint = OpTypeInt 32 0
-         %uint3 = OpTypeVector %uint 3
-         %0 = OpConstant %uint 0
-         %1 = OpConstant %uint 1
-         %2 = OpConstant %uint 2
-         %4 = OpConstant %uint 4
-         %size = OpConstantComposite %uint3 %4 %2 %1
-         %ptr_in = OpTypePointer Input %uint
-         %index = OpVariable %ptr_in Input
-         %words = OpTypeRuntimeArray %uint
-         %block = OpTypeStruct %words
-         %ptr_block = OpTypePointer StorageBuffer %block
-         %ptr_uint = OpTypePointer StorageBuffer %uint
-         %out = OpVariable %ptr_block StorageBuffer
-         %main = OpFunction %void None %function
-         %entry = OpLabel
-         %i = OpLoad %uint %index
-         %x = OpCompositeExtract %uint %size 0
-         %sum = OpIAdd %uint %i %x
-         %pointer = OpAccessChain %ptr_uint %out %0 %i
-         OpStore %pointer %sum
-         OpReturn
-         OpFunctionEnd",
-    );
-    let module = Arc::new(anyhit::module::load(&module).expect("a module"));
-    let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a program");
-    let compute = Compute::new(program).expect("a compute shader");
+    let compute = Workgroup {
+        size: 1,
+        annotations: "OpDecorate %size BuiltIn WorkgroupSize",
+        declarations: "%size = OpConstantComposite %uint3 %4 %2 %1",
+        body: "
+            %x = OpCompositeExtract %uint %size 0
+            %sum = OpIAdd %uint %i %x
+            %pointer = OpAccessChain %ptr_uint %out %0 %i
+            OpStore %pointer %sum",
+        ..Workgroup::default()
+    }
+    .compute();
     let out = Buffer::zeroed(36);
     let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
     compute.dispatch(&resources, [1, 1, 1]).expect("no trap");

@@ -8,10 +8,9 @@ use std::sync::Arc;
 
 use anyhit::error::ErrorKind;
 use anyhit::machine::{Buffer, Descriptor, MemoryPolicy, Resources};
-use anyhit::pipeline::Compute;
 
 use crate::instructions::run::Shader;
-use crate::support::assembly::assemble;
+use crate::instructions::workgroup::Workgroup;
 
 /// `%cells`, a storage buffer at binding 1 of which every body takes the address first, so that it
 /// is the first descriptor: { uint[2], mat2x3 (row-major), uint[] }. `%blocks`, two of them at
@@ -302,52 +301,28 @@ fn whatever_goes_through_null_traps() {
 #[test]
 fn null_leads_into_no_workgroup_memory() {
     let dispatch = |body: &str| {
-        let module = assemble(&format!(
-            "OpCapability Shader
-             OpCapability VariablePointers
-             OpMemoryModel Logical GLSL450
-             OpEntryPoint GLCompute %main \"main\" %out %w0 %w1
-             OpExecutionMode %main LocalSize 1 1 1
-             OpDecorate %words ArrayStride 4
-             OpDecorate %block Block
-             OpMemberDecorate %block 0 Offset 0
-             OpDecorate %out DescriptorSet 0
-             OpDecorate %out Binding 0
-             %void = OpTypeVoid
-             %function = OpTypeFunction %void
-             %bool = OpTypeBool
-             %uint = OpTypeInt 32 0
-             %0 = OpConstant %uint 0
-             %1 = OpConstant %uint 1
-             %2 = OpConstant %uint 2
-             %7 = OpConstant %uint 7
-             %8 = OpConstant %uint 8
-             %9 = OpConstant %uint 9
-             %words = OpTypeRuntimeArray %uint
-             %block = OpTypeStruct %words
-             %ptr_block = OpTypePointer StorageBuffer %block
-             %ptr_uint = OpTypePointer StorageBuffer %uint
-             %out = OpVariable %ptr_block StorageBuffer
-             %ptr_shared = OpTypePointer Workgroup %uint
-             %w0 = OpVariable %ptr_shared Workgroup
-             %w1 = OpVariable %ptr_shared Workgroup
-             %null = OpConstantNull %ptr_shared
-             %main = OpFunction %void None %function
-             %entry = OpLabel
-             %o0 = OpAccessChain %ptr_uint %out %0 %0
-             %o1 = OpAccessChain %ptr_uint %out %0 %1
-             %o2 = OpAccessChain %ptr_uint %out %0 %2
-             OpStore %w0 %7
-             OpStore %w1 %8
-             {body}
-             OpReturn
-             OpFunctionEnd"
-        ));
-        let module = Arc::new(anyhit::module::load(&module).expect("a module"));
-        let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a program");
+        let compute = Workgroup {
+            size: 1,
+            interface: "%w0 %w1",
+            declarations: "
+                %ptr_shared = OpTypePointer Workgroup %uint
+                %w0 = OpVariable %ptr_shared Workgroup
+                %w1 = OpVariable %ptr_shared Workgroup
+                %null = OpConstantNull %ptr_shared",
+            body: &format!(
+                "%o0 = OpAccessChain %ptr_uint %out %0 %0
+                 %o1 = OpAccessChain %ptr_uint %out %0 %1
+                 %o2 = OpAccessChain %ptr_uint %out %0 %2
+                 OpStore %w0 %7
+                 OpStore %w1 %8
+                 {body}"
+            ),
+            ..Workgroup::default()
+        }
+        .compute();
         let out = Buffer::zeroed(12);
         let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
-        let done = Compute::new(program).expect("a compute shader").dispatch(&resources, [1, 1, 1]);
+        let done = compute.dispatch(&resources, [1, 1, 1]);
         done.map(|_| bytemuck::pod_collect_to_vec::<u8, u32>(&out.bytes()))
     };
     let compared = "
