@@ -1,7 +1,7 @@
 //! Every case of `shaders/` and every scene of `scenes/`, a test each, named by its folder:
 //! `cargo test --test cases lss` runs some. No compiler is needed: the modules are fixtures.
 //!
-//! A case runs at 1, 8 and 64 lanes, with the optimizer and without, with bit-identical results,
+//! A case runs at 1, 64 and 128 lanes, with the optimizer and without, with bit-identical results,
 //! and must meet its `[expect]`, whose values are derived by hand. `expect.stderr` beside a scene
 //! holds the report of its trap, a rendering: `BLESS=1` writes it anew.
 

@@ -157,15 +157,15 @@ fn run_shows_what_a_compute_shader_left() {
     assert!(out.starts_with("set 0, binding 1 `Outputs`:\n  sums = [0, 1, 3, 6, 10, "), "{out}");
     assert!(out.ends_with(", 32385, 32640]\n"), "{out}");
 
-    let (code, out, _) = run(&["run", SUMS, "--dump", "1=json", "--lanes", "8", "--stats"]);
+    let (code, out, _) = run(&["run", SUMS, "--dump", "1=json", "--lanes", "128", "--stats"]);
     assert_eq!(code, Some(0));
     let mut lines = out.lines();
     let json: Value = serde_json::from_str(lines.next().unwrap_or_default()).expect("JSON");
     assert_eq!(json["value"]["sums"][255], 32_640);
     assert!(
-        // Each batch of eight lanes is full.
+        // Each batch of 128 lanes is full.
         lines.any(|line| line.starts_with("GLCompute")
-            && line.contains("256 invocations in 32 batches, 8.0 lanes each"))
+            && line.contains("256 invocations in 2 batches, 128.0 lanes each"))
     );
 
     let (code, out, _) = run(&["run", "shaders/pass/compute/prefix-sum/scene.toml", "--dump", "sums=hex"]);

@@ -52,7 +52,7 @@ fn try_all(bytes: &[u8]) -> bool {
             continue;
         }
         let bindings: Bindings = Resources::default().bindings(program.bindings());
-        let mut batch = program.batch::<8>();
+        let mut batch = program.batch::<64>();
         program.begin(&mut batch, Mask::first(5), 20_000);
         for _ in 0..64 {
             if interp::run(&mut batch, &program, &bindings, &mut ()) == Stop::Done {

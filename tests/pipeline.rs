@@ -74,5 +74,5 @@ fn one_lane_and_many_agree_bit_for_bit() {
     let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
     let many = bits(outputs::<64>(65));
     assert_eq!(bits(outputs::<1>(65)), many);
-    assert_eq!(bits(outputs::<8>(65)), many);
+    assert_eq!(bits(outputs::<128>(65)), many);
 }

@@ -2,8 +2,9 @@
 //!
 //! A [`Program`] is a tree of statements that the generator drew: integers of 32 and 64 bits,
 //! floats, vectors, arrays, branches, loops, switches, phis and calls. [`emit`] writes it as
-//! SPIR-V, which runs here at 1, 8 and 64 lanes; [`evaluate`] walks the tree itself, one invocation
-//! at a time. Where lavapipe is installed, it runs the same modules, too: CONTRIBUTING.md says how.
+//! SPIR-V, which runs here at 1, 64 and 128 lanes; [`evaluate`] walks the tree itself, one
+//! invocation at a time. Where lavapipe is installed, it runs the same modules, too:
+//! CONTRIBUTING.md says how.
 #![allow(clippy::print_stdout, reason = "a judge that is missing is told")]
 
 mod emit;
@@ -42,7 +43,7 @@ fn inputs() -> Vec<u32> {
         .collect()
 }
 
-/// What the interpreter leaves, the same at 1, 8 and 64 lanes.
+/// What the interpreter leaves, the same at 1, 64 and 128 lanes.
 fn interpret(text: &str, inputs: &[u32]) -> Result<Vec<u32>, String> {
     let told = |error: anyhit::Error| error.render();
     let module = Arc::new(anyhit::module::load(&assembly::assemble(text)).map_err(told)?);
@@ -59,14 +60,14 @@ fn interpret(text: &str, inputs: &[u32]) -> Result<Vec<u32>, String> {
         let groups = [GROUPS, 1, 1];
         let result = match lanes {
             1 => compute.run::<1>(&resources, groups, &|_| ()),
-            8 => compute.run::<8>(&resources, groups, &|_| ()),
+            128 => compute.run::<128>(&resources, groups, &|_| ()),
             _ => compute.run::<64>(&resources, groups, &|_| ()),
         };
         result.map_err(told)?;
         Ok::<_, String>(bytemuck::pod_collect_to_vec::<u8, u32>(&out.bytes()))
     };
     let one = run(1)?;
-    for lanes in [8, 64] {
+    for lanes in [64, 128] {
         if let Some(difference) = difference(&one, &run(lanes)?) {
             return Err(format!("1 and {lanes} lanes: {difference}"));
         }

@@ -1,7 +1,7 @@
 //! Metamorphic tests: every case of `shaders/` with its modules rewritten at random.
 //!
 //! [`rewrite`] has the changes; none may be seen in any buffer, image, payload, printed line or
-//! trap, at 1, 8 and 64 lanes. `ANYHIT_REWRITES=100 cargo test --test main rewriting::` draws so
+//! trap, at 1, 64 and 128 lanes. `ANYHIT_REWRITES=100 cargo test --test main rewriting::` draws so
 //! many rewritings of each case, `ANYHIT_SEED` says where to begin. What differs is made short,
 //! printed, and saved in `target/tmp/rewriting`. With `ANYHIT_REWRITES_TO=FOLDER` every rewritten
 //! module is saved.

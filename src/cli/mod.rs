@@ -24,6 +24,7 @@ pub mod verify;
 
 use std::process::ExitCode;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{CommandFactory, Parser};
 
 use crate::error::Result;
@@ -70,6 +71,12 @@ commands! {
 struct CommandLine {
     #[command(subcommand)]
     command: Command,
+}
+
+/// The numbers of lanes that a batch may have. 8 is an old one, for which 64 do as well: results do
+/// not depend on it.
+fn batch_widths() -> PossibleValuesParser {
+    [PossibleValue::new("1"), PossibleValue::new("64").alias("8"), PossibleValue::new("128")].into()
 }
 
 /// Parses the command line, runs the command and reports its error on standard error.

@@ -39,7 +39,7 @@ pub struct RenderArgs {
     size: Option<[u32; 2]>,
 
     /// The number of lanes in a batch; the picture does not depend on it
-    #[arg(long, value_name = "N", default_value = "64", value_parser = ["1", "8", "64"])]
+    #[arg(long, value_name = "N", default_value = "64", value_parser = super::batch_widths())]
     lanes: String,
 
     /// The precision of intersections, instead of the scene's own; only `exact` is right on every
@@ -109,14 +109,14 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let outcome = match &bands {
         None => match args.lanes.as_str() {
             "1" => launch.run::<1>(size, &done),
-            "8" => launch.run::<8>(size, &done),
+            "128" => launch.run::<128>(size, &done),
             _ => launch.run::<64>(size, &done),
         },
         Some(bands) => stream_png(&file, [size[0], size[1]], image.format, to_srgb, |png| {
             let mut take = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
             match args.lanes.as_str() {
                 "1" => bands.run::<1>(&done, &mut take),
-                "8" => bands.run::<8>(&done, &mut take),
+                "128" => bands.run::<128>(&done, &mut take),
                 _ => bands.run::<64>(&done, &mut take),
             }
         }),

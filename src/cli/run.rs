@@ -43,7 +43,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
     /// The number of lanes in a batch; results do not depend on it
-    #[arg(long, value_name = "N", default_value = "64", value_parser = ["1", "8", "64"])]
+    #[arg(long, value_name = "N", default_value = "64", value_parser = super::batch_widths())]
     lanes: String,
     /// Print statistics: invocations, batches, occupancy, time, elided work
     #[arg(long)]
@@ -106,7 +106,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     let done = |_| ();
     let outcome = match args.lanes.as_str() {
         "1" => assembled.run::<1>(&assembled.resources, &done),
-        "8" => assembled.run::<8>(&assembled.resources, &done),
+        "128" => assembled.run::<128>(&assembled.resources, &done),
         _ => assembled.run::<64>(&assembled.resources, &done),
     };
     let took = launched.elapsed();

@@ -37,7 +37,7 @@ pub struct TestArgs {
     /// Run the Kth of N parts of the tests: all parts together run each test once
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// Run launches at 1, 8 and 64 lanes, whose results must be the same
+    /// Run launches at 1, 64 and 128 lanes, whose results must be the same
     #[arg(long)]
     all_widths: bool,
     /// Run every test also without the optimizer: results must be the same, bit for bit

@@ -142,9 +142,9 @@ impl Case {
         }
     }
 
-    /// Loads the scene, runs it at 1, 8 and 64 lanes, and compares: the widths with each other bit
-    /// for bit, then the result with `[expect]`, and each ray with its own. Gives the run at 64
-    /// lanes.
+    /// Loads the scene, runs it at 1, 64 and 128 lanes, and compares: the widths with each other
+    /// bit for bit, then the result with `[expect]`, and each ray with its own. Gives the run at
+    /// 64 lanes.
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for each difference.
@@ -217,7 +217,7 @@ fn each_ray<T>(document: &Document, report: &Diagnostics, read: impl Fn(usize, &
 }
 
 impl Loaded {
-    /// Runs it at 1, 8 and 64 lanes: all three must agree bit for bit. Gives the run at 64 lanes.
+    /// Runs it at 1, 64 and 128 lanes: all three must agree bit for bit. Gives the run at 64 lanes.
     ///
     /// # Errors
     /// `Expectation` where they do not agree; what [`run::costs`](crate::harness::run::costs) says.
@@ -225,7 +225,7 @@ impl Loaded {
         let (scene, assembled) = (&self.scene, &self.assembled);
         let one = run::<1>(scene, assembled);
         let mut many = run::<64>(scene, assembled);
-        for (lanes, other) in [(8, &run::<8>(scene, assembled)), (64, &many)] {
+        for (lanes, other) in [(64, &many), (128, &run::<128>(scene, assembled))] {
             if let Some(difference) = difference(&one, other, Counts::All) {
                 let message = format!("1 and {lanes} lanes disagree: {difference}");
                 return Err(Error::new(ErrorKind::Expectation, message)

@@ -12,8 +12,8 @@ use crate::harness::expect::Observed;
 use crate::harness::run::{RayMeasurements, one_ray, run};
 
 impl Loaded {
-    /// Compares what the launch left behind, all of it, with runs of the reference at 1, 8 and 64
-    /// lanes.
+    /// Compares what the launch left behind, all of it, with runs of the reference at 1, 64 and
+    /// 128 lanes.
     ///
     /// # Errors
     /// `Expectation` with the first difference.
@@ -21,8 +21,8 @@ impl Loaded {
         let reference = self.assembled.unoptimized()?;
         let scene = &self.scene;
         self.same(1, optimized, &run::<1>(scene, &reference))?;
-        self.same(8, optimized, &run::<8>(scene, &reference))?;
-        self.same(64, optimized, &run::<64>(scene, &reference))
+        self.same(64, optimized, &run::<64>(scene, &reference))?;
+        self.same(128, optimized, &run::<128>(scene, &reference))
     }
 
     /// Compares what became of a ray of the scene, and what it left behind, with a run of the

@@ -39,7 +39,6 @@ where
 pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
     launch(scene, assembled, |resources| match assembled.invocations() {
         0..=1 => assembled.run::<1>(resources, &|_| ()),
-        2..=8 => assembled.run::<8>(resources, &|_| ()),
         _ => assembled.run::<64>(resources, &|_| ()),
     })
 }

@@ -283,23 +283,23 @@ scalars! {
 
 /// Reads one operand's registers: the low words and, for two-register scalars, the high words.
 #[inline(always)]
-fn operand<const W: usize, A: Scalar>(registers: &Registers<W>, reg: Reg) -> (&Lanes<W>, &Lanes<W>) {
-    let low = &registers[reg];
-    (low, if A::WORDS == 2 { &registers[reg.plus(1)] } else { low })
+fn operand<const W: usize, A: Scalar>(registers: &[Lanes<W>], reg: Reg) -> (&Lanes<W>, &Lanes<W>) {
+    let low = &registers[reg.0 as usize];
+    (low, if A::WORDS == 2 { &registers[reg.plus(1).0 as usize] } else { low })
 }
 
 #[inline(always)]
-fn store<const W: usize, R: Scalar>(registers: &mut Registers<W>, to: Reg, low: [u32; W], high: [u32; W]) {
-    registers[to].0 = low;
+fn store<const W: usize, R: Scalar>(registers: &mut [Lanes<W>], to: Reg, low: [u32; W], high: [u32; W]) {
+    registers[to.0 as usize].0 = low;
     if R::WORDS == 2 {
-        registers[to.plus(1)].0 = high;
+        registers[to.plus(1).0 as usize].0 = high;
     }
 }
 
 /// Applies a scalar function of one operand to every lane.
 #[inline(always)]
 pub fn map1<const W: usize, A: Scalar, R: Scalar>(
-    registers: &mut Registers<W>,
+    registers: &mut [Lanes<W>],
     to: Reg,
     from: &[Reg; 3],
     function: impl Fn(A) -> R,
@@ -315,7 +315,7 @@ pub fn map1<const W: usize, A: Scalar, R: Scalar>(
 /// Applies a scalar function of two operands to every lane.
 #[inline(always)]
 pub fn map2<const W: usize, A: Scalar, B: Scalar, R: Scalar>(
-    registers: &mut Registers<W>,
+    registers: &mut [Lanes<W>],
     to: Reg,
     from: &[Reg; 3],
     function: impl Fn(A, B) -> R,
@@ -334,7 +334,7 @@ pub fn map2<const W: usize, A: Scalar, B: Scalar, R: Scalar>(
 /// Applies a scalar function of three operands to every lane.
 #[inline(always)]
 pub fn map3<const W: usize, A: Scalar, B: Scalar, C: Scalar, R: Scalar>(
-    registers: &mut Registers<W>,
+    registers: &mut [Lanes<W>],
     to: Reg,
     from: &[Reg; 3],
     function: impl Fn(A, B, C) -> R,
@@ -389,7 +389,7 @@ mod tests {
         let mut registers = Registers::<4>::new(3);
         registers[Reg(0)] = Lanes([1, 2, 3, 4]);
         registers[Reg(1)] = Lanes([10, 20, 30, 40]);
-        map2::<4, u32, u32, u32>(&mut registers, Reg(0), &[Reg(0), Reg(1), Reg(0)], |a, b| a + b);
+        map2::<4, u32, u32, u32>(registers.all_mut(), Reg(0), &[Reg(0), Reg(1), Reg(0)], |a, b| a + b);
         assert_eq!(registers[Reg(0)].0, [11, 22, 33, 44]);
     }
 }

@@ -159,7 +159,7 @@ impl AtomicOp {
     }
 
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match &self.target {
             Target::Buffer(chunk) => chunk.accesses(visit),
             Target::Texel(place) => place.registers().for_each(|reg| visit(Access::Read(reg, 1))),

@@ -9,8 +9,8 @@ use std::marker::PhantomData;
 
 use half::f16;
 
-use crate::machine::lanes::map1;
-use crate::machine::{Reg, Registers, Scalar};
+use crate::machine::lanes::{Lanes, map1};
+use crate::machine::{Reg, Scalar};
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::lane_ops::{LaneOps, LaneTask};
@@ -36,7 +36,7 @@ macro_rules! conversions {
 const fn truncating(kernel: LaneKernel) -> LaneKernel {
     LaneKernel {
         #[cfg(target_arch = "x86_64")]
-        full_v3: |simd, registers, to, from| simd.dispatch(Truncate { registers, to, from: from[0] }),
+        full: Some(|simd, registers, to, from| simd.dispatch(Truncate { registers, to, from: from[0] })),
         ..kernel
     }
 }
@@ -44,7 +44,7 @@ const fn truncating(kernel: LaneKernel) -> LaneKernel {
 /// Brings f32 to i32.
 #[cfg(target_arch = "x86_64")]
 struct Truncate<'a> {
-    registers: &'a mut Registers<64>,
+    registers: &'a mut [Lanes<64>],
     to: Reg,
     from: Reg,
 }
@@ -56,12 +56,12 @@ impl LaneTask for Truncate<'_> {
     #[inline(always)]
     fn run<V: LaneOps>(self, vectors: V) {
         let mut result = [0; 64];
-        let from = self.registers[self.from].0.as_chunks::<8>().0;
+        let from = self.registers[self.from.0 as usize].0.as_chunks::<8>().0;
         for (words, to) in from.iter().zip(result.as_chunks_mut::<8>().0) {
             let floats = vectors.load(&words.map(f32::from_bits));
             *to = vectors.to_i32(floats).map(|integer| integer as u32);
         }
-        self.registers[self.to].0 = result;
+        self.registers[self.to.0 as usize].0 = result;
     }
 }
 
@@ -84,7 +84,7 @@ where
     Convert<A>: To<B>,
 {
     #[inline(always)]
-    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]) {
+    fn run<const W: usize>(registers: &mut [Lanes<W>], to: Reg, from: &[Reg; 3]) {
         map1::<W, A, B>(registers, to, from, Self::apply);
     }
 }

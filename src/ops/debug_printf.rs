@@ -57,7 +57,7 @@ pub struct PrintOp {
 
 impl PrintOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Effect);
         for argument in &*self.arguments {
             let Argument::Numbers { scalar, components } = argument else { continue };

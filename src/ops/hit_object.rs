@@ -58,7 +58,7 @@ pub enum HitObjectOp {
 
 impl HitObjectOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::RecordHit { object, operands, with_index, attributes } => {
                 object::records(object, visit);

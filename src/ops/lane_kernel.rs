@@ -11,12 +11,22 @@ use std::sync::LazyLock;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
+use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Reg, Registers, Scalar};
+use crate::math::lane_ops::CpuTier;
 use crate::ops::op::Op;
 use crate::ops::superop::SuperCode;
 
 /// Runs a kernel over all lanes of a batch.
-pub type Eval<const W: usize> = fn(&mut Registers<W>, Reg, &[Reg; 3]);
+pub type Eval<const W: usize> = fn(&mut [Lanes<W>], Reg, &[Reg; 3]);
+
+/// Runs a kernel over 64 lanes: on x86-64 compiled for processors with AVX2.
+#[cfg(target_arch = "x86_64")]
+pub type FullEval = fn(V3, &mut [Lanes<64>], Reg, &[Reg; 3]);
+
+/// Runs a kernel over 64 lanes.
+#[cfg(not(target_arch = "x86_64"))]
+pub type FullEval = Eval<64>;
 
 /// The instruction set to which an instruction's number belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -47,13 +57,12 @@ pub struct LaneKernel {
     pub signed: bool,
     /// For batches of one lane.
     pub one: Eval<1>,
-    /// For batches of eight lanes.
+    /// For eight lanes of a batch.
     pub eight: Eval<8>,
-    /// For batches of 64 lanes.
-    pub full: Eval<64>,
-    /// For batches of 64 lanes, compiled for processors with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    pub full_v3: fn(V3, &mut Registers<64>, Reg, &[Reg; 3]),
+    /// For batches of 64 lanes, where all values have 32 or 64 bits. Narrower ones are rare: they
+    /// run as eights, as does every kernel on a processor without AVX2, so that they need not be
+    /// compiled once more.
+    pub full: Option<FullEval>,
 }
 
 impl fmt::Debug for LaneKernel {
@@ -88,25 +97,14 @@ pub trait Width<const W: usize> {
 impl Width<1> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<1>, to: Reg, from: &[Reg; 3]) {
-        (self.one)(registers, to, from);
-    }
-}
-
-impl Width<8> for LaneKernel {
-    #[inline]
-    fn run(&self, registers: &mut Registers<8>, to: Reg, from: &[Reg; 3]) {
-        (self.eight)(registers, to, from);
+        (self.one)(registers.all_mut(), to, from);
     }
 }
 
 impl Width<64> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<64>, to: Reg, from: &[Reg; 3]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = registers.cpu_tier().avx2() {
-            return (self.full_v3)(simd, registers, to, from);
-        }
-        (self.full)(registers, to, from);
+        self.run_64(registers.cpu_tier(), registers.all_mut(), to, from);
     }
 
     #[inline]
@@ -130,23 +128,52 @@ impl Width<64> for LaneKernel {
 /// for this width.
 impl Width<128> for LaneKernel {
     fn run(&self, registers: &mut Registers<128>, to: Reg, from: &[Reg; 3]) {
+        let cpu_tier = registers.cpu_tier();
+        self.run_in_parts(registers.all_mut(), to, from, |part, to, from| {
+            self.run_64(cpu_tier, part, to, from)
+        });
+    }
+}
+
+impl LaneKernel {
+    #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables, reason = "AVX2 is of x86-64"))]
+    #[inline]
+    fn run_64(&self, cpu_tier: CpuTier, registers: &mut [Lanes<64>], to: Reg, from: &[Reg; 3]) {
+        if let Some(full) = self.full {
+            #[cfg(target_arch = "x86_64")]
+            if let Some(simd) = cpu_tier.avx2() {
+                return full(simd, registers, to, from);
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            return full(registers, to, from);
+        }
+        self.run_in_parts(registers, to, from, self.eight);
+    }
+
+    /// Runs the kernel over `PART` lanes after the other, in registers of this width: no lane's
+    /// result depends on another lane.
+    #[inline(never)]
+    fn run_in_parts<const W: usize, const PART: usize>(
+        &self,
+        registers: &mut [Lanes<W>],
+        to: Reg,
+        from: &[Reg; 3],
+        run: impl Fn(&mut [Lanes<PART>], Reg, &[Reg; 3]),
+    ) {
         const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
-        let mut part = Registers::<64>::new(8);
-        let mut results = [[0; 128]; 2];
-        for half in 0..2 {
-            let lanes = half * 64..(half + 1) * 64;
-            for ((&operand, &words), &place) in from.iter().zip(&self.operands).zip(&OPERANDS) {
+        let mut part = [Lanes::<PART>::splat(0); 8];
+        for first in (0..W).step_by(PART) {
+            let lanes = first..first + PART;
+            for ((&operand, &words), &own) in from.iter().zip(&self.operands).zip(&OPERANDS) {
                 for word in 0..words {
-                    part[place.plus(word)].0.copy_from_slice(&registers[operand.plus(word)].0[lanes.clone()]);
+                    let operand = &registers[operand.plus(word).0 as usize];
+                    part[own.plus(word).0 as usize].0.copy_from_slice(&operand.0[lanes.clone()]);
                 }
             }
-            Width::<64>::run(self, &mut part, Reg(0), &OPERANDS);
-            for (word, register) in results.iter_mut().enumerate() {
-                register[lanes.clone()].copy_from_slice(&part[Reg(word as u32)].0);
+            run(&mut part, Reg(0), &OPERANDS);
+            for (word, result) in (0..self.words).zip(&part) {
+                registers[to.plus(word).0 as usize].0[lanes.clone()].copy_from_slice(&result.0);
             }
-        }
-        for word in 0..self.words {
-            registers[to.plus(word)].0 = results[word as usize];
         }
     }
 }
@@ -156,14 +183,14 @@ impl Width<128> for LaneKernel {
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
 pub struct Wide<'a, F> {
-    pub registers: &'a mut Registers<64>,
+    pub registers: &'a mut [Lanes<64>],
     pub to: Reg,
     pub from: &'a [Reg; 3],
     pub function: F,
 }
 
 #[cfg(target_arch = "x86_64")]
-impl<F: Fn(&mut Registers<64>, Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_, F> {
+impl<F: Fn(&mut [Lanes<64>], Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -265,7 +292,7 @@ macro_rules! number {
 /// The lane loop of a kernel, implemented for the type that names its family.
 pub trait LaneLoop {
     /// Writes the result's registers for every lane.
-    fn run<const W: usize>(registers: &mut Registers<W>, to: Reg, from: &[Reg; 3]);
+    fn run<const W: usize>(registers: &mut [Lanes<W>], to: Reg, from: &[Reg; 3]);
 }
 
 /// The scalar function of a kernel of one operand.
@@ -358,7 +385,7 @@ macro_rules! lane_loop {
         impl $crate::ops::lane_kernel::LaneLoop for $name {
             #[inline(always)]
             fn run<const W: usize>(
-                registers: &mut $crate::machine::Registers<W>,
+                registers: &mut [$crate::machine::lanes::Lanes<W>],
                 to: $crate::machine::Reg,
                 from: &[$crate::machine::Reg; 3],
             ) {
@@ -377,22 +404,24 @@ macro_rules! lane_kernel {
         #[allow(dead_code)]
         type T = $ty;
         fn eval<const W: usize>(
-            registers: &mut $crate::machine::Registers<W>,
+            registers: &mut [$crate::machine::lanes::Lanes<W>],
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
             <$lanes as $crate::ops::lane_kernel::LaneLoop>::run(registers, to, from);
         }
         #[cfg(target_arch = "x86_64")]
-        fn eval_v3(
+        fn full(
             simd: pulp::x86::V3,
-            registers: &mut $crate::machine::Registers<64>,
+            registers: &mut [$crate::machine::lanes::Lanes<64>],
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
             let function = <$lanes as $crate::ops::lane_kernel::LaneLoop>::run::<64>;
             simd.vectorize($crate::ops::lane_kernel::Wide { registers, to, from, function });
         }
+        #[cfg(not(target_arch = "x86_64"))]
+        use eval as full;
         $crate::ops::lane_kernel::LaneKernel {
             name: stringify!($name),
             width: <$ty as $crate::ops::lane_kernel::ScalarWidth>::BITS,
@@ -403,9 +432,11 @@ macro_rules! lane_kernel {
             signed: <$ty as $crate::ops::lane_kernel::ScalarWidth>::SIGNED,
             one: eval::<1>,
             eight: eval::<8>,
-            full: eval::<64>,
-            #[cfg(target_arch = "x86_64")]
-            full_v3: eval_v3,
+            full: if $crate::ops::lane_kernel::has_no_narrow(&[$(<$at as $crate::ops::lane_kernel::ScalarWidth>::BITS,)* <$result as $crate::ops::lane_kernel::ScalarWidth>::BITS]) {
+                Some(full)
+            } else {
+                None
+            },
         }
     }};
 }
@@ -435,6 +466,19 @@ bits! {
     u64: 64 0 false i64: 64 0 true half::f16: 16 16 false f32: 32 32 false f64: 64 64 false
 }
 
+/// Whether no type of these widths has 8 or 16 bits.
+#[doc(hidden)]
+pub const fn has_no_narrow(bits: &[u32]) -> bool {
+    let mut at = 0;
+    while at < bits.len() {
+        if matches!(bits[at], 8 | 16) {
+            return false;
+        }
+        at += 1;
+    }
+    true
+}
+
 /// Pads a list of one number for each operand.
 #[doc(hidden)]
 pub const fn operands(words: &[u32]) -> [u32; 3] {
@@ -451,11 +495,11 @@ pub const fn operands(words: &[u32]) -> [u32; 3] {
 pub(crate) mod tests {
     use super::*;
 
-    fn run<const W: usize>(kernel: &LaneKernel, inputs: &[u64]) -> Vec<u64>
+    fn run<const W: usize>(cpu_tier: CpuTier, kernel: &LaneKernel, inputs: &[u64]) -> Vec<u64>
     where
         LaneKernel: Width<W>,
     {
-        let mut registers = Registers::<W>::new(8);
+        let mut registers = Registers::<W>::new(8).on(cpu_tier);
         let mut from = [Reg(0); 3];
         let mut next = 2;
         for (at, (&input, &words)) in inputs.iter().zip(&kernel.operands).enumerate() {
@@ -473,15 +517,17 @@ pub(crate) mod tests {
         (0..W).map(value).collect()
     }
 
-    /// The results of a kernel in every lane of every width of a batch.
+    /// The results of a kernel in every lane of every width of a batch, on every tier of the CPU.
     pub(crate) fn results(kernel: &LaneKernel, inputs: &[u64]) -> Vec<u64> {
-        [
-            run::<1>(kernel, inputs),
-            run::<8>(kernel, inputs),
-            run::<64>(kernel, inputs),
-            run::<128>(kernel, inputs),
-        ]
-        .concat()
+        let on = |(_, tier)| {
+            [
+                run::<1>(tier, kernel, inputs),
+                run::<64>(tier, kernel, inputs),
+                run::<128>(tier, kernel, inputs),
+            ]
+            .concat()
+        };
+        CpuTier::available().into_iter().flat_map(on).collect()
     }
 
     /// Runs a kernel at every width of a batch and compares every lane.

@@ -64,7 +64,7 @@ pub struct Chunk {
 }
 
 impl BufferRef {
-    fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::Computed(reg) => visit(Access::Read(reg, 1)),
             Self::Address(reg) => visit(Access::Read(reg, 2)),
@@ -75,7 +75,7 @@ impl BufferRef {
 
 impl Chunk {
     /// Reports the registers that say where the chunk is.
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         self.buffer.accesses(visit);
         if let Some(index) = self.index {
             visit(Access::Read(index, 1));
@@ -116,7 +116,7 @@ pub enum Length {
 
 impl MemoryOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match self {
             Self::Move { to, from } | Self::MoveMasked { to, from } => {
                 visit(Access::Read(*from, 1));

@@ -13,7 +13,7 @@ use crate::ops::translate::{Translator, registers_from};
 
 /// Reports the registers that an operation reads to find an object (see
 /// [`crate::ops::op::Op::accesses`]).
-pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
+pub fn accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
     match object {
         ObjectRef::Register(reg) => visit(Access::Read(reg, 1)),
         ObjectRef::Computed { index, .. } => visit(Access::Read(index, 1)),
@@ -21,7 +21,7 @@ pub fn accesses(object: ObjectRef, visit: &mut impl FnMut(Access)) {
 }
 
 /// Reports the registers of an operation that replaces the object: it reads and writes the handle.
-pub fn records(object: ObjectRef, visit: &mut impl FnMut(Access)) {
+pub fn records(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
     accesses(object, visit);
     if let ObjectRef::Register(reg) = object {
         visit(Access::Write(reg, 1));

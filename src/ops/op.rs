@@ -52,7 +52,8 @@ pub enum Access {
 
 impl Op {
     /// Reports the registers that the operation reads and writes, and whether it has an effect
-    /// beside.
+    /// beside. Those of rarer operations call the visitor through a pointer, as they would be
+    /// compiled anew for each visitor otherwise.
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::LaneKernel { kernel, to, from } => {

@@ -163,7 +163,7 @@ static AABB_OPAQUE: RayQueryGetter = RayQueryGetter {
 
 impl RayQueryOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::Initialize { query, operands, .. } => {
                 object::records(query, visit);

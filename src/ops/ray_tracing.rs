@@ -49,7 +49,7 @@ pub enum RayTracingOp {
 
 impl RayTracingOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Effect);
         match *self {
             Self::TraceRay { operands, payload } => {

@@ -187,7 +187,7 @@ pub struct SubgroupOp {
 
 impl SubgroupOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Read(self.value, self.values));
         visit(Access::Read(self.operand, self.operands));
         if let SubgroupKind::Combine { kernel, over: Over::Exclusive(identity), .. } = self.kind {
@@ -340,7 +340,7 @@ fn combine(
     for value in values {
         registers.set_lane_words(Reg(0), 0, sum.iter().copied());
         registers.set_lane_words(Reg(2), 0, value);
-        (kernel.one)(&mut registers, Reg(4), &[Reg(0), Reg(2), Reg(0)]);
+        (kernel.one)(registers.all_mut(), Reg(4), &[Reg(0), Reg(2), Reg(0)]);
         sum = registers.lane_words(Reg(4), kernel.words, 0).collect();
     }
     Some(sum)

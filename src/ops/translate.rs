@@ -366,7 +366,7 @@ impl<'m> Translator<'m> {
                 self.folding[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
             }
         }
-        (kernel.one)(&mut self.folding, Reg(0), &operands);
+        (kernel.one)(self.folding.all_mut(), Reg(0), &operands);
         let [low, high] = [Reg(0), Reg(1)].map(|reg| u64::from(self.folding[reg].0[0]));
         Some(low | high << 32)
     }

@@ -192,7 +192,7 @@ impl Bands<'_> {
     /// handed out, and their invocations need not have run.
     pub fn run<const W: usize>(
         &self,
-        done: &(impl Fn(u64) + Sync),
+        done: &(dyn Fn(u64) + Sync),
         mut take: impl FnMut(Band<'_>) -> Result<()> + Send,
     ) -> Result<Stats>
     where

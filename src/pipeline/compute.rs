@@ -122,7 +122,7 @@ impl Compute {
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        done: &(impl Fn(u64) + Sync),
+        done: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,
@@ -170,7 +170,7 @@ impl Compute {
         // The tasks of a run, so that the same workgroups share a batch.
         let per_task = self.per_task();
         for first in (0..count).step_by(per_task as usize) {
-            let groups = (first..count.min(first + per_task)).map(|index| self.group(index, groups));
+            let groups = &mut (first..count.min(first + per_task)).map(|index| self.group(index, groups));
             let (done, trapped) = if !whole && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
@@ -202,7 +202,7 @@ impl Compute {
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        done: &(impl Fn(u64) + Sync),
+        done: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats, Box<Trapped>>
     where
         LaneKernel: Width<W>,
@@ -217,7 +217,7 @@ impl Compute {
         let task = |task: u64| {
             let range = range(task);
             let invocations = (range.end - range.start) * each;
-            let groups = range.map(|index| self.group(index, groups));
+            let groups = &mut range.map(|index| self.group(index, groups));
             let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match whole {
                 // A batch must hold whole subgroups, and their size divides the batch's.
@@ -248,7 +248,7 @@ impl Compute {
             }
             all
         };
-        tasks.run(self.program.order_dependent || shares, worker)
+        tasks.run(self.program.order_dependent || shares, &worker)
     }
 
     /// The memory that the invocations of a dispatch share otherwise than by atomic instructions
@@ -277,7 +277,7 @@ impl Compute {
         }
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
-        let groups = (0..count).map(|index| self.group(index, groups));
+        let groups = &mut (0..count).map(|index| self.group(index, groups));
         let mut observers = Observers::of_operations(observer);
         let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))

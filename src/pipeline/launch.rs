@@ -144,7 +144,7 @@ impl Launch<'_> {
     ///
     /// # Errors
     /// The trap of the lowest launch index; all other invocations have run nevertheless.
-    pub fn run<const W: usize>(&self, size: [u32; 3], done: &(impl Fn(u64) + Sync)) -> Result<Stats>
+    pub fn run<const W: usize>(&self, size: [u32; 3], done: &(dyn Fn(u64) + Sync)) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
@@ -158,7 +158,7 @@ impl Launch<'_> {
         &self,
         size: [u32; 3],
         positions: Range<u64>,
-        done: &(impl Fn(u64) + Sync),
+        done: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,
@@ -175,11 +175,7 @@ impl Launch<'_> {
         let few = positions.end - positions.start <= FEW;
         let each = task_size(positions.end - positions.start);
         let tasks = Tasks::new((positions.end - positions.start).div_ceil(each));
-        let range = |task: u64| {
-            let first = positions.start + task * each;
-            first..positions.end.min(first + each)
-        };
-        let work = Work { record, bindings: &bindings, order, tasks: &tasks, range, done };
+        let work = Work { record, bindings: &bindings, order, tasks: &tasks, positions, each, done };
         let worker = || match subgroups {
             Some(..=64) => self.work::<64>(&work),
             Some(_) => self.work::<128>(&work),
@@ -187,21 +183,18 @@ impl Launch<'_> {
             None if one_thread => self.work::<64>(&work),
             None => self.work::<W>(&work),
         };
-        tasks.run(one_thread || few, worker).map_err(|trapped| trapped.error)
+        tasks.run(one_thread || few, &worker).map_err(|trapped| trapped.error)
     }
 
     /// The loop of a worker thread: runs tasks until none is left.
-    fn work<const W: usize>(
-        &self,
-        work: &Work<'_, impl Fn(u64) -> Range<u64> + Sync, impl Fn(u64) + Sync>,
-    ) -> Done
+    fn work<const W: usize>(&self, work: &Work<'_>) -> Done
     where
         LaneKernel: Width<W>,
     {
         let (mut pipeline_observer, mut observer) = ((), ());
         let mut stack =
             Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer);
-        for range in work.tasks.iter().map(&work.range) {
+        for range in work.tasks.iter().map(|task| work.range(task)) {
             if work.tasks.is_beyond_trap(work.order.least_number(&range)) {
                 continue;
             }
@@ -401,12 +394,22 @@ impl Launch<'_> {
 }
 
 /// The data that the threads of a launch share.
-struct Work<'a, R, D> {
+struct Work<'a> {
     record: &'a Record,
     bindings: &'a [Bindings],
     order: Order,
     tasks: &'a Tasks,
+    /// Those of all tasks.
+    positions: Range<u64>,
+    /// How many positions a task has.
+    each: u64,
+    done: &'a (dyn Fn(u64) + Sync),
+}
+
+impl Work<'_> {
     /// The positions of a task.
-    range: R,
-    done: &'a D,
+    fn range(&self, task: u64) -> Range<u64> {
+        let first = self.positions.start + task * self.each;
+        first..self.positions.end.min(first + self.each)
+    }
 }

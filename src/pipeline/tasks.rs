@@ -62,7 +62,9 @@ impl Tasks {
 
     /// Runs the worker on this thread alone, or on those of the pool; returns the sums, or the trap
     /// with the lowest number.
-    pub fn run(&self, alone: bool, worker: impl Fn() -> Done + Sync) -> Result<Stats, Box<Trapped>> {
+    ///
+    /// The worker is called through a pointer: rayon would be compiled anew for each type of it.
+    pub fn run(&self, alone: bool, worker: &(dyn Fn() -> Done + Sync)) -> Result<Stats, Box<Trapped>> {
         // One task needs no threads: starting them would take longer.
         let done = match alone || self.count <= 1 {
             true => worker(),
@@ -76,7 +78,7 @@ impl Tasks {
 
     /// Runs the worker on threads of the pool, at most one for each task, and returns their
     /// results. Each works until [`Tasks::iter`] is empty.
-    fn on_threads<T: Send>(&self, worker: impl Fn() -> T + Sync) -> Vec<T> {
+    fn on_threads(&self, worker: &(dyn Fn() -> Done + Sync)) -> Vec<Done> {
         let threads = (rayon::current_num_threads() as u64).min(self.count) as usize;
         (0..threads).into_par_iter().with_max_len(1).map(|_| worker()).collect()
     }
@@ -84,6 +86,8 @@ impl Tasks {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use super::*;
     use crate::error::{Error, ErrorKind};
     use crate::machine::TrapCode;
@@ -108,7 +112,7 @@ mod tests {
                 let own: Vec<u64> = tasks.iter().filter(|task| task % 7 == 6).collect();
                 own.into_iter().rev().map(done).fold(Done::default(), Done::and)
             };
-            let told = pool.install(|| tasks.run(alone, worker)).expect_err("every seventh task traps");
+            let told = pool.install(|| tasks.run(alone, &worker)).expect_err("every seventh task traps");
             assert_eq!(told.launch_id, [6, 0, 0]);
         }
     }
@@ -118,8 +122,16 @@ mod tests {
         for (threads, count) in [(1, 5), (3, 1000), (4, 2), (2, 0)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let tasks = Tasks::new(count);
-            let done = pool.install(|| tasks.on_threads(|| tasks.iter().collect::<Vec<u64>>()));
-            assert!(done.len() <= threads && done.iter().all(|own| own.is_sorted()), "{done:?}");
+            let done = Mutex::new(Vec::new());
+            let worker = || {
+                let own: Vec<u64> = tasks.iter().collect();
+                done.lock().unwrap().push(own);
+                Done::default()
+            };
+            let workers = pool.install(|| tasks.on_threads(&worker)).len();
+            let done = done.into_inner().unwrap();
+            assert!(workers <= threads && workers == done.len(), "{done:?}");
+            assert!(done.iter().all(|own| own.is_sorted()), "{done:?}");
             let mut all = done.concat();
             all.sort_unstable();
             assert!(all.into_iter().eq(0..count));

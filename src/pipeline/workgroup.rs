@@ -96,7 +96,7 @@ where
     /// Runs workgroups; the trap of the first that has one.
     pub fn run<O: Observer<W>>(
         mut self,
-        groups: impl Iterator<Item = Workgroup>,
+        groups: &mut dyn Iterator<Item = Workgroup>,
         observers: &mut Observers<'_, O>,
     ) -> (Stats, Option<Trapped>) {
         for member in &mut self.members {

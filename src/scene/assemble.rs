@@ -88,7 +88,7 @@ impl Assembled {
     ///
     /// # Errors
     /// The first trap, as [`Launch::run`] and [`Compute::run`] report it.
-    pub fn run<const W: usize>(&self, resources: &Resources, done: &(impl Fn(u64) + Sync)) -> Result<Stats>
+    pub fn run<const W: usize>(&self, resources: &Resources, done: &(dyn Fn(u64) + Sync)) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
@@ -107,7 +107,7 @@ impl Assembled {
     pub fn dispatch<const W: usize>(
         &self,
         resources: &Resources,
-        done: &(impl Fn(u64) + Sync),
+        done: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,

@@ -196,14 +196,14 @@ fn threads_change_nothing() {
             let launch = Launch { pipeline: &pipeline, resources: &resources };
             let ran = threads.install(|| match lanes {
                 1 => launch.run::<1>(SIZE, &|_| ()),
-                8 => launch.run::<8>(SIZE, &|_| ()),
+                128 => launch.run::<128>(SIZE, &|_| ()),
                 _ => launch.run::<64>(SIZE, &|_| ()),
             });
             ran.unwrap_or_else(|error| panic!("{}", error.render()));
             counters.bytes()
         };
         let expected = left(&one, 64);
-        for lanes in [64, 64, 64, 64, 64, 64, 8, 8, 1, 1] {
+        for lanes in [64, 64, 64, 64, 64, 64, 128, 128, 1, 1] {
             assert_eq!(left(&many, lanes), expected, "{lanes} lanes: {body}");
         }
     }
@@ -236,7 +236,7 @@ fn workgroup_memory_does_not_depend_on_the_width() {
         out.bytes()
     };
     let expected = dispatch(64);
-    for lanes in [1, 8, 64] {
+    for lanes in [1, 64, 128] {
         assert_eq!(dispatch(lanes), expected, "{lanes} lanes");
     }
 }
@@ -406,7 +406,7 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word() {
     .module();
     for inlining in [Inlining::Never, Inlining::WherePaying] {
         let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
-        for lanes in [1, 8, 64] {
+        for lanes in [1, 64, 128] {
             let out = Buffer::zeroed(8 * 96);
             let resources = Resources::default().bind(0, 0, Descriptor::Buffer(out.clone()));
             run_lanes(&compute, lanes, &resources, [1, 1, 1])

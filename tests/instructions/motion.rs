@@ -91,7 +91,7 @@ fn seen(time: f32, by_location: bool) -> Result<f32> {
         .bind(0, 0, Descriptor::AccelerationStructure(Tlas::new(Vec::new())?))
         .bind(0, 1, Descriptor::Buffer(out.clone()));
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    launch.run::<8>([1; 3], &|_| ())?;
+    launch.run::<64>([1; 3], &|_| ())?;
     Ok(f32::from_bits(out.load(0, 32).expect("a word")))
 }
 

@@ -59,10 +59,10 @@ impl Shader<'_> {
         let count = self.invocations.unwrap_or(INVOCATIONS);
         let one = launch::<1>(&pipeline, resources(), count);
         let others = [
-            ("8 lanes", launch::<8>(&pipeline, resources(), count)),
+            ("128 lanes", launch::<128>(&pipeline, resources(), count)),
             ("64 lanes", launch::<64>(&pipeline, resources(), count)),
             ("1 lane without the optimizer", launch::<1>(&reference, resources(), count)),
-            ("8 lanes without the optimizer", launch::<8>(&reference, resources(), count)),
+            ("128 lanes without the optimizer", launch::<128>(&reference, resources(), count)),
             ("64 lanes without the optimizer", launch::<64>(&reference, resources(), count)),
         ];
         for (name, other) in others {
@@ -200,11 +200,11 @@ where
     Ok(words.chunks_exact(WORDS).map(|words| words.try_into().unwrap()).collect())
 }
 
-/// Runs a compute shader in batches of 1, 8 or 64 lanes.
+/// Runs a compute shader in batches of 1, 64 or 128 lanes.
 pub fn run_lanes(compute: &Compute, lanes: usize, resources: &Resources, groups: [u32; 3]) -> Result<Stats> {
     match lanes {
         1 => compute.run::<1>(resources, groups, &|_| ()),
-        8 => compute.run::<8>(resources, groups, &|_| ()),
+        128 => compute.run::<128>(resources, groups, &|_| ()),
         64 => compute.run::<64>(resources, groups, &|_| ()),
         _ => panic!("no batch has {lanes} lanes"),
     }

@@ -83,7 +83,7 @@ pub fn interpret(
         let compute = Compute::new(program)
             .and_then(|compute| compute.subgroup_size(generated.subgroup))
             .map_err(told)?;
-        for lanes in [1, 8, 64] {
+        for lanes in [1, 64, 128] {
             let buffers: Vec<Arc<Buffer>> = before.buffers.iter().map(|bytes| Buffer::new(bytes)).collect();
             let mut resources = Resources::default();
             for (binding, buffer) in buffers[..BUFFERS - 1].iter().enumerate() {
@@ -93,7 +93,7 @@ pub fn interpret(
             let groups = [generated.groups, 1, 1];
             let result = match lanes {
                 1 => compute.run::<1>(&resources, groups, &|_| ()),
-                8 => compute.run::<8>(&resources, groups, &|_| ()),
+                128 => compute.run::<128>(&resources, groups, &|_| ()),
                 _ => compute.run::<64>(&resources, groups, &|_| ()),
             };
             let way = format!("{lowered:?}, {lanes} lanes");

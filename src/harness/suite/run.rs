@@ -28,7 +28,7 @@ use crate::scene::file::RayEntry;
 pub struct SuiteOptions {
     /// How many cases run side by side; 0 is as many as there are processors.
     pub jobs: usize,
-    /// Whether launches run at 1, 8 and 64 lanes, which must agree bit for bit.
+    /// Whether launches run at 1, 64 and 128 lanes, which must agree bit for bit.
     pub all_widths: bool,
     /// Whether every test runs without the optimizer, too, and must leave the same behind.
     pub check_optimizer: bool,

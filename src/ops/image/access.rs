@@ -158,7 +158,7 @@ pub struct TexelRead {
 
 impl TexelRead {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
         visit(Access::Write(self.to.to, self.to.registers()));
     }
@@ -189,7 +189,7 @@ pub struct TexelWrite {
 
 impl TexelWrite {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let registers = if self.place.view.wide { 2 } else { 1 };
         self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
         self.from.iter().for_each(|&reg| visit(Access::Read(reg, registers)));

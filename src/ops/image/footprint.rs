@@ -73,7 +73,7 @@ fn group(granularity: u32, axes: usize) -> Option<[u32; 3]> {
 
 impl FootprintOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let registers = [self.image, self.sampler, self.granularity, self.coarse];
         registers
             .into_iter()

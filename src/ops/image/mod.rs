@@ -101,7 +101,7 @@ pub enum ImageOp {
 
 impl ImageOp {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match self {
             Self::Sample(op) => op.accesses(visit),
             Self::Read(op) => op.accesses(visit),

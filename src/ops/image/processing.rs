@@ -93,7 +93,7 @@ impl Process {
     }
 
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let mut read = |reg: Reg| visit(Access::Read(reg, 1));
         [self.target.image, self.target.sampler].into_iter().for_each(&mut read);
         self.coordinate.iter().copied().for_each(&mut read);

@@ -40,7 +40,7 @@ pub struct Query {
 
 impl Query {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Read(self.image, 1));
         if let Question::Size(Some(level)) = self.question {
             visit(Access::Read(level, 1));

@@ -57,7 +57,7 @@ pub struct Sample {
 
 impl Sample {
     /// See [`crate::ops::op::Op::accesses`].
-    pub fn accesses(&self, visit: &mut impl FnMut(Access)) {
+    pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let component = if let SampleKind::Gather(component) = self.kind { Some(component) } else { None };
         let optional = [self.divisor, self.reference, component].into_iter().flatten();
         let registers = [self.image, self.sampler].into_iter().chain(optional);
