@@ -168,6 +168,11 @@ fn run_shows_what_a_compute_shader_left() {
             && line.contains("256 invocations in 2 batches, 128.0 lanes each"))
     );
 
+    // An old width, which 64 lanes stand for.
+    let (code, out, err) = run(&["run", SUMS, "--lanes", "8", "--stats"]);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    assert!(out.contains("256 invocations in 4 batches, 64.0 lanes each"), "{out}");
+
     let (code, out, _) = run(&["run", "shaders/pass/compute/prefix-sum/scene.toml", "--dump", "sums=hex"]);
     assert_eq!(code, Some(0));
     assert!(out.contains("\n00000000  00 00 00 00 01 00 00 00 03 00 00 00 06 00 00 00\n"), "{out}");

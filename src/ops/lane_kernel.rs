@@ -432,7 +432,10 @@ macro_rules! lane_kernel {
             signed: <$ty as $crate::ops::lane_kernel::ScalarWidth>::SIGNED,
             one: eval::<1>,
             eight: eval::<8>,
-            full: if $crate::ops::lane_kernel::has_no_narrow(&[$(<$at as $crate::ops::lane_kernel::ScalarWidth>::BITS,)* <$result as $crate::ops::lane_kernel::ScalarWidth>::BITS]) {
+            full: if $crate::ops::lane_kernel::has_no_narrow(&[
+                $(<$at as $crate::ops::lane_kernel::ScalarWidth>::BITS,)*
+                <$result as $crate::ops::lane_kernel::ScalarWidth>::BITS,
+            ]) {
                 Some(full)
             } else {
                 None

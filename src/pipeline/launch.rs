@@ -399,7 +399,7 @@ struct Work<'a> {
     bindings: &'a [Bindings],
     order: Order,
     tasks: &'a Tasks,
-    /// Those of all tasks.
+    /// The positions of all tasks.
     positions: Range<u64>,
     /// How many positions a task has.
     each: u64,
