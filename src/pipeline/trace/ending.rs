@@ -119,6 +119,6 @@ struct Ending {
 /// Whether a shader's only effect is on words of the payload that its caller does not read.
 fn leaves_unread(pipeline: &Pipeline, caller: Caller, shader: Shader) -> bool {
     let [caller_program, program] = [caller.shader, shader].map(|one| &pipeline.programs[one.0 as usize]);
-    let read = || caller_program.payloads.reads_behind(caller.op);
-    program.payloads.writes_only.is_some_and(|written| !written.meets(read()))
+    let read = || caller_program.payloads.read_after(caller.op);
+    program.payloads.writes_only.is_some_and(|written| !written.intersects(read()))
 }
