@@ -2,7 +2,7 @@
 
 use anyhit::geometry::{Bounds, Ray};
 use anyhit::math::ulp_error;
-use anyhit::stress::reference::LineOf;
+use anyhit::stress::reference::ObjectLine;
 
 use crate::scene::Scene;
 use crate::shape::Shape;
@@ -26,7 +26,7 @@ pub fn truth(scene: &Scene, count: usize) -> Vec<Truth> {
             let mut best: Option<(f64, usize, u32)> = None;
             for (instance, matrix) in scene.matrices.iter().enumerate() {
                 let identity = *matrix == crate::scene::IDENTITY;
-                let line = LineOf::new(ray, (!identity).then_some(matrix)).expect("a regular matrix");
+                let line = ObjectLine::new(ray, (!identity).then_some(matrix)).expect("a regular matrix");
                 let approximate = line.to_f64();
                 // Only whom an f64 slab test with plenty of room lets through is asked exactly.
                 let mut near: Vec<(f64, u32)> = (0..scene.shapes.len() as u32)
@@ -51,7 +51,7 @@ pub fn truth(scene: &Scene, count: usize) -> Vec<Truth> {
         .collect()
 }
 
-fn exact(line: &LineOf, shape: &Shape, ray: &Ray) -> Option<f64> {
+fn exact(line: &ObjectLine, shape: &Shape, ray: &Ray) -> Option<f64> {
     let (t, is_open) = match *shape {
         Shape::Sphere(center, radius) => (line.sphere(center, radius)?.t, false),
         Shape::Swept(positions, radii) => (line.linear_swept_sphere(positions, radii, [true; 2])?.t, false),
