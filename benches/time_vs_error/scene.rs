@@ -2,7 +2,7 @@
 
 use anyhit::accel::{EndCaps, GeometryData, Indexing};
 use anyhit::geometry::{Bounds, Ray, Transform};
-use anyhit::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, Spread};
+use anyhit::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
 use anyhit::scene::random::Random;
 
 use crate::contender::Placed;
@@ -131,8 +131,8 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
         count: 30_000 / part as u32,
         seed: 1,
         area: [10.0, 10.0],
-        height: Spread([0.2, 0.5]),
-        radius: Spread([0.003, 0.008]),
+        height: UniformRange([0.2, 0.5]),
+        radius: UniformRange([0.003, 0.008]),
         taper: 0.4,
         lean: 0.4,
     };
@@ -141,8 +141,8 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
         segments: 8,
         seed: 2,
         area: [10.0, 10.0],
-        length: Spread([0.2, 0.35]),
-        radius: Spread([0.05, 0.1]),
+        length: UniformRange([0.2, 0.35]),
+        radius: UniformRange([0.05, 0.1]),
         taper: 0.8,
         bend: 0.5,
     };
@@ -151,13 +151,14 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
         segments: 8,
         seed: 3,
         ball: 1.0,
-        length: Spread([0.4, 0.6]),
-        radius: Spread([0.002, 0.003]),
+        length: UniformRange([0.4, 0.6]),
+        radius: UniformRange([0.002, 0.003]),
         taper: 0.3,
         gravity: 1.0,
         curl: 0.1,
     };
-    let balls = |count| SphereScatter { count, seed: 4, area: [10.0, 10.0], radius: Spread([0.02, 0.1]) };
+    let balls =
+        |count| SphereScatter { count, seed: 4, area: [10.0, 10.0], radius: UniformRange([0.02, 0.1]) };
     let divisions = if quick { [80, 80] } else { [256, 256] };
     let ground = Ground { size: [10.0, 10.0], y: 0.0, divisions, amplitude: 0.5, hills: 2.0, seed: 5 };
     let count = 24_000 / part;

@@ -1,7 +1,7 @@
-//! The mirror of `scene.toml`: what a file says, before any name is looked up or file loaded.
+//! The syntax of `scene.toml`: the content of a file before names are resolved and files loaded.
 //!
-//! The keys of the format stand here, in `geometry`, `generate`, `data`, `camera`, and in
-//! `docs/scene.md` for people.
+//! The keys of the format are read here and in `geometry`, `generate`, `data` and `camera`; they
+//! are documented in `docs/scene.md`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub const VERSION: u32 = 1;
 pub struct SceneFile {
     /// The file itself, for `[expect]`.
     pub document: Document,
-    /// Files whose content comes first.
+    /// Files whose content is read first.
     pub include: Vec<At<String>>,
     /// `[geometry.NAME]`
     pub geometry: Vec<Entry<GeometryEntry>>,
@@ -111,7 +111,7 @@ impl SceneFile {
     }
 }
 
-/// The version comes first: nothing else can be judged without it.
+/// Checks the version, on which everything else depends.
 fn version(document: &Document) -> Result<()> {
     let report = Diagnostics::default();
     let root = document.root(&report);
@@ -146,7 +146,7 @@ fn launch(root: &Table<'_>) -> Option<At<[u32; 3]>> {
     Some(At { value: size, span })
 }
 
-/// One to three sizes; missing ones are 1.
+/// Reads one to three sizes; missing ones are 1.
 fn sides(value: TomlValue<'_>) -> Option<At<[u32; 3]>> {
     let At { value: OneOrMore(given), span } = At::<OneOrMore<u32>>::parse(value)?;
     if given.is_empty() || given.len() > 3 {
@@ -182,15 +182,15 @@ impl Parse for DispatchEntry {
 /// A file with shaders.
 #[derive(Clone, Debug)]
 pub struct ShaderEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// The SPIR-V module.
     pub path: Option<At<String>>,
     /// The source text that it comes from.
     pub source: Option<At<String>>,
-    /// Folders where included files are looked for, behind the source's own.
+    /// Folders where included files are searched, after the source's own.
     pub include_folders: Vec<At<String>>,
-    /// The entry point of references that name none.
+    /// The entry point of references that do not name one.
     pub entry: String,
     /// Specialization constants: `constant_id` and value.
     pub specialization: Vec<(u32, SpecializationValue)>,
@@ -265,7 +265,7 @@ impl Parse for VariantEntry {
 /// `[pipeline]`: every list is in the order of its shader records.
 #[derive(Clone, Debug)]
 pub struct PipelineEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// The ray-generation shaders; the first is launched.
     pub raygen: Vec<GeneralEntry>,
@@ -281,7 +281,7 @@ pub struct PipelineEntry {
     pub subgroup_size: Option<u32>,
     /// Instructions that an invocation may execute, counted at back edges and calls.
     pub fuel: Option<u64>,
-    /// What becomes of an access outside its buffer or image.
+    /// What happens on an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
     /// The pipeline's flags.
     pub flags: PipelineFlags,
@@ -325,7 +325,7 @@ pub struct GeneralEntry {
     pub name: Option<String>,
     /// `None` is a null record.
     pub shader: Option<At<String>>,
-    /// The data behind the record's handle.
+    /// The data after the record's handle.
     pub record: Option<DataPieces>,
 }
 
@@ -356,7 +356,7 @@ pub struct HitEntry {
     pub any_hit: Option<At<String>>,
     /// Its intersection shader, for boxes.
     pub intersection: Option<At<String>>,
-    /// The data behind the record's handle.
+    /// The data after the record's handle.
     pub record: Option<DataPieces>,
 }
 
@@ -396,7 +396,7 @@ pub struct GivenRay {
     pub name: Option<String>,
     /// The ray's origin.
     pub origin: [f32; 3],
-    /// Direction, not normalised.
+    /// The ray's direction, which need not be normalised.
     pub direction: [f32; 3],
     /// `RayTminKHR`
     pub t_min: f32,
@@ -514,7 +514,7 @@ impl Parse for RayEntry {
     }
 }
 
-/// A ray's payload: data in whole words.
+/// Reads a ray's payload: data in whole words.
 fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
     let data = DataPieces::parse(value)?;
     let bytes = match data.encode(&EmbeddedFiles(&[]), 1.0) {

@@ -18,8 +18,8 @@ pub struct ImageContent {
     pub format: Format,
     /// Its shape.
     pub shape: ImageShape,
-    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them; or one,
-    /// which all of them are.
+    /// All texels, in the order of [`machine::image::Image`](crate::machine::image::Image), or a
+    /// single one that all are equal to.
     pub texels: Vec<u8>,
 }
 
@@ -29,12 +29,12 @@ impl ImageContent {
         self.shape.texels().saturating_mul(u64::from(self.format.texel_size()))
     }
 
-    /// Whether its texels are all the same, of which `texels` has one.
+    /// Whether all texels are equal, so that `texels` has only one.
     pub fn is_filled(&self) -> bool {
         self.texels.len() == self.format.texel_size() as usize
     }
 
-    /// What is wrong where it does not fit into memory.
+    /// The error message if it does not fit into memory.
     pub fn too_large(&self) -> String {
         let ImageShape { extent, layers, .. } = self.shape;
         format!("{extent:?} texels in {layers} layers are too many for an image: {} bytes", self.size())
@@ -54,7 +54,7 @@ impl Named for Dimension {
     ];
 }
 
-/// How many mip levels.
+/// The number of mip levels.
 #[derive(Clone, Copy, Debug)]
 enum Levels {
     Count(u32),
@@ -144,9 +144,8 @@ impl ImageEntry {
         Some(entry)
     }
 
-    /// Loads, fills or generates its texels; without a size it is as large as the launch. Where it
-    /// is only filled and need not be there as a whole, it may have more texels than fit into
-    /// memory.
+    /// Loads, fills or generates its texels; without a size it is as large as the launch. With
+    /// `streams`, an image that is only filled may have more texels than fit into memory.
     ///
     /// # Errors
     /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.
@@ -185,7 +184,7 @@ impl ImageEntry {
             return Err(self.span.error(image.too_large()));
         }
         if let Some(texels) = data {
-            return self.complete(format, shape, texels);
+            return self.with_levels(format, shape, texels);
         }
         if pictures.is_empty() {
             return Ok(image);
@@ -207,7 +206,7 @@ impl ImageEntry {
             }
             texels.extend(picture.texels);
         }
-        self.complete(format, shape, texels)
+        self.with_levels(format, shape, texels)
     }
 
     fn pictures(&self, files: &dyn Files) -> Result<Vec<(Picture, &Span)>> {
@@ -222,8 +221,9 @@ impl ImageEntry {
         Ok(pictures)
     }
 
-    /// Texels of all levels, or of level 0, from which the others are made.
-    fn complete(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<ImageContent> {
+    /// Makes the content from texels of all levels, or of level 0, from which the other levels are
+    /// generated.
+    fn with_levels(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<ImageContent> {
         let size = u64::from(format.texel_size());
         let (first, all) = (shape.level_texels(0) * size, shape.texels() * size);
         let found = texels.len() as u64;
@@ -239,7 +239,7 @@ impl ImageEntry {
     }
 }
 
-/// `Some(None)` where no size is given.
+/// Reads `size`; `Some(None)` if there is none.
 fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
     let Some(value) = table.value("size") else { return Some(None) };
     let OneOrMore(given) = OneOrMore::<u32>::parse(value)?;
@@ -251,7 +251,7 @@ fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
     Some(Some(extent))
 }
 
-/// The colour of every texel; missing channels are 0.
+/// Reads `fill`, the colour of every texel; missing channels are 0.
 fn fill(table: &Table<'_>) -> [f64; 4] {
     let mut color = [0.0; 4];
     let Some(At { value: OneOrMore(given), span }) = table.optional::<At<OneOrMore<f64>>>("fill") else {

@@ -62,7 +62,7 @@ impl Parse for State {
     }
 }
 
-/// The states of a triangle; its level follows from their number.
+/// The states of a triangle, whose number determines the subdivision level.
 struct States(MicromapTriangle);
 
 impl States {
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_at_their_place() {
+    fn mistakes_are_reported_at_their_place() {
         let said = |text: &str| read(text).unwrap_err().render();
         assert!(said("opacity_micromap = { triangles = [[0, 1, 1]] }").contains("3 states"));
         assert!(said("opacity_micromap = { triangles = [[4]] }").contains("0 to 3"));

@@ -37,9 +37,9 @@ pub enum Resource {
 /// How the picture of a render is saved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// The image holds what a screen shows: its numbers are saved as they are.
+    /// The image has colours for a screen: its numbers are saved unchanged.
     AsIs,
-    /// The image holds linear colours: they are encoded as sRGB.
+    /// The image has linear colours: they are encoded as sRGB.
     Linear,
 }
 
@@ -48,10 +48,10 @@ impl Named for Output {
     const NAMES: &'static [(&'static str, Self)] = &[("as_is", Self::AsIs), ("linear", Self::Linear)];
 }
 
-/// `true`, `false` or an [`Output`].
-struct Marked(Option<Output>);
+/// The value of the key `output`: `true`, `false` or an [`Output`].
+struct OutputKey(Option<Output>);
 
-impl Parse for Marked {
+impl Parse for OutputKey {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Output::parse(value).map(|output| Self(Some(output)));
@@ -63,7 +63,7 @@ impl Parse for Marked {
 /// A resource as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct ResourceEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// Descriptor set.
     pub set: u32,
@@ -77,7 +77,7 @@ pub struct ResourceEntry {
     pub content: Content,
 }
 
-/// What a [`ResourceEntry`] is made of.
+/// The content of a [`ResourceEntry`].
 #[derive(Clone, Debug)]
 pub enum Content {
     /// A buffer of either kind.
@@ -141,7 +141,7 @@ impl Parse for ResourceEntry {
         let binding = table.required("binding");
         let element = element(&table);
         let output = match kind {
-            DescriptorKind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
+            DescriptorKind::StorageImage => table.optional::<OutputKey>("output").and_then(|marked| marked.0),
             _ => None,
         };
         let nullable = matches!(
@@ -179,7 +179,8 @@ impl Parse for ResourceEntry {
     }
 }
 
-/// The index of an element in an array of descriptors, below the greatest that shaders can address.
+/// Reads the index of an element in an array of descriptors, which is limited by what shaders can
+/// address.
 fn element(table: &Table<'_>) -> u32 {
     let Some(At { value, span }) = table.optional::<At<u32>>("element") else { return 0 };
     if value >> ELEMENT_BITS == 0 {
@@ -212,7 +213,7 @@ impl BufferEntry {
         Some(Self { data, size })
     }
 
-    /// Its bytes, filled up with zeros to its size.
+    /// Its bytes, padded with zeros to its size.
     ///
     /// # Errors
     /// Where the data is longer than the size, or as [`DataPieces::encode`] says.

@@ -8,7 +8,7 @@ use crate::scene::read::{At, Named, OneOrMore, Parse, Table, TomlValue};
 pub enum SamplerReference {
     /// `[samplers.NAME]`
     Named(At<String>),
-    /// Written in place.
+    /// A sampler with its keys, in place.
     Inline(Sampler),
 }
 
