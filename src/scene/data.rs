@@ -14,7 +14,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
-use crate::scene::read::{At, OneOrMore, Parse, Span, Table, TomlValue};
+use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// The largest buffer that a scene may describe, in bytes.
@@ -22,7 +22,7 @@ pub const MAX_DATA_SIZE: u64 = 1 << 30;
 
 /// A sequence of pieces.
 #[derive(Clone, Debug)]
-pub struct DataPieces(Vec<At<Piece>>);
+pub struct DataPieces(Vec<Spanned<Piece>>);
 
 #[derive(Clone, Debug)]
 struct Piece {
@@ -48,7 +48,7 @@ impl DataPieces {
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
     pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        for At { value: piece, span } in &self.0 {
+        for Spanned { value: piece, span } in &self.0 {
             let content = match &piece.content {
                 Content::Bytes(content) => content.clone(),
                 Content::File(path) => read(files, path, span)?,
@@ -99,7 +99,7 @@ impl Parse for Piece {
             Scalar::ALL.iter().filter_map(|scalar| scalar.column(&table)).map(Content::Bytes).collect();
         contents.extend(table.optional::<Hex>("hex").map(|hex| Content::Bytes(hex.0)));
         contents.extend(table.optional::<u32>("zeros").and_then(|count| zeros(&table, count)));
-        contents.extend(table.optional::<At<u32>>("align").and_then(|to| align(&table, &to)));
+        contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
         contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
         let repeat = table.or("repeat", 1);
@@ -125,7 +125,7 @@ fn zeros(table: &Table<'_>, count: u32) -> Option<Content> {
     None
 }
 
-fn align(table: &Table<'_>, to: &At<u32>) -> Option<Content> {
+fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
     // Alignments above 4096 are assumed to be mistakes.
     if to.value.is_power_of_two() && to.value <= 4096 {
         return Some(Content::Align(to.value));

@@ -6,7 +6,7 @@
 
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::scene::random::Random;
-use crate::scene::read::{At, Parse, Table, TomlValue};
+use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// The most primitives that one generator makes.
 pub const MAX_PRIMITIVES: u64 = 20_000_000;
@@ -397,11 +397,11 @@ impl Strands {
 fn count(table: &Table<'_>, default: u32, primitives_each: u32) -> Option<u32> {
     match table.value("count") {
         None => Some(default),
-        Some(value) => within_limit(table, At::parse(value)?, primitives_each),
+        Some(value) => within_limit(table, Spanned::parse(value)?, primitives_each),
     }
 }
 
-fn within_limit(table: &Table<'_>, count: At<u32>, primitives_each: u32) -> Option<u32> {
+fn within_limit(table: &Table<'_>, count: Spanned<u32>, primitives_each: u32) -> Option<u32> {
     if u64::from(count.value) * u64::from(primitives_each.max(1)) <= MAX_PRIMITIVES {
         return Some(count.value);
     }

@@ -14,7 +14,7 @@ use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
 use crate::scene::mesh::{Mesh, gltf, obj};
 use crate::scene::micromap::opacity_micromap;
 use crate::scene::motion::motion;
-use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// One geometry as a scene writes it.
@@ -34,8 +34,8 @@ pub struct GeometryEntry {
 enum Shape {
     Inline(GeometryData),
     Build(Box<BuildEntry>),
-    Obj { file: At<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
-    Gltf { file: At<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Obj { file: Spanned<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Gltf { file: Spanned<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
     Grass(Grass),
     SphereScatter(SphereScatter),
     Chains(Chains),
@@ -183,8 +183,8 @@ fn triangles(table: &Table<'_>) -> Option<Shape> {
     if table.has("vertex_data") {
         return BuildEntry::triangles(table, parse_transform(table)).map(Box::new).map(Shape::Build);
     }
-    let vertices = table.required::<At<Vec<[f32; 3]>>>("vertices");
-    let indices = table.optional::<At<Flat>>("indices");
+    let vertices = table.required::<Spanned<Vec<[f32; 3]>>>("vertices");
+    let indices = table.optional::<Spanned<Flat>>("indices");
     let transform = parse_transform(table);
     let vertices = vertices?;
     check_indices(table, indices.as_ref(), vertices.value.len(), "vertices");
@@ -206,7 +206,7 @@ fn vertices_t1(table: &Table<'_>, kind: Kind) -> Option<Arc<[[f32; 3]]>> {
         // For other types the key is unknown, and is reported as such.
         return None;
     }
-    let later = table.optional::<At<Vec<[f32; 3]>>>("vertices_t1")?;
+    let later = table.optional::<Spanned<Vec<[f32; 3]>>>("vertices_t1")?;
     let count = table.value("vertices").and_then(|first| first.elements()).map_or(0, Iterator::count);
     if later.value.len() != count {
         let message = format!("{} vertices at time 1 for {count} at time 0", later.value.len());
@@ -242,8 +242,8 @@ fn spheres(table: &Table<'_>) -> Option<Shape> {
         return BuildEntry::spheres(table).map(Box::new).map(Shape::Build);
     }
     let positions = table.required::<Vec<[f32; 3]>>("positions");
-    let radii = table.required::<At<OneOrMore<f32>>>("radii");
-    let indices = table.optional::<At<Flat>>("indices");
+    let radii = table.required::<Spanned<OneOrMore<f32>>>("radii");
+    let indices = table.optional::<Spanned<Flat>>("indices");
     let positions = positions?;
     let radii = radii_of(table, radii?, positions.len())?;
     check_indices(table, indices.as_ref(), positions.len(), "positions");
@@ -257,8 +257,8 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
         return BuildEntry::linear_swept_spheres(table, indexing, end_caps).map(Box::new).map(Shape::Build);
     }
     let positions = table.required::<Vec<[f32; 3]>>("positions");
-    let radii = table.required::<At<OneOrMore<f32>>>("radii");
-    let indices = table.optional::<At<Flat>>("indices");
+    let radii = table.required::<Spanned<OneOrMore<f32>>>("radii");
+    let indices = table.optional::<Spanned<Flat>>("indices");
     let positions = positions?;
     let radii = radii_of(table, radii?, positions.len())?;
     if indexing == Indexing::Successive && !table.has("indices") {
@@ -270,7 +270,7 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
     // In successive mode index k also names vertex k + 1.
     let usable = positions.len() - usize::from(indexing == Indexing::Successive && !positions.is_empty());
     check_indices(table, indices.as_ref(), usable, "positions that begin a segment");
-    let odd = |indices: &&At<Flat>| indexing == Indexing::List && indices.value.0.len() % 2 == 1;
+    let odd = |indices: &&Spanned<Flat>| indexing == Indexing::List && indices.value.0.len() % 2 == 1;
     if let Some(indices) = indices.as_ref().filter(odd) {
         table.report().push(indices.span.error("mode \"list\" takes two indices a segment"));
         return None;
@@ -302,14 +302,14 @@ impl Parse for Flat {
     }
 }
 
-fn check_indices(table: &Table<'_>, indices: Option<&At<Flat>>, count: usize, of: &str) {
+fn check_indices(table: &Table<'_>, indices: Option<&Spanned<Flat>>, count: usize, of: &str) {
     let Some(indices) = indices else { return };
     if let Some(index) = indices.value.0.iter().find(|index| **index as usize >= count) {
         table.report().push(indices.span.error(format!("index {index} is beyond the {count} {of}")));
     }
 }
 
-fn radii_of(table: &Table<'_>, radii: At<OneOrMore<f32>>, count: usize) -> Option<Vec<f32>> {
+fn radii_of(table: &Table<'_>, radii: Spanned<OneOrMore<f32>>, count: usize) -> Option<Vec<f32>> {
     let OneOrMore(values) = radii.value;
     match values.as_slice() {
         // One number, or an array of one, stands for all.
@@ -329,7 +329,7 @@ pub struct InstanceEntry {
     /// The span of its table.
     pub span: Span,
     /// The geometries of its BLAS.
-    pub geometry: Vec<At<String>>,
+    pub geometry: Vec<Spanned<String>>,
     /// The name of its TLAS.
     pub tlas: String,
     /// Object to world.
@@ -365,7 +365,7 @@ impl Named for InstanceFlag {
 impl Parse for InstanceEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let geometry = table.required::<OneOrMore<At<String>>>("geometry");
+        let geometry = table.required::<OneOrMore<Spanned<String>>>("geometry");
         let tlas = table.or("tlas", "main".to_string());
         let transform = parse_transform(&table).unwrap_or(IDENTITY);
         let motion = motion(&table, transform);
@@ -474,7 +474,7 @@ pub(super) struct Rotation {
 impl Parse for Rotation {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let axis = table.required::<At<[f32; 3]>>("axis");
+        let axis = table.required::<Spanned<[f32; 3]>>("axis");
         let degrees = table.required("degrees");
         table.finish();
         let (axis, degrees) = (axis?, degrees?);

@@ -7,7 +7,7 @@ use crate::scene::data::{DataPieces, read};
 use crate::scene::files::Files;
 use crate::scene::image::{MAX_EXTENT, MAX_IMAGE_SIZE, Picture, texel_bytes};
 use crate::scene::mip;
-use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::resources::DescriptorKind;
 use crate::scene::sampler::SamplerReference;
 
@@ -76,7 +76,7 @@ impl Parse for Levels {
 #[derive(Clone, Debug)]
 pub struct ImageEntry {
     span: Span,
-    files: Vec<At<String>>,
+    files: Vec<Spanned<String>>,
     data: Option<DataPieces>,
     format: Option<Format>,
     dimension: Dimension,
@@ -111,7 +111,8 @@ impl ImageEntry {
             sampler: None,
         };
         if !buffer {
-            entry.files = table.optional::<OneOrMore<At<String>>>("file").map_or(Vec::new(), |files| files.0);
+            entry.files =
+                table.optional::<OneOrMore<Spanned<String>>>("file").map_or(Vec::new(), |files| files.0);
             entry.dimension = table.or("dimension", Dimension::D2);
             let arrayed = entry.dimension.is_arrayed() && !entry.files.is_empty();
             let least = if entry.dimension.is_cube() { 6 } else { 1 };
@@ -254,7 +255,8 @@ fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
 /// Reads `fill`, the colour of every texel; missing channels are 0.
 fn fill(table: &Table<'_>) -> [f64; 4] {
     let mut color = [0.0; 4];
-    let Some(At { value: OneOrMore(given), span }) = table.optional::<At<OneOrMore<f64>>>("fill") else {
+    let Some(Spanned { value: OneOrMore(given), span }) = table.optional::<Spanned<OneOrMore<f64>>>("fill")
+    else {
         return color;
     };
     if given.len() > 4 {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::OpacityMicromap;
 use crate::accel::micromap::{MicromapIndex, MicromapTriangle, Opacity, OpacityFormat};
-use crate::scene::read::{At, Named, Parse, Table, TomlValue};
+use crate::scene::read::{Named, Parse, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 impl Named for OpacityFormat {
@@ -47,7 +47,7 @@ impl Parse for MicromapIndex {
 }
 
 /// A state by name or number.
-struct State(At<Opacity>);
+struct State(Spanned<Opacity>);
 
 impl Parse for State {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
@@ -58,7 +58,7 @@ impl Parse for State {
                 _ => return value.wrong("a state is 0 to 3, or a name such as \"unknown_opaque\""),
             },
         };
-        Some(Self(At { value: opacity, span: value.span() }))
+        Some(Self(Spanned { value: opacity, span: value.span() }))
     }
 }
 

@@ -67,7 +67,7 @@ impl Span {
 
 /// A value with its span.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct At<T> {
+pub struct Spanned<T> {
     /// The value.
     pub value: T,
     /// Its span.
@@ -338,10 +338,10 @@ impl<'a> Table<'a> {
     }
 
     /// All keys with their values, for tables whose keys are the user's names.
-    pub fn iter(&self) -> impl Iterator<Item = (At<String>, TomlValue<'a>)> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = (Spanned<String>, TomlValue<'a>)> + '_ {
         self.entries.iter().map(|member| {
             let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
-            (At { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
+            (Spanned { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
         })
     }
 
@@ -352,7 +352,7 @@ impl<'a> Table<'a> {
         let known = |key: &str| requested.contains(key) || renamed.contains(key);
         let unknown: Vec<_> = self.iter().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
-            // A misspelt key is one mistake, not two: the unknown key's message names this one.
+            // A misspelt key is reported once: the message for the unknown key suggests this one.
             if nearest(key, unknown.iter().map(|(name, _)| name.value.as_str())).is_none() {
                 self.report().push(self.span().error_with(format!("`{key}` is missing"), "in this table"));
             }
@@ -498,9 +498,9 @@ macro_rules! floats {
 }
 floats!(f32 f64);
 
-impl<T: Parse> Parse for At<T> {
+impl<T: Parse> Parse for Spanned<T> {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
-        T::parse(value).map(|parsed| At { value: parsed, span: value.span() })
+        T::parse(value).map(|parsed| Spanned { value: parsed, span: value.span() })
     }
 }
 

@@ -12,7 +12,7 @@ use crate::scene::file::{
 };
 use crate::scene::files::Files;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Diagnostics, Document, nearest};
+use crate::scene::read::{Diagnostics, Document, Spanned, nearest};
 use crate::scene::resolved::{
     ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
     ShaderBindingTable, ShaderCode, ShaderModule,
@@ -264,7 +264,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn hit(&mut self, entry: &HitEntry) -> ResolvedRecord {
-        let mut shader = |name: &Option<At<String>>| name.as_ref().and_then(|name| self.shader(name));
+        let mut shader = |name: &Option<Spanned<String>>| name.as_ref().and_then(|name| self.shader(name));
         let (closest_hit, any_hit) = (shader(&entry.closest_hit), shader(&entry.any_hit));
         let intersection = shader(&entry.intersection);
         let some = closest_hit.is_some() || any_hit.is_some() || intersection.is_some();
@@ -283,13 +283,13 @@ impl<'a> Resolver<'a> {
     }
 
     /// Resolves a reference to a shader, `name` or `name:entry`.
-    fn shader(&mut self, reference: &At<String>) -> Option<ResolvedShader> {
+    fn shader(&mut self, reference: &Spanned<String>) -> Option<ResolvedShader> {
         let whole = self.shader_entries.iter().any(|entry| entry.name.value == reference.value);
         let (name, entry) = match reference.value.rsplit_once(':') {
             Some((name, entry)) if !whole => (name, Some(entry)),
             _ => (reference.value.as_str(), None),
         };
-        let name = At { value: name.to_string(), span: reference.span.clone() };
+        let name = Spanned { value: name.to_string(), span: reference.span.clone() };
         let found = self.find(&self.shader_entries, &name, "shader")?.clone();
         let module = self.module(&name.value, &found)?;
         Some(ResolvedShader {
@@ -323,7 +323,7 @@ impl<'a> Resolver<'a> {
 
     fn check_rays(&self) {
         for ray in &self.rays {
-            let RayEntry::Pixel { pixel: At { value: [x, y], span }, .. } = ray else { continue };
+            let RayEntry::Pixel { pixel: Spanned { value: [x, y], span }, .. } = ray else { continue };
             if *x >= self.launch[0] || *y >= self.launch[1] {
                 let [width, height, _] = self.launch;
                 self.report
@@ -342,7 +342,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// Finds the entry with a name; reports an error if there is none.
-    fn find<'e, T>(&self, entries: &'e [Entry<T>], name: &At<String>, what: &str) -> Option<&'e T> {
+    fn find<'e, T>(&self, entries: &'e [Entry<T>], name: &Spanned<String>, what: &str) -> Option<&'e T> {
         if let Some(entry) = entries.iter().find(|entry| entry.name.value == name.value) {
             return entry.content.as_ref();
         }
