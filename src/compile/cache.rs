@@ -8,7 +8,7 @@
 //!
 //! Its size is limited: when a process writes its first module, entries that were not used for 30
 //! days are removed, and the least recently used ones beyond 256 MiB, or as many MiB as
-//! `ANYHIT_CACHE_LIMIT` says.
+//! `ANYHIT_CACHE_LIMIT` sets.
 
 use std::env;
 use std::fs;

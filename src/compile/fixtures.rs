@@ -62,7 +62,7 @@ pub struct FixtureReport {
     pub written: Vec<String>,
     /// The number of fixtures that were up to date.
     pub kept: usize,
-    /// Fixtures and records removed because no source asks for them.
+    /// Fixtures and records removed because no source requests them.
     pub removed: Vec<String>,
     /// Stale fixtures that could not be made, because this build or machine lacks the compiler.
     pub skipped: Vec<(String, Error)>,
@@ -174,7 +174,7 @@ fn make(source: &Source, flags: &str) -> Result<(Vec<u8>, String)> {
     Ok((compile(source, &options)?, tool))
 }
 
-/// All fixtures that the sources under a root ask for, sorted by name.
+/// All fixtures that the sources under a root request, sorted by name.
 fn requested(root: &Path) -> Result<Vec<RequestedFixture>> {
     let mut requested = Vec::new();
     for name in files(&root.join(SOURCES), &|path| Language::of(path).is_some())? {

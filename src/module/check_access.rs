@@ -78,8 +78,8 @@ struct AccessChecker<'m> {
 }
 
 impl AccessChecker<'_> {
-    /// The type of the value whose id stands at a word; `None` where an unknown instruction may
-    /// define it.
+    /// The type of the value whose id is at a word; `None` where an unknown instruction may define
+    /// it.
     fn value_type(&self, at: usize) -> Result<Option<TypeId>> {
         let id = Id(self.module.words[at]);
         match self.module.type_of(id) {

@@ -37,7 +37,7 @@ pub enum ConstantValue {
     Operation {
         /// The opcode's number.
         opcode: u16,
-        /// The words behind the opcode.
+        /// The words after the opcode.
         operands: Vec<u32>,
     },
     /// A kind that this crate does not evaluate (`OpConstantSampler`, ...): the opcode's number.

@@ -78,7 +78,7 @@ impl Module {
                 }
             }
             Type::Array { .. } | Type::RuntimeArray { .. } => {
-                // The outermost array's length stands first, as GLSL writes it.
+                // The outermost array's length is first, as in GLSL.
                 let mut lengths = String::new();
                 let mut inner = ty;
                 loop {

@@ -119,7 +119,7 @@ impl Module {
             let named = &self.functions[function as usize].variables;
             named.iter().for_each(|&variable| used[variable as usize] = true);
         }
-        // An initializer that is a variable stands before the variable it initializes.
+        // An initializer that is a variable precedes the variable that it initializes.
         for (at, variable) in self.variables.iter().enumerate().rev() {
             let initializer = variable.initializer.and_then(|id| self.definition(id));
             if let (true, Some(Definition::Variable(index))) = (used[at], initializer) {

@@ -9,7 +9,7 @@ const LOOP_MERGE: u16 = 246;
 const SELECTION_MERGE: u16 = 247;
 const PHI: u16 = 245;
 
-/// The blocks of a function that can be reached, in structured order: a merge block stands after
+/// The blocks of a function that can be reached, in structured order: a merge block comes after
 /// everything that it merges, a continue target after the loop's body, a loop's merge block after
 /// the loop.
 ///
@@ -97,7 +97,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         loop_ends[position] = open.iter().copied().min().unwrap_or(usize::MAX);
     }
     let mut escaping = FxHashSet::default();
-    // Uses before the end of the first loop are inside all loops.
+    // Before the end of the first loop no value escapes.
     let Some(&first_end) = loop_ends.iter().min().filter(|&&end| end != usize::MAX) else { return escaping };
     let this = module.definition(function.id);
     let escapes = |id: Id, position: usize| {

@@ -119,7 +119,8 @@ impl Program {
         })
     }
 
-    /// The element of a runtime array that an access beyond the end of its buffer asked for.
+    /// Describes the element of a runtime array that an access beyond the end of its buffer
+    /// indexed.
     fn describe_element(&self, op: u32, fault_value: u64, accessed: &Accessed) -> Option<String> {
         let Accessed::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {

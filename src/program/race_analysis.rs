@@ -199,7 +199,7 @@ impl LaunchExtent<'_> {
         first
     }
 
-    /// Whether these accesses of different invocations are disjoint; `stored` tells whether a
+    /// Whether these accesses of different invocations are disjoint; `stored` returns whether a
     /// binding may be stored to.
     fn are_disjoint(&self, accesses: &[&MemoryAccess], stored: impl Fn(Binding) -> bool) -> bool {
         let Some(first) = accesses[0].place.as_ref() else { return false };

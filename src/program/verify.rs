@@ -214,7 +214,7 @@ impl Verifier {
         (self.global, self.live_out) = (global, live_out);
     }
 
-    /// Compares the program after a pass with the one before. `renamed` tells the new name of a
+    /// Compares the program after a pass with the one before. `renamed` returns the new name of a
     /// register that is live beyond a superblock.
     ///
     /// # Errors

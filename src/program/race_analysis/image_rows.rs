@@ -91,7 +91,7 @@ fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
             },
             Op::Image(ImageOp::Sample(op)) if !here(values.handle(op.image)) => continue,
             Op::Image(ImageOp::Footprint(op)) if !here(values.handle(op.image)) => continue,
-            // These may read several rows.
+            // A sample may read several rows, and image processing reads several images.
             Op::Image(ImageOp::Sample(_) | ImageOp::Footprint(_) | ImageOp::Process(_)) => {
                 rows.push(None);
                 continue;
