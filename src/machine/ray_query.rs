@@ -252,7 +252,7 @@ impl RayQueries {
     }
 
     /// The query's variable begins anew.
-    pub fn forget(&mut self, handle: u32) {
+    pub fn uninitialize(&mut self, handle: u32) {
         if let Some(query) = self.all.get_mut(handle) {
             query.phase = Phase::Uninitialized;
         }

@@ -79,8 +79,8 @@ fn trinary(translator: &mut Translator<'_>, number: u32, instruction: &Instructi
             }
         });
     }
-    let words = translator.spread(&found, width);
-    translator.result(instruction, words);
+    let words = translator.expand_components(&found, width);
+    translator.define_result(instruction, words);
     Ok(true)
 }
 
@@ -109,7 +109,7 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
             let offset = translator.emit_family(&BitwiseAnd, 32, &[offset, three])?;
             let source = translator.emit_family(&IAdd, 32, &[quad, offset])?;
             let to = subgroup::read_at(translator, From::At, first, count, source)?;
-            translator.result(instruction, registers_from(to, count));
+            translator.define_result(instruction, registers_from(to, count));
         }
         // SwizzleInvocationsMaskedAMD: within 32, ((place & x) | y) ^ z.
         2 => {
@@ -126,7 +126,7 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
             let group = translator.emit_family(&BitwiseAnd, 32, &[own, high])?;
             let source = translator.emit_family(&IAdd, 32, &[group, xor])?;
             let to = subgroup::read_at(translator, From::At, first, count, source)?;
-            translator.result(instruction, registers_from(to, count));
+            translator.define_result(instruction, registers_from(to, count));
         }
         // WriteInvocationAMD: another value for one place.
         3 => {
@@ -143,7 +143,7 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
                 words.push(translator.emit_kernel(&SelectWord.kernels[0], &[here, after, before])?);
             }
             let first = translator.consecutive(&words)?;
-            translator.result(instruction, registers_from(first, words.len() as u32));
+            translator.define_result(instruction, registers_from(first, words.len() as u32));
         }
         // MbcntAMD: the bits of a mask below the own place.
         4 => {
@@ -155,7 +155,7 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
                 counts.push(translator.emit_family(&BitCount, 32, &[bits])?);
             }
             let sum = translator.emit_family(&IAdd, 32, &counts)?;
-            translator.result(instruction, SmallVec::from_slice(&[sum]));
+            translator.define_result(instruction, SmallVec::from_slice(&[sum]));
         }
         _ => return Ok(false),
     }

@@ -413,7 +413,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         AtomicOp { kind, width, component: (0, 1), alignment, target, to: none, value, comparator },
     )?;
     let words = registers_from(to, width.div_ceil(32));
-    translator.result(instruction, SmallVec::from_slice(&words));
+    translator.define_result(instruction, SmallVec::from_slice(&words));
     Ok(true)
 }
 
@@ -422,7 +422,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
 fn emit(translator: &mut Translator<'_>, mut op: AtomicOp) -> Result<Reg> {
     op.to = translator.fresh(op.words())?;
     if let Target::Registers { .. } = op.target {
-        translator.forget();
+        translator.invalidate_known_values();
     }
     let to = op.to;
     translator.emit(Operation::Atomic(Box::new(op)));
@@ -471,7 +471,7 @@ fn components(
         );
     }
     let none = translator.wide_constant(0)?;
-    let stride = match pointer.place {
+    let stride = match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => 4,
         PointerBase::Buffer(_) => pointer.component_stride.unwrap_or(2),
         _ => 1,
@@ -490,7 +490,7 @@ fn components(
             AtomicOp { kind, width: 16, component, alignment, target, to, value, comparator },
         )?);
     }
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(())
 }
 
@@ -504,7 +504,7 @@ fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize,
 }
 
 fn target(translator: &mut Translator<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
-    match pointer.place {
+    match pointer.base {
         PointerBase::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
             Ok(Target::Texel(place.clone()))
         }

@@ -125,7 +125,7 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         }
         let ty = translator.type_of(id)?;
         arguments.push(if is_physical(translator, ty) {
-            let words = translator.carried(id)?;
+            let words = translator.words_unchecked(id)?;
             let address = translator.pair(words[0], words[1])?;
             Argument::Numbers { scalar: PrintScalar::Int(64, false), components: vec![address] }
         } else {
@@ -133,7 +133,7 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
             let mut components = translator.components(id)?.to_vec();
             if let Some(format) = translator.float_format(ty) {
                 for component in &mut components {
-                    *component = encoded::widened(translator, format, *component)?.0;
+                    *component = encoded::widen(translator, format, *component)?.0;
                 }
             }
             Argument::Numbers { scalar, components }
@@ -149,7 +149,7 @@ fn scalar(translator: &Translator<'_>, ty: TypeId) -> Result<PrintScalar> {
         Type::Bool => Ok(PrintScalar::Bool),
         Type::Int { width, signed } => Ok(PrintScalar::Int(width, signed)),
         Type::Float { width, encoding: None } => Ok(PrintScalar::Float(width)),
-        // As f32: see `widened`.
+        // As f32: see `encoded::widen`.
         Type::Float { .. } => Ok(PrintScalar::Float(32)),
         Type::Vector { component, .. } => scalar(translator, component),
         _ => {

@@ -62,8 +62,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         };
         result.push(first);
     }
-    let words = translator.spread(&result, width);
-    translator.result(instruction, words);
+    let words = translator.expand_components(&result, width);
+    translator.define_result(instruction, words);
     Ok(true)
 }
 

@@ -15,7 +15,7 @@ use crate::machine::{Batch, Reg, Registers};
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words, registers_from};
@@ -340,7 +340,7 @@ fn combine(
     for value in values {
         registers.set_lane_words(Reg(0), 0, sum.iter().copied());
         registers.set_lane_words(Reg(2), 0, value);
-        (kernel.one)(registers.all_mut(), Reg(4), &[Reg(0), Reg(2), Reg(0)]);
+        (kernel.eval_1)(registers.all_mut(), Reg(4), &[Reg(0), Reg(2), Reg(0)]);
         sum = registers.lane_words(Reg(4), kernel.words, 0).collect();
     }
     Some(sum)
@@ -439,7 +439,7 @@ fn emit(
         // An invocation's place, or a bit's, an integer of any width.
         registers[1] = match kind {
             SubgroupKind::Read(_) | SubgroupKind::Extract { .. } => {
-                (translator.integer(id, Reading::Unsigned)?, 1)
+                (translator.integer(id, ReadAs::Unsigned)?, 1)
             }
             _ => {
                 let words = translator.words(id)?;
@@ -457,7 +457,7 @@ fn emit(
             Some(kernel) => translator.emit_kernel(kernel, &[counted])?,
             None => counted,
         };
-        translator.result(instruction, registers_from(first, results));
+        translator.define_result(instruction, registers_from(first, results));
         return Ok(());
     }
     let fits = match kind {
@@ -469,7 +469,7 @@ fn emit(
         return Err(translator.invalid("a subgroup instruction with a result of another type"));
     }
     let to = append(translator, kind, results, registers)?;
-    translator.result(instruction, registers_from(to, results));
+    translator.define_result(instruction, registers_from(to, results));
     Ok(())
 }
 
@@ -578,7 +578,7 @@ fn arithmetic(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Ins
         let to = append(translator, kind, kernel.words, [(value, kernel.words), partition])?;
         words.extend((0..kernel.words).map(|word| to.plus(word)));
     }
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(())
 }
 

@@ -93,7 +93,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     fn mismatch(&self, running: &Running<W>, op: u32, called: u64) -> Option<Vec<String>> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
         let own = match program(running.shader).ops.get(op as usize)? {
-            Op::Stop(op) => op.given().map(|span| (running.shader, span.first)),
+            Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
             _ => None,
         };
         // A reported hit's any-hit shader has the payload of the shader that traces.

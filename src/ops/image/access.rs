@@ -15,7 +15,7 @@ use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, check_texel, view_of};
 use crate::ops::image::{ImageOp, Texel, texel_result};
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator, Words};
@@ -262,7 +262,7 @@ fn place(
 /// The integer coordinates of operand 1.
 fn integers(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
     let id = translator.id(instruction, 1)?;
-    translator.integers(id, Reading::Coordinate)
+    translator.integers(id, ReadAs::Coordinate)
 }
 
 fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
@@ -276,7 +276,7 @@ fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> 
     let image = crate::ops::load_store::load(translator, &variable)?[0];
     let coordinate = integers(translator, instruction)?;
     let sample = translator.id(instruction, 2)?;
-    let sample = translator.integer(sample, Reading::Coordinate)?;
+    let sample = translator.integer(sample, ReadAs::Coordinate)?;
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
     let place = TexelPlace::new(translator, view, image, coordinate, &operands)?;

@@ -191,6 +191,6 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         coarse,
         operands,
     }))));
-    translator.result(instruction, (0..registers).map(|register| to.plus(register)).collect());
+    translator.define_result(instruction, (0..registers).map(|register| to.plus(register)).collect());
     Ok(true)
 }

@@ -200,16 +200,16 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     match opcode {
         Opcode::SampledImage => {
             let (image, sampler) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
-            translator.result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
+            translator.define_result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
         }
         Opcode::Image => {
             let words = translator.operand(instruction, 0)?;
-            translator.result(instruction, SmallVec::from_slice(&words[..1]));
+            translator.define_result(instruction, SmallVec::from_slice(&words[..1]));
         }
         // Code 0 says that all texels were resident; no other code occurs.
         Opcode::ImageSparseTexelsResident => {
             let resident = translator.constant(1)?;
-            translator.result(instruction, SmallVec::from_slice(&[resident]));
+            translator.define_result(instruction, SmallVec::from_slice(&[resident]));
         }
         _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
             let name = crate::module::names::opcode_name(instruction.opcode);
@@ -258,7 +258,7 @@ fn texel_result(
     }
     let texel = Texel { to: translator.fresh(texel.registers())?, ..texel };
     words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(texel)
 }
 

@@ -8,7 +8,7 @@ use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::image::filter::Lod;
 use crate::ops::image::reader::Reader;
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::translate::{Translator, Words};
 
 const BIAS: u32 = 0x1;
@@ -185,7 +185,7 @@ pub fn number(translator: &mut Translator<'_>, id: Id) -> Result<Words> {
         _ => ty,
     };
     match *translator.module.ty(scalar) {
-        Type::Int { .. } => translator.integers(id, Reading::Coordinate),
+        Type::Int { .. } => translator.integers(id, ReadAs::Coordinate),
         Type::Float { .. } => {
             let (components, width) = translator.components_of_width(id)?;
             let Some(kernel) = conversion::kernel(Conversion::F, width, 32) else { return Ok(components) };

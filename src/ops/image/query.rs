@@ -9,7 +9,7 @@ use crate::module::Instruction;
 use crate::ops::image::reader::Reader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::image::{ImageOp, Texel, texel_result};
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::Translator;
 
@@ -82,7 +82,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::ImageQuerySize => Question::Size(None),
         Opcode::ImageQuerySizeLod => {
             let level = translator.id(instruction, 1)?;
-            Question::Size(Some(translator.integer(level, Reading::Coordinate)?))
+            Question::Size(Some(translator.integer(level, ReadAs::Coordinate)?))
         }
         Opcode::ImageQueryLevels => Question::Levels,
         Opcode::ImageQuerySamples => Question::Samples,

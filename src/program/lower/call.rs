@@ -36,7 +36,7 @@ impl Lowering<'_> {
     }
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let locals = self.translator.locals();
+        let locals = self.translator.local_count();
         for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
             let value = self.translator.value(argument)?;
             self.translator.define(parameter, value);
@@ -49,10 +49,10 @@ impl Lowering<'_> {
         self.depth += 1;
         self.body(function, &Return::Inlined { label, result: result.clone() })?;
         self.depth -= 1;
-        self.translator.leave(locals);
+        self.translator.truncate_locals(locals);
         self.translator.origin = outer;
         self.begin(label);
-        self.translator.result(instruction, result);
+        self.translator.define_result(instruction, result);
         Ok(())
     }
 
@@ -78,7 +78,7 @@ impl Lowering<'_> {
             }
         };
         for (&argument, parameter) in arguments.iter().zip(&standing.parameters) {
-            let words = self.translator.carried(argument)?;
+            let words = self.translator.words_unchecked(argument)?;
             for (&to, from) in parameter.iter().zip(words) {
                 self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
             }
@@ -91,7 +91,7 @@ impl Lowering<'_> {
         for (&to, &from) in result.iter().zip(&standing.result) {
             self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
         }
-        self.translator.result(instruction, result);
+        self.translator.define_result(instruction, result);
         Ok(())
     }
 
@@ -105,7 +105,7 @@ impl Lowering<'_> {
         let function = &module.functions[index as usize];
         self.scopes.push(Scope { parent: 0, call: 0, function: id });
         self.translator.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
-        self.translator.leave(0);
+        self.translator.truncate_locals(0);
         for (&(id, _), words) in function.parameters.iter().zip(standing.parameters) {
             self.translator.define(id, IdValue::Words(words));
         }
