@@ -20,8 +20,8 @@ use crate::error::Result;
 use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::image::access::TexelPlace;
-use crate::ops::image::reader::Reader;
+use crate::ops::image::access::TexelRef;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::memory::{Chunk, computed_register, each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Pointer, PointerBase};
@@ -123,7 +123,7 @@ pub enum Target {
         index: Option<Reg>,
     },
     /// A texel of so many components as the vector has, each as wide as the scalar.
-    Texel(Box<TexelPlace>),
+    Texel(Box<TexelRef>),
 }
 
 /// An atomic operation on one scalar.
@@ -162,7 +162,7 @@ impl AtomicOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match &self.target {
             Target::Buffer(chunk) => chunk.accesses(visit),
-            Target::Texel(place) => place.registers().for_each(|reg| visit(Access::Read(reg, 1))),
+            Target::Texel(texel) => texel.registers().for_each(|reg| visit(Access::Read(reg, 1))),
             &Target::Registers { first, index } => {
                 // A computed register's whole variable is told to the translator as addressed.
                 if let Some(index) = index {
@@ -199,10 +199,10 @@ impl AtomicOp {
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match &self.target {
             Target::Buffer(chunk) => self.on_buffer(batch, bindings, chunk),
-            Target::Texel(place) => {
+            Target::Texel(texel) => {
                 for lane in batch.mask.lanes() {
                     let (component, count) = self.component;
-                    match place.find_texel(Reader::new(&batch.registers, lane, bindings), count) {
+                    match texel.resolve_atomic(LaneReader::new(&batch.registers, lane, bindings), count) {
                         Ok((image, index)) => {
                             let (value, comparator) = self.operands(batch, lane);
                             let (shift, mask) = (component * self.width, u64::MAX >> (64 - self.width));
@@ -217,7 +217,7 @@ impl AtomicOp {
                             self.write(batch, self.to, lane, 0);
                         }
                         Err(code) => {
-                            place.remember(batch, lane, bindings);
+                            texel.record_fault(batch, lane, bindings);
                             trap(batch, Mask::lane(lane), code);
                         }
                     }
@@ -505,8 +505,8 @@ fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize,
 
 fn target(translator: &mut Translator<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
     match pointer.base {
-        PointerBase::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
-            Ok(Target::Texel(place.clone()))
+        PointerBase::Texel(ref texel) if (width == 64) == texel.view.wide && width * count >= 32 => {
+            Ok(Target::Texel(texel.clone()))
         }
         PointerBase::Texel(_) => Err(translator.invalid("an atomic instruction on a texel of another width")),
         PointerBase::Buffer(buffer) => {

@@ -17,8 +17,7 @@
 //! Atomic instructions and image filters are as without these modes. `RoundingModeRTZ` is for
 //! "arithmetic and conversion instructions" (SPIR-V 3.6), which they are not: they stand in the
 //! sections 3.3.20 and 3.3.10, and Vulkan leaves the arithmetic of a filter to the sampler. A
-//! denormal that one of them gives is flushed by the first instruction that calculates
-//! with it.
+//! denormal that one of them gives is flushed by the first instruction that calculates with it.
 #![allow(clippy::useless_conversion, reason = "a kernel's one formula stands for all its types")]
 
 use half::f16;

@@ -7,7 +7,7 @@ use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
-use crate::ops::image::access::TexelPlace;
+use crate::ops::image::access::TexelRef;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
@@ -66,7 +66,7 @@ pub enum PointerBase {
         buffers: bool,
     },
     /// A texel, for atomic instructions only.
-    Texel(Box<TexelPlace>),
+    Texel(Box<TexelRef>),
 }
 
 /// A pointer: a base and an offset.
@@ -255,7 +255,7 @@ fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> E
 }
 
 /// A pointer as the words of a value, for phis, selects and calls. The null pointer is all zeros,
-/// as is the initial value of a variable; the first word of any other pointer is not zero.
+/// as is the initial value of a variable; no other pointer is.
 pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
     match pointer.base {
         PointerBase::Registers { first, count, .. } => {
