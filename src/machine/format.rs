@@ -2,7 +2,7 @@
 //!
 //! Conversions follow Vulkan, "Fixed-Point Data Conversion", "Floating-Point Format Conversions"
 //! and "Shared Exponent to RGB". Where these leave a choice, this crate rounds to nearest even (a
-//! half to the even neighbour), takes not-a-number to 0 in fixed-point formats, overflows of 16-,
+//! half to the even neighbour), takes NaN to 0 in fixed-point formats, overflows of 16-,
 //! 11- and 10-bit floats to infinity, and clamps integers that a format cannot hold to its range.
 
 use std::sync::LazyLock;
@@ -193,7 +193,7 @@ impl Format {
     pub fn encode(self, texel: [u64; 4], signed: bool) -> u128 {
         if self.class() == Class::Float {
             let floats = texel.map(|bits| f32::from_bits(bits as u32));
-            // Its bits are kept: a conversion would quieten a signalling not-a-number.
+            // Its bits are kept: a conversion would quieten a signalling NaN.
             if self.component == Component::Float32 {
                 return self.join(texel.map(|bits| bits & 0xffff_ffff));
             }

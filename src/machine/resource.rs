@@ -43,7 +43,7 @@ pub enum Descriptor {
 }
 
 impl Descriptor {
-    /// What it is, in words; `None` for none.
+    /// A description of its kind; `None` for an unbound one.
     pub fn kind(&self) -> Option<&'static str> {
         Some(match self {
             Self::Buffer(_) => "a buffer",
@@ -56,7 +56,7 @@ impl Descriptor {
         })
     }
 
-    /// What a variable of the shader finds: the first kind that suits it.
+    /// What a variable of the shader refers to: the first descriptor that suits its type.
     pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
         match self {
             Self::Mutable(kinds) => kinds.iter().find_map(suits),
@@ -96,7 +96,7 @@ impl Buffer {
         Arc::new(Self { words: Box::new([]), size: 0, null: true })
     }
 
-    /// Another one with the same content.
+    /// A deep copy of the buffer.
     pub fn copy(&self) -> Arc<Self> {
         if self.null { Self::null() } else { Self::new(&self.bytes()) }
     }
@@ -112,7 +112,7 @@ impl Buffer {
         self.size
     }
 
-    /// The words, the last of which may lie behind the size in part.
+    /// The words; a part of the last one may lie beyond the size.
     #[inline]
     pub fn words(&self) -> &[AtomicU32] {
         &self.words
@@ -171,16 +171,16 @@ impl Buffer {
         Some(())
     }
 
-    /// Reads, changes and writes 64 bits at a byte offset as one step towards all other calls of
-    /// this function for the same place, and gives what was read; `None` outside the buffer or
-    /// where the offset is no multiple of 4.
+    /// Reads, changes and writes 64 bits at a byte offset, atomically with respect to all other
+    /// calls of this function for the same words, and returns the old bits; `None` outside the
+    /// buffer or where the offset is no multiple of 4.
     pub fn update_wide(&self, offset: u64, change: impl FnOnce(u64) -> Option<u64>) -> Option<u64> {
-        // Words are atomics of 32 bits: a pair needs a lock, one of several by its place.
+        // Words are atomics of 32 bits: a pair needs a lock, one of several, chosen by its address.
         static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
         let inside = offset.is_multiple_of(4) && offset.checked_add(8)? <= self.size;
         let index = inside.then_some((offset / 4) as usize)?;
-        let place = (&raw const self.words[index]).addr() / 8;
-        let guard = LOCKS[place % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
+        let granule = (&raw const self.words[index]).addr() / 8;
+        let guard = LOCKS[granule % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
         let [low, high] = [0, 1].map(|at| u64::from(self.words[index + at].load(Relaxed)));
         let old = low | high << 32;
         if let Some(new) = change(old) {
@@ -198,13 +198,13 @@ impl Buffer {
     }
 }
 
-/// What becomes of an access outside its buffer or image.
+/// How an access outside its buffer or image is handled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryPolicy {
     /// It stops the invocation.
     #[default]
     Trap,
-    /// `robustBufferAccess2` and `robustImageAccess2`: of what is loaded, scalars that lie outside
+    /// `robustBufferAccess2` and `robustImageAccess2`: of a load, scalars that lie outside
     /// a buffer are 0, and so are texels outside an image, but for 1 where the format has no A;
     /// what is stored there is dropped, atomic instructions do nothing and return 0. Device
     /// addresses, workgroup memory, arrays of variables and missing descriptors still trap:
@@ -213,9 +213,9 @@ pub enum MemoryPolicy {
     Robust,
 }
 
-/// What is bound at a binding, for messages.
+/// A summary of what is bound at a binding, for messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Bound {
+pub struct BindingSummary {
     /// The binding.
     pub binding: Binding,
     /// What the first element is.
@@ -235,7 +235,7 @@ pub struct Resources {
     pub memory: DeviceMemory,
     /// Takes what shaders print; without it printing does nothing.
     pub printed: Option<Arc<Printed>>,
-    /// What becomes of an access outside its buffer or image.
+    /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }
 
@@ -282,10 +282,10 @@ impl Resources {
         }
     }
 
-    fn bound(&self) -> Arc<[Bound]> {
+    fn bound(&self) -> Arc<[BindingSummary]> {
         let bound = self.descriptors.iter().filter_map(|(&binding, elements)| {
             let kind = elements.iter().find_map(Descriptor::kind)?;
-            Some(Bound { binding, kind, count: elements.len() })
+            Some(BindingSummary { binding, kind, count: elements.len() })
         });
         bound.collect()
     }
@@ -319,17 +319,18 @@ pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 /// [`ELEMENT_BITS`].
 #[derive(Clone, Debug, Default)]
 pub struct Bindings {
-    /// By what handles begin with; the first is null's and has none.
+    /// Descriptors by the upper bits of handles, those of the slot; the first entry, of null, is
+    /// empty.
     slots: Vec<Vec<Descriptor>>,
     /// All that is bound, used or not.
-    pub bound: Arc<[Bound]>,
+    pub bound: Arc<[BindingSummary]>,
     /// The push constants.
     pub push_constants: Option<Arc<Buffer>>,
     /// What device addresses lead to.
     pub memory: DeviceMemory,
     /// Takes what shaders print.
     pub printed: Option<Arc<Printed>>,
-    /// What becomes of an access outside its buffer or image.
+    /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }
 

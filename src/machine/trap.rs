@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::machine::resource::{Bindings, Bound};
+use crate::machine::resource::{BindingSummary, Bindings};
 
 /// Why an invocation was stopped by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -237,15 +237,15 @@ impl fmt::Display for TrapCode {
     }
 }
 
-/// What an access that trapped meant, for its report.
+/// The details of an access that trapped, for its report.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Accessed {
+pub enum AccessFault {
     /// A descriptor that is not bound, or of another kind.
     Descriptor {
         /// Slot and array element; see [`Bindings::handle`](crate::machine::Bindings::handle).
         handle: u32,
         /// What is bound.
-        bound: Arc<[Bound]>,
+        bound: Arc<[BindingSummary]>,
     },
     /// A device address that leads nowhere, or beyond its buffer.
     Address {
@@ -278,14 +278,14 @@ pub enum Accessed {
     },
 }
 
-impl Accessed {
+impl AccessFault {
     /// A descriptor that was not found.
     pub fn descriptor(handle: u32, bindings: &Bindings) -> Self {
         Self::Descriptor { handle, bound: bindings.bound.clone() }
     }
 
     /// A device address; `None` where no buffer has one.
-    pub fn near(address: u64, bindings: &Bindings) -> Option<Self> {
+    pub fn address(address: u64, bindings: &Bindings) -> Option<Self> {
         let (start, buffer) = bindings.memory.nearest_buffer(address)?;
         Some(Self::Address { start, size: buffer.size(), handle: bindings.handle_of(buffer) })
     }
@@ -303,7 +303,7 @@ pub struct Trap {
 /// How one lane of a batch ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Exit {
-    /// It runs still, or ran to the end of its entry point.
+    /// It is still running, or ran to the end of its entry point.
     #[default]
     Returned,
     /// `OpIgnoreIntersectionKHR`

@@ -3,7 +3,7 @@
 use crate::accel::{HitKind, Primitive, Tlas};
 use crate::error::Result;
 use crate::geometry::ObjectRay;
-use crate::machine::invocation::{HitOf, InvocationField as Field, Invocations, LaneInvocation};
+use crate::machine::invocation::{HitRef, InvocationField as Field, Invocations, LaneInvocation};
 use crate::machine::{Lanes, Mask};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
@@ -53,27 +53,27 @@ impl BuiltinRead {
             Self::Fields(fields) => copy(to, from, fields),
             Self::Ray(fields, _) if is_in_world(from, mask, first) => copy(to, from, fields),
             Self::Same(read) => {
-                read(&from.one(first), words);
+                read(&from.lane(first), words);
                 splat(to, words);
             }
             Self::Each(read) | Self::Ray(_, read) => {
                 for lane in mask.lanes() {
                     words.fill(0);
-                    read(&from.one(lane), words);
+                    read(&from.lane(lane), words);
                     set(to, lane, words);
                 }
             }
             Self::Placed(read) => {
                 let key = |lane: usize| {
-                    let lanes = [&from.hits.instance, from.structures.numbers(), &from.rays.time];
+                    let lanes = [&from.hits.instance, from.structures.indices(), &from.rays.time];
                     lanes.map(|lanes| lanes.0[lane])
                 };
                 let mut known = None;
                 let mut read_at = |lane: usize, words: &mut [u32]| {
                     if known != Some(key(lane)) {
                         words.fill(0);
-                        if let Some(hit) = from.one(lane).hit {
-                            read(hit.tlas, hit.place.instance, f32::from_bits(key(lane)[2]), words);
+                        if let Some(hit) = from.lane(lane).hit {
+                            read(hit.tlas, hit.prim.instance, f32::from_bits(key(lane)[2]), words);
                         }
                         known = Some(key(lane));
                     }
@@ -96,13 +96,13 @@ impl BuiltinRead {
 /// Whether the lanes of a mask, of which the first is given, hit the same instance.
 fn same_instance<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
     let same = |lanes: &Lanes<W>| Mask::equal(lanes, lanes.0[first]).covers(mask);
-    same(&from.hits.instance) && same(from.structures.numbers())
+    same(&from.hits.instance) && same(from.structures.indices())
 }
 
 /// Whether they hit an instance that stands in the world as it is: a ray is there what it is in the
 /// world.
 fn is_in_world<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
-    let is_identity = from.one(first).hit.is_some_and(|hit| hit.instance().is_identity());
+    let is_identity = from.lane(first).hit.is_some_and(|hit| hit.instance().is_identity());
     is_identity && same_instance(from, mask, first)
 }
 
@@ -432,13 +432,13 @@ pub fn matches(translator: &Translator<'_>, shape: ValueShape, ty: TypeId) -> bo
     }
 }
 
-fn hit<'a>(invocation: &LaneInvocation<'a>) -> Option<HitOf<'a>> {
+fn hit<'a>(invocation: &LaneInvocation<'a>) -> Option<HitRef<'a>> {
     invocation.hit
 }
 
 fn object_ray(invocation: &LaneInvocation<'_>) -> Option<ObjectRay> {
     let hit = invocation.hit?;
-    hit.tlas.object_ray(hit.place.instance, &invocation.trace.ray, invocation.time())
+    hit.tlas.object_ray(hit.prim.instance, &invocation.trace.ray, invocation.time())
 }
 
 /// The mask of the places in the subgroup for which a relation to the own place holds.
@@ -462,16 +462,16 @@ pub(super) fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
     }
 }
 
-impl HitOf<'_> {
+impl HitRef<'_> {
     /// What was hit, by a ray of a time.
     pub fn primitive(&self, time: f32) -> Option<Primitive> {
-        self.instance().blas.primitive(self.place.geometry, self.place.primitive, time)
+        self.instance().blas.primitive(self.prim.geometry, self.prim.primitive, time)
     }
 
     /// `ClusterIDNV`: -1 where the primitive belongs to no cluster.
     fn cluster_id(&self) -> u32 {
         let geometries = self.instance().blas.geometries();
-        geometries[self.place.geometry as usize].cluster_id.unwrap_or(u32::MAX)
+        geometries[self.prim.geometry as usize].cluster_id.unwrap_or(u32::MAX)
     }
 
     /// The vertices of the triangle that a ray of a time hit, after the geometry's own transform;

@@ -8,7 +8,7 @@ use smallvec::SmallVec;
 
 use crate::accel::{Candidate, Committed, GeometryKind, HitKind, RayFlags, TraceRay, hit_record_index};
 use crate::geometry::{Intersection, Ray, Surface};
-use crate::machine::hit_object::{Attributes, Encoded, HitEncoded, HitObject};
+use crate::machine::hit_object::{Attributes, EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
@@ -114,7 +114,7 @@ impl HitObjectOp {
                 let trace = trace(&words[2..], RayFlags(words[0]));
                 check_ray(batch, lane, &trace)?;
                 let record = u64::from(words[1] & 0xFFFF);
-                store(batch, object, lane, HitObject::Miss(Encoded { trace, record }))
+                store(batch, object, lane, HitObject::Miss(EncodedRay { trace, record }))
             }),
             Self::RecordEmpty { object } => {
                 for_each_lane(batch, |batch, lane| store(batch, object, lane, HitObject::Empty));
@@ -130,13 +130,13 @@ impl HitObjectOp {
                     let Some(&committed) = query.committed() else {
                         return store(batch, object, lane, HitObject::Empty);
                     };
-                    let encoded = Encoded { trace: *query.trace(), record };
+                    let encoded = EncodedRay { trace: *query.trace(), record };
                     let tlas = query.tlas().clone();
                     let (committed, attributes) = match committed.candidate.is_box() {
                         true => (Committed { hit_kind: HitKind(kind), ..committed }, given),
                         false => (committed, built_in_attributes(&committed.candidate)),
                     };
-                    let hit = HitEncoded { tlas, committed, attributes };
+                    let hit = EncodedHit { tlas, committed, attributes };
                     store(batch, object, lane, HitObject::Hit(encoded, hit))
                 });
             }
@@ -203,7 +203,7 @@ pub fn store<const W: usize>(
     recorded: HitObject,
 ) -> Result<(), TrapCode> {
     let register = object.register(&batch.registers, lane)?;
-    let (handle, place) = batch.hit_objects.claim(batch.registers[register].0[lane]);
+    let (handle, place) = batch.hit_objects.get_or_insert(batch.registers[register].0[lane]);
     *place = recorded;
     batch.registers[register].0[lane] = handle;
     Ok(())
@@ -268,8 +268,8 @@ fn recorded_hit<const W: usize>(
     let intersection = Intersection { t: trace.ray.t_max, attributes: [a, b], surface };
     let candidate = Candidate { instance, geometry, primitive, intersection, opaque: true };
     let committed = Committed { candidate, t: trace.ray.t_max, hit_kind: HitKind(kind) };
-    let hit = HitEncoded { tlas: tlas.clone(), committed, attributes };
-    Ok(HitObject::Hit(Encoded { trace, record }, hit))
+    let hit = EncodedHit { tlas: tlas.clone(), committed, attributes };
+    Ok(HitObject::Hit(EncodedRay { trace, record }, hit))
 }
 
 /// The surface that a recorded hit of a kind of geometry stands for.

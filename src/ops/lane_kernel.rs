@@ -502,7 +502,7 @@ pub(crate) mod tests {
     where
         LaneKernel: Width<W>,
     {
-        let mut registers = Registers::<W>::new(8).on(cpu_tier);
+        let mut registers = Registers::<W>::new(8).with_cpu_tier(cpu_tier);
         let mut from = [Reg(0); 3];
         let mut next = 2;
         for (at, (&input, &words)) in inputs.iter().zip(&kernel.operands).enumerate() {

@@ -11,7 +11,8 @@ use smallvec::SmallVec;
 
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::{
-    Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers, TrapCode,
+    AccessFault, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers,
+    TrapCode,
 };
 use crate::ops::op::Access;
 
@@ -310,27 +311,27 @@ fn index_lanes<const W: usize>(
     };
     let registers = &batch.registers;
     let mut register = [0; W];
-    let missed = registers.cpu_tier().run_loop(
+    let any_outside = registers.cpu_tier().run_loop(
         #[inline(always)]
         || {
             let zero = Lanes::splat(0);
             let (indices, bases) = (&registers[index], base.map_or(&zero, |base| &registers[base]));
             let running = batch.mask.words();
-            let mut missed = 0;
+            let mut any_outside = 0;
             for lane in 0..W {
                 let (index, base) = (indices.0[lane], bases.0[lane]);
                 let product = index.wrapping_mul(stride);
                 let inside = index < count;
                 let fits = inside & (base <= MOST.wrapping_sub(product));
                 register[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
-                missed |= u32::from(!inside) & running.0[lane];
+                any_outside |= u32::from(!inside) & running.0[lane];
             }
-            missed
+            any_outside
         },
     );
-    if missed != 0 {
+    if any_outside != 0 {
         let outside = Mask::from_fn(|lane| registers[index].0[lane] >= count);
-        batch.missed.remember(batch.op, batch.mask & outside, &batch.registers[index]);
+        batch.out_of_bounds_indices.record(batch.op, batch.mask & outside, &batch.registers[index]);
     }
     batch.registers[to].0 = register;
 }
@@ -540,13 +541,13 @@ pub fn each_access<const W: usize>(
             BufferRef::Computed(reg) => Some(batch.registers[reg].0[lane]),
             _ => None,
         };
-        let accessed = match (found, handle) {
-            _ if matches!(chunk.buffer, BufferRef::Address(_)) => Accessed::near(fault_value, bindings),
-            (Ok((_, _, size)), handle) => Some(Accessed::Buffer { handle, size }),
-            (Err(_), Some(handle)) => Some(Accessed::descriptor(handle, bindings)),
+        let fault = match (found, handle) {
+            _ if matches!(chunk.buffer, BufferRef::Address(_)) => AccessFault::address(fault_value, bindings),
+            (Ok((_, _, size)), handle) => Some(AccessFault::Buffer { handle, size }),
+            (Err(_), Some(handle)) => Some(AccessFault::descriptor(handle, bindings)),
             (Err(_), None) => None,
         };
-        accessed.into_iter().for_each(|accessed| batch.remember_access(lane, accessed));
+        fault.into_iter().for_each(|fault| batch.record_access_fault(lane, fault));
         batch.fault_value[lane] = fault_value;
         stop(batch, Mask::lane(lane), code);
     }

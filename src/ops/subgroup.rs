@@ -201,9 +201,9 @@ impl SubgroupOp {
         let size = batch.invocations.subgroup_size();
         let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
         for lane in batch.mask.lanes() {
-            let invocation = batch.invocations.one(lane);
+            let invocation = batch.invocations.lane(lane);
             let workgroup = invocation.workgroup.map_or(0, |group| group.index());
-            let key = [workgroup, invocation.subgroup_id(), batch.invocations.called_through[lane]];
+            let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane]];
             let member = (lane, invocation.subgroup_local_invocation_id());
             match groups.iter_mut().find(|(found, _)| *found == key) {
                 Some((_, members)) => members.push(member),

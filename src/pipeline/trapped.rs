@@ -136,8 +136,9 @@ pub(crate) fn trap_error<const W: usize>(
     trap: Trap,
 ) -> Error {
     let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    let (fault_value, accessed) = (batch.fault_value[lane], batch.accessed(lane));
-    let index = program.describe_index(trap, fault_value, accessed, |op| batch.missed.last(op, lane));
+    let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
+    let index =
+        program.describe_index(trap, fault_value, accessed, |op| batch.out_of_bounds_indices.last(op, lane));
     let access = program.describe_access(trap, fault_value, accessed);
     let bound = match trap.code {
         TrapCode::DescriptorMissing => program.describe_bound(accessed),

@@ -1,6 +1,6 @@
 //! The index that an access trapped for: its value, the array and the length of that.
 
-use crate::machine::{Accessed, Reg, Trap, TrapCode};
+use crate::machine::{AccessFault, Reg, Trap, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::atomic;
@@ -36,7 +36,7 @@ impl Program {
         &self,
         trap: Trap,
         fault_value: u64,
-        accessed: Option<&Accessed>,
+        accessed: Option<&AccessFault>,
         missed: impl Fn(u32) -> Option<(u64, u32)>,
     ) -> Option<String> {
         match trap.code {
@@ -117,8 +117,8 @@ impl Program {
     }
 
     /// The element of a runtime array that an access beyond the end of its buffer asked for.
-    fn describe_element(&self, op: u32, fault_value: u64, accessed: &Accessed) -> Option<String> {
-        let Accessed::Buffer { size, .. } = *accessed else { return None };
+    fn describe_element(&self, op: u32, fault_value: u64, accessed: &AccessFault) -> Option<String> {
+        let AccessFault::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {
             Op::Memory(
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },

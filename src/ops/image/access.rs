@@ -8,7 +8,7 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::format::{Class, Component};
 use crate::machine::image::{Image, Position};
-use crate::machine::{Accessed, Batch, Bindings, Reg, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::image::operands::Operands;
@@ -84,7 +84,7 @@ impl TexelRef {
         }
         position.level = self.level.map_or(0, |reg| reader.word(reg));
         position.sample = self.sample.map_or(0, |reg| reader.word(reg));
-        let outside = || match image.has(&position) {
+        let outside = || match image.contains(&position) {
             true => TrapCode::ImageRowAbsent,
             false => TrapCode::ImageOutOfBounds,
         };
@@ -107,14 +107,14 @@ impl TexelRef {
         let reader = LaneReader::new(&batch.registers, lane, bindings);
         let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
-        let accessed = match self.view.image(bindings, handle) {
-            Err(_) => Accessed::descriptor(handle, bindings),
+        let fault = match self.view.image(bindings, handle) {
+            Err(_) => AccessFault::descriptor(handle, bindings),
             Ok(image) => {
                 let shape = image.shape();
                 let level = self.level.map_or(0, |reg| reader.word(reg));
                 let layer = self.coordinate.len() > axes;
                 let sides = shape.level_extent(level.min(shape.levels - 1));
-                Accessed::Texel {
+                AccessFault::Texel {
                     handle,
                     coordinate: self.coordinates(reader).collect(),
                     extent: sides[..axes].iter().copied().chain(layer.then_some(shape.layers)).collect(),
@@ -123,7 +123,7 @@ impl TexelRef {
                 }
             }
         };
-        batch.remember_access(lane, accessed);
+        batch.record_access_fault(lane, fault);
     }
 
     /// Does what [`TexelRef::resolve`] does for atomic instructions: the texel must have the size

@@ -29,7 +29,7 @@ use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::{Accessed, Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::image::reader::LaneReader;
@@ -167,7 +167,7 @@ fn record_descriptor_fault<const W: usize>(
     bindings: &Bindings,
 ) {
     let handle = batch.registers[handle].0[lane];
-    batch.remember_access(lane, Accessed::descriptor(handle, bindings));
+    batch.record_access_fault(lane, AccessFault::descriptor(handle, bindings));
 }
 
 /// Registers that an instruction's texel is written to.

@@ -67,7 +67,7 @@ fn run(
 ) -> u32 {
     let wide = CpuTier::available().into_iter().filter(|(_, cpu_tier)| cpu_tier.is_wide());
     let mut results = wide.map(|(level, cpu_tier)| {
-        let mut ran = registers.clone().on(cpu_tier);
+        let mut ran = registers.clone().with_cpu_tier(cpu_tier);
         let end = code.run(&mut ran, ops, range.clone(), mask);
         (level, ran, end)
     });
