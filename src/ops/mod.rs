@@ -40,6 +40,7 @@ pub mod image;
 pub mod integer_functions;
 pub mod integer_operand;
 pub mod interface_check;
+pub mod intersection_view;
 pub mod irregular;
 pub mod lane_kernel;
 pub mod linear_algebra;
@@ -55,7 +56,7 @@ pub mod ray_query;
 pub mod ray_rules;
 pub mod ray_tracing;
 pub mod relational_logical;
-pub mod seen;
+
 pub mod shadow_op;
 pub mod subgroup;
 pub mod superop;

@@ -17,10 +17,10 @@ use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::builtin::{ValueShape, floats};
+use crate::ops::intersection_view::{IntersectionView, write_floats, write_word};
 use crate::ops::memory;
 use crate::ops::object::{self, define_result, object_ref};
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::seen::{Seen, put, word};
 use crate::ops::translate::Translator;
 
 /// Words of the operands of `OpRayQueryInitializeKHR`: acceleration structure (2), ray flags, cull
@@ -72,7 +72,7 @@ pub struct RayGetter {
 pub struct RayQueryGetter {
     opcode: Opcode,
     shape: ValueShape,
-    read: fn(Seen<'_>, &mut [u32]) -> Result<(), TrapCode>,
+    read: fn(IntersectionView<'_>, &mut [u32]) -> Result<(), TrapCode>,
 }
 
 impl RayGetter {
@@ -128,10 +128,10 @@ getters! { RAY_GETTERS RayGetter
 getters! { GETTERS RayQueryGetter
     RayQueryGetIntersectionTKHR Float |from, to| from.t(to);
     RayQueryGetIntersectionInstanceCustomIndexKHR Int |from, to| from.custom_index(to);
-    RayQueryGetIntersectionInstanceIdKHR Int |from, to| word(to, from.candidate.instance);
+    RayQueryGetIntersectionInstanceIdKHR Int |from, to| write_word(to, from.candidate.instance);
     RayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetKHR Int |from, to| from.sbt_record_offset(to);
-    RayQueryGetIntersectionGeometryIndexKHR Int |from, to| word(to, from.candidate.geometry);
-    RayQueryGetIntersectionPrimitiveIndexKHR Int |from, to| word(to, from.candidate.primitive);
+    RayQueryGetIntersectionGeometryIndexKHR Int |from, to| write_word(to, from.candidate.geometry);
+    RayQueryGetIntersectionPrimitiveIndexKHR Int |from, to| write_word(to, from.candidate.primitive);
     RayQueryGetIntersectionBarycentricsKHR Float2 |from, to| from.barycentrics(to);
     RayQueryGetIntersectionFrontFaceKHR Bool |from, to| from.front_face(to);
     RayQueryGetIntersectionObjectRayDirectionKHR Float3
@@ -141,15 +141,15 @@ getters! { GETTERS RayQueryGetter
     RayQueryGetIntersectionObjectToWorldKHR Matrix4x3 |from, to| from.object_to_world(to);
     RayQueryGetIntersectionWorldToObjectKHR Matrix4x3 |from, to| from.world_to_object(to);
     RayQueryGetIntersectionTriangleVertexPositionsKHR Float3Array3 |from, to| from.vertex_positions(to);
-    RayQueryGetIntersectionClusterIdNV Int |from, to| word(to, from.candidate.cluster_id(from.tlas));
-    RayQueryIsSphereHitNV Bool |from, to| word(to, from.is_sphere().into());
-    RayQueryIsLSSHitNV Bool |from, to| word(to, from.is_lss().into());
-    RayQueryGetIntersectionSpherePositionNV Float3 |from, to| put(to, &from.sphere()?.0);
-    RayQueryGetIntersectionSphereRadiusNV Float |from, to| put(to, &[from.sphere()?.1]);
-    RayQueryGetIntersectionLSSPositionsNV Float3Array2 |from, to| put(to, from.lss()?.0.as_flattened());
-    RayQueryGetIntersectionLSSRadiiNV FloatArray2 |from, to| put(to, &from.lss()?.1);
+    RayQueryGetIntersectionClusterIdNV Int |from, to| write_word(to, from.candidate.cluster_id(from.tlas));
+    RayQueryIsSphereHitNV Bool |from, to| write_word(to, from.is_sphere().into());
+    RayQueryIsLSSHitNV Bool |from, to| write_word(to, from.is_lss().into());
+    RayQueryGetIntersectionSpherePositionNV Float3 |from, to| write_floats(to, &from.sphere()?.0);
+    RayQueryGetIntersectionSphereRadiusNV Float |from, to| write_floats(to, &[from.sphere()?.1]);
+    RayQueryGetIntersectionLSSPositionsNV Float3Array2 |from, to| write_floats(to, from.lss()?.0.as_flattened());
+    RayQueryGetIntersectionLSSRadiiNV FloatArray2 |from, to| write_floats(to, &from.lss()?.1);
     RayQueryGetIntersectionLSSHitValueNV Float
-        |from, to| from.lss().and_then(|_| put(to, &from.candidate.intersection.attributes[..1]));
+        |from, to| from.lss().and_then(|_| write_floats(to, &from.candidate.intersection.attributes[..1]));
 }
 
 /// `OpRayQueryGetIntersectionCandidateAABBOpaqueKHR`, which reads the candidate alone.
@@ -157,7 +157,7 @@ static AABB_OPAQUE: RayQueryGetter = RayQueryGetter {
     opcode: Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR,
     shape: ValueShape::Bool,
     read: |from, to| match from.candidate.is_box() {
-        true => word(to, from.candidate.opaque.into()),
+        true => write_word(to, from.candidate.opaque.into()),
         false => Err(TrapCode::RayQueryNotAabb),
     },
 };
@@ -257,7 +257,7 @@ impl RayQueryOp {
                     let query = batch.queries.query(handle)?;
                     let mut words = [0; 12];
                     let words = &mut words[..getter.shape.words() as usize];
-                    (getter.read)(seen(query, committed)?, words)?;
+                    (getter.read)(intersection_view(query, committed)?, words)?;
                     batch.registers.set_lane_words(to, lane, words.iter().copied());
                     Ok(())
                 })
@@ -337,7 +337,7 @@ fn intersection_type(query: &RayQuery, committed: bool) -> Result<u32, TrapCode>
     })
 }
 
-fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
+fn intersection_view(query: &RayQuery, committed: bool) -> Result<IntersectionView<'_>, TrapCode> {
     let (candidate, t) = if committed {
         let committed = query.committed().ok_or(TrapCode::RayQueryNoCommitted)?;
         (&committed.candidate, committed.t)
@@ -345,7 +345,7 @@ fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
         let candidate = query.candidate()?;
         (candidate, candidate.intersection.t)
     };
-    Ok(Seen { tlas: query.tlas(), trace: query.trace(), candidate, t, committed })
+    Ok(IntersectionView { tlas: query.tlas(), trace: query.trace(), candidate, t, committed })
 }
 
 /// Opcodes translated here.

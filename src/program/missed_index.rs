@@ -124,7 +124,7 @@ impl Program {
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => chunk.index?,
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => chunk.index?,
+                atomic::AtomicTarget::Buffer(chunk) => chunk.index?,
                 _ => return None,
             },
             _ => return None,

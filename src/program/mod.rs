@@ -301,7 +301,7 @@ impl Program {
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => Some(chunk),
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => Some(chunk),
+                atomic::AtomicTarget::Buffer(chunk) => Some(chunk),
                 _ => None,
             },
             _ => None,

@@ -26,7 +26,7 @@ use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
-use crate::ops::atomic::{AtomicKind, Target as AtomicTarget, Update};
+use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::ImageOp;
 use crate::ops::image::access::TexelRef;

@@ -373,7 +373,7 @@ fn keys<'a>(
     bindings: &Bindings,
     chunk: &'a Chunk,
 ) -> Option<impl Fn(u32) -> (usize, u64) + Copy + use<'a>> {
-    let (buffer, offset) = memory::place(batch, 0, bindings, chunk)?;
+    let (buffer, offset) = memory::access_location(batch, 0, bindings, chunk)?;
     let buffer = std::ptr::from_ref(buffer) as usize;
     let width = u64::from(chunk.width / 8);
     Some(move |word: u32| (buffer, offset + u64::from(word) * width))

@@ -11,7 +11,7 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op};
 use crate::ops::superop::pairs::PairShape;
 use crate::ops::superop::{Function, SuperCode, SuperOp, has_operand, takes_float};
-use crate::ops::symbolic::{Numbering, State, ValueNumber};
+use crate::ops::symbolic::{State, ValueNumber, ValueTable};
 
 /// What a register or the accumulator holds while superinstructions run.
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +66,7 @@ fn kernel(function: Function) -> Option<&'static LaneKernel> {
 fn calculate(
     function: Function,
     from: &[SymbolicWord],
-    numbering: &mut Numbering,
+    table: &mut ValueTable,
 ) -> Result<SymbolicWord, String> {
     if let Some(kernel) = kernel(function) {
         for (at, held) in from.iter().enumerate() {
@@ -77,27 +77,27 @@ fn calculate(
         let values: Vec<ValueNumber> = from.iter().map(|held| held.value).collect();
         let is_number = matches!(function, Function::UToF | Function::SToF | Function::Step);
         let canonical = kernel.float_result != 32 || is_number;
-        return Ok(SymbolicWord { value: numbering.regular(kernel, 0, &values), canonical });
+        return Ok(SymbolicWord { value: table.regular(kernel, 0, &values), canonical });
     }
     if function == Function::Square {
-        return calculate(Function::FMul, &[from[0], from[0]], numbering);
+        return calculate(Function::FMul, &[from[0], from[0]], table);
     }
     let pair = Function::PAIRS.iter().find(|pair| pair.3 == function);
     let &(first, second, shape, _) = pair.ok_or_else(|| format!("{function:?} is no pair"))?;
     let (own, others) = from.split_at(operand_count(first));
-    let inner = calculate(first, own, numbering)?;
+    let inner = calculate(first, own, table)?;
     let operands: Vec<SymbolicWord> = match shape {
         PairShape::Then | PairShape::ThenWith | PairShape::Chain => [&[inner][..], others].concat(),
         PairShape::After | PairShape::Last => [others, &[inner]].concat(),
         PairShape::WithItself => vec![own[0], inner],
     };
-    calculate(second, &operands, numbering)
+    calculate(second, &operands, table)
 }
 
 /// Executes a range of operations both ways, symbolically, and compares the results.
 struct SuperopChecker<'a, 'b> {
     ops: &'a [Op],
-    numbering: &'b mut Numbering,
+    table: &'b mut ValueTable,
     expected: State<'a>,
     /// The registers that superinstructions and the operations between them have written.
     found: FxHashMap<Reg, SymbolicWord>,
@@ -119,12 +119,12 @@ impl SuperCode {
         ops: &[Op],
         range: Range<usize>,
         begin: &State<'_>,
-        numbering: &mut Numbering,
+        table: &mut ValueTable,
         is_observed: &dyn Fn(Reg) -> bool,
     ) -> Result<(), String> {
         let mut check = SuperopChecker {
             ops,
-            numbering,
+            table,
             expected: begin.clone(),
             found: FxHashMap::default(),
             begin: begin.clone(),
@@ -166,7 +166,7 @@ impl SuperopChecker<'_, '_> {
     /// Executes the operations up to `end`.
     fn expect_up_to(&mut self, end: usize) {
         for op in &self.ops[self.next..end] {
-            self.expected.execute(op, self.numbering);
+            self.expected.execute(op, self.table);
         }
         self.next = end;
     }
@@ -174,16 +174,16 @@ impl SuperopChecker<'_, '_> {
     fn get(&mut self, reg: Reg) -> SymbolicWord {
         match self.found.get(&reg) {
             Some(&held) => held,
-            None => SymbolicWord { value: self.begin.get(reg, self.numbering), canonical: true },
+            None => SymbolicWord { value: self.begin.get(reg, self.table), canonical: true },
         }
     }
 
     /// Checks that a register holds the expected value.
     fn expect_register(&mut self, reg: Reg, nan_payload_observed: bool) -> Result<(), String> {
-        let expected = self.expected.get(reg, self.numbering);
+        let expected = self.expected.get(reg, self.table);
         let found = self.get(reg);
         if expected != found.value {
-            let [expected, found] = self.numbering.difference(expected, found.value);
+            let [expected, found] = self.table.difference(expected, found.value);
             return Err(format!("r{} holds {found}, not {expected}", reg.0));
         }
         match found.canonical || !nan_payload_observed {
@@ -225,11 +225,11 @@ impl SuperopChecker<'_, '_> {
             }
         });
         if !matches!(op, Op::LaneKernel { .. }) {
-            let reached = self.expected.reached();
-            written.extend(reached.addressed.iter().chain(&reached.interface));
+            let implicit = self.expected.implicit();
+            written.extend(implicit.addressed.iter().chain(&implicit.written_by_pipeline));
         }
         for reg in written {
-            let value = self.expected.get(reg, self.numbering);
+            let value = self.expected.get(reg, self.table);
             self.found.insert(reg, SymbolicWord { value, canonical: true });
         }
         self.accumulator = None;
@@ -268,10 +268,9 @@ impl SuperopChecker<'_, '_> {
             let reg = Reg(superop.from[operand].into());
             if uniform && has_operand(function.uniform(), operand) {
                 let value = self.get(reg).value;
-                let word = self.numbering.word_of(value);
-                let word = word.ok_or_else(|| {
-                    format!("r{} is no constant but {}", reg.0, self.numbering.describe(value))
-                })?;
+                let word = self.table.word_of(value);
+                let word = word
+                    .ok_or_else(|| format!("r{} is no constant but {}", reg.0, self.table.describe(value)))?;
                 if has_operand(function.shift_amounts(), operand) && word > 31 {
                     return Err(format!("{word} is no amount to shift by"));
                 }
@@ -280,7 +279,7 @@ impl SuperopChecker<'_, '_> {
         }
         let result = match function {
             Function::Move => from[0],
-            _ => calculate(function, &from, self.numbering)?,
+            _ => calculate(function, &from, self.table)?,
         };
         self.accumulator = Some(result);
         if stored {

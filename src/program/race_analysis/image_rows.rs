@@ -3,7 +3,7 @@
 
 use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, Stored, Symbol, Trace};
 use crate::machine::Binding;
-use crate::ops::atomic::Target as AtomicTarget;
+use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
 use crate::ops::op::Op;
 use crate::program::Program;
