@@ -2,7 +2,7 @@
 //!
 //! A variable of type `OpTypeRayQueryKHR` is one register that holds a handle: 0 until the query is
 //! initialised, then its place in the batch's [`RayQueries`], from 1 on. So arrays of queries,
-//! pointers to them and divergence need nothing of their own, and a copy of the batch copies its
+//! pointers to them and divergence need no special handling, and a copy of the batch copies its
 //! queries.
 
 use std::sync::Arc;

@@ -90,7 +90,7 @@ impl Buffer {
         Arc::new(Self { words: words.collect(), size: size as u64, null: false })
     }
 
-    /// What a null descriptor stands for (`nullDescriptor`): whatever the policy, loads give 0,
+    /// The buffer of a null descriptor (`nullDescriptor`): whatever the policy, loads give 0,
     /// stores are dropped, and `OpArrayLength` gives 0.
     pub fn null() -> Arc<Self> {
         Arc::new(Self { words: Box::new([]), size: 0, null: true })
@@ -224,16 +224,16 @@ pub struct BindingSummary {
     pub count: usize,
 }
 
-/// All that descriptor sets and push constants give to a launch.
+/// The resources of a launch: descriptor sets, push constants and memory.
 #[derive(Clone, Debug, Default)]
 pub struct Resources {
     /// Descriptors by binding; the position is the array element.
     pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
-    /// What shaders reach through device addresses.
+    /// The memory that shaders access through device addresses.
     pub memory: DeviceMemory,
-    /// Takes what shaders print; without it printing does nothing.
+    /// Collects what shaders print; without it printing does nothing.
     pub printed: Option<Arc<Printed>>,
     /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
@@ -304,11 +304,12 @@ impl Resources {
     }
 }
 
-/// Bits of a descriptor handle that name the array element; the bits above name the slot, counted
-/// from 1: handles that begin with 0 are null, whatever element they go on to.
+/// Bits of a descriptor handle that hold the array element; the bits above hold the slot, counted
+/// from 1: handles with slot bits 0 are null, whatever their element.
 pub const ELEMENT_BITS: u32 = 20;
 
-/// How many slots a program may have: handles behind theirs stand for what is no descriptor.
+/// The number of slots that a program may have: greater handles stand for memory without
+/// descriptor.
 pub const MAX_SLOTS: usize = (1 << (32 - ELEMENT_BITS)) - 2;
 
 /// The upper word of an acceleration structure's value that tells a descriptor's handle from a
@@ -322,20 +323,20 @@ pub struct Bindings {
     /// Descriptors by the upper bits of handles, those of the slot; the first entry, of null, is
     /// empty.
     slots: Vec<Vec<Descriptor>>,
-    /// All that is bound, used or not.
+    /// Everything that is bound, used or not.
     pub bound: Arc<[BindingSummary]>,
     /// The push constants.
     pub push_constants: Option<Arc<Buffer>>,
-    /// What device addresses lead to.
+    /// The memory that device addresses refer to.
     pub memory: DeviceMemory,
-    /// Takes what shaders print.
+    /// Collects what shaders print.
     pub printed: Option<Arc<Printed>>,
     /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }
 
 impl Bindings {
-    /// Whether accesses outside their buffer or image go on.
+    /// Whether accesses outside their buffer or image do not trap.
     pub fn is_robust(&self) -> bool {
         self.policy == MemoryPolicy::Robust
     }
@@ -383,7 +384,7 @@ impl Bindings {
         })
     }
 
-    /// The acceleration structure that a value of two words means: a descriptor's handle below
+    /// The acceleration structure that a value of two words refers to: a descriptor's handle below
     /// [`STRUCTURE_HANDLE`], else a device address. 0 is the null structure, which every ray
     /// misses.
     #[inline]

@@ -1,4 +1,4 @@
-//! Instruction sets of AMD that Vulkan has extensions for: `SPV_AMD_shader_trinary_minmax`, and of
+//! Instruction sets of AMD for which Vulkan has extensions: `SPV_AMD_shader_trinary_minmax`, and of
 //! `SPV_AMD_shader_ballot` what its instruction set adds to the subgroup instructions.
 //!
 //! A minimum or maximum of three is that of the first and that of the others; the middle of three
@@ -145,7 +145,7 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
             let first = translator.consecutive(&words)?;
             translator.define_result(instruction, registers_from(first, words.len() as u32));
         }
-        // MbcntAMD: the number of bits set in a mask below the own id.
+        // MbcntAMD: the number of bits set in a mask below this invocation's id.
         4 => {
             let mask = operand(translator, instruction, 2, 2)?;
             let below = input(translator, "SubgroupLtMask", 4)?;

@@ -36,7 +36,7 @@ pub enum BuiltinRead {
     Uniform(fn(&LaneInvocation<'_>, &mut [u32])),
     /// Words that are computed for each lane.
     PerLane(fn(&LaneInvocation<'_>, &mut [u32])),
-    /// Words of an instance at a time, computed once for lanes that share both.
+    /// Words of an instance at a point in time, computed once for lanes that share both.
     PerInstance(fn(&Tlas, u32, f32, &mut [u32])),
     /// Words that are computed for each lane; where all lanes hit one instance without a transform,
     /// fields are copied.
@@ -441,7 +441,7 @@ fn object_ray(invocation: &LaneInvocation<'_>) -> Option<ObjectRay> {
     hit.tlas.object_ray(hit.prim.instance, &invocation.trace.ray, invocation.time())
 }
 
-/// The mask of the invocations of the subgroup whose id has a relation to the own id.
+/// The mask of the invocations of the subgroup whose id has a relation to this invocation's id.
 fn subgroup_mask(from: &LaneInvocation<'_>, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
     let own = from.subgroup_local_invocation_id();
     for id in (0..from.subgroup_size).filter(|&id| holds(own, id)) {

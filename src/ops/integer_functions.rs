@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn vectors() {
-        // By hand, from the extension's words.
+        // Derived by hand from the extension's text.
         check(&UCountLeadingZerosINTEL, 32, &[0], 32);
         check(&UCountLeadingZerosINTEL, 8, &[0x10], 3);
         check(&UCountTrailingZerosINTEL, 16, &[0x8000], 15);

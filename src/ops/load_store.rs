@@ -12,7 +12,7 @@ use crate::ops::op::Op;
 use crate::ops::pointer::{Pointer, PointerBase, add_offset, descriptor_count, storage};
 use crate::ops::translate::{Translator, Words, registers_from};
 
-/// Reads what a pointer leads to.
+/// Translates a load through a pointer.
 pub fn load(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
     load_aligned(translator, pointer, 1)
 }
@@ -106,7 +106,7 @@ fn gather(translator: &mut Translator<'_>, first: Reg, index: Reg, count: u32) -
     Ok(registers_from(to, count))
 }
 
-/// Writes a value to where a pointer leads.
+/// Translates a store through a pointer.
 pub fn store(translator: &mut Translator<'_>, pointer: &Pointer, words: &[Reg]) -> Result<()> {
     store_aligned(translator, pointer, words, 1)
 }
@@ -177,7 +177,7 @@ fn scatter(translator: &mut Translator<'_>, first: Reg, index: Reg, words: &[Reg
 /// Scalars of a buffer: byte offset and width.
 type Scalars = SmallVec<[(u32, u32); 4]>;
 
-/// The scalars of what a pointer leads to in a buffer; a 64-bit one is two.
+/// The scalars of the pointee of a pointer into a buffer; a 64-bit scalar counts as two.
 fn scalars(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Scalars> {
     if pointer.is_packed(translator) {
         let words = translator.word_count(pointer.pointee)?;
@@ -288,7 +288,7 @@ fn collect_scalars(
     Ok(())
 }
 
-/// Joins scalars that touch; the alignment holds for the pointer itself.
+/// Joins adjacent scalars of one width to chunks; the alignment is that of the pointer itself.
 fn chunks(
     scalars: &[(u32, u32)],
     buffer: BufferRef,

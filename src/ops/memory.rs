@@ -434,7 +434,7 @@ pub fn access_location<'a, const W: usize>(
     locate((&batch.registers, lane), &batch.invocations, bindings, chunk).ok()
 }
 
-/// The buffer of an access, where it is the same for all lanes, as mostly.
+/// The buffer of an access, where it is the same for all lanes, as it mostly is.
 #[inline]
 fn lane_invariant_buffer<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'a Buffer> {
     match chunk.buffer {

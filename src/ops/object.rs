@@ -20,7 +20,7 @@ pub fn accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
     }
 }
 
-/// Reports the registers of an operation that replaces the object: it reads and writes the handle.
+/// Reports the registers of an operation that replaces an object: it reads and writes the handle.
 pub fn write_accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
     accesses(object, visit);
     if let ObjectRef::Register(reg) = object {
@@ -89,7 +89,7 @@ fn extension(ty: &Type) -> &'static str {
     }
 }
 
-/// Refuses to load, store or copy what can only be used through a pointer.
+/// Rejects loads, stores and copies of objects that can only be used through a pointer.
 ///
 /// # Errors
 /// `InvalidModule`

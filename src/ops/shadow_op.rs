@@ -1,5 +1,5 @@
-//! Shadow operations: what stands for a lane kernel when its values are carried along in f64, so
-//! that `--shadow` can tell what rounding did (as LLVM's NSan does).
+//! Shadow operations: the operations on f64 that accompany lane kernels, so that `--shadow` can
+//! tell the effect of rounding (as LLVM's NSan does).
 
 use std::collections::HashMap;
 use std::sync::LazyLock;

@@ -87,19 +87,19 @@ pub enum ReadSource {
     First,
     /// The invocation whose id is the operand.
     Index,
-    /// The own id, exclusive or the operand.
+    /// This invocation's id, exclusive or the operand.
     Xor,
-    /// The own id minus the operand.
+    /// This invocation's id minus the operand.
     Up,
-    /// The own id plus the operand.
+    /// This invocation's id plus the operand.
     Down,
-    /// The own id plus the operand, modulo a cluster of this size.
+    /// This invocation's id plus the operand, modulo a cluster of this size.
     Rotate(u32),
-    /// The invocation of the own quad whose index is the operand.
+    /// The invocation of the same quad whose index is the operand.
     Quad,
-    /// The own id with this bit set: the greater side of the quad along x (1) or y (2).
+    /// This invocation's id with this bit set: the greater side of the quad along x (1) or y (2).
     QuadSet(u32),
-    /// The own id with this bit cleared.
+    /// This invocation's id with this bit cleared.
     QuadClear(u32),
     /// The opposite invocation of the quad: horizontally, vertically or diagonally, by the operand.
     QuadSwap,
@@ -110,9 +110,9 @@ pub enum ReadSource {
 pub enum BallotCount {
     /// The number of bits set.
     Count,
-    /// The number of bits set up to the own id.
+    /// The number of bits set up to this invocation's id.
     CountInclusive,
-    /// The number of bits set below the own id.
+    /// The number of bits set below this invocation's id.
     CountExclusive,
     /// The index of the lowest bit set.
     FindLsb,
@@ -125,9 +125,9 @@ pub enum BallotCount {
 pub enum ReductionKind {
     /// All active invocations (0), or those in the same cluster of this size.
     Reduce(u32),
-    /// The invocations up to the own one.
+    /// The invocations up to this one.
     InclusiveScan,
-    /// The invocations below the own one. The register holds the identity.
+    /// The invocations below this one. The register holds the identity.
     ExclusiveScan(Reg),
 }
 
@@ -150,9 +150,9 @@ pub enum SubgroupKind {
     Read(ReadSource),
     /// A count of the bits set in a ballot, or the index of one.
     BallotCount(BallotCount),
-    /// The bit of a ballot at the index in the operand, or at the own id.
+    /// The bit of a ballot at the index in the operand, or at this invocation's id.
     BallotBit {
-        /// Whether the own id is the index.
+        /// Whether this invocation's id is the index.
         own: bool,
     },
     /// A reduction or scan of values by a kernel.
@@ -161,7 +161,7 @@ pub enum SubgroupKind {
         kernel: &'static LaneKernel,
         /// The invocations whose values are combined.
         reduction: ReductionKind,
-        /// Whether the operand is a ballot of the invocations in the own partition.
+        /// Whether the operand is a ballot of the invocations in this invocation's partition.
         partitioned: bool,
     },
 }
@@ -503,8 +503,8 @@ fn emit_op(
     Ok(to)
 }
 
-/// Appends a read of a value of some words from another invocation, which depends on the own id
-/// alone.
+/// Appends a read of a value of some words from another invocation, which depends on this
+/// invocation's id alone.
 pub fn read(translator: &mut Translator<'_>, from: ReadSource, value: Reg, words: u32) -> Result<Reg> {
     emit_op(translator, SubgroupKind::Read(from), words, [(value, words), (Reg(0), 0)])
 }
