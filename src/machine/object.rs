@@ -1,4 +1,4 @@
-//! Objects that variables hold by handle: ray queries and hit objects.
+//! Pools of objects that variables hold by handle: ray queries and hit objects.
 
 use crate::machine::lanes::{REGISTER_POINTER, Reg, Registers};
 use crate::machine::trap::TrapCode;
