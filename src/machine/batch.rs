@@ -26,7 +26,7 @@ pub struct Frame<const W: usize> {
     pub return_to: u32,
     /// The lanes that called.
     pub mask: Mask<W>,
-    /// How many entries of the waiting list belong to callers.
+    /// The number of entries of the waiting list that belong to callers.
     base: usize,
 }
 
@@ -59,7 +59,7 @@ pub struct Batch<const W: usize> {
     pub queries: RayQueries,
     /// The hit objects that variables hold.
     pub hit_objects: HitObjects,
-    /// How many instructions that reorder were executed, counted by lanes.
+    /// The number of reorder instructions that were executed, summed over lanes.
     pub reorders: u64,
     /// Details of accesses that trapped, with their lanes; see [`Batch::access_fault`].
     access_faults: Vec<(usize, AccessFault)>,
@@ -168,7 +168,7 @@ impl<const W: usize> Batch<W> {
         self.block = block;
     }
 
-    /// Ends lanes for good.
+    /// Ends lanes.
     pub fn exit(&mut self, mask: Mask<W>, exit: Exit) {
         for lane in mask.lanes() {
             self.exits[lane] = exit;

@@ -14,7 +14,7 @@ use crate::machine::trap::TrapCode;
 /// Words of hit attributes.
 pub type Attributes = SmallVec<[u32; 8]>;
 
-/// What a hit object encodes. What the specifications leave undefined is a [`TrapCode`] here.
+/// A hit object. Uses that the specifications leave undefined give a [`TrapCode`].
 #[derive(Clone, Debug, Default)]
 pub enum HitObject {
     /// Nothing was recorded yet.

@@ -12,19 +12,19 @@ use crate::machine::format::Format;
 /// `VkImageViewType`, and texel buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Dimension {
-    /// A line.
+    /// A one-dimensional image.
     D1,
-    /// A plane.
+    /// A two-dimensional image.
     D2,
-    /// A volume.
+    /// A three-dimensional image.
     D3,
-    /// Six planes.
+    /// A cube map of six two-dimensional faces.
     Cube,
-    /// Several lines.
+    /// An array of one-dimensional images.
     D1Array,
-    /// Several planes.
+    /// An array of two-dimensional images.
     D2Array,
-    /// Several times six planes.
+    /// An array of cube maps.
     CubeArray,
     /// A buffer whose elements are texels.
     Buffer,

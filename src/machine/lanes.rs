@@ -374,7 +374,7 @@ mod tests {
 
     #[test]
     fn registers_of_64_lanes_are_aligned_to_cache_lines() {
-        // Of several sizes, as memory may happen to be so.
+        // Several sizes are tried, as an allocation may happen to be aligned.
         for count in [1, 3, 300, 2000] {
             let registers = Registers::<64>::new(count);
             for file in [&registers, &registers.clone()] {

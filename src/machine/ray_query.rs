@@ -28,7 +28,7 @@ enum Phase {
     Complete,
 }
 
-/// A ray query. What the specification leaves undefined is a [`TrapCode`] here.
+/// A ray query. Uses that the specification leaves undefined give a [`TrapCode`].
 #[derive(Clone, Debug)]
 pub struct RayQuery {
     tlas: Arc<Tlas>,
@@ -176,7 +176,7 @@ pub enum RayQueryStep {
     Generate(f32),
     /// `OpRayQueryTerminateKHR`
     Terminate,
-    /// What is committed from now on.
+    /// The hit that is committed from now on.
     Commit(Committed),
 }
 

@@ -201,7 +201,7 @@ impl Buffer {
 /// How an access outside its buffer or image is handled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryPolicy {
-    /// It stops the invocation.
+    /// The access traps.
     #[default]
     Trap,
     /// `robustBufferAccess2` and `robustImageAccess2`: of a load, scalars that lie outside
@@ -218,7 +218,7 @@ pub enum MemoryPolicy {
 pub struct BindingSummary {
     /// The binding.
     pub binding: Binding,
-    /// What the first element is.
+    /// The kind of the first bound element.
     pub kind: &'static str,
     /// How many elements there are.
     pub count: usize,

@@ -124,7 +124,7 @@ pub struct Sampler {
 }
 
 impl Default for Sampler {
-    /// Linear filters, repeating.
+    /// A sampler with linear filters that repeats the image.
     fn default() -> Self {
         Self {
             mag_filter: Filter::Linear,

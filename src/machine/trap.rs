@@ -67,15 +67,15 @@ pub enum TrapCode {
     RayQueryNoCandidate,
     /// The committed hit of a ray query is read, and there is none.
     RayQueryNoCommitted,
-    /// What only a triangle has is asked of another intersection of a ray query.
+    /// An instruction for triangles reads another intersection of a ray query.
     RayQueryNotTriangle,
-    /// What only a box has is asked of another candidate of a ray query.
+    /// An instruction for AABBs reads another candidate of a ray query.
     RayQueryNotAabb,
-    /// What only a triangle has is asked of another primitive.
+    /// An instruction for triangles reads another primitive.
     NotTriangle,
-    /// What only a sphere has is asked of another primitive.
+    /// An instruction for spheres reads another primitive.
     NotSphere,
-    /// What only a linear swept sphere has is asked of another primitive.
+    /// An instruction for linear swept spheres reads another primitive.
     NotLinearSweptSphere,
     /// `OpRayQueryGenerateIntersectionKHR` outside the ray's interval
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
@@ -94,9 +94,9 @@ pub enum TrapCode {
     HitObjectNoPrimitive,
     /// A hit object is used before anything was recorded in it.
     HitObjectUnrecorded,
-    /// The ray or the record of an empty hit object is asked for.
+    /// The ray or the shader record of an empty hit object is read.
     HitObjectEmpty,
-    /// What only a hit has is asked of a hit object that is none.
+    /// An instruction for hits reads a hit object that is none.
     HitObjectNotHit,
     /// An any-hit shader is null that the pipeline promises to have
     /// (VUID-vkCmdTraceRaysKHR-flags-03512).
@@ -247,11 +247,11 @@ pub enum AccessFault {
         /// What is bound.
         bound: Arc<[BindingSummary]>,
     },
-    /// A device address that leads nowhere, or beyond its buffer.
+    /// A device address without a buffer, or beyond the end of its buffer.
     Address {
         /// Where the nearest buffer begins.
         start: u64,
-        /// That buffer's size.
+        /// The size of that buffer.
         size: u64,
         /// Slot and array element, where a descriptor leads to it, too.
         handle: Option<u32>,

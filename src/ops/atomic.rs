@@ -58,29 +58,29 @@ pub enum AtomicKind {
     Exchange,
     /// The operand replaces it, where it equals the comparator.
     CompareExchange,
-    /// The sum.
+    /// The sum of the value and the operand.
     Add,
-    /// The difference.
+    /// The value minus the operand.
     Sub,
-    /// The lesser, with signs.
+    /// The signed minimum.
     SMin,
-    /// The lesser, without signs.
+    /// The unsigned minimum.
     UMin,
-    /// The greater, with signs.
+    /// The signed maximum.
     SMax,
-    /// The greater, without signs.
+    /// The unsigned maximum.
     UMax,
-    /// The bits in both.
+    /// The bitwise and.
     And,
-    /// The bits in either.
+    /// The bitwise or.
     Or,
-    /// The bits in one of them.
+    /// The bitwise exclusive or.
     Xor,
     /// The sum of floats.
     FAdd,
-    /// The lesser of floats.
+    /// The minimum of floats.
     FMin,
-    /// The greater of floats.
+    /// The maximum of floats.
     FMax,
 }
 
@@ -128,7 +128,7 @@ pub enum AtomicTarget {
 /// An atomic operation on one scalar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtomicOp {
-    /// What it does.
+    /// The kind.
     pub kind: AtomicKind,
     /// Bits of the scalar: 16, 32 or 64.
     pub width: u32,
@@ -152,7 +152,7 @@ impl AtomicOp {
         self.width.div_ceil(32)
     }
 
-    /// What it does to memory.
+    /// The effect on memory.
     pub fn update(&self) -> Update {
         Update { kind: self.kind, width: self.width }
     }

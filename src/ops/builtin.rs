@@ -166,7 +166,7 @@ pub enum ValueShape {
 }
 
 impl ValueShape {
-    /// All of them.
+    /// All shapes.
     #[cfg(test)]
     pub const ALL: [Self; 12] = [
         Self::Bool,

@@ -149,7 +149,7 @@ fn scalar(translator: &Translator<'_>, ty: TypeId) -> Result<PrintScalar> {
         Type::Bool => Ok(PrintScalar::Bool),
         Type::Int { width, signed } => Ok(PrintScalar::Int(width, signed)),
         Type::Float { width, encoding: None } => Ok(PrintScalar::Float(width)),
-        // As f32: see `encoded::widen`.
+        // Other formats are printed as f32: see `encoded::widen`.
         Type::Float { .. } => Ok(PrintScalar::Float(32)),
         Type::Vector { component, .. } => scalar(translator, component),
         _ => {
@@ -238,7 +238,7 @@ fn parse_directive(format: &str) -> (FormatSpec, char, &str) {
         spec.precision = Some(number(&mut rest));
     }
     if let Some(after) = rest.strip_prefix('v') {
-        // How many components there are is known from the argument.
+        // The number of components is that of the argument.
         rest = after.trim_start_matches(|c: char| c.is_ascii_digit());
     }
     rest = rest.trim_start_matches(['h', 'l']);
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn integers() {
-        // What C's printf gives, by its definition (ISO C 7.23.6.1).
+        // The output of C's printf, by its definition (ISO C 7.23.6.1).
         assert_eq!(print("[%d]", Value::Signed(-5, 32)), "[-5]");
         assert_eq!(print("%5d|", Value::Signed(42, 32)), "   42|");
         assert_eq!(print("%-5d|", Value::Signed(42, 32)), "42   |");

@@ -102,7 +102,7 @@ const INTEGERS: &[Vector] = &[
     ("FindILsb", 32, &[0], UINT_MAX),
     ("FindUMsb", 32, &[UINT_MAX], 31),
     ("FindUMsb", 32, &[0], UINT_MAX),
-    // Of a negative number the highest 0 is found; of -1 and 0 none.
+    // For a negative number, the highest 0 is found; for -1 and 0, nothing is.
     ("FindSMsb", 32, &[INT_MIN], 30),
     ("FindSMsb", 32, &[0], UINT_MAX),
     ("UCountLeadingZerosINTEL", 64, &[1], 63),

@@ -192,7 +192,7 @@ fn base_variable(module: &Module, mut pointer: Id) -> Option<Id> {
     }
 }
 
-/// Where a variable stands, in words.
+/// The offset of a variable in the module, in words.
 fn offset(module: &Module, variable: Id) -> u32 {
     module.variables.iter().find(|one| one.id == variable).map_or(0, |one| one.offset)
 }

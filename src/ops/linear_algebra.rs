@@ -73,7 +73,7 @@ impl FloatEmitter<'_, '_> {
             _ => self.translator.wide_constant(value.to_bits()),
         }
     }
-    /// Chooses between two scalars.
+    /// Selects one of two scalars.
     fn select(&mut self, condition: Reg, a: Reg, b: Reg) -> Result<Reg> {
         let kernel = &SelectWord.kernels[0];
         let low = self.translator.emit_kernel(kernel, &[condition, a, b])?;

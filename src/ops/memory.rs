@@ -20,7 +20,7 @@ pub use crate::ops::pointer::{
     Pointer, PointerBase, pointer_from_words, pointer_word_count, pointer_words, variable,
 };
 
-/// What a computed offset becomes when an index is outside its array: an access through it traps.
+/// The value of a computed offset whose index is outside its array: an access through it traps.
 pub const OUT_OF_BOUNDS: u32 = u32::MAX;
 
 /// The buffer of a load or store.
@@ -60,7 +60,7 @@ pub struct Chunk {
     pub width: u32,
     /// The number of scalars.
     pub count: u32,
-    /// What a device address must be a multiple of, in bytes.
+    /// The alignment that a device address must have, in bytes.
     pub alignment: u32,
 }
 

@@ -57,7 +57,7 @@ pub enum TypeConstraint {
     SameShape(u32, usize),
     /// Of these kinds, with as many components as a position.
     SameCount(u32, usize),
-    /// As [`TypeConstraint::SameCount`], of other bits.
+    /// Of these kinds, with as many components as a position, but with other bits.
     OtherWidth(u32, usize),
     /// The component type of a position, which is a vector or matrix.
     ComponentOf(usize),

@@ -96,7 +96,7 @@ impl Pointer {
         Self { base, pointee, storage_class, offset: 0, index, matrix, component_stride }
     }
 
-    /// For [`PointerBase::ComputedRegisters`]: the register from which the index counts.
+    /// The register from which the index of [`PointerBase::ComputedRegisters`] counts.
     pub fn pointed_registers(&self) -> Reg {
         Reg(REGISTER_POINTER.wrapping_add(self.offset))
     }

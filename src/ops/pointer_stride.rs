@@ -12,7 +12,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer_layout::{instructions, opcode};
 
-/// What is known of the array that pointers point into.
+/// The stride of the array that pointers point into, as far as it is known.
 pub enum Stride {
     /// The stride of every array that they may point into.
     Unique(u32),

@@ -7,7 +7,7 @@ use crate::accel::RayRule;
 /// The rules of a group of instructions, in the order of [`RayRule`]; 0 where there is none.
 struct InstructionRules {
     opcodes: &'static [Opcode],
-    /// What stands between `VUID-RuntimeSpirv-` and the number.
+    /// The part of the VUID between `VUID-RuntimeSpirv-` and the number.
     name: &'static str,
     numbers: [u32; 10],
 }

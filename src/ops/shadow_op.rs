@@ -8,7 +8,7 @@ use crate::machine::{Reg, Registers};
 use crate::ops::lane_kernel::{LaneKernel, OpFamily, Width};
 use crate::ops::{SECTIONS, conversion, float_controls, glsl, relational_logical};
 
-/// What a lane kernel does to shadow values, which are f64.
+/// The effect of a lane kernel on shadow values, which are f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShadowOp {
     /// The formula over f64, whose result is a float.

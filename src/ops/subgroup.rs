@@ -131,7 +131,7 @@ pub enum ReductionKind {
     ExclusiveScan(Reg),
 }
 
-/// What a subgroup instruction does.
+/// The kind of a subgroup instruction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SubgroupKind {
     /// Whether this is the lowest active invocation.
@@ -169,7 +169,7 @@ pub enum SubgroupKind {
 /// A subgroup operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubgroupOp {
-    /// What it does.
+    /// The kind.
     pub kind: SubgroupKind,
     /// The first register of the result.
     pub to: Reg,

@@ -133,7 +133,7 @@ pub struct Gap {
     pub message: String,
     /// How many instructions use it.
     pub count: usize,
-    /// Where the first of them stands, in words.
+    /// The offset of the first of them in the module, in words.
     pub offset: u32,
 }
 
@@ -276,7 +276,7 @@ mod tests {
         let mut wrong = Vec::new();
         for entry in INSTRUCTION_TABLE.iter() {
             let number = entry.opcode as u16;
-            // What needs implicit derivatives is refused by the rule that it breaks.
+            // Instructions that need implicit derivatives are rejected by the rule that they break.
             if lists::group_of(lists::READ_BY_MODULE_AND_PROGRAM, entry.opcode).is_some()
                 || image::IMPLICIT.contains(&entry.opcode)
             {

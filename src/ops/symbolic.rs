@@ -24,7 +24,7 @@ pub type Values = SmallVec<[ValueNumber; 4]>;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Expression {
-    /// What a register held at the beginning.
+    /// The value of a register at the beginning.
     Initial(Reg),
     /// A register that has not been written.
     Undefined(Reg),
@@ -96,7 +96,7 @@ impl ValueTable {
         value
     }
 
-    /// What a register held at the beginning.
+    /// The value of a register at the beginning.
     pub fn initial(&mut self, reg: Reg) -> ValueNumber {
         self.number(Expression::Initial(reg))
     }
@@ -228,7 +228,7 @@ fn address(kernel: &'static LaneKernel) -> usize {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Effect {
     op: u32,
-    /// What it reads.
+    /// The values that it reads.
     pub operands: Values,
 }
 
@@ -249,7 +249,7 @@ pub struct ImplicitRegisters {
 #[derive(Clone)]
 pub struct State<'a> {
     registers: FxHashMap<Reg, ValueNumber>,
-    /// What a register holds that is not written here.
+    /// The value of a register that has not been written.
     begin: &'a dyn Fn(Reg, &mut ValueTable) -> ValueNumber,
     implicit: &'a ImplicitRegisters,
     /// The effects so far, in order.
@@ -273,7 +273,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// What a register holds.
+    /// The value of a register.
     pub fn get(&mut self, reg: Reg, table: &mut ValueTable) -> ValueNumber {
         *self.registers.entry(reg).or_insert_with(|| (self.begin)(reg, table))
     }

@@ -126,14 +126,14 @@ pub struct Translator<'m> {
     registers: u32,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
-    /// By register: the word of a constant.
+    /// The words of constants, indexed by register.
     words: Vec<Option<u32>>,
     /// By register of a variable: the epoch of the entry, and another register that holds the
     /// variable's current value (store-to-load forwarding).
     known_values: Vec<(u32, Reg)>,
     /// The current epoch; entries of `known_values` from an earlier epoch are invalid.
     known_values_epoch: u32,
-    /// By type: the number of words of a value.
+    /// The number of words of a value, indexed by type.
     word_counts: Vec<Option<u32>>,
     /// Whether a constant of the module is being translated.
     pub(super) in_constant: bool,

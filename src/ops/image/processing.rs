@@ -42,7 +42,7 @@ pub enum ProcessKind {
     Weighted(SampledImageRef),
     /// A comparison of blocks.
     BlockMatch {
-        /// The other image.
+        /// The reference image.
         reference: SampledImageRef,
         /// The block's first texel there.
         at: Words,

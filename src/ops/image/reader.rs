@@ -12,7 +12,7 @@ use crate::ops::memory::OUT_OF_BOUNDS;
 pub struct LaneReader<'r, 'b, const W: usize> {
     registers: &'r Registers<W>,
     lane: usize,
-    /// Where handles are looked up.
+    /// The bindings in which handles are looked up.
     pub bindings: &'b Bindings,
 }
 

@@ -13,7 +13,7 @@ use crate::ops::superop::pairs::PairShape;
 use crate::ops::superop::{Function, SuperCode, SuperOp, has_operand, takes_float};
 use crate::ops::symbolic::{State, ValueNumber, ValueTable};
 
-/// What a register or the accumulator holds while superinstructions run.
+/// The symbolic value of a register or the accumulator while superinstructions run.
 #[derive(Clone, Copy, Debug)]
 struct SymbolicWord {
     value: ValueNumber,
