@@ -35,8 +35,8 @@ impl<'a> Queries<'a> {
     /// Takes an event: a query that begins is a step of its own, all else belongs to the step of
     /// its query.
     pub(super) fn take(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &EventReader<'_>) {
-        let RayQueryEvent { query, op, what } = event;
-        if let RayQueryStep::Initialize(tlas, trace) = what {
+        let RayQueryEvent { query, op, step } = event;
+        if let RayQueryStep::Initialize(tlas, trace) = step {
             let called_at = self.program.and_then(|program| names::source_line(program, op));
             let traversal = reader.traversal(called_at, &tlas, &trace);
             let transcript =
@@ -47,7 +47,7 @@ impl<'a> Queries<'a> {
         }
         let Some(known) = self.known.get_mut(&query) else { return };
         let Some(Step::RayQuery(transcript)) = steps.get_mut(known.step) else { return };
-        match what {
+        match step {
             RayQueryStep::Initialize(..) => {}
             RayQueryStep::Node(instance) => transcript.traversal.open(instance),
             RayQueryStep::Instance(instance, verdict) => transcript.traversal.reach(instance, verdict),

@@ -246,7 +246,7 @@ fn counted(events: &[Event]) -> Stats {
     for event in events {
         match event {
             Event::Trace { .. } => stats.rays += 1,
-            Event::RayQuery(RayQueryEvent { what: RayQueryStep::Initialize(..), .. }) => {
+            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Initialize(..), .. }) => {
                 stats.ray_queries += 1;
             }
             Event::Enter { stage, .. } => {

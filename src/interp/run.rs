@@ -133,7 +133,7 @@ fn leave<const W: usize, O: Observer<W>>(
                 split(batch, program, &edges)
             }
             Terminator::Call { function, return_to } => {
-                batch.spend(mask, 1, terminator(program, from));
+                batch.consume_fuel(mask, 1, terminator(program, from));
                 if batch.mask.is_empty() {
                     batch.follow([])
                 } else {
@@ -179,7 +179,7 @@ fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask
     if to <= batch.block {
         let before = to.checked_sub(1).map_or(0, |before| program.blocks[before as usize].instructions);
         let cost = program.blocks[batch.block as usize].instructions - before;
-        batch.spend(mask, cost.max(1), terminator(program, batch.block));
+        batch.consume_fuel(mask, cost.max(1), terminator(program, batch.block));
     }
 }
 

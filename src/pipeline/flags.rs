@@ -3,7 +3,7 @@
 use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
 use crate::ops::op::Op;
-use crate::ops::ray_tracing::{self, Timed};
+use crate::ops::ray_tracing::{self, MotionInstruction};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup};
 use crate::program::Program;
@@ -154,7 +154,7 @@ fn traces(program: &Program) -> impl Iterator<Item = u32> {
 }
 
 /// The instruction of an operation, where it takes a time.
-fn timed(program: &Program, op: u32) -> Option<Timed> {
+fn timed(program: &Program, op: u32) -> Option<MotionInstruction> {
     let offset = program.origins.get(op as usize)?.offset;
-    Timed::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
+    MotionInstruction::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
 }

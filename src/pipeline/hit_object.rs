@@ -1,7 +1,7 @@
 //! Hit objects in the pipeline: executes them and finds their shader records.
 
 use crate::accel::Tlas;
-use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};
+use crate::machine::hit_object::{EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Mask, Observer, Reg, TrapCode};
@@ -17,12 +17,12 @@ impl<const W: usize> Trace<W> {
     pub fn hit_object(&self, lane: usize) -> HitObject {
         let trace = self.rays.get(lane);
         match self.committed[lane] {
-            None => HitObject::Miss(Encoded { trace, record: self.miss_record(lane) }),
+            None => HitObject::Miss(EncodedRay { trace, record: self.miss_record(lane) }),
             Some(committed) => {
                 let record = self.hit_index(lane, &committed.candidate);
                 let attributes = self.committed_attributes(lane).iter().copied().collect();
-                let hit = HitEncoded { tlas: self.tlas(lane).clone(), committed, attributes };
-                HitObject::Hit(Encoded { trace, record }, hit)
+                let hit = EncodedHit { tlas: self.tlas(lane).clone(), committed, attributes };
+                HitObject::Hit(EncodedRay { trace, record }, hit)
             }
         }
     }

@@ -19,15 +19,16 @@ fn taken(program: &Program) -> Option<&InterfaceRegisters> {
     classes.into_iter().find_map(|class| program.interface_registers(class))
 }
 
-/// The scalars of the data that a shader passes from a span; see [`InterfaceRegisters::scalars`].
+/// The scalars of the data that a shader passes from a span; see
+/// [`InterfaceRegisters::scalar_fingerprint`].
 pub(super) fn scalars_given(program: &Program, span: RegSpan) -> Option<u64> {
-    given(program, span.first).map(|registers| registers.scalars)
+    given(program, span.first).map(|registers| registers.scalar_fingerprint)
 }
 
 /// Whether a shader accepts data of these scalars. A shader that does not use its data accepts any.
 pub(super) fn takes(program: &Program, scalars: Option<u64>) -> bool {
     let Some(scalars) = scalars else { return true };
-    taken(program).is_none_or(|registers| registers.scalars == scalars)
+    taken(program).is_none_or(|registers| registers.scalar_fingerprint == scalars)
 }
 
 /// Both types: of the data that a shader passes, and of the data that the called one declares.

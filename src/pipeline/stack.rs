@@ -176,7 +176,7 @@ where
         invocations.launch_size = order.size();
         let mut lane = 0;
         for (first, run) in order.lines(positions) {
-            invocations.set_line(lane, first, run);
+            invocations.set_launch_ids(lane, first, run);
             lane += run;
         }
         (0..count).for_each(|lane| invocations.set_record(lane, record.as_ref()));
@@ -448,11 +448,11 @@ where
         let mut running = self.ready(shader, Role::Callable);
         let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(_)] = &self.frames[..] else { return };
         let (from, to) = (&below.batch.invocations, &mut running.batch.invocations);
-        to.take_places(from);
+        to.copy_launch_ids(from);
         to.depth = from.depth;
         for lane in lanes.lanes() {
             let index = u64::from(below.batch.registers[index].0[lane]);
-            to.called_through[lane] = index;
+            to.record_indices[lane] = index;
             let record = at(&self.pipeline.sbt.callable, index).and_then(Record::shader_record);
             to.set_record(lane, record.as_ref());
         }

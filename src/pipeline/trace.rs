@@ -10,8 +10,8 @@ use std::sync::Arc;
 use smallvec::SmallVec;
 
 use crate::accel::{Candidate, Committed, Cursor, HitKind, RayFlags, Tlas, TraceRay, hit_record_index};
-use crate::machine::hit_object::HitEncoded;
-use crate::machine::invocation::{Invocations, RayLanes, Structures};
+use crate::machine::hit_object::EncodedHit;
+use crate::machine::invocation::{Invocations, LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Exit, Lanes, Mask, Registers, TrapCode};
 use crate::module::interface::Stage;
@@ -46,7 +46,7 @@ pub(super) struct Trace<const W: usize> {
     pub sbt_offset: Lanes<W>,
     pub sbt_stride: Lanes<W>,
     pub miss_index: Lanes<W>,
-    pub structures: Structures<W>,
+    pub structures: LaneTlases<W>,
     launch_id: [Lanes<W>; 3],
     launch_size: [u32; 3],
     /// 1 for a trace by ray generation.
@@ -99,7 +99,7 @@ impl<const W: usize> Default for Trace<W> {
             sbt_offset: zero,
             sbt_stride: zero,
             miss_index: zero,
-            structures: Structures::default(),
+            structures: LaneTlases::default(),
             launch_id: [zero; 3],
             launch_size: [0; 3],
             depth: 0,
@@ -184,7 +184,7 @@ impl<const W: usize> Trace<W> {
         lane: usize,
         (tlas, trace): (&Arc<Tlas>, &TraceRay),
         record: u64,
-        hit: Option<&HitEncoded>,
+        hit: Option<&EncodedHit>,
     ) {
         self.structures.set(Mask::lane(lane), tlas);
         self.rays.set(lane, trace);
@@ -306,7 +306,7 @@ impl<const W: usize> Trace<W> {
     fn trace_opaque(&mut self, number: usize) {
         let through = match self.structures.all().len() {
             1 => self.traversing,
-            _ => self.traversing & Mask::equal(self.structures.numbers(), number as u32),
+            _ => self.traversing & Mask::equal(self.structures.indices(), number as u32),
         };
         // Nothing reads which hit an occlusion ray commits, unless a hit object keeps it.
         let occlusion = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
@@ -481,7 +481,7 @@ impl<const W: usize> Trace<W> {
         (to.launch_id, to.launch_size, to.depth) = (self.launch_id, self.launch_size, self.depth);
         to.rays = self.rays;
         to.structures.copy(&self.structures);
-        to.called_through = self.records;
+        to.record_indices = self.records;
         to.hit = role != Role::Miss;
         let table = if to.hit { &pipeline.sbt.hit } else { &pipeline.sbt.miss };
         let mut record = None;

@@ -90,7 +90,7 @@ where
         trace.called_from_shader(caller, payload::scalars_given(program, payload), &batch.invocations);
         let found = trace.take_operands(&batch.registers, operands, bindings, mask);
         let flags = self.pipeline.flags;
-        let mut lanes = found & trace.rays.within_rules(flags.ray_flags());
+        let mut lanes = found & trace.rays.valid_rays(flags.ray_flags());
         if trace.depth > self.pipeline.max_recursion || matches!(object, Some(ObjectRef::Computed { .. })) {
             lanes = Mask::NONE;
         }

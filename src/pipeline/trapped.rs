@@ -93,7 +93,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     fn mismatch(&self, running: &Running<W>, op: u32, called: u64) -> Option<Vec<String>> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
         let own = match program(running.shader).ops.get(op as usize)? {
-            Op::Stop(op) => op.given().map(|span| (running.shader, span.first)),
+            Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
             _ => None,
         };
         // A reported hit's any-hit shader has the payload of the shader that traces.
@@ -136,8 +136,9 @@ pub(crate) fn trap_error<const W: usize>(
     trap: Trap,
 ) -> Error {
     let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    let (fault_value, accessed) = (batch.fault_value[lane], batch.accessed(lane));
-    let index = program.describe_index(trap, fault_value, accessed, |op| batch.missed.last(op, lane));
+    let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
+    let index =
+        program.describe_index(trap, fault_value, accessed, |op| batch.out_of_bounds_indices.last(op, lane));
     let access = program.describe_access(trap, fault_value, accessed);
     let bound = match trap.code {
         TrapCode::DescriptorMissing => program.describe_bound(accessed),

@@ -135,7 +135,7 @@ where
                     subgroup_size: self.compute.subgroup_size,
                     workgroup: Some(group.clone()),
                     local_index,
-                    place,
+                    subgroup_order: place,
                     ..Invocation::default()
                 };
                 member.batch.invocations.set(lane, invocation);

@@ -313,7 +313,7 @@ impl<'m> Lowering<'m> {
     fn begin(&mut self, label: u32) {
         self.block_of_label[label as usize] = self.blocks.len() as u32;
         self.first = self.translator.ops.len() as u32;
-        self.translator.forget();
+        self.translator.invalidate_known_values();
     }
 
     /// Closes the open block.
@@ -367,7 +367,7 @@ impl<'m> Lowering<'m> {
                 let ty = self.translator.result_type(phi)?;
                 let count = self.translator.word_count(ty)?;
                 let words = self.translator.fresh_words(count)?;
-                self.translator.result(phi, words);
+                self.translator.define_result(phi, words);
             }
         }
         for (position, &block) in order.iter().enumerate() {
@@ -405,14 +405,14 @@ impl<'m> Lowering<'m> {
                 if let Some(index) = pointer.index {
                     kept.index = Some(self.copy_words_masked(&[index])?[0]);
                 }
-                match pointer.place {
+                match pointer.base {
                     PointerBase::Buffer(memory::BufferRef::Computed(handle)) => {
                         let handle = self.copy_words_masked(&[handle])?[0];
-                        kept.place = PointerBase::Buffer(memory::BufferRef::Computed(handle));
+                        kept.base = PointerBase::Buffer(memory::BufferRef::Computed(handle));
                     }
                     PointerBase::Buffer(memory::BufferRef::Address(base)) => {
                         let base = self.copy_words_masked(&[base, base.plus(1)])?[0];
-                        kept.place = PointerBase::Buffer(memory::BufferRef::Address(base));
+                        kept.base = PointerBase::Buffer(memory::BufferRef::Address(base));
                     }
                     _ => {}
                 }
@@ -491,7 +491,7 @@ impl<'m> Lowering<'m> {
         let pointer = Pointer::new(base, pointee, storage_class);
         // Each call of the function begins with a new query.
         if self.translator.origin.scope != 0 && is_query(self.module, pointee) {
-            self.translator.emit(Op::RayQuery(ray_query::RayQueryOp::Forget { first, count }));
+            self.translator.emit(Op::RayQuery(ray_query::RayQueryOp::Uninitialize { first, count }));
         }
         if self.module.operands(instruction).len() > 1 {
             let initializer = self.translator.id(instruction, 1)?;

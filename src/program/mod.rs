@@ -25,7 +25,7 @@ use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{
-    Accessed, Batch, Binding, Bindings, Bound, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
+    AccessFault, Batch, Binding, BindingSummary, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
@@ -281,7 +281,7 @@ impl Program {
         &self,
         trap: Trap,
         fault_value: u64,
-        accessed: Option<&Accessed>,
+        accessed: Option<&AccessFault>,
     ) -> Option<String> {
         if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
             // The fault value is the number of the rule that was violated.
@@ -301,7 +301,7 @@ impl Program {
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => Some(chunk),
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => Some(chunk),
+                atomic::AtomicTarget::Buffer(chunk) => Some(chunk),
                 _ => None,
             },
             _ => None,
@@ -313,8 +313,8 @@ impl Program {
             _ => format!("{bytes} bytes at offset {fault_value} of "),
         };
         let (handle, size) = match accessed {
-            Some(&Accessed::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
-            Some(&Accessed::Descriptor { handle, .. }) => (Some(handle), String::new()),
+            Some(&AccessFault::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
+            Some(&AccessFault::Descriptor { handle, .. }) => (Some(handle), String::new()),
             _ => (None, String::new()),
         };
         let name = match chunk.buffer {
@@ -337,12 +337,12 @@ impl Program {
         Some(format!("{extent}{name}{size}"))
     }
 
-    fn describe_texel(&self, accessed: &Accessed) -> Option<String> {
+    fn describe_texel(&self, accessed: &AccessFault) -> Option<String> {
         let words = |numbers: &mut dyn Iterator<Item = String>, between: &str| {
             numbers.collect::<Vec<_>>().join(between)
         };
         match accessed {
-            Accessed::Texel { handle, coordinate, extent, level, sample } => {
+            AccessFault::Texel { handle, coordinate, extent, level, sample } => {
                 let name = self.describe_descriptor(*handle)?;
                 let at = words(&mut coordinate.iter().map(i64::to_string), ", ");
                 let sides = words(&mut extent.iter().map(u32::to_string), " x ");
@@ -355,16 +355,16 @@ impl Program {
                 }
                 Some(text)
             }
-            Accessed::Descriptor { handle, .. } | Accessed::Buffer { handle: Some(handle), .. } => {
+            AccessFault::Descriptor { handle, .. } | AccessFault::Buffer { handle: Some(handle), .. } => {
                 self.describe_descriptor(*handle)
             }
-            Accessed::Buffer { handle: None, .. } | Accessed::Address { .. } => None,
+            AccessFault::Buffer { handle: None, .. } | AccessFault::Address { .. } => None,
         }
     }
 
     /// Describes where a device address is relative to the nearest buffer.
-    fn describe_address(&self, fault_value: u64, accessed: &Accessed) -> Option<String> {
-        let Accessed::Address { start, size, handle } = *accessed else { return None };
+    fn describe_address(&self, fault_value: u64, accessed: &AccessFault) -> Option<String> {
+        let AccessFault::Address { start, size, handle } = *accessed else { return None };
         let name = handle.and_then(|handle| self.describe_descriptor(handle));
         let name = name.map_or_else(String::new, |name| format!(" {name}"));
         let position =
@@ -380,14 +380,14 @@ impl Program {
     }
 
     /// Lists what is bound, if a descriptor is not.
-    pub fn describe_bound(&self, accessed: Option<&Accessed>) -> Option<String> {
+    pub fn describe_bound(&self, accessed: Option<&AccessFault>) -> Option<String> {
         /// The most bindings that are listed: more would hide the rest of the report.
         const SHOWN: usize = 16;
-        let Some(Accessed::Descriptor { bound, .. }) = accessed else { return None };
+        let Some(AccessFault::Descriptor { bound, .. }) = accessed else { return None };
         if bound.is_empty() {
             return Some("nothing is bound".to_owned());
         }
-        let one = |bound: &Bound| {
+        let one = |bound: &BindingSummary| {
             let Binding { set, binding } = bound.binding;
             let slot = self.slots.iter().find(|slot| slot.binding == bound.binding);
             let slot = slot.filter(|slot| !slot.name.is_empty());

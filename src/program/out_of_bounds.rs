@@ -1,7 +1,7 @@
 //! Describes the out-of-bounds index of an access that trapped: its value, the array and the
 //! array's length.
 
-use crate::machine::{Accessed, Reg, Trap, TrapCode};
+use crate::machine::{AccessFault, Reg, Trap, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::atomic;
@@ -38,7 +38,7 @@ impl Program {
         &self,
         trap: Trap,
         fault_value: u64,
-        accessed: Option<&Accessed>,
+        accessed: Option<&AccessFault>,
         last_out_of_bounds: impl Fn(u32) -> Option<(u64, u32)>,
     ) -> Option<String> {
         match trap.code {
@@ -121,14 +121,14 @@ impl Program {
 
     /// Describes the element of a runtime array that an access beyond the end of its buffer
     /// indexed.
-    fn describe_element(&self, op: u32, fault_value: u64, accessed: &Accessed) -> Option<String> {
-        let Accessed::Buffer { size, .. } = *accessed else { return None };
+    fn describe_element(&self, op: u32, fault_value: u64, accessed: &AccessFault) -> Option<String> {
+        let AccessFault::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {
             Op::Memory(
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => chunk.index?,
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => chunk.index?,
+                atomic::AtomicTarget::Buffer(chunk) => chunk.index?,
                 _ => return None,
             },
             _ => return None,

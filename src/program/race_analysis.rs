@@ -25,10 +25,10 @@ use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
-use crate::ops::atomic::{AtomicKind, Target as AtomicTarget, Update};
+use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::ImageOp;
-use crate::ops::image::access::TexelPlace;
+use crate::ops::image::access::TexelRef;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{
     BufferRef, Chunk, Length, MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
@@ -330,8 +330,8 @@ pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
         match op {
             Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(values.bytes(chunk, false, None)),
             Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(values.bytes(chunk, true, None)),
-            Op::Image(ImageOp::Read(op)) => add(Some(values.texel(&op.place, false, None))),
-            Op::Image(ImageOp::Write(op)) => add(Some(values.texel(&op.place, true, None))),
+            Op::Image(ImageOp::Read(op)) => add(Some(values.texel(&op.texel, false, None))),
+            Op::Image(ImageOp::Write(op)) => add(Some(values.texel(&op.texel, true, None))),
             // The texels that a sampler reads are not analysed.
             Op::Image(ImageOp::Sample(op)) => add(Some(MemoryAccess::load_anywhere(values.handle(op.image)))),
             Op::Image(ImageOp::Process(op)) => {
@@ -453,7 +453,7 @@ impl<'a> ValueTracking<'a> {
         })
     }
 
-    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: Option<Update>) -> MemoryAccess {
+    fn texel(&mut self, texel: &TexelRef, stores: bool, atomic: Option<Update>) -> MemoryAccess {
         let memory = self.handle(texel.image);
         let plain = texel.offset.is_none() && texel.level.is_none() && texel.sample.is_none();
         let place: Option<SmallVec<[AffineRange; 3]>> =

@@ -16,7 +16,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
 use crate::ops::superop::SuperCode;
-use crate::ops::symbolic::{Numbering, Reached, State, reaches_addressed};
+use crate::ops::symbolic::{ImplicitRegisters, State, ValueTable, reaches_addressed};
 use crate::program::copy_propagation::for_each_terminator_read;
 use crate::program::regalloc::is_noop;
 use crate::program::{Block, Program, Superblock, Terminator};
@@ -55,7 +55,7 @@ pub struct Verifier {
     before: Version,
     /// The superblocks, by their first and last block.
     superblocks: Vec<(u32, u32)>,
-    reached: Reached,
+    implicit: ImplicitRegisters,
     /// The registers that have a value where the program begins.
     defined: FxHashSet<Reg>,
     /// The registers that the caller reads where the program ends.
@@ -89,31 +89,39 @@ impl Verifier {
                 |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             program.variables.iter().find(holds).copied().unwrap_or((first, count))
         };
-        let mut reached = Reached::default();
-        reached
+        let mut implicit = ImplicitRegisters::default();
+        implicit
             .addressed
             .extend(addressed.iter().map(whole_variable).flat_map(|(first, count)| registers(first, count)));
         // A table of constants is never written.
-        reached.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
-        reached.addressed.sort_unstable();
-        reached.addressed.dedup();
+        implicit.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
+        implicit.addressed.sort_unstable();
+        implicit.addressed.dedup();
         let interface = program.interface.iter().flat_map(|one| registers(one.first, one.count));
         let inputs = program.inputs.iter().flat_map(|one| registers(one.first, one.count));
-        reached.interface.extend(interface.chain(inputs));
-        reached.interface.sort_unstable();
-        reached.interface.dedup();
+        implicit.written_by_pipeline.extend(interface.chain(inputs));
+        implicit.written_by_pipeline.sort_unstable();
+        implicit.written_by_pipeline.dedup();
         let variables = program.variables.iter().flat_map(|&(first, count)| registers(first, count));
-        let defined = variables.chain(reached.interface.iter().copied()).collect();
+        let defined = variables.chain(implicit.written_by_pipeline.iter().copied()).collect();
         let results = program.interface.iter().filter(|one| one.storage_class >= 5328);
         let results: Vec<Reg> = results.flat_map(|one| registers(one.first, one.count)).collect();
-        reached.handed.clone_from(&results);
-        let registers = reached.handed.len() + reached.addressed.len() + reached.interface.len();
+        implicit.read_by_pipeline.clone_from(&results);
+        let registers =
+            implicit.read_by_pipeline.len() + implicit.addressed.len() + implicit.written_by_pipeline.len();
         let pairs = before.ops.iter().map(pairs).fold(0, usize::saturating_add);
         if registers.saturating_mul(before.ops.len()).saturating_add(pairs) > MAX_PAIRS {
             return None;
         }
-        let mut verifier =
-            Self { before, superblocks, reached, defined, results, global: Vec::new(), live_out: Vec::new() };
+        let mut verifier = Self {
+            before,
+            superblocks,
+            implicit,
+            defined,
+            results,
+            global: Vec::new(),
+            live_out: Vec::new(),
+        };
         verifier.find_liveness();
         Some(verifier)
     }
@@ -154,17 +162,17 @@ impl Verifier {
                 }
             });
             if matches!(op, Op::Stop(_) | Op::Barrier) {
-                live.extend(&self.reached.handed);
+                live.extend(&self.implicit.read_by_pipeline);
             }
             if reaches_addressed(op) {
-                live.extend(&self.reached.addressed);
+                live.extend(&self.implicit.addressed);
             }
         }
         self.before.constants.iter().for_each(|(reg, _)| {
             live.remove(reg);
         });
         // What computed indices can address is live everywhere.
-        live.extend(&self.reached.addressed);
+        live.extend(&self.implicit.addressed);
     }
 
     fn find_liveness(&mut self) {
@@ -196,7 +204,7 @@ impl Verifier {
         while std::mem::take(&mut changed) {
             for at in (0..count).rev() {
                 let superblock = self.superblocks[at];
-                let mut live: FxHashSet<Reg> = self.reached.addressed.iter().copied().collect();
+                let mut live: FxHashSet<Reg> = self.implicit.addressed.iter().copied().collect();
                 if let Terminator::Exit(_) = blocks[superblock.1 as usize].terminator {
                     live.extend(&self.results);
                 }
@@ -224,7 +232,7 @@ impl Verifier {
         let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
         // By new register: the register that is renamed to it.
         let mut owners: FxHashMap<Reg, Reg> = FxHashMap::default();
-        for &reg in self.global.iter().chain(&self.results).chain(&self.reached.interface) {
+        for &reg in self.global.iter().chain(&self.results).chain(&self.implicit.written_by_pipeline) {
             let now = renamed(reg);
             if let Some(other) = owners.insert(now, reg).filter(|&other| other != reg) {
                 return Err(format!("r{} holds both r{} and r{}", now.0, other.0, reg.0));
@@ -236,27 +244,27 @@ impl Verifier {
                 return Err(format!("r{} begins with a value and is r{} now", reg.0, now.0));
             }
         }
-        let initial_before = |reg: Reg, numbering: &mut Numbering| match constants.get(&reg) {
-            Some(&word) => numbering.constant(word),
-            None => numbering.initial(reg),
+        let initial_before = |reg: Reg, table: &mut ValueTable| match constants.get(&reg) {
+            Some(&word) => table.constant(word),
+            None => table.initial(reg),
         };
-        let initial_after = |reg: Reg, numbering: &mut Numbering| match (known.get(&reg), owners.get(&reg)) {
-            (Some(&word), _) => numbering.constant(word),
-            (None, Some(&owner)) => numbering.initial(owner),
-            (None, None) => numbering.undefined(reg),
+        let initial_after = |reg: Reg, table: &mut ValueTable| match (known.get(&reg), owners.get(&reg)) {
+            (Some(&word), _) => table.constant(word),
+            (None, Some(&owner)) => table.initial(owner),
+            (None, None) => table.undefined(reg),
         };
         for (at, &superblock) in self.superblocks.iter().enumerate() {
-            let mut numbering = Numbering::new();
-            let mut old = State::new(&initial_before, &self.reached);
-            let mut new = State::new(&initial_after, &self.reached);
+            let mut table = ValueTable::new();
+            let mut old = State::new(&initial_before, &self.implicit);
+            let mut new = State::new(&initial_after, &self.implicit);
             for op in &self.before.ops[Self::range(&self.before.blocks, superblock)] {
-                old.execute(op, &mut numbering);
+                old.execute(op, &mut table);
             }
             for op in &after.ops[Self::range(&after.blocks, superblock)] {
                 if let Some(constant) = written_constant(op, &known) {
                     return Err(format!("{op:?} writes r{}, which holds a constant", constant.0));
                 }
-                new.execute(op, &mut numbering);
+                new.execute(op, &mut table);
             }
             let place = |what: &str| format!("blocks {superblock:?}: {what}");
             if old.effects.len() != new.effects.len() {
@@ -266,7 +274,7 @@ impl Verifier {
                 let [old, new] = [&old, &new].map(|state| &state.effects[effect].operands);
                 let operand = old.iter().zip(new).position(|(old, new)| old != new);
                 let [old, new] = match operand {
-                    Some(at) => numbering.difference(old[at], new[at]),
+                    Some(at) => table.difference(old[at], new[at]),
                     None => [old.len(), new.len()].map(|count| format!("{count} operands")),
                 };
                 return Err(place(&format!("effect {effect}, operand {operand:?}: {new}, not {old}")));
@@ -287,9 +295,9 @@ impl Verifier {
                 pairs.push((format!("r{} (r{} now)", reg.0, renamed(reg).0), reg, renamed(reg)));
             }
             for (what, was, is) in pairs {
-                let (old, new) = (old.get(was, &mut numbering), new.get(is, &mut numbering));
+                let (old, new) = (old.get(was, &mut table), new.get(is, &mut table));
                 if old != new {
-                    let [was, is] = numbering.difference(old, new);
+                    let [was, is] = table.difference(old, new);
                     return Err(place(&format!("{what} holds {is}, not {was}")));
                 }
             }
@@ -319,17 +327,17 @@ impl Verifier {
     ) -> Result<(), String> {
         let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
         let seen: FxHashSet<Reg> = self.global.iter().chain(&self.results).map(|&reg| renamed(reg)).collect();
-        let initial_before = |reg: Reg, numbering: &mut Numbering| match known.get(&reg) {
-            Some(&word) => numbering.constant(word),
-            None => numbering.initial(reg),
+        let initial_before = |reg: Reg, table: &mut ValueTable| match known.get(&reg) {
+            Some(&word) => table.constant(word),
+            None => table.initial(reg),
         };
         for &superblock in &self.superblocks {
-            let mut numbering = Numbering::new();
-            let state = State::new(&initial_before, &self.reached);
+            let mut table = ValueTable::new();
+            let state = State::new(&initial_before, &self.implicit);
             let range = Self::range(&after.blocks, superblock);
             let is_seen = |reg: Reg| seen.contains(&reg);
             supercode
-                .verify(&after.ops, range, &state, &mut numbering, &is_seen)
+                .verify(&after.ops, range, &state, &mut table, &is_seen)
                 .map_err(|problem| format!("blocks {superblock:?}: {problem}"))?;
         }
         Ok(())

@@ -175,7 +175,7 @@ impl ImageEntry {
         let mut shape = ImageShape { dimension, extent, layers, levels: 1, samples };
         shape.levels = match self.levels {
             Levels::Count(count) => count,
-            Levels::All => shape.full_levels(),
+            Levels::All => shape.max_levels(),
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let most = if dimension == Dimension::Buffer { 1 << 27 } else { MAX_EXTENT };

@@ -141,7 +141,7 @@ impl PipelineObserver for StandIn<'_> {
         let happened = &mut self.happened;
         let count = match event {
             Event::Trace { caller: Some(_), .. } => &mut happened.traces,
-            Event::RayQuery(event) if matches!(event.what, RayQueryStep::Initialize(..)) => {
+            Event::RayQuery(event) if matches!(event.step, RayQueryStep::Initialize(..)) => {
                 &mut happened.ray_queries
             }
             Event::Enter { stage: Stage::AnyHit, .. } => &mut happened.any_hits,

@@ -16,7 +16,7 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{self, Chunk};
 use crate::ops::op::{Access, Op};
 use crate::ops::pointer::storage;
-use crate::ops::shadow_op::{Scratch, ShadowOp};
+use crate::ops::shadow_op::{ScratchRegisters, ShadowOp};
 use crate::ops::{ray_query, ray_tracing};
 use crate::pipeline::Event;
 use crate::program::Terminator;
@@ -37,7 +37,7 @@ pub(super) struct ShadowInterpreter<'a> {
     number: u64,
     rays: Vec<Traced>,
     pub memory: Memory,
-    scratch: Scratch,
+    scratch: ScratchRegisters,
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
     /// By shader and word offset.
@@ -55,7 +55,7 @@ impl<'a> ShadowInterpreter<'a> {
             number: 0,
             rays: Vec::new(),
             memory: plan.memory().clone(),
-            scratch: Scratch::default(),
+            scratch: ScratchRegisters::default(),
             launch_id: None,
             dispatch: false,
             found: HashMap::new(),
@@ -373,7 +373,7 @@ fn keys<'a>(
     bindings: &Bindings,
     chunk: &'a Chunk,
 ) -> Option<impl Fn(u32) -> (usize, u64) + Copy + use<'a>> {
-    let (buffer, offset) = memory::place(batch, 0, bindings, chunk)?;
+    let (buffer, offset) = memory::access_location(batch, 0, bindings, chunk)?;
     let buffer = std::ptr::from_ref(buffer) as usize;
     let width = u64::from(chunk.width / 8);
     Some(move |word: u32| (buffer, offset + u64::from(word) * width))

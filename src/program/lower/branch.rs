@@ -67,7 +67,7 @@ impl Lowering<'_> {
             opcode::RETURN => self.leave(site),
             opcode::RETURN_VALUE => {
                 let value = self.translator.id(instruction, 0)?;
-                let words = self.translator.carried(value)?;
+                let words = self.translator.words_unchecked(value)?;
                 if let ReturnTarget::Inlined { result, .. } | ReturnTarget::Called { result } =
                     site.return_target
                 {
@@ -140,7 +140,7 @@ impl Lowering<'_> {
                     .invalid(format!("a phi has no value for block %{}", site.block.0)));
             };
             let to = self.translator.words(id)?;
-            let from = self.translator.carried(from)?;
+            let from = self.translator.words_unchecked(from)?;
             if to != from {
                 moves.extend(to.into_iter().zip(from));
             }

@@ -38,7 +38,7 @@ impl Lowering<'_> {
     }
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let locals = self.translator.locals();
+        let locals = self.translator.local_count();
         for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
             let value = self.translator.value(argument)?;
             self.translator.define(parameter, value);
@@ -51,10 +51,10 @@ impl Lowering<'_> {
         self.depth += 1;
         self.body(function, &ReturnTarget::Inlined { label, result: result.clone() })?;
         self.depth -= 1;
-        self.translator.leave(locals);
+        self.translator.truncate_locals(locals);
         self.translator.origin = outer;
         self.begin(label);
-        self.translator.result(instruction, result);
+        self.translator.define_result(instruction, result);
         Ok(())
     }
 
@@ -81,7 +81,7 @@ impl Lowering<'_> {
             }
         };
         for (&argument, parameter) in arguments.iter().zip(&called.parameters) {
-            let words = self.translator.carried(argument)?;
+            let words = self.translator.words_unchecked(argument)?;
             for (&to, from) in parameter.iter().zip(words) {
                 self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
             }
@@ -94,7 +94,7 @@ impl Lowering<'_> {
         for (&to, &from) in result.iter().zip(&called.result) {
             self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
         }
-        self.translator.result(instruction, result);
+        self.translator.define_result(instruction, result);
         Ok(())
     }
 
@@ -108,7 +108,7 @@ impl Lowering<'_> {
         let function = &module.functions[index as usize];
         self.scopes.push(Scope { parent: 0, call: 0, function: id });
         self.translator.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
-        self.translator.leave(0);
+        self.translator.truncate_locals(0);
         for (&(id, _), words) in function.parameters.iter().zip(called.parameters) {
             self.translator.define(id, IdValue::Words(words));
         }

@@ -3,7 +3,7 @@
 
 use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, StoredMemory, Symbol, ValueTracking};
 use crate::machine::Binding;
-use crate::ops::atomic::Target as AtomicTarget;
+use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
 use crate::ops::op::Op;
 use crate::program::Program;
@@ -83,8 +83,8 @@ fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
     let mut rows = Vec::new();
     for op in &program.ops {
         let place = match op {
-            Op::Image(ImageOp::Read(op)) => &op.place,
-            Op::Image(ImageOp::Write(op)) => &op.place,
+            Op::Image(ImageOp::Read(op)) => &op.texel,
+            Op::Image(ImageOp::Write(op)) => &op.texel,
             Op::Atomic(op) => match &op.target {
                 AtomicTarget::Texel(place) => place,
                 AtomicTarget::Buffer(_) | AtomicTarget::Registers { .. } => continue,
