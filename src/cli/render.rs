@@ -13,7 +13,7 @@ use crate::geometry::Precision;
 use crate::harness::stability::apart;
 use crate::machine::image::ImageShape;
 use crate::machine::{Binding, Descriptor};
-use crate::pipeline::{Band, Bands, Streamed};
+use crate::pipeline::{Band, BandedLaunch, StreamedImage};
 use crate::scene::image::{stream_png, write_png};
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
@@ -85,7 +85,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let to_srgb = output.output == Some(Output::Linear);
     let mut assembled = scene::assemble_without(&resolved, output)?;
     let streamed =
-        Streamed { texel: image.texels.clone(), ..Streamed::new(output.set, output.binding, image.format) };
+        StreamedImage { texel: image.texels.clone(), ..StreamedImage::new(output.set, output.binding, image.format) };
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
     let (bands, whole) = match in_bands(&args, &assembled, output, image, &streamed) {
@@ -160,8 +160,8 @@ fn in_bands<'a>(
     assembled: &'a Assembled,
     output: &resolved::ResolvedBinding,
     image: &ImageContent,
-    streamed: &'a Streamed,
-) -> Result<Bands<'a>, String> {
+    streamed: &'a StreamedImage,
+) -> Result<BandedLaunch<'a>, String> {
     let [width, height, _] = assembled.size;
     let why = if args.stability.asks() {
         "--shadow and --perturb run the launch again on it"

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::accel::{Blas, Tlas};
 use crate::machine::{Binding, Descriptor};
-use crate::pipeline::{Bands, Stats};
+use crate::pipeline::{BandedLaunch, Stats};
 use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
@@ -66,8 +66,8 @@ pub fn order(assembled: &Assembled) -> String {
 }
 
 /// How an image was handed out while it was rendered.
-pub fn bands(bands: &Bands<'_>, image: &ImageContent) -> String {
-    let rows = bands.rows();
+pub fn bands(bands: &BandedLaunch<'_>, image: &ImageContent) -> String {
+    let rows = bands.max_band_rows();
     let bytes = image.size() / u64::from(image.shape.extent[1]) * u64::from(rows);
     format!(
         "streamed          {:>9} bands of {rows} rows, {:.1} MiB each instead of {:.1} MiB for the image\n",

@@ -142,7 +142,7 @@ impl<'a> EventReader<'a> {
                         shader,
                     });
                 }
-                Event::Traversed { committed, record, shader, kept } => {
+                Event::Traversed { committed, record, shader, to_hit_object } => {
                     trace.hit = committed.map(|committed| self.hit(&tlas, &operands, &committed));
                     trace.record = Some(match &committed {
                         Some(committed) => self.hit_record(&tlas, &committed.candidate, sbt, record),
@@ -150,7 +150,7 @@ impl<'a> EventReader<'a> {
                     });
                     trace.no_shader = match shader {
                         Some(_) => None,
-                        None if kept => Some("the hit object keeps it to be executed later".into()),
+                        None if to_hit_object => Some("the hit object keeps it to be executed later".into()),
                         None => Some(self.no_shader(&trace)),
                     };
                     ran = shader;
