@@ -3,7 +3,7 @@
 use clap::Args;
 
 use crate::cli::output;
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::stability::perturb::perturb_one;
 use crate::harness::stability::shadow::shadow_one;
@@ -60,7 +60,7 @@ impl StabilityArgs {
         &self,
         scene: &ResolvedScene,
         assembled: &Assembled,
-        one: Option<&SettledRequest>,
+        one: Option<&ResolvedRequest>,
         json: bool,
     ) -> Result<()> {
         if let Some(perturbation) = self.perturbation() {
@@ -81,7 +81,7 @@ impl StabilityArgs {
 fn perturbed(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    one: Option<&SettledRequest>,
+    one: Option<&ResolvedRequest>,
     json: bool,
     perturbation: &Perturbation,
 ) -> Result<()> {

@@ -8,7 +8,7 @@ use clap::Args;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
-use crate::debug::render::{self, Look};
+use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
@@ -82,8 +82,8 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     output::notes(&scene.notes);
     let session = Session::new(scene)?;
     if args.stability.asks() {
-        let (_, settled) = session.settle(&request)?;
-        return args.stability.run(session.scene(), session.assembled(), Some(&settled), args.json);
+        let (_, resolved) = session.resolve(&request)?;
+        return args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
     }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
@@ -95,8 +95,8 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         output::print(format_args!("{json}\n"))?;
     } else {
         let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        let look = Look { colour: !plain && stdout().is_terminal(), all: args.all };
-        output::print(render::text(&transcript, look))?;
+        let options = RenderOptions { colour: !plain && stdout().is_terminal(), all: args.all };
+        output::print(render::text(&transcript, options))?;
     }
     trap.map_or(Ok(()), Err)
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::accel::Tlas;
-use crate::debug::session::{self, SettledRequest};
+use crate::debug::session::{self, ResolvedRequest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::{Costs, Counter, Meter};
 use crate::harness::coverage::{Counts, Recorder};
@@ -242,7 +242,7 @@ pub fn one_ray(
     look(scene, &resources, &mut observed);
     if let Some(stable) = watch.stable.filter(|_| observed.trap.is_none()) {
         let found = |which| perturb_one(scene, assembled, &which, &stable.perturbation);
-        observed.stability = Some(SettledRequest::of(entry).and_then(found));
+        observed.stability = Some(ResolvedRequest::of(entry).and_then(found));
     }
     observed
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::accel::Committed;
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Observed;
 use crate::harness::run::{found, fresh, look};
@@ -104,7 +104,7 @@ pub fn perturb(
 pub fn perturb_one(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    which: &SettledRequest,
+    which: &ResolvedRequest,
     perturbation: &Perturbation,
 ) -> Result<Instability> {
     let plan = Plan::new(scene, assembled, perturbation);

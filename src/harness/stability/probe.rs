@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::run::in_tasks;
 use crate::machine::{Batch, Bindings, Observer, Resources};
@@ -132,7 +132,7 @@ pub(super) fn one<P: Probe>(
     scene: &ResolvedScene,
     assembled: &Assembled,
     resources: &Resources,
-    which: &SettledRequest,
+    which: &ResolvedRequest,
     probe: P,
     event: &mut dyn FnMut(Event),
 ) -> Result<(P, Result<()>)> {
@@ -148,11 +148,11 @@ pub(super) fn one<P: Probe>(
         let mut eyes = Eyes { probe: &probe, first: 0 };
         let mut eyes: &mut dyn Observer<1> = &mut eyes;
         match which {
-            SettledRequest::Pixel(id) => {
+            ResolvedRequest::Pixel(id) => {
                 probe.borrow_mut().begin(Part::Invocation(*id));
                 launch.run_one(*id, assembled.size, &mut sink, &mut eyes).map(|_| ())
             }
-            SettledRequest::Ray(given) => {
+            ResolvedRequest::Ray(given) => {
                 probe.borrow_mut().begin(Part::Ray);
                 let Some((_, tlas)) = scene.tlas.first() else {
                     let message = "a ray needs a scene with instances";

@@ -9,7 +9,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, Result};
 use crate::harness::run::fresh;
 use crate::harness::stability::found::Shadow;
@@ -49,7 +49,7 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(Shadow, O
 pub fn shadow_one(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    which: &SettledRequest,
+    which: &ResolvedRequest,
 ) -> Result<(Shadow, Option<Error>)> {
     let plan = Plan::new(scene, assembled);
     let resources = fresh(&assembled.resources);

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use crate::debug::render::{self, Look};
-use crate::debug::session::SettledRequest;
+use crate::debug::render::{self, RenderOptions};
+use crate::debug::session::ResolvedRequest;
 use crate::debug::transcript::TranscriptLine;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -279,7 +279,7 @@ impl Tester<'_> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {
             None => shadow(scene, assembled),
-            Some(at) => shadow_one(scene, assembled, &SettledRequest::of(&scene.rays[at])?),
+            Some(at) => shadow_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?),
         }
     }
 
@@ -297,7 +297,7 @@ impl Tester<'_> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {
             None => perturb(scene, assembled, perturbation),
-            Some(at) => perturb_one(scene, assembled, &SettledRequest::of(&scene.rays[at])?, perturbation),
+            Some(at) => perturb_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?, perturbation),
         }
     }
 
@@ -472,7 +472,7 @@ impl Tester<'_> {
             return;
         };
         failure.explanation =
-            Some(render::text(&transcript, Look { colour: self.options.colour, all: false }));
+            Some(render::text(&transcript, RenderOptions { colour: self.options.colour, all: false }));
     }
 }
 
