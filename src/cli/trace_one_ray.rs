@@ -81,7 +81,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     };
     output::notes(&scene.notes);
     let session = Session::new(scene)?;
-    if args.stability.asks() {
+    if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
         return args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
     }

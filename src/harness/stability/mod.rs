@@ -21,16 +21,17 @@ mod shadows;
 mod stable;
 
 pub use allowed::Envelope;
-pub use found::Shadow;
+pub use found::ShadowFindings;
 pub use perturb::{Instability, Perturbation, perturb};
-pub use place::Spot;
+pub use place::SourceLocation;
 pub use shadow::shadow;
 pub use stable::StableExpectation;
 
 use crate::harness::memory;
 use crate::scene::Assembled;
 
-/// Copies a scene with its memory as it is now: what runs on one does not change the other.
-pub fn apart(assembled: &Assembled) -> Assembled {
+/// Copies a scene and the contents of its buffers and images, so that runs on one do not change the
+/// other.
+pub fn deep_copy(assembled: &Assembled) -> Assembled {
     Assembled { resources: memory::copied(&assembled.resources), ..assembled.clone() }
 }
