@@ -375,7 +375,9 @@ fn the_command_says_why_it_cannot_stream() {
         "{err}"
     );
     assert!(
-        err.contains("it is held whole: RayGenerationKHR `main` may reach texels of other rows"),
+        err.contains(
+            "the whole image is held in memory: RayGenerationKHR `main` may reach texels of other rows"
+        ),
         "{err}"
     );
     assert_eq!(files.names(), ["main.wgsl", "scene.toml"]);

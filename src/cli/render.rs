@@ -93,8 +93,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let (bands, whole_image) = match split_into_bands(&args, &assembled, output, image, &streamed) {
         Ok(bands) => (Some(bands), None),
         Err(why) => {
-            let with_reason =
-                |error: Error| error.at(output.place.clone()).note(format!("it is held whole: {why}"));
+            let with_reason = |error: Error| {
+                error.at(output.place.clone()).note(format!("the whole image is held in memory: {why}"))
+            };
             let image = scene::assemble::image(image).map_err(with_reason)?;
             let binding = Binding { set: output.set, binding: output.binding };
             assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));

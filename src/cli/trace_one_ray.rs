@@ -51,19 +51,19 @@ pub struct TraceOneRayArgs {
     #[arg(long, value_name = "FLAGS", requires = "ray")]
     flags: Option<String>,
     /// With --ray: cull mask [default: 0xff]
-    #[arg(long, value_name = "MASK", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "MASK", requires = "ray", value_parser = unsigned)]
     cull_mask: Option<u32>,
     /// With --ray: its time, from 0 to 1, where instances or vertices move [default: 0]
     #[arg(long, value_name = "TIME", requires = "ray")]
     time: Option<f32>,
     /// With --ray: SBT offset [default: 0]
-    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     sbt_offset: Option<u32>,
     /// With --ray: SBT stride [default: 1]
-    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     sbt_stride: Option<u32>,
     /// With --ray: miss index [default: 0]
-    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     miss_index: Option<u32>,
 }
 
@@ -128,6 +128,6 @@ impl TraceOneRayArgs {
 }
 
 /// A whole number, decimal or with `0x` or `0b`.
-fn whole(text: &str) -> std::result::Result<u32, String> {
+fn unsigned(text: &str) -> std::result::Result<u32, String> {
     command::number(text).ok_or_else(|| "not a whole number from 0 to 4294967295".to_owned())
 }

@@ -239,7 +239,7 @@ fn hits_row(name: &str, against: &str, hits: &HitComparison) -> Vec<String> {
     row
 }
 
-/// The row of what a driver recorded beside hits; `None` if it recorded nothing else.
+/// The row of everything that a driver recorded besides hits; `None` if it recorded nothing else.
 fn driver_row(name: &str, driver: &AgainstDriver) -> Option<Vec<String>> {
     let cells = [
         driver.shaders_ran,

@@ -250,10 +250,10 @@ impl Writer {
         let left = if self.all { 0 } else { shown.len().saturating_sub(MAX_PRIMITIVES) };
         shown.truncate(shown.len() - left);
         for one in shown {
-            let place = [instance.instance, one.geometry, one.primitive];
+            let primitive = [instance.instance, one.geometry, one.primitive];
             let hit = view.hit.map(|hit| [hit.instance, hit.geometry, hit.primitive]);
-            let is_decided = view.shown.contains(&place);
-            self.primitive(one, hit == Some(place), is_decided);
+            let is_decided = view.shown.contains(&primitive);
+            self.primitive(one, hit == Some(primitive), is_decided);
         }
         if left > 0 {
             let text =

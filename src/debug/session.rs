@@ -46,7 +46,7 @@ impl Session {
     }
 
     /// Runs a ray or an invocation and returns its transcript. A trap is part of the transcript,
-    /// and is returned as an error beside it.
+    /// and is also returned as an error.
     ///
     /// # Errors
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the

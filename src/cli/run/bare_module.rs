@@ -54,13 +54,13 @@ pub struct Arguments {
 /// Parses `[SET,]BINDING`, or `[SET,]BINDING[ELEMENT]` for an element of an array of descriptors.
 pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
     let number = |text: &str| text.trim().parse().ok();
-    let (place, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
-        Some(parts) => parts.and_then(|(place, element)| Some((place, Some(number(element)?))))?,
+    let (numbers, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
+        Some(parts) => parts.and_then(|(numbers, element)| Some((numbers, Some(number(element)?))))?,
         None => (text, None),
     };
-    let binding = match place.split_once(',') {
+    let binding = match numbers.split_once(',') {
         Some((set, binding)) => Binding { set: number(set)?, binding: number(binding)? },
-        None => Binding { set: 0, binding: number(place)? },
+        None => Binding { set: 0, binding: number(numbers)? },
     };
     Some((binding, element))
 }
@@ -227,9 +227,9 @@ impl Arguments {
                         let found = own.or_else(|| list.iter().find(|one| one.element.is_none()));
                         found.map(|one| one.value.clone())
                     };
-                    let place = (binding, elements.map(|_| element));
+                    let descriptor = (binding, elements.map(|_| element));
                     let [buffer, image] = [value(&given[0]), value(&given[1])];
-                    resource(&mut text, &module, variable, place, buffer, image, invocations)?;
+                    resource(&mut text, &module, variable, descriptor, buffer, image, invocations)?;
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! How far a shader's results depend on rounding.
 //!
-//! [`shadow()`] runs every float operation once more in f64 beside the f32 run, and says on which
+//! [`shadow()`] executes every float operation of the run also in f64, and says on which
 //! lines the two differ. [`perturb()`] repeats a run with every result moved at random within what
 //! Vulkan allows, and says which outputs and branches change. Both observe invocations one by one,
 //! as [`Observer`](crate::machine::Observer)s of the interpreter: a run without observers costs

@@ -157,8 +157,8 @@ impl Instability {
 
     /// One sentence for each branch and each traced ray that is not stable.
     pub fn branch_lines(&self) -> Vec<String> {
-        let branch = |(place, count): (&(SourceLocation, DecisionKind), &u64)| {
-            let (location, kind) = place;
+        let branch = |(decision, count): (&(SourceLocation, DecisionKind), &u64)| {
+            let (location, kind) = decision;
             let source = match (&location.text, location.line) {
                 (Some(text), 1..) => format!(": {text}"),
                 _ => String::new(),

@@ -66,7 +66,7 @@ impl<'a> ShadowInterpreter<'a> {
     pub fn findings(&self) -> ShadowFindings {
         let mut shadow = ShadowFindings::default();
         let mut found: Vec<_> = self.found.iter().collect();
-        found.sort_unstable_by_key(|(place, _)| **place);
+        found.sort_unstable_by_key(|(key, _)| **key);
         for (&(shader, offset), found) in found {
             shadow.results += found.results;
             shadow.lines.entry(self.context.programs.location(shader, offset)).or_default().add(found);
@@ -354,8 +354,8 @@ impl<'a> ShadowInterpreter<'a> {
             if let Some(registers) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) {
                 ray.payload = frame.entries(registers.span());
             }
-            if let (Stage::AnyHit, Exit::Ignored, Some(place)) = (stage, exit, ray.candidate) {
-                ray.ignored.insert(place);
+            if let (Stage::AnyHit, Exit::Ignored, Some(candidate)) = (stage, exit, ray.candidate) {
+                ray.ignored.insert(candidate);
             }
         }
         self.free_frames.push(frame);

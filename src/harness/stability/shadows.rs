@@ -67,8 +67,8 @@ impl ShadowFrame {
 
     /// Sets or removes the shadow value of a register.
     pub fn set(&mut self, reg: Reg, entry: Option<ShadowValue>) {
-        if let Some(place) = self.entries.get_mut(reg.0 as usize) {
-            *place = entry.map_or((0, ShadowValue::default()), |entry| (self.generation, entry));
+        if let Some(slot) = self.entries.get_mut(reg.0 as usize) {
+            *slot = entry.map_or((0, ShadowValue::default()), |entry| (self.generation, entry));
         }
     }
 
