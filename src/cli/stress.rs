@@ -45,10 +45,10 @@ pub fn run(args: StressArgs) -> Result<()> {
     let settings =
         StressSettings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
     output::print(format_args!("seed {}, {} families\n", args.seed, FAMILIES.len()))?;
-    let mut told = Instant::now();
+    let mut last_printed = Instant::now();
     let report = stress::run(&settings, |report| {
-        if told.elapsed() >= Duration::from_secs(10) {
-            told = Instant::now();
+        if last_printed.elapsed() >= Duration::from_secs(10) {
+            last_printed = Instant::now();
             // A closed standard output is reported at the end.
             let _ = output::print(line(report));
         }

@@ -153,7 +153,7 @@ impl PipelineObserver for StandIn<'_> {
 
     /// The answer depends on the invocation and on how many it was given before: not on the order
     /// in which invocations run.
-    fn absent(&mut self, caller: Caller, words: &mut [u32]) {
+    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) {
         let before = self.answers.entry(self.launch_id).or_default();
         let [x, y, z] = self.launch_id.map(u64::from);
         let before = std::mem::replace(before, *before + 1);
