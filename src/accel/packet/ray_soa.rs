@@ -71,7 +71,7 @@ impl WorldRays {
             self.t_min.0[at] = ray.t_min + 0.0;
             valid |= u64::from((ray.t_min >= 0.0) & !ray.t_max.is_nan()) << at;
         }
-        let (least, most) = (simd.splat(Ray::LEAST), simd.splat(Ray::MOST));
+        let (least, most) = (simd.splat(Ray::MIN_MAGNITUDE), simd.splat(Ray::MAX_MAGNITUDE));
         let zero = simd.splat(0.0);
         let mut well_scaled = 0;
         for at in 0..whole / EIGHT {
