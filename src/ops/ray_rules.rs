@@ -67,9 +67,9 @@ mod tests {
         );
         assert!(told(Opcode::TraceRayMotionNV, RayRule::Time).ends_with("OpTraceRayMotionNV-06366)"));
         assert!(told(Opcode::HitObjectTraceRayMotionEXT, RayRule::Time).ends_with("TraceRayEXT-11882)"));
-        assert!(told(Opcode::RayQueryInitializeKHR, RayRule::BothSkips).ends_with("InitializeKHR-06889)"));
+        assert!(told(Opcode::RayQueryInitializeKHR, RayRule::SkipFlags).ends_with("InitializeKHR-06889)"));
         // The specification has none for the flags of this instruction.
-        assert!(!told(Opcode::TraceRayMotionNV, RayRule::Opacity).contains("VUID"));
+        assert!(!told(Opcode::TraceRayMotionNV, RayRule::OpacityFlags).contains("VUID"));
         assert!(!told(Opcode::HitObjectRecordMissEXT, RayRule::Finite).contains("VUID"));
     }
 }

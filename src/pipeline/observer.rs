@@ -202,8 +202,8 @@ pub enum Event {
 pub(super) struct Traversal<'a, T>(pub &'a mut T);
 
 impl<T: PipelineObserver> TraversalObserver for Traversal<'_, T> {
-    const REASONS: bool = T::ACTIVE;
-    const QUIET: bool = !T::ACTIVE;
+    const EXPLAINS_MISSES: bool = T::ACTIVE;
+    const IS_NOOP: bool = !T::ACTIVE;
 
     fn node(&mut self, instance: Option<u32>) {
         if T::ACTIVE {

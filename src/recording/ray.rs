@@ -125,7 +125,7 @@ impl Recording {
 struct Met(Vec<(HitPrimitive, Intersection)>);
 
 impl TraversalObserver for Met {
-    const REASONS: bool = false;
+    const EXPLAINS_MISSES: bool = false;
 
     fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         use PrimitiveVerdict as V;

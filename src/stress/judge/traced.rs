@@ -56,8 +56,8 @@ impl TracedScene {
         let instances: Vec<_> = instances.collect();
         // Traversal has two kinds of SIMD vectors.
         let levels = CpuTier::available().into_iter().take(2);
-        let structures =
-            levels.map(|(name, cpu_tier)| Ok((name, Tlas::on(instances.clone(), precision, cpu_tier)?)));
+        let structures = levels
+            .map(|(name, cpu_tier)| Ok((name, Tlas::for_cpu_tier(instances.clone(), precision, cpu_tier)?)));
         let Ok(structures) = structures.collect::<crate::error::Result<Vec<_>>>() else {
             let has_inverse = |matrix: &[[f32; 4]; 3]| {
                 let is_finite = matrix.as_flattened().iter().all(|x| x.is_finite());
@@ -245,7 +245,7 @@ fn hit_kind(surface: Surface) -> HitKind {
 struct Nodes(bool);
 
 impl TraversalObserver for Nodes {
-    const REASONS: bool = false;
+    const EXPLAINS_MISSES: bool = false;
 
     fn node(&mut self, instance: Option<u32>) {
         self.0 |= instance.is_some();
