@@ -5,7 +5,7 @@ use anyhit::geometry::{Bounds, Ray, Transform};
 use anyhit::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
 use anyhit::scene::random::Random;
 
-use crate::contender::Placed;
+use crate::contender::PlacedInstance;
 use crate::shape::Shape;
 use crate::tree::Corners;
 
@@ -38,21 +38,21 @@ impl Scene {
         Self { name, data, shapes, bounds, matrices, rays }
     }
 
-    /// The instances as contenders get them.
-    pub fn placed(&self) -> Vec<(Placed, Corners)> {
+    /// The instances and the boxes around them.
+    pub fn placed(&self) -> Vec<(PlacedInstance, Corners)> {
         self.matrices
             .iter()
             .map(|matrix| {
                 let transform = (*matrix != IDENTITY).then(|| Transform::new(matrix).expect("regular"));
                 let inverse = transform.as_ref().map_or(IDENTITY, Transform::world_to_object);
                 let Bounds { min, max } = self.bounds.transformed(matrix);
-                (Placed { transform, inverse }, [min, max])
+                (PlacedInstance { transform, inverse }, [min, max])
             })
             .collect()
     }
 }
 
-/// One primitive, met by about half of the rays.
+/// One primitive, hit by about half of the rays.
 fn single(name: &'static str, data: GeometryData, radius: f32) -> Scene {
     Scene::new(name, data, vec![IDENTITY], |bounds, random| {
         let middle: [f32; 3] = std::array::from_fn(|i| 0.5 * (bounds.min[i] + bounds.max[i]));
@@ -107,7 +107,7 @@ fn capped(mut data: GeometryData) -> GeometryData {
     data
 }
 
-/// A dozen turned, sheared and scaled places a row.
+/// Rotated, sheared and scaled transforms in rows of `side`.
 fn places(side: usize, step: f32) -> Vec<[[f32; 4]; 3]> {
     let mut random = Random::new(3);
     let mut out = Vec::new();

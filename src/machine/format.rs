@@ -290,7 +290,7 @@ fn encode_number(component: Component, width: u32, value: f64) -> u64 {
             let most = (u64::MAX >> (65 - width)) as f64;
             (number.clamp(-1.0, 1.0) * most).round_ties_even() as i64 as u64
         }
-        Float16 => u64::from(crate::math::float::half_of(value).to_bits()),
+        Float16 => u64::from(crate::math::float::f64_to_f16(value).to_bits()),
         Float32 => u64::from((value as f32).to_bits()),
         Float11B10 => unsigned_float(value, width - 5),
         // `as` saturates.

@@ -195,7 +195,7 @@ impl QueryRecorder<'_> {
 }
 
 impl TraversalObserver for QueryRecorder<'_> {
-    const REASONS: bool = true;
+    const EXPLAINS_MISSES: bool = true;
 
     fn node(&mut self, instance: Option<u32>) {
         if self.traversal {

@@ -147,7 +147,7 @@ macro_rules! half_from {
             fn to(self) -> f16 {
                 // Every f32 and narrow integer is exact in f64; of wide integers only those beyond
                 // f16's range are not, and they round to infinity all the same.
-                crate::math::float::half_of(self.0 as f64)
+                crate::math::float::f64_to_f16(self.0 as f64)
             }
         }
     )+};

@@ -26,7 +26,7 @@ use crate::error::Result;
 use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float::Float;
-use crate::math::toward_zero::{self, Number, RoundTowardZero};
+use crate::math::toward_zero::{self, RoundTowardZero, UnpackedFloat};
 use crate::module::interface::EntryPoint;
 use crate::ops::conversion::encoded::Rounding;
 use crate::ops::lane_kernel::LaneKernel;
@@ -189,13 +189,13 @@ macro_rules! conversions {
 }
 
 conversions! {
-    signed16 ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
-    signed32 ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
-    signed64 ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
-    unsigned16 ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
-    unsigned32 ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
-    unsigned64 ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
-    to_half FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::half_of(f64::from(a)));
+    signed16 ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    signed32 ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    signed64 ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    unsigned16 ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    unsigned32 ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    unsigned64 ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    to_half FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::f64_to_f16(f64::from(a)));
     to_single FConvertTowardZero f32: [f64] |a| toward_zero::convert(a, a as f32);
 }
 

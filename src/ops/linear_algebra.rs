@@ -68,7 +68,7 @@ impl FloatEmitter<'_, '_> {
     /// A float constant of this width.
     fn constant(&mut self, value: f64) -> Result<Reg> {
         match self.width {
-            16 => self.translator.constant(crate::math::float::half_of(value).to_bits().into()),
+            16 => self.translator.constant(crate::math::float::f64_to_f16(value).to_bits().into()),
             32 => self.translator.constant((value as f32).to_bits()),
             _ => self.translator.wide_constant(value.to_bits()),
         }

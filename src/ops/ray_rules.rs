@@ -67,9 +67,9 @@ mod tests {
         );
         assert!(text(Opcode::TraceRayMotionNV, RayRule::Time).ends_with("OpTraceRayMotionNV-06366)"));
         assert!(text(Opcode::HitObjectTraceRayMotionEXT, RayRule::Time).ends_with("TraceRayEXT-11882)"));
-        assert!(text(Opcode::RayQueryInitializeKHR, RayRule::BothSkips).ends_with("InitializeKHR-06889)"));
+        assert!(text(Opcode::RayQueryInitializeKHR, RayRule::SkipFlags).ends_with("InitializeKHR-06889)"));
         // The specification has none for the flags of this instruction.
-        assert!(!text(Opcode::TraceRayMotionNV, RayRule::Opacity).contains("VUID"));
+        assert!(!text(Opcode::TraceRayMotionNV, RayRule::OpacityFlags).contains("VUID"));
         assert!(!text(Opcode::HitObjectRecordMissEXT, RayRule::Finite).contains("VUID"));
     }
 }

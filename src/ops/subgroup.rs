@@ -595,7 +595,7 @@ fn reduction(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Inst
 
 fn float(width: u32, value: f64) -> u64 {
     match width {
-        16 => crate::math::float::half_of(value).to_bits().into(),
+        16 => crate::math::float::f64_to_f16(value).to_bits().into(),
         32 => (value as f32).to_bits().into(),
         _ => value.to_bits(),
     }

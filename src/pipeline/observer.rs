@@ -204,8 +204,8 @@ pub enum Event {
 pub(super) struct TraversalAdapter<'a, T>(pub &'a mut T);
 
 impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
-    const REASONS: bool = T::ACTIVE;
-    const QUIET: bool = !T::ACTIVE;
+    const EXPLAINS_MISSES: bool = T::ACTIVE;
+    const IS_NOOP: bool = !T::ACTIVE;
 
     fn node(&mut self, instance: Option<u32>) {
         if T::ACTIVE {

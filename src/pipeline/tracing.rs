@@ -225,8 +225,8 @@ fn check(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
     trace.check()?;
     if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
         return Err(match trace.flags.contains(RayFlags::SKIP_TRIANGLES) {
-            true => RayRule::SkipsTrianglesBesidePipeline,
-            false => RayRule::SkipsAabbsBesidePipeline,
+            true => RayRule::SkipTrianglesWithPipelineSkipAabbs,
+            false => RayRule::SkipAabbsWithPipelineSkipTriangles,
         });
     }
     Ok(())

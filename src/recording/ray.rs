@@ -125,7 +125,7 @@ impl Recording {
 struct IntersectionRecorder(Vec<(HitPrimitive, Intersection)>);
 
 impl TraversalObserver for IntersectionRecorder {
-    const REASONS: bool = false;
+    const EXPLAINS_MISSES: bool = false;
 
     fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         use PrimitiveVerdict as V;

@@ -54,7 +54,7 @@ impl Parse for State {
         let opacity = match value.toml() {
             Toml::String(_) => Opacity::parse(value)?,
             _ => match u8::parse(value)? {
-                number @ 0..=3 => Opacity::of_bits(number),
+                number @ 0..=3 => Opacity::from_bits(number),
                 _ => return value.wrong("a state is 0 to 3, or a name such as \"unknown_opaque\""),
             },
         };

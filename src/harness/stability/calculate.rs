@@ -55,14 +55,14 @@ impl Draw<'_> {
     /// The nearest float of the type.
     pub fn nearest(&self, value: f64) -> f64 {
         match self.width {
-            16 => crate::math::float::half_of(value).to_f64(),
+            16 => crate::math::float::f64_to_f16(value).to_f64(),
             _ => f64::from(value as f32),
         }
     }
 
     fn up(&self, value: f64) -> f64 {
         match self.width {
-            16 => half_up(crate::math::float::half_of(value)).to_f64(),
+            16 => half_up(crate::math::float::f64_to_f16(value)).to_f64(),
             _ => f64::from((value as f32).next_up()),
         }
     }

@@ -368,7 +368,7 @@ impl<'a> Perturber<'a> {
                     value = 0f64.copysign(value);
                 }
                 let word = match width {
-                    16 => crate::math::float::half_of(value).to_bits().into(),
+                    16 => crate::math::float::f64_to_f16(value).to_bits().into(),
                     _ => (value as f32).to_bits(),
                 };
                 batch.registers[to].0[0] = word;

@@ -56,8 +56,8 @@ impl TracedScene {
         let instances: Vec<_> = instances.collect();
         // Traversal is compiled for two kinds of SIMD vectors.
         let cpu_tiers = CpuTier::available().into_iter().take(2);
-        let structures =
-            cpu_tiers.map(|(name, cpu_tier)| Ok((name, Tlas::on(instances.clone(), precision, cpu_tier)?)));
+        let structures = cpu_tiers
+            .map(|(name, cpu_tier)| Ok((name, Tlas::for_cpu_tier(instances.clone(), precision, cpu_tier)?)));
         let Ok(structures) = structures.collect::<crate::error::Result<Vec<_>>>() else {
             let has_inverse = |matrix: &[[f32; 4]; 3]| {
                 let is_finite = matrix.as_flattened().iter().all(|x| x.is_finite());
@@ -256,7 +256,7 @@ fn hit_kind(surface: Surface) -> HitKind {
 struct BlasNodeObserver(bool);
 
 impl TraversalObserver for BlasNodeObserver {
-    const REASONS: bool = false;
+    const EXPLAINS_MISSES: bool = false;
 
     fn node(&mut self, instance: Option<u32>) {
         self.0 |= instance.is_some();
