@@ -36,6 +36,7 @@ mod random_programs;
 mod readme;
 mod real_calls;
 mod rewriting;
+mod robustness;
 mod skips;
 mod skips_payload;
 mod smoke;
