@@ -7,6 +7,7 @@ use std::process::{Command, Output};
 use std::time::UNIX_EPOCH;
 
 use super::Source;
+use crate::atomic_file::{self, FolderGuard};
 use crate::error::{Error, ErrorKind, Result};
 
 /// An installed compiler.
@@ -89,6 +90,7 @@ fn program(name: &Path) -> Option<PathBuf> {
 /// The place of one run: the folder of a source, and one for what comes out, removed afterwards.
 pub(super) struct Desk {
     work: tempfile::TempDir,
+    _guard: FolderGuard,
     folder: PathBuf,
 }
 
@@ -98,6 +100,7 @@ impl Desk {
     pub(super) fn new(source: &Source) -> Result<Self> {
         let work = tempfile::Builder::new().prefix("anyhit-").tempdir();
         let work = work.map_err(|error| Error::io(env::temp_dir(), error))?;
+        let guard = FolderGuard::new(work.path());
         let mut folder = work.path().to_owned();
         if source.on_disk() {
             let own = source.folder();
@@ -106,10 +109,10 @@ impl Desk {
             let path = folder.join(source.name());
             let parent = path.parent().unwrap_or(&folder);
             fs::create_dir_all(parent).map_err(|error| Error::io(parent, error))?;
-            fs::write(&path, source.text().as_bytes()).map_err(|error| Error::io(&path, error))?;
+            atomic_file::write_unsynced(&path, source.text().as_bytes())?;
         }
         let folder = fs::canonicalize(&folder).map_err(|error| Error::io(&folder, error))?;
-        Ok(Self { work, folder: plain(&folder) })
+        Ok(Self { work, _guard: guard, folder: plain(&folder) })
     }
 
     /// Where names of files start from.
