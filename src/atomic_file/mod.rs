@@ -169,8 +169,11 @@ impl Way {
             }
             Err(error) => return Err(error),
         };
-        if let Some(before) = &before {
-            keep_rights(&file, before)?;
+        if let Some(before) = &before
+            && keep_rights(&file, before).is_err()
+        {
+            // Better in place than with other rights.
+            return Ok(Self::InPlace(InPlace::new(&target)?));
         }
         Ok(Self::Beside { file, temporary, target, before })
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 use super::{Workplace, Writer, blessed};
 
 /// Kills of each command where `ANYHIT_KILLS` says no number.
-const KILLS: usize = 12;
+const KILLS: usize = 9;
 
 /// When a command first changed something in its folder, and when it ended, from its start.
 #[derive(Clone, Copy)]
@@ -110,9 +110,14 @@ fn a_command_that_is_killed_leaves_the_old_file_or_the_new_one() {
         let course = place.course(writer);
         let [mut old, mut new, mut left] = [0; 3];
         for number in 0..kills {
-            let span = if number % 3 == 0 { course.ended } else { course.ended - course.changed };
-            let wait = span.mul_f64(1.1 * random());
-            place.kill(writer, number % 3 != 0, wait);
+            let writing = course.ended - course.changed;
+            // Anywhere in its course, about when it writes, and from the moment that it is seen to.
+            let (after_change, wait) = match number % 3 {
+                0 => (false, course.ended.mul_f64(1.1 * random())),
+                1 => (false, (course.changed + writing.mul_f64(1.5 * random())).mul_f64(0.95)),
+                _ => (true, writing.mul_f64(random())),
+            };
+            place.kill(writer, after_change, wait);
             let found = fs::read(place.path(writer.target)).expect("the file is there");
             if found == writer.old {
                 old += 1;

@@ -68,7 +68,7 @@ fn a_cache_that_cannot_be_written_is_no_error_and_keeps_nothing_broken() {
     let place = Workplace::new();
     let cache = place.path("cache");
     let mut command = anyhit(place.folder.path());
-    command.args(["inspect", "many.wgsl"]).env("ANYHIT_CACHE", &cache);
+    command.args(["smoke", "many.wgsl"]).env("ANYHIT_CACHE", &cache);
     for _ in 0..2 {
         let (code, text) = told(&limited(&command, 1, false).output().expect("a shell"));
         assert_eq!(code, Some(0), "{text}");
@@ -79,7 +79,7 @@ fn a_cache_that_cannot_be_written_is_no_error_and_keeps_nothing_broken() {
     // A limit beyond all disks keeps what is there: 2^44 MiB are 2^64 bytes.
     fs::write(place.path("one.wgsl"), "@compute @workgroup_size(1) fn main() {}").expect("a folder");
     let mut other = anyhit(place.folder.path());
-    other.args(["inspect", "one.wgsl"]).env("ANYHIT_CACHE", &cache);
+    other.args(["smoke", "one.wgsl"]).env("ANYHIT_CACHE", &cache);
     let output = other.env("ANYHIT_CACHE_LIMIT", "17592186044416").output().expect("the command starts");
     assert_eq!((output.status.code(), super::names(&cache).len()), (Some(0), 2));
 }
