@@ -102,6 +102,7 @@ fn is_temporary(name: &str, target: &str) -> bool {
 }
 
 #[test]
+#[expect(clippy::print_stdout, reason = "the figures of a long run")]
 fn a_command_that_is_killed_leaves_the_old_file_or_the_new_one() {
     let kills = std::env::var("ANYHIT_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(KILLS);
     let mut summary = Vec::new();
