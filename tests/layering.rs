@@ -1,7 +1,8 @@
 //! The modules of `src/` import one way only.
 //!
 //! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {pipeline, compile} ->
-//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> error`: a folder
+//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> {math, atomic_file} ->
+//! error`: a folder
 //! may import what stands to its right. A few crates are named in one place only, and only the
 //! command line prints.
 
@@ -23,7 +24,7 @@ const LAYERS: &[&[&str]] = &[
     &["module", "machine"],
     &["accel"],
     &["geometry"],
-    &["math"],
+    &["math", "atomic_file"],
     &["error"],
 ];
 
@@ -42,10 +43,15 @@ const CRATES: &[(&str, &[&str])] = &[
     ("aligned_vec", &["machine"]),
     ("prefetch_index", &["math"]),
     ("image_compare", &["harness"]),
+    ("signal_hook", &["cli"]),
 ];
 
 /// Only the command line writes to the terminal.
 const PRINTS: &[&str] = &["println!", "eprintln!", "print!", "eprint!", "dbg!"];
+
+/// What writes regular files: only `atomic_file` does so by itself.
+const WRITES: &[&str] =
+    &["fs::write(", "File::create", ".write(true)", "fs::rename(", "fs::copy(", "NamedTempFile"];
 
 #[test]
 fn imports_go_one_way() {
@@ -95,6 +101,32 @@ fn crates_are_named_in_their_place() {
     }
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
     assert!(named.iter().all(|&named| named), "a crate of the list is named nowhere: {named:?}");
+}
+
+#[test]
+fn files_are_written_in_one_place() {
+    let mut mistakes = Vec::new();
+    let mut uses = 0;
+    for (module, name, text) in sources() {
+        if name.ends_with("tests.rs") {
+            continue;
+        }
+        let code = without_comments(&text);
+        // Tests stand at the end of a file.
+        let code = code.split("#[cfg(test)]").next().and_then(|code| code.split("#[cfg(all(test").next());
+        for write in WRITES {
+            let code = code.unwrap_or_default();
+            let is_whole = |&(at, _): &(usize, &str)| !code[..at].ends_with(char::is_alphanumeric);
+            let count = code.match_indices(write).filter(is_whole).count();
+            if module == "atomic_file" {
+                uses += count;
+            } else if count > 0 {
+                mistakes.push(format!("{name}: `{write}` instead of `atomic_file::write`"));
+            }
+        }
+    }
+    assert!(uses >= 5, "only {uses} were found where files are written");
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
 }
 
 /// Every source file but the crate's roots: its module, its name, its text.

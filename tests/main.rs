@@ -7,6 +7,7 @@
 
 mod support;
 
+mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;
 mod cli;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::atomic_file;
 use crate::cli::output;
 use crate::compile::{CompileOptions, DebugInfoLevel, Optimize, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
@@ -73,7 +74,7 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
         let result = Source::read(path)
             .map(|source| source.include_folders(&args.include_folders))
             .and_then(|source| compile(&source, &options))
-            .and_then(|spirv| std::fs::write(&output, spirv).map_err(|error| Error::io(&output, error)));
+            .and_then(|spirv| atomic_file::write(&output, spirv));
         errors.extend(result.err());
     }
     if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }

@@ -1,10 +1,11 @@
 //! `anyhit test`: runs the test cases of folders and files.
 
 use std::io::{IsTerminal, stdout};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 
+use crate::atomic_file;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
@@ -13,7 +14,8 @@ use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, ju
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
-/// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run.
+/// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run or a file that was asked
+/// for could not be written.
 #[derive(Debug, clap::Args)]
 pub struct TestArgs {
     /// Folders (searched for `scene.toml` and `*.test.toml`) and scene files
@@ -101,11 +103,13 @@ pub fn run(args: TestArgs) -> Result<()> {
         return output::print(names);
     }
     let report = execute(&args, &suite)?;
+    // A file that cannot be written keeps nobody from the others, and from what is printed.
+    let mut unwritten = Vec::new();
     if let Some(path) = &args.junit {
-        write(path, &junit(&report)?)?;
+        unwritten.extend(junit(&report).and_then(|text| atomic_file::write(path, text)).err());
     }
     if let Some(path) = &args.coverage {
-        write(path, &report.coverage.lcov())?;
+        unwritten.extend(atomic_file::write(path, report.coverage.lcov()).err());
     }
     match args.format {
         Format::Json => {
@@ -138,7 +142,7 @@ pub fn run(args: TestArgs) -> Result<()> {
         }
     }
     output::notes(&report.notes);
-    verdict(&report)
+    if unwritten.is_empty() { verdict(&report) } else { Err(Error::several(unwritten)) }
 }
 
 fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
@@ -222,8 +226,4 @@ fn init_case(paths: &[PathBuf]) -> Result<()> {
         written.display(),
         folder.display()
     ))
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).map_err(|error| Error::io(path, error))
 }

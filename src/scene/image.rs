@@ -1,6 +1,5 @@
 //! Decodes picture files into texels, and encodes texels as PNG.
 
-use std::fs::File;
 use std::io::{BufWriter, Cursor, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -9,6 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use rayon::prelude::*;
 
+use crate::atomic_file::AtomicFile;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine;
 use crate::machine::format::{Class, Component, Format};
@@ -272,43 +272,15 @@ pub fn stream_png<T>(
 ) -> Result<T> {
     let io = |error| Error::io(path, error);
     let conversion = PngConversion::new(format, to_srgb)?;
-    // A pipe, a device or a link is not replaced, but written to.
-    let replaceable = path.symlink_metadata().map_or(true, |metadata| metadata.is_file());
-    if !replaceable {
-        return png_to_file(path, size, conversion, File::create(path).map_err(io)?, fill);
+    let mut file = AtomicFile::create(path)?;
+    let mut buffered = BufWriter::new(&mut file);
+    let filled = png(size, &mut buffered, &io, |to| fill(&mut PngRows { path, conversion, to }))
+        .and_then(|filled| buffered.flush().map(|()| filled).map_err(io));
+    drop(buffered);
+    match filled {
+        Ok(filled) => file.finish().map(|()| filled),
+        Err(error) => Err(file.abandon(error)),
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let partial = tempfile::Builder::new()
-        .prefix(&format!(".{name}."))
-        .suffix(".partial")
-        // With the permissions of a new file, not the private ones of a temporary file.
-        .make_in(folder.unwrap_or(Path::new(".")), |path| File::create_new(path));
-    let partial = match partial {
-        // The file may be written, but not its folder.
-        Err(_) if path.is_file() => {
-            return png_to_file(path, size, conversion, File::create(path).map_err(io)?, fill);
-        }
-        made => made.map_err(io)?,
-    };
-    let (file, partial) = partial.into_parts();
-    let filled = png_to_file(path, size, conversion, file, fill)?;
-    partial.persist(path).map_err(|error| io(error.error))?;
-    Ok(filled)
-}
-
-fn png_to_file<T>(
-    path: &Path,
-    size: [u32; 2],
-    conversion: PngConversion,
-    file: File,
-    fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
-) -> Result<T> {
-    let io = |error| Error::io(path, error);
-    let mut file = BufWriter::new(file);
-    let filled = png(size, &mut file, &io, |to| fill(&mut PngRows { path, conversion, to }))?;
-    file.flush().map_err(io)?;
-    Ok(filled)
 }
 
 /// Writes the rows of a PNG, the top one first.
