@@ -21,6 +21,8 @@ pub mod resource;
 pub mod sampler;
 pub mod stop;
 pub mod trap;
+pub mod turns;
+pub mod watchdog;
 pub mod workgroup;
 
 pub use batch::{Batch, Frame};
@@ -35,4 +37,6 @@ pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, Bindings, Bound, Buffer, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
 pub use trap::{Accessed, Exit, Trap, TrapCode};
+pub use turns::{LoopTurns, Turns};
+pub use watchdog::{LaunchFuel, LaunchLimits, TaskWatch, Watchdog};
 pub use workgroup::Workgroup;

@@ -199,7 +199,8 @@ impl Bands<'_> {
         LaneKernel: Width<W>,
     {
         let [width, height] = self.size;
-        self.launch.count([width, height, 1])?;
+        let dog = self.launch.watchdog(self.launch.count([width, height, 1])?);
+        let mut tasks = 0;
         let mut stats = Stats::default();
         let mut filled: Option<Arc<Image>> = None;
         // One that trapped; those after it have lower launch indices, where rows are mirrored.
@@ -214,10 +215,15 @@ impl Bands<'_> {
             let image = Image::band(width, height, rows, self.image.format, &self.image.texel)?;
             let mut resources = self.launch.resources.clone();
             resources.insert(self.image.binding, 0, Descriptor::Image(image.clone()));
-            let run = || {
+            let mut run = || {
                 let launch = Launch { pipeline: self.launch.pipeline, resources: &resources };
                 let positions = [launched.start, launched.end].map(|row| u64::from(row) * u64::from(width));
-                launch.run_positions::<W>([width, height, 1], positions[0]..positions[1], done)
+                launch.run_positions::<W>(
+                    [width, height, 1],
+                    positions[0]..positions[1],
+                    (&dog, &mut tasks),
+                    done,
+                )
             };
             let (taken, ran) = match filled.take() {
                 None => (Ok(()), run()),

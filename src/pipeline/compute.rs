@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Observer, Resources, Workgroup};
+use crate::machine::{LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::tasks::{Done, Tasks};
-use crate::pipeline::trapped::Trapped;
+use crate::pipeline::trapped::{Trapped, spent_together};
 use crate::pipeline::workgroup::{Gang, Observers};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
@@ -36,8 +36,10 @@ use crate::program::{Program, WorkgroupLayout};
 pub struct Compute {
     /// The shader.
     pub program: Arc<Program>,
-    /// Instructions that an invocation may execute, counted at back edges and calls.
+    /// Instructions that an invocation may execute; see [`DEFAULT_FUEL`].
     pub fuel: u64,
+    /// The limits of a whole dispatch; none unless set.
+    pub launch_limits: LaunchLimits,
     /// `SubgroupSize`
     pub subgroup_size: u32,
     layout: WorkgroupLayout,
@@ -62,7 +64,8 @@ impl Compute {
         };
         let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
         let mixes_atomics = race_analysis::mixes_workgroup_atomics(&program);
-        Ok(Self { program, fuel: DEFAULT_FUEL, subgroup_size, layout, mixes_atomics })
+        let launch_limits = LaunchLimits::default();
+        Ok(Self { program, fuel: DEFAULT_FUEL, launch_limits, subgroup_size, layout, mixes_atomics })
     }
 
     /// Returns the shader without any optimisation; see [`Program::unoptimized`].
@@ -73,7 +76,13 @@ impl Compute {
         Ok(Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() })
     }
 
-    /// Sets how many instructions an invocation may execute, counted at back edges and calls.
+    /// Sets the limits of a whole dispatch.
+    #[must_use]
+    pub fn launch_limits(self, limits: LaunchLimits) -> Self {
+        Self { launch_limits: limits, ..self }
+    }
+
+    /// Sets how many instructions an invocation may execute; see [`DEFAULT_FUEL`].
     #[must_use]
     pub fn fuel(self, instructions: u64) -> Self {
         Self { fuel: instructions, ..self }
@@ -164,24 +173,32 @@ impl Compute {
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats, Box<Trapped>> {
         let whole = self.program.uses_subgroups;
+        let groups_of = groups;
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let mut stats = Stats::default();
         // The tasks of a run, so that the same workgroups share a batch.
         let per_task = self.per_task();
+        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(self.each()));
+        let watch = &dog.watch();
         for first in (0..count).step_by(per_task as usize) {
+            let size = (count - first).min(per_task);
+            watch.begin_task(size * self.each());
             let groups = &mut (first..count.min(first + per_task)).map(|index| self.group(index, groups));
             let (done, trapped) = if !whole && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers)
+                Gang::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut observers)
             } else {
                 let observer: &mut dyn Observer<64> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut observers)
+                Gang::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {
                 return Err(Box::new(trapped));
+            }
+            if dog.end_task(first / per_task, watch.spent()).is_some() {
+                return Err(Box::new(spent_together(self.last_id(first + size - 1, groups_of), &dog)));
             }
             stats = stats.plus(&done);
         }
@@ -190,8 +207,18 @@ impl Compute {
 
     /// Workgroups that one task of a thread runs.
     fn per_task(&self) -> u64 {
-        let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
-        (TASK / each).max(1)
+        (TASK / self.each()).max(1)
+    }
+
+    /// Invocations of a workgroup.
+    fn each(&self) -> u64 {
+        self.layout.size.iter().map(|&side| u64::from(side)).product()
+    }
+
+    /// `GlobalInvocationId` of the last invocation of a workgroup.
+    fn last_id(&self, index: u64, groups: [u32; 3]) -> [u32; 3] {
+        let group = self.group(index, groups);
+        std::array::from_fn(|axis| group.id[axis] * group.size[axis] + group.size[axis] - 1)
     }
 
     /// Runs as [`Compute::run`] does and returns the whole [`Trapped`], for sizes that it accepts.
@@ -209,42 +236,55 @@ impl Compute {
     {
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());
-        let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
+        let each = self.each();
         let per_task = self.per_task();
         let tasks = Tasks::new(count.div_ceil(per_task));
         let range = |task: u64| task * per_task..count.min((task + 1) * per_task);
         let shares = self.shared_memory(groups, resources).is_some();
-        let task = |task: u64| {
+        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(each));
+        let task = |task: u64, watch: &Arc<TaskWatch>| {
             let range = range(task);
             let invocations = (range.end - range.start) * each;
+            watch.begin_task(invocations);
             let groups = &mut range.map(|index| self.group(index, groups));
             let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match whole {
                 // A batch must hold whole subgroups, and their size divides the batch's.
                 Some(..=64) => {
-                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
+                    Gang::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
                 }
-                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut Observers::none()),
+                Some(_) => Gang::<128>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none()),
                 // One invocation after the other, so that every width gives the same.
                 None if self.program.order_dependent => {
-                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
+                    Gang::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
                 }
                 None if shares || self.mixes_atomics => {
-                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
+                    Gang::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
                 }
-                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Observers::none()),
+                None => Gang::<W>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none()),
             };
             done(invocations);
             result
         };
         let worker = || {
             let mut all = Done::default();
+            let watch = dog.watch();
             for index in tasks.iter().take_while(|&index| !tasks.is_beyond_trap(index)) {
-                let (stats, trapped) = task(index);
-                if trapped.is_some() {
+                let (stats, trapped) = task(index, &watch);
+                if let Some(trapped) = &trapped {
                     tasks.trap_at(index);
+                    if trapped.code.is_limit() {
+                        dog.stop_at((range(index).end * each).saturating_sub(1));
+                    }
                 }
                 all = all.and(Done { stats, trapped: trapped.map(|trapped| (index, trapped)) });
+                if let Some(over) = dog.end_task(index, watch.spent()) {
+                    tasks.trap_at(over);
+                    let last = range(over).end - 1;
+                    dog.stop_at((last + 1) * each - 1);
+                    let trapped = spent_together(self.last_id(last, groups), &dog);
+                    all = all.and(Done { stats: Stats::default(), trapped: Some((over, trapped)) });
+                }
             }
             all
         };
@@ -277,9 +317,11 @@ impl Compute {
         }
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
+        let watch = &Watchdog::new(self.launch_limits, count.saturating_mul(self.each())).watch();
+        watch.begin_task(count.saturating_mul(self.each()));
         let groups = &mut (0..count).map(|index| self.group(index, groups));
         let mut observers = Observers::of_operations(observer);
-        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers);
+        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 

@@ -12,14 +12,16 @@ use smallvec::SmallVec;
 
 use crate::error::Error;
 use crate::interp;
-use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, Trap, TrapCode, Workgroup};
+use crate::machine::{
+    Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, TaskWatch, Trap, TrapCode, Workgroup,
+};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::observer::Event;
-use crate::pipeline::trapped::{Trapped, source_line, trap_error};
+use crate::pipeline::trapped::{Trapped, limit_note, source_line, trap_error};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
 /// Lanes of a batch that wait behind a barrier.
@@ -72,13 +74,19 @@ pub(super) struct Gang<'a, const W: usize> {
     layout: WorkgroupLayout,
     stats: Stats,
     trapped: Option<Trapped>,
+    watch: Arc<TaskWatch>,
 }
 
 impl<'a, const W: usize> Gang<'a, W>
 where
     LaneKernel: Width<W>,
 {
-    pub fn new(compute: &'a Compute, bindings: &'a Bindings, layout: WorkgroupLayout) -> Self {
+    pub fn new(
+        compute: &'a Compute,
+        bindings: &'a Bindings,
+        layout: WorkgroupLayout,
+        watch: &Arc<TaskWatch>,
+    ) -> Self {
         let program = &*compute.program;
         let each = layout.size.iter().product::<u32>() as usize;
         // A call returns when all lanes of its batch have: workgroups that wait for themselves in
@@ -87,10 +95,15 @@ where
         let waits = program.ops.iter().any(|op| matches!(op, Op::Barrier));
         let together = if calls && waits { 1 } else { (W / each).max(1) };
         let members = (0..(each * together).div_ceil(W))
-            .map(|_| Member { batch: program.batch(), waiting: SmallVec::new() })
+            .map(|_| {
+                let mut batch = program.batch();
+                batch.watch = Some(watch.clone());
+                Member { batch, waiting: SmallVec::new() }
+            })
             .collect();
         let (stats, trapped) = (Stats::default(), None);
-        Self { compute, program, bindings, members, together, each, layout, stats, trapped }
+        let watch = watch.clone();
+        Self { compute, program, bindings, members, together, each, layout, stats, trapped, watch }
     }
 
     /// Runs workgroups; the trap of the first that has one.
@@ -105,8 +118,15 @@ where
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let together: Vec<_> = groups.by_ref().take(self.together).collect();
+            let first = together[0].index().saturating_mul(self.each as u64);
+            if self.watch.is_over() || self.watch.is_beyond(first) {
+                break;
+            }
+            self.watch.begin_batch();
             self.begin(&together);
             while self.advance(&together, observers) {}
+            let charged = self.members.iter_mut().map(|member| member.batch.take_charged());
+            self.watch.charge(charged.sum());
             let used = (together.len() * self.each).div_ceil(W);
             let queries = self.members[..used].iter().map(|member| member.batch.queries.initialized);
             self.stats.ray_queries += queries.sum::<u64>();
@@ -145,6 +165,7 @@ where
             }
             let mask = Mask::first(lanes);
             self.program.begin(&mut member.batch, mask, self.compute.fuel);
+            self.watch.charge(u64::from(self.program.entry_cost()) * u64::from(mask.count()));
             member.waiting.push(Waiting { block: member.batch.block, op: member.batch.op, mask });
             self.stats.count(self.program.stage, mask.count());
         }
@@ -157,6 +178,10 @@ where
         observers: &mut Observers<'_, O>,
     ) -> bool {
         for member in &mut self.members {
+            self.watch.look_at_clock();
+            if self.watch.expired().is_some() {
+                member.batch.look_soon();
+            }
             for start in std::mem::take(&mut member.waiting) {
                 member.run(start, self.program, self.bindings, observers);
             }
@@ -170,12 +195,17 @@ where
     /// Decides at the barrier whether a workgroup goes on.
     fn meet(&mut self, group: usize, workgroup: &Workgroup) {
         let positions = self.positions(group);
-        let trapped = positions.clone().find_map(|at| match self.members[at / W].batch.exits[at % W] {
+        let traps = positions.clone().filter_map(|at| match self.members[at / W].batch.exits[at % W] {
             Exit::Trapped(trap) => Some((at, trap)),
             _ => None,
         });
+        // Those that a limit stopped behind another invocation have nothing to report.
+        let trapped = traps.clone().find(|(_, trap)| trap.code != TrapCode::Callee);
+        let ends = traps.count() > 0;
         if let Some((at, trap)) = trapped {
             self.report(at, trap, workgroup, None);
+        }
+        if ends {
             return self.end(positions);
         }
         let barrier = |at: usize| {
@@ -224,6 +254,8 @@ where
             error = error.note(note);
         }
         let (stage, name) = (self.program.stage.name(), &self.program.name);
+        let limit = limit_note(trap.code, self.compute.fuel, Some(self.watch.watchdog()));
+        error = limit.into_iter().fold(error, Error::note);
         error = error.note(format!(
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));

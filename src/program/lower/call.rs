@@ -110,6 +110,7 @@ impl Lowering<'_> {
             self.translator.define(id, IdValue::Words(words));
         }
         self.begin(standing.label);
+        self.functions.push(self.blocks.len() as u32);
         self.body(function, &Return::StandingAlone { result: standing.result })
     }
 }
