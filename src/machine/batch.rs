@@ -295,7 +295,8 @@ impl<const W: usize> Batch<W> {
             if let Some(code) = over {
                 self.stop(code, op);
             }
-            let beyond = |lane: usize| self.live.contains(lane) && watch.is_beyond(self.invocations.number(lane));
+            let beyond =
+                |lane: usize| self.live.contains(lane) && watch.is_beyond(self.invocations.number(lane));
             let beyond = Mask::from_fn(beyond);
             if !beyond.is_empty() {
                 self.exit(beyond, Exit::Trapped(Trap { code: TrapCode::Callee, op }));

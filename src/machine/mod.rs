@@ -32,7 +32,7 @@ pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
 pub use lanes::{Lanes, Mask, REGISTER_POINTER, Reg, Registers, Scalar};
 pub use missed::MissedIndices;
 pub use observe::Observer;
-pub use printed::Printed;
+pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, Bindings, Bound, Buffer, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;

@@ -240,6 +240,12 @@ impl TrapCode {
         }
     }
 
+    /// Whether a message tells of a trap by a limit; see [`TrapCode::is_limit`].
+    pub fn names_limit(message: &str) -> bool {
+        let limits = [Self::OutOfFuel, Self::LaunchOutOfFuel, Self::LaunchTimedOut, Self::BatchTimedOut];
+        limits.iter().any(|code| message.ends_with(code.message()))
+    }
+
     /// Whether a limit of running stopped the invocation: what others have left behind then depends
     /// on how many of them run side by side.
     pub fn is_limit(self) -> bool {

@@ -59,11 +59,8 @@ pub struct LaunchLimits {
 impl LaunchLimits {
     /// What `anyhit test` and `anyhit smoke` set unless told otherwise: [`LaunchFuel::DEFAULT`] and
     /// 8 seconds for a batch.
-    pub const TESTS: Self = Self {
-        fuel: Some(LaunchFuel::DEFAULT),
-        timeout: None,
-        batch_timeout: Some(Duration::from_secs(8)),
-    };
+    pub const TESTS: Self =
+        Self { fuel: Some(LaunchFuel::DEFAULT), timeout: None, batch_timeout: Some(Duration::from_secs(8)) };
 }
 
 /// Shared by the threads of a launch.
@@ -143,7 +140,10 @@ impl Watchdog {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         ledger.ended.insert(task, spent);
         let mut over = None;
-        while let Some(spent) = { let next = ledger.next; ledger.ended.remove(&next) } {
+        while let Some(spent) = {
+            let next = ledger.next;
+            ledger.ended.remove(&next)
+        } {
             let before = ledger.sum;
             ledger.sum = before.saturating_add(spent);
             if before <= self.fuel && ledger.sum > self.fuel {
@@ -171,8 +171,7 @@ pub struct TaskWatch {
 }
 
 /// What [`TaskWatch::expired`] holds, counted from 1.
-const LIMITS: [TrapCode; 3] =
-    [TrapCode::LaunchOutOfFuel, TrapCode::LaunchTimedOut, TrapCode::BatchTimedOut];
+const LIMITS: [TrapCode; 3] = [TrapCode::LaunchOutOfFuel, TrapCode::LaunchTimedOut, TrapCode::BatchTimedOut];
 
 impl TaskWatch {
     /// The watchdog of its launch.

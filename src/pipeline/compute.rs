@@ -253,7 +253,9 @@ impl Compute {
                 Some(..=64) => {
                     Gang::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
                 }
-                Some(_) => Gang::<128>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none()),
+                Some(_) => {
+                    Gang::<128>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
+                }
                 // One invocation after the other, so that every width gives the same.
                 None if self.program.order_dependent => {
                     Gang::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
@@ -261,7 +263,9 @@ impl Compute {
                 None if shares || self.mixes_atomics => {
                     Gang::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
                 }
-                None => Gang::<W>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none()),
+                None => {
+                    Gang::<W>::new(self, &bindings, self.layout, watch).run(groups, &mut Observers::none())
+                }
             };
             done(invocations);
             result
@@ -321,7 +325,8 @@ impl Compute {
         watch.begin_task(count.saturating_mul(self.each()));
         let groups = &mut (0..count).map(|index| self.group(index, groups));
         let mut observers = Observers::of_operations(observer);
-        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut observers);
+        let (stats, trapped) =
+            Gang::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 

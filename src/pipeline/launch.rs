@@ -181,7 +181,8 @@ impl Launch<'_> {
         let tasks = Tasks::new((positions.end - positions.start).div_ceil(each));
         let watchdog = (dog, *first_task);
         *first_task += (positions.end - positions.start).div_ceil(each);
-        let work = Work { record, bindings: &bindings, order, tasks: &tasks, positions, each, done, watchdog };
+        let work =
+            Work { record, bindings: &bindings, order, tasks: &tasks, positions, each, done, watchdog };
         let worker = || match subgroups {
             Some(..=64) => self.work::<64>(&work),
             Some(_) => self.work::<128>(&work),
@@ -247,8 +248,8 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         watch.begin_task(range.end - range.start);
-        let mut stack =
-            Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer).watched(watch.clone());
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer)
+            .watched(watch.clone());
         stack.launch_all(record, order, range);
         (stack.stats, stack.trapped)
     }
@@ -307,11 +308,21 @@ impl Launch<'_> {
             let (done, trapped) = match one {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.observed_task(&bindings, record, (range, &order, &watch), (&mut on_event, &mut observer))
+                    self.observed_task(
+                        &bindings,
+                        record,
+                        (range, &order, &watch),
+                        (&mut on_event, &mut observer),
+                    )
                 }
                 false => {
                     let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.observed_task(&bindings, record, (range, &order, &watch), (&mut on_event, &mut observer))
+                    self.observed_task(
+                        &bindings,
+                        record,
+                        (range, &order, &watch),
+                        (&mut on_event, &mut observer),
+                    )
                 }
             };
             if let Some(trapped) = trapped {

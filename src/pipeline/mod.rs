@@ -29,8 +29,8 @@ mod workgroup;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{LaunchLimits, Resources};
 use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
+use crate::machine::{LaunchLimits, Resources};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::program::Program;

@@ -400,8 +400,14 @@ where
             // A ray that no shader has traced.
             let note = limit_note(code, self.pipeline.fuel, Some(watch.watchdog()));
             let error = note.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note);
-            self.trapped =
-                Some(Trapped { launch_id: [0; 3], code, fault_value: 0, shader: Shader(0), offset: 0, error });
+            self.trapped = Some(Trapped {
+                launch_id: [0; 3],
+                code,
+                fault_value: 0,
+                shader: Shader(0),
+                offset: 0,
+                error,
+            });
         }
     }
 
@@ -493,9 +499,7 @@ where
 
     /// How many callable shaders are in progress.
     fn callable_depth(&self) -> u32 {
-        let is_callable = |frame: &&ShaderCallFrame<W>| {
-            matches!(frame, ShaderCallFrame::Shader(running) if running.role == Role::Callable)
-        };
+        let is_callable = |frame: &&ShaderCallFrame<W>| matches!(frame, ShaderCallFrame::Shader(running) if running.role == Role::Callable);
         self.frames.iter().rev().filter(is_callable).count() as u32
     }
 

@@ -122,9 +122,11 @@ impl Program {
     /// The variables that the blocks of a loop use and whose registers hold their values: no pass
     /// has removed a store to them, or given them other registers.
     fn known_variables(&self, to: u32, from: u32) -> Vec<LoopVariable> {
-        let entry = self.module.entry_points.iter().find(|entry| {
-            entry.stage == self.stage && entry.name == self.name
-        });
+        let entry = self
+            .module
+            .entry_points
+            .iter()
+            .find(|entry| entry.stage == self.stage && entry.name == self.name);
         let options = LowerOptions { verify: false, ..LowerOptions::default() };
         let lowered = entry.and_then(|entry| {
             let (translated, _) = translate(&self.module, entry, options).ok()?;

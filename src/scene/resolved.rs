@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::Place;
-use crate::machine::MemoryPolicy;
+use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
 use crate::scene::read::Document;
@@ -41,9 +41,15 @@ pub struct ResolvedScene {
     pub max_recursion_depth: Option<u32>,
     /// The number of invocations in a subgroup, where the scene says.
     pub subgroup_size: Option<u32>,
-    /// Instructions that an invocation may execute, counted at back edges and calls, where the
-    /// scene says.
+    /// How deeply callable shaders may call each other, where the scene says.
+    pub max_callable_depth: Option<u32>,
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops, where
+    /// the scene says.
     pub fuel: Option<u64>,
+    /// The limits of each launch and dispatch.
+    pub launch_limits: LaunchLimits,
+    /// How many bytes of what shaders print are kept.
+    pub printed_bytes: PrintedBytes,
     /// What becomes of an access outside its buffer or image.
     pub memory: MemoryPolicy,
     /// Width, height and depth of the launch.
