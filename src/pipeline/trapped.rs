@@ -132,7 +132,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
 }
 
 /// Names the limit that stopped an invocation, and how it is raised.
-pub(super) fn limit_note(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<String> {
+pub(crate) fn limit_note(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<String> {
     let limits = dog.map(Watchdog::limits);
     let seconds = |limit: Option<Option<Duration>>| limit.flatten().unwrap_or_default().as_secs_f64();
     match code {
