@@ -20,7 +20,7 @@ pub struct LaunchLimitArgs {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     timeout: Option<Duration>,
     /// Seconds that a batch of invocations which run together may take, or none; what is ended then
-    /// depends on the machine [default: of `test` and `smoke` 8, else none]
+    /// depends on the machine [default: of `test` 8, of `smoke` 4, else none]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     batch_timeout: Option<Duration>,
 }

@@ -74,7 +74,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         seed: args.seed,
         fuel: args.budget.unwrap_or(args.fuel),
         total_fuel: args.total_fuel,
-        launch_limits: args.limits.limits(LaunchLimits::TESTS),
+        launch_limits: args.limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,
     };
     let report = smoke::run(&module, options);

@@ -246,6 +246,11 @@ impl TrapCode {
         limits.iter().any(|code| message.ends_with(code.message()))
     }
 
+    /// Whether the clock stopped the invocation: where it was then depends on the machine.
+    pub fn is_of_clock(self) -> bool {
+        matches!(self, Self::LaunchTimedOut | Self::BatchTimedOut)
+    }
+
     /// Whether a limit of running stopped the invocation: what others have left behind then depends
     /// on how many of them run side by side.
     pub fn is_limit(self) -> bool {

@@ -57,8 +57,8 @@ pub struct LaunchLimits {
 }
 
 impl LaunchLimits {
-    /// What `anyhit test` and `anyhit smoke` set unless told otherwise: [`LaunchFuel::DEFAULT`] and
-    /// 8 seconds for a batch.
+    /// What `anyhit test` sets unless told otherwise: [`LaunchFuel::DEFAULT`] and 8 seconds for a
+    /// batch.
     pub const TESTS: Self =
         Self { fuel: Some(LaunchFuel::DEFAULT), timeout: None, batch_timeout: Some(Duration::from_secs(8)) };
 }

@@ -70,7 +70,7 @@ impl Default for SmokeOptions {
     fn default() -> Self {
         // A call costs all instructions of the function called, of which a module is known to have
         // 164,798 once it is inlined.
-        let (fuel, launch_limits) = (1 << 21, LaunchLimits::TESTS);
+        let (fuel, launch_limits) = (1 << 21, LaunchLimits::SMOKE);
         Self { seed: 1, fuel, launch_limits, total_fuel: 1 << 27, time_limit: None }
     }
 }

@@ -385,6 +385,10 @@ impl EntryUnderTest<'_> {
         let (fuel, limits) = (self.options.fuel, self.options.launch_limits);
         let run = Once { way, program, given: &given, set: watched.set, fuel, limits };
         let trapped = run.run(&mut stand_in, &mut ())?;
+        // The clock is no part of what a shader does.
+        if trapped.as_ref().is_some_and(|trap| trap.code.is_of_clock()) {
+            return Ok(());
+        }
         let end = |trapped: &Option<Box<Trapped>>| trapped.as_ref().map(|trap| (trap.code, trap.offset));
         let (watched, unwatched) = (end(&watched.trapped), end(&trapped));
         assert_eq!(
