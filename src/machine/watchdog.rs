@@ -61,6 +61,8 @@ impl LaunchLimits {
     /// batch.
     pub const TESTS: Self =
         Self { fuel: Some(LaunchFuel::DEFAULT), timeout: None, batch_timeout: Some(Duration::from_secs(8)) };
+    /// What `anyhit smoke` sets, which runs a shader many times: 4 seconds for a batch.
+    pub const SMOKE: Self = Self { batch_timeout: Some(Duration::from_secs(4)), ..Self::TESTS };
 }
 
 /// Shared by the threads of a launch.
