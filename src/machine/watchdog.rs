@@ -181,8 +181,8 @@ impl TaskWatch {
         &self.dog
     }
 
-    /// Begins a task of so many invocations. It may spend what they may, but not more than the whole
-    /// launch: so what a task comes to depends on no other.
+    /// Begins a task of so many invocations. It may spend what they may, but not more than the
+    /// whole launch: so what a task comes to depends on no other.
     pub fn begin_task(&self, invocations: u64) {
         let own = self.dog.limits.fuel.map_or(u64::MAX, |fuel| fuel.of_invocations(invocations));
         self.fuel.store(own.min(self.dog.fuel), Relaxed);

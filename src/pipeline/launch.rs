@@ -143,8 +143,8 @@ impl Launch<'_> {
     /// receives how many more invocations have ended.
     ///
     /// # Errors
-    /// The trap of the lowest launch index. The other invocations have run nevertheless, but where a
-    /// limit stopped one: then those behind it are stopped, too, and what they have left behind
+    /// The trap of the lowest launch index. The other invocations have run nevertheless, but where
+    /// a limit stopped one: then those behind it are stopped, too, and what they have left behind
     /// depends on the width.
     pub fn run<const W: usize>(&self, size: [u32; 3], done: &(dyn Fn(u64) + Sync)) -> Result<Stats>
     where
@@ -155,8 +155,8 @@ impl Launch<'_> {
     }
 
     /// Runs the invocations at a range of positions in a launch's order. The range starts at a
-    /// multiple of the widest batch. The watchdog is that of the whole launch; its tasks are numbered
-    /// on from one range to the next.
+    /// multiple of the widest batch. The watchdog is that of the whole launch; its tasks are
+    /// numbered on from one range to the next.
     pub(super) fn run_positions<const W: usize>(
         &self,
         size: [u32; 3],
