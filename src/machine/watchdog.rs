@@ -136,9 +136,7 @@ impl Watchdog {
     /// Records what a task has spent; the first task up to which all together have spent more than
     /// the launch may, once that is known. It does not depend on the order in which tasks end.
     pub fn end_task(&self, task: u64, spent: u64) -> Option<u64> {
-        if self.limits.fuel.is_none() {
-            return None;
-        }
+        self.limits.fuel?;
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         ledger.ended.insert(task, spent);
         let mut over = None;
