@@ -7,7 +7,7 @@ use super::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
 use crate::error::{Error, Place, Result};
 use crate::module::{Module, load};
 
-/// How a source is compiled by default: with lines, so that a trap can name its own.
+/// How a source is compiled by default: with line numbers, so that traps can name them.
 const OPTIONS: CompileOptions =
     CompileOptions { debug: DebugInfoLevel::Lines, optimize: super::Optimize::Default };
 
@@ -21,7 +21,7 @@ impl Module {
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
-        // The first word decides before the name does.
+        // The content decides before the extension does.
         let text = bytes.first().is_some_and(|first| first.is_ascii_graphic() || first.is_ascii_whitespace());
         if text && Language::of(path).is_some() {
             return Self::compile(&Source::read(path)?, &OPTIONS);

@@ -1,18 +1,18 @@
-//! A batch: up to W invocations of one entry point, and where each of them is.
+//! A batch: up to W invocations of one entry point, and the block in which each of them is.
 //!
-//! Lanes that stand in different blocks wait for each other by the blocks' order: the batch always
-//! runs the lowest block in which a lane waits. As a program's blocks are in structured order
-//! (a merge block after everything that it merges, a loop's merge after the loop), lanes meet again
-//! at the merge block, and no stack of masks is needed.
+//! Lanes diverge at branches: the batch always runs the lowest block in which a lane waits. As a
+//! program's blocks are in structured order (a merge block after everything that it merges, a
+//! loop's merge after the loop), lanes reconverge at the merge block, and no stack of masks is
+//! needed.
 
 use std::sync::Arc;
 
 use crate::machine::hit_object::HitObjects;
 use crate::machine::invocation::Invocations;
 use crate::machine::lanes::{Mask, Reg, Registers};
-use crate::machine::missed::MissedIndices;
+use crate::machine::out_of_bounds::OutOfBoundsIndices;
 use crate::machine::ray_query::RayQueries;
-use crate::machine::trap::{Accessed, Exit, Trap, TrapCode};
+use crate::machine::trap::{AccessFault, Exit, Trap, TrapCode};
 use crate::machine::turns::Turns;
 use crate::machine::watchdog::{SLICE, TaskWatch};
 
@@ -29,11 +29,11 @@ struct Waiting<const W: usize> {
 /// A call in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<const W: usize> {
-    /// The block to go on with when every lane has returned.
+    /// The block that runs when every lane has returned.
     pub return_to: u32,
     /// The lanes that called.
     pub mask: Mask<W>,
-    /// How many entries of the waiting list belong to callers.
+    /// The number of entries of the waiting list that belong to callers.
     base: usize,
 }
 
@@ -42,7 +42,7 @@ pub struct Frame<const W: usize> {
 pub struct Batch<const W: usize> {
     /// The register file.
     pub registers: Registers<W>,
-    /// What builtins read.
+    /// The state that builtins read.
     pub invocations: Box<Invocations<W>>,
     /// The lanes that run now.
     pub mask: Mask<W>,
@@ -57,16 +57,16 @@ pub struct Batch<const W: usize> {
     pub silent: bool,
     /// How each lane ended, meaningful once it has.
     pub exits: [Exit; W],
-    /// The byte offset or device address that a lane asked for, meaningful once the access has
-    /// stopped it.
+    /// The byte offset or device address of the access at which a lane trapped; for a trace, the
+    /// rule that its ray breaks. Meaningful once the lane has trapped.
     pub fault_value: [u64; W],
-    /// The indices that were outside their arrays, whether or not an access follows them.
-    pub missed: MissedIndices<W>,
+    /// The indices that were outside their arrays, whether or not an access through them follows.
+    pub out_of_bounds_indices: OutOfBoundsIndices<W>,
     /// The ray queries that variables hold.
     pub queries: RayQueries,
     /// The hit objects that variables hold.
     pub hit_objects: HitObjects,
-    /// How many instructions that reorder were executed, counted by lanes.
+    /// The number of reorder instructions that were executed, summed over lanes.
     pub reorders: u64,
     /// What ends the launch that it belongs to, where it belongs to one.
     pub watch: Option<Arc<TaskWatch>>,
@@ -74,22 +74,22 @@ pub struct Batch<const W: usize> {
     pub watched: Arc<[Reg]>,
     /// The last turns of loops, of lanes that have little fuel left.
     pub turns: Turns,
-    /// What accesses that trapped meant, by lane; see [`Batch::accessed`].
-    accessed: Vec<(usize, Accessed)>,
+    /// Details of accesses that trapped, with their lanes; see [`Batch::access_fault`].
+    access_faults: Vec<(usize, AccessFault)>,
     /// The lanes that have not been stopped.
     live: Mask<W>,
-    /// Operations that each lane may spend at back edges and calls, less what it has spent without
-    /// the others.
+    /// The fuel of each lane, less what it has consumed without the others. Fuel is consumed at
+    /// back edges and calls.
     fuel: [u64; W],
-    /// What every running lane has spent together with all others.
-    spent: u64,
-    /// A lane may spend as much before [`Batch::spend_the_last`] is asked; no live lane's fuel is
-    /// less.
-    least: u64,
+    /// The fuel that every live lane has consumed together with all others.
+    consumed_together: u64,
+    /// A lower bound of the live lanes' `fuel`, and how much a lane may consume before
+    /// [`Batch::consume_last_fuel`] is called.
+    min_fuel: u64,
     /// Instructions charged to all lanes and not yet to the launch, but for what live lanes have
     /// spent together since `settled`.
     charged: u64,
-    /// What of `spent` is in `charged`.
+    /// What of `consumed_together` is in `charged`.
     settled: u64,
     /// Lanes that wait at later blocks, the lowest block last.
     waiting: Vec<Waiting<W>>,
@@ -109,8 +109,8 @@ impl<const W: usize> Batch<W> {
             silent: false,
             exits: [Exit::Returned; W],
             fault_value: [0; W],
-            accessed: Vec::new(),
-            missed: MissedIndices::default(),
+            access_faults: Vec::new(),
+            out_of_bounds_indices: OutOfBoundsIndices::default(),
             queries: RayQueries::default(),
             hit_objects: HitObjects::default(),
             reorders: 0,
@@ -119,8 +119,8 @@ impl<const W: usize> Batch<W> {
             turns: Turns::default(),
             live: Mask::NONE,
             fuel: [0; W],
-            spent: 0,
-            least: 0,
+            consumed_together: 0,
+            min_fuel: 0,
             charged: 0,
             settled: 0,
             waiting: Vec::new(),
@@ -137,12 +137,12 @@ impl<const W: usize> Batch<W> {
         self.op = op;
         self.paused = false;
         self.silent = false;
-        self.accessed.clear();
-        self.missed.clear();
+        self.access_faults.clear();
+        self.out_of_bounds_indices.clear();
         self.exits = [Exit::Returned; W];
         self.fuel = [fuel; W];
-        self.spent = 0;
-        self.least = slice(fuel);
+        self.consumed_together = 0;
+        self.min_fuel = slice(fuel);
         self.charged = 0;
         self.settled = 0;
         self.turns.clear();
@@ -195,7 +195,7 @@ impl<const W: usize> Batch<W> {
         self.block = block;
     }
 
-    /// Ends lanes for good.
+    /// Ends lanes.
     pub fn exit(&mut self, mask: Mask<W>, exit: Exit) {
         for lane in mask.lanes() {
             self.exits[lane] = exit;
@@ -214,38 +214,38 @@ impl<const W: usize> Batch<W> {
         self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
     }
 
-    /// Remembers what the access meant that a lane traps at, as its registers may change later.
+    /// Records the details of an access at which a lane traps, as its registers may change later.
     #[cold]
-    pub fn remember_access(&mut self, lane: usize, accessed: Accessed) {
+    pub fn record_access_fault(&mut self, lane: usize, fault: AccessFault) {
         if !self.silent {
-            self.accessed.push((lane, accessed));
+            self.access_faults.push((lane, fault));
         }
     }
 
-    /// What the access meant that a lane trapped at.
-    pub fn accessed(&self, lane: usize) -> Option<&Accessed> {
-        self.accessed.iter().find(|(of, _)| *of == lane).map(|(_, accessed)| accessed)
+    /// The details of the access at which a lane trapped.
+    pub fn access_fault(&self, lane: usize) -> Option<&AccessFault> {
+        self.access_faults.iter().find(|(of, _)| *of == lane).map(|(_, fault)| fault)
     }
 
-    /// Charges lanes; those that cannot pay are stopped.
+    /// Consumes fuel of lanes; those that have too little are stopped.
     #[inline]
-    pub fn spend(&mut self, mask: Mask<W>, cost: u32, op: u32) {
+    pub fn consume_fuel(&mut self, mask: Mask<W>, cost: u32, op: u32) {
         let cost = u64::from(cost);
-        if self.least - self.spent < cost {
-            self.spend_the_last(mask, cost, op);
+        if self.min_fuel - self.consumed_together < cost {
+            self.consume_last_fuel(mask, cost, op);
         } else if mask == self.live {
-            self.spent += cost;
+            self.consumed_together += cost;
         } else {
             mask.lanes().for_each(|lane| self.fuel[lane] -= cost);
-            self.least -= cost;
+            self.min_fuel -= cost;
             self.charged += cost * u64::from(mask.count());
         }
     }
 
-    /// Adds to what is charged what live lanes have spent together.
+    /// Adds to what is charged what live lanes have consumed together.
     fn settle(&mut self) {
-        self.charged += (self.spent - self.settled) * u64::from(self.live.count());
-        self.settled = self.spent;
+        self.charged += (self.consumed_together - self.settled) * u64::from(self.live.count());
+        self.settled = self.consumed_together;
     }
 
     /// Takes the instructions charged to all lanes since the last time.
@@ -256,13 +256,13 @@ impl<const W: usize> Batch<W> {
 
     /// Lets the next charge look at the watchdog.
     pub fn look_soon(&mut self) {
-        self.least = self.spent;
+        self.min_fuel = self.consumed_together;
     }
 
-    /// As [`Batch::spend`], where the fuel of some lane may not cover the cost, or where it is time
-    /// to look at the watchdog.
+    /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost, or
+    /// where it is time to look at the watchdog.
     #[cold]
-    fn spend_the_last(&mut self, mask: Mask<W>, cost: u64, op: u32) {
+    fn consume_last_fuel(&mut self, mask: Mask<W>, cost: u64, op: u32) {
         self.settle();
         self.charged += cost * u64::from(mask.count());
         let watch = self.watch.clone();
@@ -272,8 +272,8 @@ impl<const W: usize> Batch<W> {
             watch.expired()
         });
         let mut noted: Mask<W> = Mask::NONE;
-        let broke = Mask::from_fn(|lane| {
-            let left = self.fuel[lane].saturating_sub(self.spent);
+        let exhausted = Mask::from_fn(|lane| {
+            let left = self.fuel[lane].saturating_sub(self.consumed_together);
             let charge = if mask.contains(lane) { cost } else { 0 };
             if charge > 0 && (left <= LAST_FUEL || expired.is_some()) {
                 noted = noted | Mask::lane(lane);
@@ -281,16 +281,16 @@ impl<const W: usize> Batch<W> {
             self.fuel[lane] = left.saturating_sub(charge);
             left < charge
         });
-        self.spent = 0;
+        self.consumed_together = 0;
         self.settled = 0;
         let over = watch.as_ref().and_then(|watch| watch.step_behind());
         for lane in noted.lanes() {
-            let is_last = over.is_some() || broke.contains(lane);
+            let is_last = over.is_some() || exhausted.contains(lane);
             self.turns.note((lane, op), is_last, &self.registers, &self.watched);
         }
-        self.trap(broke, TrapCode::OutOfFuel, op);
+        self.trap(exhausted, TrapCode::OutOfFuel, op);
         if let Some(watch) = &watch {
-            let stopped = broke.lanes().map(|lane| self.invocations.number(lane)).min();
+            let stopped = exhausted.lanes().map(|lane| self.invocations.number(lane)).min();
             stopped.into_iter().for_each(|number| watch.watchdog().stop_at(number));
             if let Some(code) = over {
                 self.stop(code, op);
@@ -302,7 +302,7 @@ impl<const W: usize> Batch<W> {
                 self.exit(beyond, Exit::Trapped(Trap { code: TrapCode::Callee, op }));
             }
         }
-        self.least = match expired {
+        self.min_fuel = match expired {
             Some(_) => 0,
             None => self.live.lanes().map(|lane| slice(self.fuel[lane])).min().unwrap_or(0),
         };
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_meet_again_at_the_merge_block() {
+    fn lanes_reconverge_at_the_merge_block() {
         let mut batch = batch();
         assert!(batch.follow([(1, Mask::first(1)), (2, !Mask::first(1))]));
         assert_eq!((batch.block, batch.mask.count()), (1, 1));
@@ -401,9 +401,9 @@ mod tests {
     #[test]
     fn a_lane_without_fuel_is_stopped() {
         let mut batch = batch();
-        batch.spend(Mask::ALL, 10, 0);
+        batch.consume_fuel(Mask::ALL, 10, 0);
         assert_eq!(batch.mask.count(), 4);
-        batch.spend(Mask::first(3), 1, 0);
+        batch.consume_fuel(Mask::first(3), 1, 0);
         assert_eq!(batch.mask, Mask::lane(3));
     }
 }

@@ -1,4 +1,4 @@
-//! What shaders print (`NonSemantic.DebugPrintf`), collected while they run.
+//! The output of shaders (`NonSemantic.DebugPrintf`), collected while they run.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -82,8 +82,8 @@ impl Printed {
         lines.keep();
     }
 
-    /// Takes all texts so far, in launch order; those of one launch index as they came. Where some
-    /// were cut, the last text says how many.
+    /// Takes all texts so far, in launch order; those of one invocation in the order of printing.
+    /// Where some were cut, the last text says how many.
     pub fn take(&self) -> Vec<PrintedLine> {
         let lines = std::mem::take(&mut *self.lines.lock().unwrap_or_else(PoisonError::into_inner));
         let line = |[z, y, x]: [u32; 3], text| PrintedLine { launch_id: [x, y, z], text };

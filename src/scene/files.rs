@@ -1,4 +1,4 @@
-//! Where a scene's files come from: the disk, or the binary itself.
+//! Reads the files of a scene from the disk, or from the binary.
 
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
@@ -26,7 +26,7 @@ impl Files for DiskFiles {
     fn read(&self, path: &Path) -> Result<Vec<u8>> {
         let file = std::fs::File::open(path).map_err(|source| Error::io(path, source))?;
         let mut bytes = Vec::new();
-        // `take` and not the file's reported size: devices and pipes report none.
+        // The file's reported size is not used, because devices and pipes report none.
         file.take(MAX_FILE_SIZE + 1).read_to_end(&mut bytes).map_err(|source| Error::io(path, source))?;
         if bytes.len() as u64 > MAX_FILE_SIZE {
             let message = format!("{}: larger than {MAX_FILE_SIZE} bytes", path.display());
@@ -50,7 +50,7 @@ impl Files for EmbeddedFiles<'_> {
     }
 }
 
-/// `a/./b/../c` as `a/c`. Embedded files have no links, so this loses nothing.
+/// Normalises `a/./b/../c` to `a/c`. That is correct for embedded files, which have no links.
 fn normalise(path: &Path) -> PathBuf {
     let mut parts: Vec<Component<'_>> = Vec::new();
     for part in path.components() {

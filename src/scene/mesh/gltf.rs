@@ -13,9 +13,10 @@ use crate::scene::mesh::Mesh;
 
 /// How deep nodes may be nested.
 const MAX_DEPTH: usize = 256;
-/// The most nodes that are visited: two nodes that list a third twice, and so on, double each time.
+/// The most nodes that are visited: nodes that list another one twice each visit exponentially
+/// many.
 const MAX_NODES: usize = 1 << 20;
-/// The most vertices that one file may give, its shared meshes counted each time.
+/// The most vertices that one file may have; shared meshes count each time.
 const MAX_VERTICES: usize = 1 << 27;
 
 /// The triangles of the default scene, or of the mesh with the given name.
@@ -124,10 +125,10 @@ impl Reader {
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             return Err(invalid("a primitive without positions"));
         };
-        self.check(&positions, DataType::F32, Dimensions::Vec3)?;
+        self.check_accessor(&positions, DataType::F32, Dimensions::Vec3)?;
         let indices = primitive.indices();
         if let Some(accessor) = &indices {
-            self.check(accessor, accessor.data_type(), Dimensions::Scalar)?;
+            self.check_accessor(accessor, accessor.data_type(), Dimensions::Scalar)?;
         }
         let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let vertices: Vec<[f32; 3]> =
@@ -156,8 +157,8 @@ impl Reader {
         Ok(())
     }
 
-    /// The `gltf` crate trusts accessors; this makes sure that each stays within its buffer.
-    fn check(&self, accessor: &Accessor<'_>, data: DataType, dimensions: Dimensions) -> Result<()> {
+    /// Checks that an accessor is within its buffer, which the `gltf` crate does not.
+    fn check_accessor(&self, accessor: &Accessor<'_>, data: DataType, dimensions: Dimensions) -> Result<()> {
         let index = accessor.index();
         let wrong = |what: &str| Err(invalid(format!("accessor {index} {what}")));
         if accessor.data_type() != data || accessor.dimensions() != dimensions {
@@ -167,7 +168,7 @@ impl Reader {
             return wrong(&format!("has {} elements", accessor.count()));
         }
         if let Some(view) = accessor.view() {
-            if !self.holds(&view, accessor.offset(), accessor.count(), accessor.size()) {
+            if !self.view_contains(&view, accessor.offset(), accessor.count(), accessor.size()) {
                 return wrong("reaches beyond its buffer");
             }
         } else if accessor.sparse().is_none() {
@@ -178,15 +179,15 @@ impl Reader {
         let count = sparse.count();
         if count == 0
             || count > accessor.count()
-            || !self.holds(&indices.view(), indices.offset(), count, indices.index_type().size())
-            || !self.holds(&values.view(), values.offset(), count, accessor.size())
+            || !self.view_contains(&indices.view(), indices.offset(), count, indices.index_type().size())
+            || !self.view_contains(&values.view(), values.offset(), count, accessor.size())
         {
             return wrong("has sparse values beyond their buffer");
         }
         Ok(())
     }
 
-    fn holds(&self, view: &gltf::buffer::View<'_>, offset: usize, count: usize, size: usize) -> bool {
+    fn view_contains(&self, view: &gltf::buffer::View<'_>, offset: usize, count: usize, size: usize) -> bool {
         let stride = view.stride().unwrap_or(size);
         let last = (count - 1).checked_mul(stride).and_then(|x| x.checked_add(size));
         let end = last.and_then(|x| x.checked_add(offset));
@@ -198,7 +199,8 @@ impl Reader {
     }
 }
 
-/// glTF 2.0, 3.7.2.1: strips alternate their winding, fans turn around their first corner.
+/// Makes triangles of strips, which alternate their winding, and fans, which share their first
+/// corner (glTF 2.0, 3.7.2.1).
 fn triangles(mode: Mode, corners: &[u32]) -> Vec<u32> {
     match mode {
         Mode::TriangleStrip => corners
@@ -214,7 +216,7 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<u32> {
     }
 }
 
-/// RFC 4648, section 4, with or without padding.
+/// Decodes base64 (RFC 4648, section 4), with or without padding.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let digits = text.trim_end_matches('=').bytes().map(|byte| match byte {
         b'A'..=b'Z' => Some(byte - b'A'),
