@@ -87,7 +87,7 @@ pub struct Batch<const W: usize> {
     /// [`Batch::consume_last_fuel`] is called.
     min_fuel: u64,
     /// Instructions charged to all lanes and not yet to the launch, but for what live lanes have
-    /// spent together since `settled`.
+    /// consumed together since `settled`.
     charged: u64,
     /// What of `consumed_together` is in `charged`.
     settled: u64,
@@ -259,8 +259,8 @@ impl<const W: usize> Batch<W> {
         self.min_fuel = self.consumed_together;
     }
 
-    /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost, or
-    /// where it is time to look at the watchdog.
+    /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost,
+    /// or where it is time to look at the watchdog.
     #[cold]
     fn consume_last_fuel(&mut self, mask: Mask<W>, cost: u64, op: u32) {
         self.settle();
@@ -355,7 +355,7 @@ impl<const W: usize> Batch<W> {
     }
 }
 
-/// What a lane with so much fuel may spend before the watchdog is asked, and turns are noted.
+/// What a lane with so much fuel may consume before the watchdog is asked, and turns are noted.
 fn slice(fuel: u64) -> u64 {
     fuel.saturating_sub(LAST_FUEL).min(SLICE)
 }

@@ -361,7 +361,7 @@ impl<const W: usize> Invocations<W> {
     pub fn number(&self, lane: usize) -> u64 {
         if let Some(workgroup) = self.workgroup(lane) {
             let each = u64::from(workgroup.invocations());
-            return workgroup.index().saturating_mul(each) + u64::from(self.place.0[lane]);
+            return workgroup.index().saturating_mul(each) + u64::from(self.subgroup_order.0[lane]);
         }
         let [x, y, z] = self.launch_id(lane).map(u64::from);
         let [width, height, _] = self.launch_size.map(u64::from);

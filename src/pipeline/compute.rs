@@ -180,11 +180,11 @@ impl Compute {
         let mut stats = Stats::default();
         // Tasks as in `run_to_trap`, so that the same workgroups share a batch.
         let groups_per_task = self.groups_per_task();
-        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(self.each()));
+        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size()));
         let watch = &dog.watch();
         for first in (0..count).step_by(groups_per_task as usize) {
             let size = (count - first).min(groups_per_task);
-            watch.begin_task(size * self.each());
+            watch.begin_task(size * self.group_size());
             let groups =
                 &mut (first..count.min(first + groups_per_task)).map(|index| self.group(index, groups));
             let (task_stats, trapped) = if !uses_subgroups && self.program.order_dependent {
@@ -243,7 +243,7 @@ impl Compute {
         let tasks = TaskQueue::new(count.div_ceil(groups_per_task));
         let range = |task: u64| task * groups_per_task..count.min((task + 1) * groups_per_task);
         let shares = self.shared_memory(groups, resources).is_some();
-        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(each));
+        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(group_size));
         let task = |task: u64, watch: &Arc<TaskWatch>| {
             let range = range(task);
             let invocations = (range.end - range.start) * group_size;
@@ -279,7 +279,7 @@ impl Compute {
                 if let Some(trapped) = &trapped {
                     tasks.record_trap(index);
                     if trapped.code.is_limit() {
-                        dog.stop_at((range(index).end * each).saturating_sub(1));
+                        dog.stop_at((range(index).end * group_size).saturating_sub(1));
                     }
                 }
                 all = all.merge(TaskResults { stats, trapped: trapped.map(|trapped| (index, trapped)) });
@@ -322,8 +322,8 @@ impl Compute {
         }
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
-        let watch = &Watchdog::new(self.launch_limits, count.saturating_mul(self.each())).watch();
-        watch.begin_task(count.saturating_mul(self.each()));
+        let watch = &Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size())).watch();
+        watch.begin_task(count.saturating_mul(self.group_size()));
         let groups = &mut (0..count).map(|index| self.group(index, groups));
         let mut observers = Observers::interpreter_only(observer);
         let (stats, trapped) =

@@ -7,7 +7,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::op::{Access, Op};
 use crate::program::lower::{LowerOptions, lower_with, translate};
-use crate::program::regalloc::is_idle;
+use crate::program::regalloc::is_noop;
 use crate::program::{Program, Terminator};
 
 /// A variable in registers, or a phi, of which the report of a loop can tell.
@@ -139,7 +139,7 @@ impl Program {
         let registers = translated.register_count.max(optimized.register_count) as usize;
         let stores = [&translated.ops, &optimized.ops, &optimized.optimized.ops].map(|ops| {
             let mut stores = vec![0u32; registers];
-            for op in ops.iter().filter(|op| !is_idle(op)) {
+            for op in ops.iter().filter(|op| !is_noop(op)) {
                 each_register(op, true, &mut |reg| {
                     if let Some(count) = stores.get_mut(reg.0 as usize) {
                         *count += 1;
