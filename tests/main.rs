@@ -25,6 +25,7 @@ mod laws;
 mod layering;
 mod load_fixtures;
 mod load_hostile;
+mod load_limits;
 mod lower_fixtures;
 mod lower_hostile;
 mod names;

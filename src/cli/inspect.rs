@@ -7,6 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::Module;
@@ -25,6 +26,8 @@ pub struct InspectArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// Runs the command. Entry points that are not supported are a finding, not an error.
@@ -32,7 +35,7 @@ pub struct InspectArgs {
 /// # Errors
 /// What reading and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
-    let module = Arc::new(module_file::read(&args.module)?);
+    let module = Arc::new(module_file::read(&args.module, args.limits.module_limits())?);
     let report = ModuleReport::of(&module);
     if !args.json {
         return output::print(format_args!("{}\n{}", args.module.display(), report.text()));

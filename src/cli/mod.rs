@@ -8,6 +8,7 @@
 pub mod check_math;
 pub mod compile;
 pub mod inspect;
+mod limits;
 mod module_file;
 mod output;
 mod precision;

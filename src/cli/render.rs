@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -57,6 +58,9 @@ pub struct RenderArgs {
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// Runs the command.
@@ -69,8 +73,13 @@ pub fn run(args: RenderArgs) -> Result<()> {
         let message = "`--json` is for --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
-    let options =
-        LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
+    let options = LoadOptions {
+        size: args.size,
+        precision: args.precision,
+        streams: true,
+        module_limits: args.limits.module_limits(),
+        ..LoadOptions::default()
+    };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let resolved = match &args.scene {

@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use clap::Args;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::Result;
@@ -53,6 +54,8 @@ pub struct RunArgs {
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// Runs the command.
@@ -66,7 +69,8 @@ pub fn run(args: RunArgs) -> Result<()> {
     let scene = match is_scene {
         true => {
             args.bare_module.refuse()?;
-            let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
+            let module_limits = args.limits.module_limits();
+            let options = LoadOptions { precision: args.precision, module_limits, ..LoadOptions::default() };
             scene::load(&args.file, &DiskFiles, &options)?
         }
         false if args.precision.is_some() => {
@@ -74,7 +78,7 @@ pub fn run(args: RunArgs) -> Result<()> {
                 "`--precision` needs a scene: a module by itself meets no geometry".into(),
             ));
         }
-        false => args.bare_module.scene(&args.file)?,
+        false => args.bare_module.scene(&args.file, args.limits.module_limits())?,
     };
     output::notes(&scene.notes);
     let mut assembled = scene::assemble(&scene)?;

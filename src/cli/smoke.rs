@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
@@ -44,6 +45,8 @@ pub struct SmokeArgs {
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 fn seconds(text: &str) -> std::result::Result<Duration, String> {
@@ -62,7 +65,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = Arc::new(module_file::read_or_compile(&args.module)?);
+    let module = Arc::new(module_file::read_or_compile(&args.module, args.limits.module_limits())?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }

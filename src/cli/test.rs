@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
@@ -64,6 +65,8 @@ pub struct TestArgs {
     /// Write a first case for modules: PATH... are their files, and last the folder to make
     #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "junit", "coverage"])]
     init: bool,
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// How results are printed.
@@ -155,6 +158,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         perturb: args.stability.perturbation(),
         no_explanation: args.no_explanation,
         colour,
+        module_limits: args.limits.module_limits(),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
     };
     suite.run(&options, &mut |finished| match args.format {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
@@ -65,6 +66,8 @@ pub struct TraceOneRayArgs {
     /// With --ray: miss index [default: 0]
     #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
     miss_index: Option<u32>,
+    #[command(flatten)]
+    limits: LimitArgs,
 }
 
 /// Runs the command.
@@ -74,7 +77,8 @@ pub struct TraceOneRayArgs {
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
-    let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
+    let module_limits = args.limits.module_limits();
+    let options = LoadOptions { precision: args.precision, module_limits, ..LoadOptions::default() };
     let scene = match &args.scene {
         Some(path) => load(path, &DiskFiles, &options)?,
         None => demo::scene(&options)?,

@@ -6,6 +6,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
 use crate::harness::run::{RayMeasurements, one_ray, run};
 use crate::harness::stability::perturb;
+use crate::module::ModuleLimits;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
 use crate::scene::{Assembled, DiskFiles, Files, LoadOptions, ResolvedScene, assemble, load};
@@ -190,11 +191,19 @@ impl Case {
     /// # Errors
     /// All their mistakes.
     pub fn load(&self) -> Result<Loaded> {
+        self.load_with(ModuleLimits::default())
+    }
+
+    /// As [`Case::load`], with the shaders' modules within limits.
+    ///
+    /// # Errors
+    /// As [`Case::load`].
+    pub fn load_with(&self, module_limits: ModuleLimits) -> Result<Loaded> {
         let variant = self.variant.as_ref().map(|(at, _)| *at);
         let scene = load(
             &self.scene,
             &DiskFiles,
-            &LoadOptions { size: self.size, variant, ..LoadOptions::default() },
+            &LoadOptions { size: self.size, variant, module_limits, ..LoadOptions::default() },
         )?;
         let assembled = assemble(&scene)?;
         let mut expectations = Expectations::read(&scene.document)?;

@@ -19,6 +19,7 @@ mod functions;
 mod grammar;
 pub mod id_map;
 pub mod interface;
+pub mod limits;
 pub mod load;
 mod lookup;
 pub mod names;
@@ -42,7 +43,8 @@ use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
 use std::ops::Range;
 
-pub use load::load;
+pub use limits::{ModuleLimit, ModuleLimits};
+pub use load::{load, load_with};
 
 /// A result id of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -146,6 +148,8 @@ pub struct Module {
     pub version: (u8, u8),
     /// The header's generator word.
     pub generator: u32,
+    /// The limits that it was loaded with, which hold for whatever is made of it, too.
+    pub limits: ModuleLimits,
     /// Numbers of the addressing model and the memory model.
     pub memory_model: (u32, u32),
     /// Numbers of the declared capabilities.

@@ -95,7 +95,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             // Both lead into one array, and either may tell which.
             let [base, other] = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
             let untold = |translator: &Translator<'_>, base, pointer: &Pointer| match stride_of_array(
-                translator.module,
+                translator,
                 &[base, other],
             ) {
                 Stride::One(stride) => Ok(stride),
@@ -255,7 +255,7 @@ fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> 
     }
     // "For all other objects, the implementation calculates the element's address"
     // (OpPtrAccessChain).
-    match stride_of_array(translator.module, &[base]) {
+    match stride_of_array(translator, &[base]) {
         Stride::One(stride) => Ok(stride),
         Stride::None | Stride::Several => size(translator, pointer),
     }

@@ -38,6 +38,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     match opcode {
         Opcode::CompositeConstruct => {
             let ty = translator.result_type(instruction)?;
+            // Before its words are listed: a few operands may make more than there can be.
+            translator.word_count(ty)?;
             check_constituents(translator, ty, translator.operands(instruction), true)?;
             let mut words = Words::new();
             for &id in translator.operands(instruction) {
@@ -273,6 +275,7 @@ fn part(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Res
         ty = match *translator.module.ty(ty) {
             Type::Struct { ref members, .. } => {
                 let member = members.get(index as usize).ok_or_else(|| outside(translator))?;
+                translator.charge(index as usize);
                 for member in &members[..index as usize] {
                     first += translator.word_count(member.ty)?;
                 }
@@ -315,7 +318,7 @@ pub fn check_constituents(translator: &Translator<'_>, ty: TypeId, ids: &[u32], 
             };
             parts.len() > 1
                 && parts.iter().all(|&found| is(part(found).0, component))
-                && parts.iter().map(|&found| part(found).1).sum::<u32>() == count
+                && parts.iter().map(|&found| u64::from(part(found).1)).sum::<u64>() == u64::from(count)
         }
         Type::Matrix { column: part, .. } | Type::Array { element: part, .. } => {
             types.into_iter().all(|found| is(found, part))

@@ -261,7 +261,9 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
         PointerBase::Registers { first, count, .. } => {
             translator.addressed.push((first, count));
             translator.forget();
-            let base = translator.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
+            let base = first.0.checked_add(pointer.offset).filter(|&at| at < REGISTER_POINTER);
+            let base = base.ok_or_else(|| beyond_4_gib(translator))?;
+            let base = translator.constant(REGISTER_POINTER + base)?;
             Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
         }
         PointerBase::ComputedRegisters => {
@@ -401,12 +403,16 @@ fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::mod
                         format!("member {at} of a buffer's struct has no Offset decoration"),
                     )
                 })?;
-                pointer.offset = pointer.offset.saturating_add(offset);
+                let sum = pointer.offset.checked_add(offset);
+                pointer.offset = sum.ok_or_else(|| beyond_4_gib(translator))?;
                 pointer.matrix = member.matrix;
             } else {
                 let unit = if packed { 4 } else { 1 };
+                translator.charge(at);
                 for member in &members[..at] {
-                    pointer.offset += translator.word_count(member.ty)? * unit;
+                    let size = translator.word_count(member.ty)?.checked_mul(unit);
+                    let offset = size.and_then(|size| pointer.offset.checked_add(size));
+                    pointer.offset = offset.ok_or_else(|| beyond_4_gib(translator))?;
                 }
             }
             pointer.pointee = member.ty;
@@ -449,6 +455,12 @@ fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::mod
     }
 }
 
+/// The error of a constant offset that 32 bits do not hold.
+#[cold]
+pub(super) fn beyond_4_gib(translator: &Translator<'_>) -> Error {
+    translator.unsupported("an offset beyond 4 GiB")
+}
+
 fn element_step(
     translator: &mut Translator<'_>,
     mut pointer: Pointer,
@@ -458,7 +470,10 @@ fn element_step(
     length: Length,
 ) -> Result<Pointer> {
     let stride = match pointer.place {
-        PointerBase::Buffer(_) if pointer.is_packed(translator) => translator.word_count(element)? * 4,
+        PointerBase::Buffer(_) if pointer.is_packed(translator) => {
+            let words = translator.word_count(element)?;
+            words.checked_mul(4).ok_or_else(|| beyond_4_gib(translator))?
+        }
         PointerBase::Buffer(_) => stride.ok_or_else(|| {
             translator.not_laid_out(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
         })?,

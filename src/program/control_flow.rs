@@ -1,5 +1,8 @@
 //! The order of a function's blocks, and which values outlive the loop that makes them.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use rustc_hash::FxHashSet;
 
 use crate::module::{Definition, Function, Id, Module};
@@ -81,19 +84,22 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         place[block] = position;
     }
     let position_of = |label: Id| block_of(module, function, label).map(|block| place[block]);
-    // The loop around each position, innermost: its end. Loops nest, so a stack serves.
+    // The loop around each position, innermost: its end. The nearest end comes first, as loops of a
+    // hostile module need not nest.
     let mut loop_end = vec![usize::MAX; order.len()];
-    let mut open: Vec<usize> = Vec::new();
+    let mut open: BinaryHeap<Reverse<usize>> = BinaryHeap::new();
     for (position, &block) in order.iter().enumerate() {
-        open.retain(|&end| position < end);
+        while open.peek().is_some_and(|&Reverse(end)| end <= position) {
+            open.pop();
+        }
         let merge = function.blocks[block].instructions.iter().rev().nth(1);
         if let Some(merge) = merge.filter(|merge| merge.opcode == LOOP_MERGE) {
             let end = module.operands(merge).first().and_then(|&id| position_of(Id(id)));
             // A merge block that is never reached stands nowhere: the loop then ends with the rest.
             let end = end.filter(|&end| end > position && end != usize::MAX).unwrap_or(order.len());
-            open.push(end);
+            open.push(Reverse(end));
         }
-        loop_end[position] = open.iter().copied().min().unwrap_or(usize::MAX);
+        loop_end[position] = open.peek().map_or(usize::MAX, |&Reverse(end)| end);
     }
     let mut escaping = FxHashSet::default();
     // What is used before any loop ends escapes none.

@@ -441,7 +441,8 @@ impl<'m> Lowering<'m> {
             opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
             opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
             number => translate_checked(&mut self.translator, number, instruction),
-        }
+        }?;
+        self.translator.check_operations()
     }
 
     /// Records that the open block runs an instruction.

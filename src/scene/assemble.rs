@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::image as machine;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
-use crate::module::{self, Module};
+use crate::module::{self, Module, ModuleLimits};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
@@ -195,8 +195,8 @@ struct Shaders<'a> {
 
 impl<'a> Shaders<'a> {
     fn module(&mut self, index: usize) -> Result<Arc<Module>> {
-        let shader = &self.scene.shaders[index];
-        self.modules.entry(index).or_insert_with(|| read(shader).map(Arc::new)).clone()
+        let (shader, limits) = (&self.scene.shaders[index], self.scene.module_limits);
+        self.modules.entry(index).or_insert_with(|| read(shader, limits).map(Arc::new)).clone()
     }
 
     fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
@@ -233,10 +233,10 @@ impl<'a> Shaders<'a> {
     }
 }
 
-fn read(shader: &ShaderModule) -> Result<Module> {
+fn read(shader: &ShaderModule, limits: ModuleLimits) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
-        ShaderCode::SpirV(bytes) => module::load(bytes).map_err(context),
+        ShaderCode::SpirV(bytes) => module::load_with(bytes, limits).map_err(context),
         ShaderCode::Source(bytes, folders) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
@@ -253,7 +253,7 @@ fn read(shader: &ShaderModule) -> Result<Module> {
             let source = source.include_folders(folders);
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
-            module::load(&spirv).map_err(context)
+            module::load_with(&spirv, limits).map_err(context)
         }
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::machine::sampler::Sampler;
+use crate::module::ModuleLimits;
 use crate::pipeline::DeviceProfile;
 use crate::scene::data::{DataPieces, read};
 use crate::scene::file::{
@@ -37,6 +38,8 @@ pub struct LoadOptions {
     /// Whether storage images that are only filled may be larger than any that are held whole:
     /// the launch hands them out in bands.
     pub streams: bool,
+    /// The limits that shaders are loaded with.
+    pub module_limits: ModuleLimits,
 }
 
 /// Reads a scene with everything that it names.
@@ -207,6 +210,7 @@ impl<'a> Resolver<'a> {
             geometry_names,
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
             shaders: self.modules,
+            module_limits: self.options.module_limits,
             groups: self.groups,
             sbt,
             resources,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::error::Place;
 use crate::machine::MemoryPolicy;
+use crate::module::ModuleLimits;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
 use crate::scene::read::Document;
@@ -23,6 +24,8 @@ pub struct ResolvedScene {
     pub geometry_names: Vec<Vec<Vec<String>>>,
     /// Every file with shaders, once.
     pub shaders: Vec<ShaderModule>,
+    /// The limits that their modules are loaded with.
+    pub module_limits: ModuleLimits,
     /// The shader groups, each once.
     pub groups: Vec<ResolvedGroup>,
     /// The shader binding table.

@@ -17,7 +17,7 @@ use crate::harness::layout::array_length;
 use crate::machine::Binding;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
-use crate::module::{self, Module};
+use crate::module::{self, Module, ModuleLimits};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::image::{declared_format, format_name};
@@ -121,13 +121,14 @@ impl Arguments {
     }
 
     /// The scene that dispatches a module's compute shader once.
-    pub fn scene(&self, path: &Path) -> Result<ResolvedScene> {
-        let (bytes, module) = read(path)?;
+    pub fn scene(&self, path: &Path, module_limits: ModuleLimits) -> Result<ResolvedScene> {
+        let (bytes, module) = read(path, module_limits)?;
         let entry = self.entry_point(&module, path)?;
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
         let files = WithModule { path: path.to_path_buf(), bytes };
-        load_text(Path::new("the command line"), &text, &files, &LoadOptions::default())
+        let options = LoadOptions { module_limits, ..LoadOptions::default() };
+        load_text(Path::new("the command line"), &text, &files, &options)
     }
 
     fn entry_point(&self, module: &Module, path: &Path) -> Result<EntryPoint> {
@@ -249,16 +250,16 @@ impl Arguments {
 }
 
 /// Reads a module, or compiles a source.
-fn read(path: &Path) -> Result<(Vec<u8>, Module)> {
+fn read(path: &Path, limits: ModuleLimits) -> Result<(Vec<u8>, Module)> {
     if Language::of(path).is_none() {
-        let module = module_file::read(path)?;
+        let module = module_file::read(path, limits)?;
         let bytes = std::fs::read(path).map_err(|error| crate::error::Error::io(path, error))?;
         return Ok((bytes, module));
     }
     let source = compile::Source::read(path)?;
     let options = compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
     let bytes = compile::compile_once(&source, &options)?;
-    let module = module::load(&bytes)?;
+    let module = module::load_with(&bytes, limits)?;
     Ok((bytes, module))
 }
 

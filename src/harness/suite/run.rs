@@ -21,6 +21,7 @@ use crate::harness::stability::found::Shadow;
 use crate::harness::stability::perturb::{Instability, Perturbation, perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
+use crate::module::ModuleLimits;
 use crate::scene::file::RayEntry;
 
 /// How a suite is run.
@@ -47,6 +48,8 @@ pub struct SuiteOptions {
     pub no_explanation: bool,
     /// Whether explanations are in colour.
     pub colour: bool,
+    /// The limits that shaders are loaded with.
+    pub module_limits: ModuleLimits,
     /// Where pictures that differ are saved.
     pub pictures: PathBuf,
 }
@@ -178,7 +181,7 @@ impl Suite {
             Source::Case(case) => (case, case.scene.clone()),
             Source::Broken(file, error) => return Done::broken(tests, file, error),
         };
-        let loaded = match case.load() {
+        let loaded = match case.load_with(options.module_limits) {
             Ok(loaded) => loaded,
             Err(error) => return Done::broken(tests, &file, &error),
         };

@@ -120,6 +120,7 @@ impl Lowering<'_> {
             self.edge_moves(place, target)?;
             let target = self.target(place, target)?;
             self.end(Terminator::Branch(target));
+            self.translator.check_operations()?;
         }
         Ok(())
     }
