@@ -416,9 +416,10 @@ fn limited(bytes: &[u8], limit: ModuleLimit, small: u64, enough: u64) {
     attempt(enough).expect("a raised limit lets the module pass");
 
     let name = limit.name();
-    let (code, out, err) = program("inspect", name, bytes, &["--limit", &format!("{name}={small}")]);
+    let file = format!("limit-{name}");
+    let (code, out, err) = program("inspect", &file, bytes, &["--limit", &format!("{name}={small}")]);
     assert!((code == 2 && err.contains(&named)) || out.contains(&named), "{out}{err}");
-    let (code, out, err) = program("inspect", name, bytes, &["--limit", &format!("{name}={enough}")]);
+    let (code, out, err) = program("inspect", &file, bytes, &["--limit", &format!("{name}={enough}")]);
     assert_eq!(code, 0, "{err}");
     assert!(!out.contains("--limit"), "{out}");
 }
@@ -609,13 +610,13 @@ fn a_few_words_make_no_endless_program() {
     let scattered = "%scattered = OpTypeArray %uint %u_large
          %Scattered = OpTypeStruct %scattered
          %ptr_Scattered = OpTypePointer StorageBuffer %Scattered
-         %buffer = OpVariable %ptr_Scattered StorageBuffer
-         %zero = OpConstantNull %Scattered";
+         %buffer = OpVariable %ptr_Scattered StorageBuffer";
     // A million words each, that take no register of their own.
     let stores = Shader {
         annotations: ptr_store.into(),
         declarations: format!("{large}{scattered}"),
-        body: lines(1..=1000, |_| "OpStore %buffer %zero".into()),
+        body: "%whole = OpLoad %Scattered %buffer\n".to_owned()
+            + &lines(1..=1000, |_| "OpStore %buffer %whole".into()),
         ..Shader::default()
     };
     let inserts = Shader {

@@ -13,6 +13,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::module::check::{self, Uses};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
+use crate::module::declare_type::TypeExtent;
 use crate::module::decoration::{Decorations, PendingDecorations};
 use crate::module::grammar::{Opcode, is_constant, is_id, opcode, walk};
 use crate::module::id_map::IdMap;
@@ -123,26 +124,6 @@ pub(super) struct Loader<'w> {
     /// Ids that are defined so far.
     ids: u64,
     capabilities: HashSet<u32>,
-}
-
-/// How large a type is as a tree of types.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TypeExtent {
-    /// Levels of nesting, from 1.
-    pub(super) depth: u32,
-    /// The type itself and its parts with theirs; see [`ModuleLimit::TypeParts`].
-    pub(super) parts: u64,
-}
-
-impl TypeExtent {
-    /// The extent of a type without parts.
-    pub(super) const LEAF: Self = Self { depth: 1, parts: 1 };
-
-    /// The extent of a type around `count` parts of this one.
-    pub(super) fn around(self, count: u32) -> Self {
-        let parts = self.parts.saturating_mul(count.into()).saturating_add(1);
-        Self { depth: self.depth + 1, parts }
-    }
 }
 
 impl<'w> Loader<'w> {

@@ -14,6 +14,7 @@ use crate::ops::linear_algebra;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
+use crate::ops::translate::budget::WORDS_OF_A_STEP;
 use crate::ops::translate::{Translator, Words, registers_from};
 
 /// Opcodes translated here.
@@ -275,7 +276,7 @@ fn part(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Res
         ty = match *translator.module.ty(ty) {
             Type::Struct { ref members, .. } => {
                 let member = members.get(index as usize).ok_or_else(|| outside(translator))?;
-                translator.charge(index as usize);
+                translator.charge(index as usize / WORDS_OF_A_STEP);
                 for member in &members[..index as usize] {
                     first += translator.word_count(member.ty)?;
                 }

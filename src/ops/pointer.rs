@@ -13,6 +13,7 @@ use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_moved;
 use crate::ops::op::Op;
+use crate::ops::translate::budget::WORDS_OF_A_STEP;
 use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, Words};
 use crate::ops::{address, builtin};
 
@@ -408,7 +409,7 @@ fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::mod
                 pointer.matrix = member.matrix;
             } else {
                 let unit = if packed { 4 } else { 1 };
-                translator.charge(at);
+                translator.charge(at / WORDS_OF_A_STEP);
                 for member in &members[..at] {
                     let size = translator.word_count(member.ty)?.checked_mul(unit);
                     let offset = size.and_then(|size| pointer.offset.checked_add(size));

@@ -4,6 +4,7 @@
 //! points. Composites vanish here: extracting, inserting and shuffling only rearrange the list of
 //! registers.
 
+pub(super) mod budget;
 mod constants;
 mod fingerprint;
 mod values;
@@ -26,6 +27,7 @@ use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
+use budget::{WORDS_OF_A_STEP, named};
 use fingerprint::Fingerprint;
 pub use values::{IdValue, Words, registers_from};
 use values::{Values, words_from};
@@ -81,14 +83,6 @@ pub struct Origin {
     pub offset: u32,
     /// Index of the inlined call that it belongs to, 0 for none.
     pub scope: u32,
-}
-
-/// Steps of work that are not counted; see [`Translator::charge`].
-const FREE_STEPS: usize = 64;
-
-/// How many registers a value names.
-fn named(value: &IdValue) -> u64 {
-    if let IdValue::Words(words) = value { words.len() as u64 } else { 1 }
 }
 
 /// Translates instructions into operations; see the module's documentation.
@@ -300,26 +294,6 @@ impl<'m> Translator<'m> {
         Ok(first)
     }
 
-    /// The error that the current instruction needs more than a limit of the module allows.
-    #[cold]
-    pub fn beyond(&self, limit: ModuleLimit, found: Option<u64>) -> Error {
-        let error = self.module.limits.exceeded(limit, found);
-        error.at(Place::Word(self.origin.offset as usize))
-    }
-
-    /// Holds the operations so far, and the registers that values name, against their limit: to be
-    /// asked after each instruction, which by itself makes no more than there are registers.
-    ///
-    /// # Errors
-    /// `UnsupportedModule` where there are too many ([`ModuleLimit::Operations`]).
-    pub fn check_operations(&self) -> Result<()> {
-        let found = self.ops.len() as u64 + self.named_registers;
-        match found <= self.module.limits.get(ModuleLimit::Operations) {
-            true => Ok(()),
-            false => Err(self.beyond(ModuleLimit::Operations, Some(found))),
-        }
-    }
-
     /// New consecutive registers as a list.
     pub fn fresh_words(&mut self, count: u32) -> Result<Words> {
         Ok(registers_from(self.fresh(count)?, count))
@@ -454,14 +428,6 @@ impl<'m> Translator<'m> {
             calls
         });
         calls.get(&function).map_or(&[], Vec::as_slice)
-    }
-
-    /// Counts steps of work that an instruction asks for beside its operations, towards
-    /// [`ModuleLimit::Operations`]; few are free.
-    pub(super) fn charge(&mut self, steps: usize) {
-        if steps > FREE_STEPS {
-            self.named_registers += steps as u64;
-        }
     }
 
     /// Allocates a variable of the Workgroup storage class; returns its byte offset.
@@ -618,7 +584,7 @@ impl<'m> Translator<'m> {
     pub fn words(&mut self, id: Id) -> Result<Words> {
         if let Some(IdValue::Words(words)) = self.values.find(id) {
             let words = words_from(words);
-            self.charge(words.len());
+            self.charge(words.len() / WORDS_OF_A_STEP);
             return Ok(words);
         }
         if let IdValue::Pointer(pointer) = self.value(id)?

@@ -9,7 +9,8 @@ use crate::error::Result;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
-use crate::ops::translate::{IdValue, Translator, named};
+use crate::ops::translate::budget::named;
+use crate::ops::translate::{IdValue, Translator};
 
 impl Translator<'_> {
     /// The value of a constant of the module, by its index.
