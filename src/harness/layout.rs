@@ -121,8 +121,8 @@ impl<'a> Layout<'a> {
         (offset.map_or_else(packed, |offset| offset as usize), member)
     }
 
-    /// Offsets and layouts of all members of a struct, in order; each once, where [`Layout::member`]
-    /// adds up those before it.
+    /// Offsets and layouts of all members of a struct, in order. Each is looked at once, where
+    /// [`Layout::member`] adds up those before it.
     pub(super) fn members(self) -> impl Iterator<Item = (usize, Self)> + use<'a> {
         let members = match self.module.ty(self.ty) {
             Type::Struct { members, .. } => &members[..],

@@ -158,7 +158,7 @@ impl ModuleLimits {
         self.0[limit as usize]
     }
 
-    /// These limits with another value of one, which is at most its [ceiling](ModuleLimit::ceiling).
+    /// These limits with another value of one, at most its [ceiling](ModuleLimit::ceiling).
     #[must_use]
     pub fn with(mut self, limit: ModuleLimit, value: u64) -> Self {
         self.0[limit as usize] = value.min(limit.ceiling());

@@ -19,6 +19,7 @@ mod affine;
 mod image_rows;
 
 use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
@@ -504,9 +505,9 @@ impl<'a> Trace<'a> {
             if ready {
                 let value = self.fresh_value(reg);
                 self.known.insert(reg, value);
-            } else if !self.known.contains_key(&reg) {
+            } else if let Entry::Vacant(entry) = self.known.entry(reg) {
                 // To arrive here again while it is looked for is a cycle.
-                self.known.insert(reg, None);
+                entry.insert(None);
                 open.push((reg, true));
                 let sources = self.sources(reg);
                 open.extend(sources.into_iter().rev().map(|source| (source, false)));

@@ -173,8 +173,8 @@ impl MadeUpBytes {
     /// Adds a resource before it is made.
     ///
     /// # Errors
-    /// `UnsupportedModule` where it is too large by itself ([`ModuleLimit::ResourceBytes`]), or with
-    /// all others ([`ModuleLimit::LaunchBytes`]).
+    /// `UnsupportedModule` where it is too large by itself ([`ModuleLimit::ResourceBytes`]), or
+    /// with all others ([`ModuleLimit::LaunchBytes`]).
     pub fn add(&mut self, module: &Module, bytes: u64) -> Result<()> {
         module.limits.check(ModuleLimit::ResourceBytes, bytes)?;
         self.0 = self.0.saturating_add(bytes);

@@ -4,7 +4,7 @@ use crate::error::{Error, Place, Result};
 use crate::module::limits::ModuleLimit;
 use crate::ops::translate::{IdValue, Translator};
 
-/// Steps of work that are not counted; see [`Translator::charge`].
+/// Work of an instruction that is not counted, in steps; see [`Translator::charge`].
 const FREE_STEPS: usize = 64;
 
 /// How many words are copied, or members counted, in the time of one step.
