@@ -1,9 +1,9 @@
 //! The modules of `src/` import one way only.
 //!
 //! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {pipeline, compile} ->
-//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> error`: a folder
-//! may import what stands to its right. A few crates are named in one place only, and only the
-//! command line prints.
+//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> input ->
+//! error`: a folder may import what stands to its right. A few crates are named in one place only,
+//! readers of files in one file, and only the command line prints.
 
 use std::fs;
 use std::path::Path;
@@ -24,6 +24,7 @@ const LAYERS: &[&[&str]] = &[
     &["accel"],
     &["geometry"],
     &["math"],
+    &["input"],
     &["error"],
 ];
 
@@ -42,6 +43,18 @@ const CRATES: &[(&str, &[&str])] = &[
     ("aligned_vec", &["machine"]),
     ("prefetch_index", &["math"]),
     ("image_compare", &["harness"]),
+];
+
+/// Readers of other crates, and the one file that may call each: it checks what the reader assumes,
+/// bounds what it allocates and catches its panics.
+const READERS: &[(&str, &str)] = &[
+    ("gltf::", "scene/mesh/gltf.rs"),
+    ("tobj::", "scene/mesh/obj.rs"),
+    ("ImageReader", "scene/image/decode.rs"),
+    ("DeTable::parse", "scene/read.rs"),
+    ("SafeTensors::", "recording/tensors.rs"),
+    ("naga::", "compile/wgsl.rs"),
+    ("Compiler::acquire", "compile/glsl.rs"),
 ];
 
 /// Only the command line writes to the terminal.
@@ -95,6 +108,34 @@ fn crates_are_named_in_their_place() {
     }
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
     assert!(named.iter().all(|&named| named), "a crate of the list is named nowhere: {named:?}");
+}
+
+#[test]
+fn readers_stand_behind_one_door_each() {
+    let mut found = vec![false; READERS.len()];
+    let mut mistakes = Vec::new();
+    for (_, name, text) in sources() {
+        let code = without_comments(&text);
+        for ((reader, file), found) in READERS.iter().zip(&mut found) {
+            let names = code.match_indices(reader).any(|(at, _)| {
+                // `crate::scene::mesh::gltf::` and `gltf::read` are the door itself.
+                let before = code[..at].chars().next_back();
+                let door = code[at + reader.len()..].starts_with("read") || before == Some(':');
+                !door && !before.is_some_and(|c| c.is_alphanumeric() || c == '_')
+            });
+            if !names {
+                continue;
+            }
+            if name == *file {
+                assert!(code.contains("contained("), "{name}: panics of `{reader}` are not caught");
+                *found = true;
+            } else {
+                mistakes.push(format!("{name}: `{reader}` is called in {file} alone"));
+            }
+        }
+    }
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+    assert!(found.iter().all(|&found| found), "a reader is called nowhere: {found:?}");
 }
 
 /// Every source file but the crate's roots: its module, its name, its text.

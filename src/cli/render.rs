@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::input::SceneFileArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -17,7 +18,7 @@ use crate::pipeline::{Band, Bands, Streamed};
 use crate::scene::image::{stream_png, write_png};
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
-use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resolved};
+use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
 
 /// Renders a scene: launches its ray generation shader over an image and saves the image.
 ///
@@ -26,7 +27,8 @@ use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resol
 /// 1 GiB.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// The scene file (`scene.toml`) [default: the built-in swept-spheres demo]
+    /// The scene file (`scene.toml`), or `-` for standard input [default: the built-in
+    /// swept-spheres demo]
     scene: Option<PathBuf>,
 
     /// The PNG file to write [default: out.png]
@@ -52,6 +54,9 @@ pub struct RenderArgs {
     stats: bool,
 
     #[command(flatten)]
+    files: SceneFileArgs,
+
+    #[command(flatten)]
     stability: StabilityArgs,
 
     /// With --shadow or --perturb: print JSON
@@ -74,7 +79,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let resolved = match &args.scene {
-        Some(path) => scene::load(path, &DiskFiles, &options)?,
+        Some(path) => args.files.scene(path, &options)?,
         None => scene::demo::scene(&options)?,
     };
     output::notes(&resolved.notes);
@@ -92,7 +97,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         Ok(bands) => (Some(bands), None),
         Err(why) => {
             let told = |error: Error| error.at(output.place.clone()).note(format!("it is held whole: {why}"));
-            let image = scene::assemble::image(image).map_err(told)?;
+            let image = scene::assemble::image(image, &resolved.files.limits).map_err(told)?;
             let binding = Binding { set: output.set, binding: output.binding };
             assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
             (None, Some(image))

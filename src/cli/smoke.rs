@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use crate::cli::input::InputLimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
@@ -19,9 +20,11 @@ use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
 /// less than `--min-coverage`, 2 one is not supported or the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang)
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang), or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    limits: InputLimitArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -62,7 +65,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = Arc::new(module_file::read_or_compile(&args.module)?);
+    let module = Arc::new(module_file::read_or_compile(&args.module, &args.limits.limits())?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }

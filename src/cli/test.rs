@@ -5,11 +5,14 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use crate::cli::input::SceneFileArgs;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
+use crate::input::RootFolder;
+use crate::scene::SceneFiles;
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
@@ -54,6 +57,8 @@ pub struct TestArgs {
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
     #[arg(long, value_name = "DIR")]
@@ -87,7 +92,12 @@ pub fn run(args: TestArgs) -> Result<()> {
     if args.init {
         return begin(&args.paths);
     }
-    let mut suite = Suite::find(&args.paths)?;
+    let root = args.files.root()?;
+    let limits = args.files.limits();
+    let mut suite = Suite::find_within(&args.paths, &|file, tree| {
+        let root = root.clone().map_or_else(|| RootFolder::of_test(file, tree), Ok)?;
+        Ok(SceneFiles { limits, root: Some(root) })
+    })?;
     let found = suite.tests().len();
     suite.filter(&args.filter);
     if suite.tests().is_empty() {

@@ -27,6 +27,7 @@ impl Resolver<'_> {
         let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
         let mut instances: Vec<Members<'_>> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
         for entry in &self.instances {
             let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
             if !blases.contains_key(&names) {
@@ -35,13 +36,14 @@ impl Resolver<'_> {
             }
             let placed = blases[&names].clone();
             let placed = placed.map(|blas| Placed { instance: entry.instance(blas), span: &entry.span });
-            match instances.iter_mut().find(|members| members.tlas == entry.tlas) {
-                Some(members) => members.placed.push(placed),
-                None => instances.push(Members { tlas: &entry.tlas, placed: vec![placed] }),
-            }
+            let at = *places.entry(&entry.tlas).or_insert_with(|| {
+                instances.push(Members { tlas: &entry.tlas, placed: Vec::new() });
+                instances.len() - 1
+            });
+            instances[at].placed.push(placed);
         }
         // A geometry that no instance shows may still hold a mistake.
-        for entry in &self.geometry {
+        for entry in &self.geometry.entries {
             if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str())) {
                 self.report.keep(content.load(self.files));
             }
@@ -90,6 +92,12 @@ impl Resolver<'_> {
                 let found = self.find(&self.geometry, name, "geometry")?;
                 self.report.keep(found.load(self.files))
             });
+            // Each list holds its geometries by itself.
+            let count = geometry.as_ref().map_or(0, |geometry| geometry.data.primitive_count());
+            if let Err(error) = self.files.reserve_primitives(count as u64) {
+                self.report.push(error.at(entry.span.place()));
+                return None;
+            }
             geometries.push(geometry.clone());
         }
         let geometries: Vec<Geometry> = geometries.into_iter().collect::<Option<_>>()?;
