@@ -32,6 +32,8 @@ mod pictures;
 mod pipeline;
 mod random_modules;
 mod random_programs;
+mod readers;
+mod reading;
 mod readme;
 mod real_calls;
 mod rewriting;
