@@ -30,7 +30,7 @@ fn main() {
     program(&table);
 }
 
-/// Measures and prints.
+/// Measures rows and prints them.
 struct Table {
     full: bool,
 }
@@ -89,7 +89,7 @@ fn sphere_pipeline() -> Pipeline {
     builder.build().expect("a pipeline")
 }
 
-/// As `cargo test` of a user runs them.
+/// A thousand tests, as `cargo test` of a user runs them.
 fn a_thousand_tests(table: &Table) {
     let test = ShaderTest::new(&module(), "main").expect("a supported shader");
     table.row("one shader", 11, || {
@@ -140,7 +140,7 @@ fn parts(table: &Table) {
     });
 }
 
-/// From start to end; `true` is what the operating system takes.
+/// Measures whole processes; `true` shows the part of the operating system.
 fn program(table: &Table) {
     let run = |program: &str, arguments: &[&str]| {
         let mut command = Command::new(program);

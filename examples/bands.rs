@@ -6,7 +6,7 @@
 #![allow(clippy::print_stdout, reason = "an example shows its results")]
 
 use anyhit::machine::format::Format;
-use anyhit::pipeline::Streamed;
+use anyhit::pipeline::StreamedImage;
 use anyhit::{Instance, Module, Pipeline, Program, Result, Scene};
 
 const SOURCE: &str = "
@@ -50,7 +50,7 @@ fn main() -> Result<()> {
     let scene = Scene::new([Instance::triangles(wall)])?.bind(0, 0);
 
     // 64 texels of 16 bytes a row: a band of 8 rows, the fewest that there are, has 8 KiB.
-    let picture = Streamed { band_bytes: 8 << 10, ..Streamed::new(0, 1, Format::RGBA32F) };
+    let picture = StreamedImage { band_bytes: 8 << 10, ..StreamedImage::new(0, 1, Format::RGBA32F) };
     let (mut bands, mut met) = (Vec::new(), Vec::new());
     let launched = builder.build()?.launch_bands(&scene, [64, 20], &picture, |band| {
         bands.push(band.rows());

@@ -49,7 +49,7 @@ pub enum ErrorKind {
 }
 
 impl ErrorKind {
-    /// The fixed line that says what class of problem this is.
+    /// The line of help that explains this class of problem.
     pub fn help(self) -> &'static str {
         match self {
             Self::InvalidModule => {
@@ -78,7 +78,7 @@ impl ErrorKind {
     }
 }
 
-/// Where in an input a problem stands.
+/// The place of a problem in an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Place {
@@ -90,16 +90,16 @@ pub enum Place {
         file: String,
         /// The whole text of the file.
         text: Arc<str>,
-        /// The bytes meant.
+        /// The range of the problem, in bytes.
         span: Range<usize>,
     },
-    /// A line (and column, both from 1; column 0 is unknown) of a source whose text is not at hand.
+    /// A line and a column of a source whose text is not available.
     Line {
         /// The file's name as the debug information gives it.
         file: String,
-        /// From 1.
+        /// The line, from 1.
         line: u32,
-        /// From 1; 0 where unknown.
+        /// The column, from 1; 0 if unknown.
         column: u32,
     },
     /// A file as a whole.
@@ -107,10 +107,10 @@ pub enum Place {
 }
 
 /// An error of any part of the crate: kind, message, places and notes.
-pub struct Error(Box<Inner>);
+pub struct Error(Box<ErrorData>);
 
 #[derive(Clone)]
-struct Inner {
+struct ErrorData {
     kind: ErrorKind,
     message: String,
     places: Vec<(Place, String)>,
@@ -131,7 +131,7 @@ impl Error {
     /// An error of a kind with its one-line message.
     #[cold]
     pub fn new(kind: ErrorKind, message: impl Into<String>) -> Self {
-        Self(Box::new(Inner {
+        Self(Box::new(ErrorData {
             kind,
             message: message.into(),
             places: Vec::new(),
@@ -178,19 +178,19 @@ impl Error {
         self.0.not_shown
     }
 
-    /// Adds where the problem stands.
+    /// Adds a place of the problem.
     #[must_use]
     pub fn at(self, place: Place) -> Self {
         self.at_with(place, "")
     }
 
-    /// Adds where the problem stands, unless a place is known already.
+    /// Adds a place of the problem, unless a place is known already.
     #[must_use]
     pub fn or_at(self, place: Place) -> Self {
         if self.0.places.is_empty() { self.at(place) } else { self }
     }
 
-    /// Adds where the problem stands, with words to print beside it.
+    /// Adds a place of the problem, with a label.
     #[must_use]
     pub fn at_with(mut self, place: Place, label: impl Into<String>) -> Self {
         self.0.places.push((place, label.into()));
@@ -204,7 +204,7 @@ impl Error {
         self
     }
 
-    /// Puts what was being done before the message: `"while reading a.toml"`.
+    /// Prefixes the message with a context: `"while reading a.toml"`.
     #[must_use]
     pub fn context(mut self, context: impl fmt::Display) -> Self {
         self.0.message = format!("{context}: {}", self.0.message);
@@ -275,7 +275,7 @@ impl Error {
         let mut labels = Vec::new();
         let mut file = SimpleFile::new(String::new(), Arc::<str>::from(""));
         for (place, label) in &self.0.places {
-            let tail = if label.is_empty() { String::new() } else { format!(": {label}") };
+            let suffix = if label.is_empty() { String::new() } else { format!(": {label}") };
             match place {
                 Place::Text { file: name, text, span } => {
                     let same = labels.is_empty() || (file.name() == name && file.source() == text);
@@ -286,13 +286,15 @@ impl Error {
                         labels.push(Label::new(style, (), clamp_span(span, text)).with_message(label));
                     } else {
                         let line = text[..clamp_span(span, text).start].matches('\n').count() + 1;
-                        notes.push(format!("at {name}:{line}{tail}"));
+                        notes.push(format!("at {name}:{line}{suffix}"));
                     }
                 }
-                Place::Word(offset) => notes.push(format!("at word {offset} of the module{tail}")),
-                Place::Line { file, line, column: 0 } => notes.push(format!("at {file}:{line}{tail}")),
-                Place::Line { file, line, column } => notes.push(format!("at {file}:{line}:{column}{tail}")),
-                Place::File(path) => notes.push(format!("in {}{tail}", path.display())),
+                Place::Word(offset) => notes.push(format!("at word {offset} of the module{suffix}")),
+                Place::Line { file, line, column: 0 } => notes.push(format!("at {file}:{line}{suffix}")),
+                Place::Line { file, line, column } => {
+                    notes.push(format!("at {file}:{line}:{column}{suffix}"))
+                }
+                Place::File(path) => notes.push(format!("in {}{suffix}", path.display())),
             }
         }
         notes.extend(self.0.notes.iter().cloned());

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use anyhit::harness::texels::plane;
 use anyhit::machine::format::{Component, Format};
 use anyhit::machine::image::{Image, ImageShape};
-use anyhit::pipeline::{Launch, NotStreamed, Stats, Streamed};
+use anyhit::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
 use anyhit::scene::{self, DiskFiles, LoadOptions};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
 use pretty_assertions::assert_eq;
@@ -38,12 +38,12 @@ fn scene() -> Scene {
 }
 
 /// The smallest bands that there are.
-fn small(format: Format) -> Streamed {
-    Streamed { band_bytes: 1, ..Streamed::new(0, 0, format) }
+fn small(format: Format) -> StreamedImage {
+    StreamedImage { band_bytes: 1, ..StreamedImage::new(0, 0, format) }
 }
 
 /// The bytes of all bands, and what was counted, at a width of batches.
-fn in_bands<const W: usize>(pipeline: &Pipeline, size: [u32; 2], image: &Streamed) -> (Vec<u8>, Stats)
+fn in_bands<const W: usize>(pipeline: &Pipeline, size: [u32; 2], image: &StreamedImage) -> (Vec<u8>, Stats)
 where
     anyhit::ops::lane_kernel::LaneKernel: anyhit::ops::lane_kernel::Width<W>,
 {
@@ -53,7 +53,7 @@ where
     let (mut bytes, mut next) = (Vec::new(), 0);
     let stats = bands.run::<W>(&|_| (), |band| {
         assert_eq!((band.rows().start, band.size(), band.format()), (next, size, image.format));
-        assert!(!band.rows().is_empty() && band.rows().len() <= bands.rows() as usize);
+        assert!(!band.rows().is_empty() && band.rows().len() <= bands.max_band_rows() as usize);
         next = band.rows().end;
         bytes.extend(band.rows().flat_map(|row| band.row_bytes(row)));
         Ok(())
@@ -62,7 +62,7 @@ where
     (bytes, stats.expect("no trap"))
 }
 
-fn whole(pipeline: &Pipeline, [width, height]: [u32; 2], image: &Streamed) -> (Vec<u8>, Stats) {
+fn whole(pipeline: &Pipeline, [width, height]: [u32; 2], image: &StreamedImage) -> (Vec<u8>, Stats) {
     let image =
         Image::filled(image.format, ImageShape::plane(width, height), &image.texel).expect("an image");
     let launched = pipeline.launch(&scene().image(0, 0, image.clone()), [width, height, 1]).expect("no trap");
@@ -99,9 +99,9 @@ fn bands_begin_where_batches_do() {
     let scene = scene();
     let launch = Launch { pipeline: &pipeline, resources: scene.resources() };
     let rows = |width, height, band_bytes| {
-        let image = Streamed { band_bytes, ..Streamed::new(0, 0, COUNTS) };
+        let image = StreamedImage { band_bytes, ..StreamedImage::new(0, 0, COUNTS) };
         let bands = launch.bands([width, height, 1], &image).expect("it can be run in bands");
-        (bands.rows(), bands.count())
+        (bands.max_band_rows(), bands.count())
     };
     // 128 invocations are a whole number of batches and subgroups, and 8 rows are one of tiles.
     assert_eq!(rows(16, 100, 1), (8, 13));
@@ -117,7 +117,7 @@ fn bands_begin_where_batches_do() {
 
 /// The numbers of a picture of `r32uint` in bands.
 fn numbers(texels: &str, body: &str, size: [u32; 2], texel: u32) -> Vec<u32> {
-    let image = Streamed { texel: texel.to_le_bytes().to_vec(), ..small(COUNTS) };
+    let image = StreamedImage { texel: texel.to_le_bytes().to_vec(), ..small(COUNTS) };
     let pipeline = pipeline(texels, body);
     let (bytes, stats) = in_bands::<64>(&pipeline, size, &image);
     assert_eq!((bytes.clone(), stats), whole(&pipeline, size, &image), "{body}");
@@ -193,7 +193,7 @@ fn what_reaches_other_rows_needs_the_whole() {
         "textureStore(picture, id.xy, vec4u(1u)); textureStore(picture, vec2u(id.x, size.y - 1u - id.y), vec4u(2u));",
     ] {
         let why = refused("r32uint, write", body, size);
-        assert!(matches!(&why, NotStreamed::Reached { name, .. } if name == "main"), "{body}: {why}");
+        assert!(matches!(&why, NotStreamed::CrossesRows { name, .. } if name == "main"), "{body}: {why}");
     }
     let blurred =
         "let below = textureLoad(picture, id.xy + vec2u(0u, 1u)); textureStore(picture, id.xy, below);";
@@ -267,11 +267,11 @@ fn both_demo_scenes_can_be_streamed() {
         let resolved = scene::load(file.as_ref(), &DiskFiles, &options).expect("a scene");
         let output = resolved.output().expect("an output");
         let assembled = scene::assemble_without(&resolved, output).expect("shaders");
-        let image = Streamed::new(output.set, output.binding, Format::RGBA32F);
+        let image = StreamedImage::new(output.set, output.binding, Format::RGBA32F);
         let launch = assembled.launch();
         let bands = launch.bands(assembled.size, &image).expect("it can be run in bands");
         // 32 MiB in rows of 16 * 32768 bytes.
-        assert_eq!((bands.rows(), bands.count()), (64, 512), "{file}");
+        assert_eq!((bands.max_band_rows(), bands.count()), (64, 512), "{file}");
     }
 }
 
@@ -375,7 +375,9 @@ fn the_command_says_why_it_cannot_stream() {
         "{err}"
     );
     assert!(
-        err.contains("it is held whole: RayGenerationKHR `main` may reach texels of other rows"),
+        err.contains(
+            "the whole image is held in memory: RayGenerationKHR `main` may reach texels of other rows"
+        ),
         "{err}"
     );
     assert_eq!(files.names(), ["main.wgsl", "scene.toml"]);

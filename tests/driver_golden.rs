@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhit::math::ulp::ulp_error;
-use anyhit::recording::compare::{AgainstDriver, AgainstReference, Agreement, Attributes, Hits};
+use anyhit::recording::compare::{AgainstDriver, AgainstReference, Agreement, Attributes, HitComparison};
 use anyhit::recording::{Comparison, Recording, compare};
 use rayon::prelude::*;
 use safetensors::SafeTensors;
@@ -102,7 +102,7 @@ fn judge_files(wanted: impl Fn(&str) -> bool, judge: impl Fn(&Recording, &Compar
         let found = compare(&recording);
         let hits =
             found.reference.as_ref().map(|one| &one.hits).or(found.driver.as_ref().map(|one| &one.hits));
-        let Hits { rows, hits, undecidable, ties, t_ulp, .. } = hits.unwrap();
+        let HitComparison { rows, hits, undecidable, ties, t_ulp, .. } = hits.unwrap();
         let max = t_ulp.map_or(0.0, |t_ulp| t_ulp.max);
         let name = stem(&path);
         println!(
@@ -115,7 +115,7 @@ fn judge_files(wanted: impl Fn(&str) -> bool, judge: impl Fn(&Recording, &Compar
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-fn no_wrong_hits(hits: &Hits) -> Result<(), String> {
+fn no_wrong_hits(hits: &HitComparison) -> Result<(), String> {
     if hits.missed + hits.extra + hits.other_primitive > 0 {
         return Err(hits.examples.join("; "));
     }

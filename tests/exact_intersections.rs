@@ -15,7 +15,7 @@ use anyhit::geometry::{
 };
 use anyhit::math::f32x8::BaselineSimd;
 use anyhit::stress::draw::Draw;
-use anyhit::stress::reference::{self, Expected, LineOf, Root};
+use anyhit::stress::reference::{self, Expected, ObjectLine, Root};
 
 /// How many cases to draw: that many, times the environment's `ANYHIT_CASES`.
 fn cases(count: usize) -> usize {
@@ -75,7 +75,7 @@ fn spheres() {
         let (ray, matrix) = draw.ray_near([center; 2], [radius; 2]);
         hits += usize::from(around_the_interval(ray, |ray| {
             let case = (center, radius, matrix);
-            let line = LineOf::new(&ray, matrix.as_ref());
+            let line = ObjectLine::new(&ray, matrix.as_ref());
             let object = ObjectRay::new(&ray, matrix.as_ref());
             assert_eq!(object.is_some(), line.is_some(), "{case:?} {ray:?}");
             let (object, expected) = (object?, line?.sphere(center, radius));
@@ -101,7 +101,7 @@ fn linear_swept_spheres() {
         let (ray, matrix) = draw.ray_near(positions, radii);
         around_the_interval(ray, |ray| {
             let case = (positions, radii, caps, matrix);
-            let line = LineOf::new(&ray, matrix.as_ref())?;
+            let line = ObjectLine::new(&ray, matrix.as_ref())?;
             let object = ObjectRay::new(&ray, matrix.as_ref())?;
             let found = linear_swept_sphere::intersect(&object, positions, radii, caps, Precision::Exact);
             let expected = line.linear_swept_sphere(positions, radii, caps);
@@ -136,7 +136,7 @@ fn triangles() {
         let (ray, matrix) = draw.ray_through(vertices);
         hits += usize::from(around_the_interval(ray, |ray| {
             let case = (vertices, matrix);
-            let line = LineOf::new(&ray, matrix.as_ref())?;
+            let line = ObjectLine::new(&ray, matrix.as_ref())?;
             let object = ObjectRay::new(&ray, matrix.as_ref())?;
             let found = triangle::intersect(&object, vertices, Precision::Exact);
             let expected = line.triangle(vertices);
@@ -165,7 +165,7 @@ fn boxes() {
         let (ray, matrix) = draw.ray_near([min, max], [0.0; 2]);
         hits += usize::from(around_the_interval(ray, |ray| {
             let case = (min, max, matrix);
-            let line = LineOf::new(&ray, matrix.as_ref())?;
+            let line = ObjectLine::new(&ray, matrix.as_ref())?;
             let object = ObjectRay::new(&ray, matrix.as_ref())?;
             let found = aabb::intersect(&object, min, max, Precision::Exact);
             let expected = line.aabb(min, max, ray.t_min, ray.t_max);
@@ -196,7 +196,7 @@ fn object_rays_and_inverses() {
     for _ in 0..cases(4000) {
         let matrix = draw.matrix();
         let ray = Ray::new(draw.point(), draw.point());
-        let line = LineOf::new(&ray, Some(&matrix));
+        let line = ObjectLine::new(&ray, Some(&matrix));
         let object = ObjectRay::new(&ray, Some(&matrix));
         assert_eq!(object.is_some(), line.is_some(), "{matrix:?}");
         let (Some(object), Some(line)) = (object, line) else {
@@ -216,7 +216,7 @@ fn object_rays_and_inverses() {
         let inverse = world_to_object(&matrix).unwrap();
         for column in 0..4 {
             let unit: [f32; 3] = std::array::from_fn(|i| f32::from(i == column));
-            let image = LineOf::new(&Ray::new([0.0; 3], unit), Some(&matrix)).unwrap();
+            let image = ObjectLine::new(&Ray::new([0.0; 3], unit), Some(&matrix)).unwrap();
             let exact = if column < 3 { image.direction } else { image.origin };
             for (row, exact) in inverse.iter().zip(exact) {
                 assert!(Root::from(exact).rounds_to(row[column]), "inverse, column {column} of {matrix:?}");
@@ -233,7 +233,10 @@ fn bounds_hold_their_shapes() {
         let (positions, radii, _) = draw.linear_swept_sphere();
         if let Some(bounds) = linear_swept_sphere::bounds(positions, radii) {
             for (position, radius) in positions.into_iter().zip(radii) {
-                assert!(reference::holds_ball(&bounds, position, radius.max(0.0)), "{positions:?} {radii:?}");
+                assert!(
+                    reference::contains_ball(&bounds, position, radius.max(0.0)),
+                    "{positions:?} {radii:?}"
+                );
             }
         }
         let matrix = draw.matrix();
@@ -243,7 +246,7 @@ fn bounds_hold_their_shapes() {
         for corner in 0..8 {
             let corner =
                 std::array::from_fn(|i| if corner >> i & 1 == 0 { bounds.min[i] } else { bounds.max[i] });
-            assert!(reference::holds_image(&image, &matrix, corner), "{bounds:?} {matrix:?}");
+            assert!(reference::contains_image(&image, &matrix, corner), "{bounds:?} {matrix:?}");
         }
     }
 }
@@ -258,7 +261,7 @@ fn a_side_that_f64_cannot_place_is_not_a_miss() {
     let object = ObjectRay::new(&ray, Some(&matrix)).unwrap();
     let found = linear_swept_sphere::intersect(&object, positions, radii, [false; 2], Precision::Exact);
     let expected =
-        LineOf::new(&ray, Some(&matrix)).unwrap().linear_swept_sphere(positions, radii, [false; 2]);
+        ObjectLine::new(&ray, Some(&matrix)).unwrap().linear_swept_sphere(positions, radii, [false; 2]);
     assert_eq!(expected.as_ref().map(|e| e.surface), Some(Surface::Side));
     agree(found, expected, &ray, false, &"the case above");
 }
@@ -271,7 +274,7 @@ fn a_direction_that_f64_cannot_tell_from_zero_leaves_a_box_undecided() {
     let ray = Ray::new(origin, [-0.5127436, -0.8383533, -0.8383533]);
     let (min, max) =
         ([-1.3118113e28, f32::NEG_INFINITY, -1.3386091e28], [1.9695069e28, -1.0480065e28, 1.1170274e28]);
-    let line = LineOf::new(&ray, Some(&matrix)).unwrap();
+    let line = ObjectLine::new(&ray, Some(&matrix)).unwrap();
     assert!(line.aabb(min, max, ray.t_min, ray.t_max).is_none());
     let object = ObjectRay::new(&ray, Some(&matrix)).unwrap();
     assert_eq!(aabb::intersect(&object, min, max, Precision::Exact), None);

@@ -30,6 +30,7 @@ mod lower_hostile;
 mod names;
 mod pictures;
 mod pipeline;
+mod profiles;
 mod random_modules;
 mod random_programs;
 mod readers;

@@ -18,7 +18,7 @@ use anyhit::Error;
 use anyhit::error::Place;
 use anyhit::harness::case::{Case, Loaded, discover};
 use anyhit::harness::expect::Observed;
-use anyhit::harness::run::{RayMeasurements, one_ray, run};
+use anyhit::harness::run::{RayMeasurements, run, run_ray};
 use anyhit::scene::resolved::ShaderCode;
 use rayon::prelude::*;
 use rspirv::spirv::Op;
@@ -193,7 +193,7 @@ fn seen(loaded: &Loaded, observed: &Observed) -> Vec<String> {
         .collect();
     all.insert(0, observed.trap.as_ref().map_or_else(|| "no trap".into(), trap));
     let rays = (0..loaded.scene.rays.len())
-        .map(|at| one_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default()));
+        .map(|at| run_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default()));
     let rays: Vec<Observed> = rays.collect();
     for (name, found) in observed.rays.iter().chain(rays.iter().flat_map(|ray| &ray.rays)) {
         all.push(match found {

@@ -216,7 +216,7 @@ fn a_payload_that_is_reached_by_a_computed_index_counts_as_read() {
         program.ops.iter().position(traces).expect("a trace") as u32
     };
     let written = closest_hit("OpStore %low %2").payloads.writes_only.expect("nothing but the payload");
-    assert!(!written.meets(plain.payloads.reads_behind(op(&plain))));
+    assert!(!written.intersects(plain.payloads.read_after(op(&plain))));
     let body = format!(
         "{TRACE}
          %invocation = OpLoad %uvec3 %id
@@ -226,7 +226,7 @@ fn a_payload_that_is_reached_by_a_computed_index_counts_as_read() {
          OpStore %first %read"
     );
     let computed = shader_with("OpTypeArray %uint %2", "RayGenerationKHR", "RayPayloadKHR", &body);
-    assert!(written.meets(computed.payloads.reads_behind(op(&computed))));
+    assert!(written.intersects(computed.payloads.read_after(op(&computed))));
 }
 
 #[test]

@@ -260,7 +260,7 @@ fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
     let perturbed = perturb(&scene, &assembled, &quiet)?;
     assert!(perturbed.traps.is_empty());
     let session = Session::new(scene)?;
-    let (_, which) = session.settle(&Request::Pixel([0, 0, 0]))?;
+    let (_, which) = session.resolve(&Request::Pixel([0, 0, 0]))?;
     let (one, _) = shadow_one(session.scene(), session.assembled(), &which)?;
     assert!(one.results > 0 && one.results < found.results);
     Ok(())

@@ -238,7 +238,7 @@ struct Notes {
 }
 
 impl TraversalObserver for Notes {
-    const REASONS: bool = true;
+    const EXPLAINS_MISSES: bool = true;
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
         self.instances.push((instance, verdict));

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Where the peers are.
+/// The folder of the peers.
 pub struct Installed {
     root: PathBuf,
-    /// What the programs see as `/share`.
+    /// The folder that the programs see as `/share`.
     pub share: PathBuf,
 }
 
@@ -15,7 +15,7 @@ pub struct Installed {
 pub type Printed = BTreeMap<String, f64>;
 
 impl Installed {
-    /// What `ANYHIT_PEERS` names, if it names anything.
+    /// The folder that `ANYHIT_PEERS` names, if it is set.
     pub fn from_environment() -> Option<Self> {
         let root = PathBuf::from(std::env::var_os("ANYHIT_PEERS").filter(|root| !root.is_empty())?);
         Some(Self { share: root.join("share"), root })

@@ -1,9 +1,9 @@
 //! Comparison with lavapipe (Mesa's Vulkan driver for the CPU), Embree and a plain loop over obvhs,
 //! in turn on the same scenes, rays and shaders: prints the table of ratios.
 //!
-//! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as stand after
-//! `--`; a word there instead chooses the rows whose names hold it. `benches/peers/README.md` says
-//! how the folder is made.
+//! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as the number
+//! after `--`; a word after `--` chooses the rows whose names contain it. `benches/peers/README.md`
+//! says how the folder is made.
 //!
 //! Every row is measured here and at its peer at once, one thread each, in processor time; what is
 //! printed are medians of the rounds, and the ratio's is that of the rounds' own ratios.
@@ -53,7 +53,7 @@ fn main() -> ExitCode {
     }
     let rows: Vec<&Row> = ROWS.iter().filter(|row| part.is_none_or(|part| row.name.contains(part))).collect();
     scene_files::write(&installed.share);
-    let mut results: Vec<Vec<rows::Pair>> = rows.iter().map(|_| Vec::new()).collect();
+    let mut results: Vec<Vec<rows::RoundResult>> = rows.iter().map(|_| Vec::new()).collect();
     for round in 1..=rounds {
         for (row, results) in rows.iter().zip(&mut results) {
             match row.measure(&installed) {
@@ -78,7 +78,7 @@ fn main() -> ExitCode {
     println!("| | | peer | here | ratio | lowest, highest | wanted |");
     println!("|---|---|---|---|---|---|---|");
     for (row, results) in rows.iter().zip(&results) {
-        let of = |value: fn(&rows::Pair) -> f64| {
+        let of = |value: fn(&rows::RoundResult) -> f64| {
             let mut values: Vec<f64> = results.iter().map(value).collect();
             values.sort_by(f64::total_cmp);
             values

@@ -15,7 +15,7 @@ use crate::rows::PICTURE;
 use crate::scenes;
 use crate::table::{Measured, Table};
 
-/// Rays over the terrain.
+/// Measures rays over the terrain.
 pub fn triangles() -> Measured {
     let scene = scenes::heightfield(256);
     let GeometryData::Triangles { vertices, .. } = &scene.data else { unreachable!("a scene of triangles") };

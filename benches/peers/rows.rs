@@ -8,9 +8,9 @@ use crate::{frames, obvhs, scenes, traverse};
 
 /// The size of the pictures.
 pub const PICTURE: [u32; 2] = [1024, 768];
-/// How many more or fewer hits than the peer, of a thousand pixels: its intersections are not
-/// exact.
-const HITS_APART: f64 = 1.0;
+/// The greatest difference of the numbers of hits, for each thousand pixels: the intersections of
+/// the peers are not exact.
+const MAX_HIT_DIFFERENCE: f64 = 1.0;
 
 /// A comparison.
 pub struct Row {
@@ -22,7 +22,7 @@ pub struct Row {
     pub wanted: f64,
 }
 
-/// What is measured here.
+/// What is measured in this crate.
 enum Ours {
     /// A row of `benches/speed`.
     Frame(&'static str),
@@ -30,7 +30,7 @@ enum Ours {
     Build(fn() -> scenes::Scene),
 }
 
-/// What is measured there.
+/// What is measured at a peer.
 pub enum Peer {
     /// A scene and the shaders of a launch, which prints `rate` and `hits`.
     Lavapipe(&'static str, &'static [&'static str]),
@@ -54,8 +54,8 @@ pub enum Unit {
     Milliseconds,
 }
 
-/// What one round measured.
-pub struct Pair {
+/// The result of one round.
+pub struct RoundResult {
     pub ours: f64,
     pub theirs: f64,
 }
@@ -267,16 +267,16 @@ impl Ours {
 }
 
 impl Row {
-    /// One round of it.
-    pub fn measure(&self, installed: &Installed) -> Result<Pair, String> {
+    /// Measures one round.
+    pub fn measure(&self, installed: &Installed) -> Result<RoundResult, String> {
         let ours = self.ours.measure();
         let theirs = self.peer.measure(installed)?;
         if let (Some(here), Some(there)) = (ours.hits, theirs.hits) {
             let pixels = f64::from(PICTURE[0] * PICTURE[1]);
-            if here.abs_diff(there) as f64 > HITS_APART / 1000.0 * pixels {
+            if here.abs_diff(there) as f64 > MAX_HIT_DIFFERENCE / 1000.0 * pixels {
                 return Err(format!("{here} pixels hit here, {there} there: this is not the same work"));
             }
         }
-        Ok(Pair { ours: ours.value, theirs: theirs.value })
+        Ok(RoundResult { ours: ours.value, theirs: theirs.value })
     }
 }

@@ -72,7 +72,7 @@ fn describe(stats: &Stats) -> String {
     text.trim_end_matches(", ").to_owned()
 }
 
-/// How many pixels of the outputs say that they hit.
+/// The number of pixels whose output marks a hit.
 fn hits(outputs: &Buffer) -> u64 {
     let bytes = outputs.bytes();
     let last =
@@ -145,7 +145,7 @@ pub fn run(table: &mut Table) {
         table.hits(hits(&outputs));
     }
     if table.wants("first launch") {
-        // From the files of the shaders; the tree is there.
+        // It begins with the files of the shaders; the BVH is already built.
         let (scene, tlas) = terrain();
         table.time("first launch", || {
             let pipeline = pipeline(PRIMARY);
@@ -156,10 +156,10 @@ pub fn run(table: &mut Table) {
     }
 }
 
-/// A launch to run again and again: the triangles with the heavy closest-hit shader, or arithmetic
+/// A launch that can be repeated: the triangles with the heavy closest-hit shader, or arithmetic
 /// only.
 #[allow(dead_code, reason = "the comparison with peers has no threads")]
-pub fn again(table: &Table, heavy: bool, size: [u32; 2]) -> (Pipeline, Resources) {
+pub fn repeatable_launch(table: &Table, heavy: bool, size: [u32; 2]) -> (Pipeline, Resources) {
     let scene = scenes::heightfield(table.size(256, 8));
     let tlas = scene.tlas(GeometryFlags::OPAQUE);
     let (resources, _) = resources(&scene, tlas, size);

@@ -14,12 +14,12 @@ use crate::synthetic;
 use crate::table::Table;
 use crate::traverse::measure;
 
-/// What grows in a panel of the picture: a name, and for each size the cost.
-type Line = (&'static str, Vec<(f64, f64)>);
+/// A line in a panel of the picture: a name, and for each size the cost.
+type Series = (&'static str, Vec<(f64, f64)>);
 
 pub fn run(table: &Table) {
-    let mut builds: Line = ("triangles, built", Vec::new());
-    let mut rays: Line = ("triangles", Vec::new());
+    let mut builds: Series = ("triangles, built", Vec::new());
+    let mut rays: Series = ("triangles", Vec::new());
     // 10^7 triangles take some GiB, and half a minute to build.
     let mut cells = table.size(vec![7, 22, 71, 224, 707], vec![4]);
     if std::env::var_os("LARGE").is_some() {
@@ -38,8 +38,8 @@ pub fn run(table: &Table) {
         let rate = measure(table, &tracing, &tlas, &scene.camera.rays(table.picture), RayFlags::default());
         note(&mut rays, count, rate.map(|rate| 1e3 / rate));
     }
-    let mut placings: Line = ("instances, placed", Vec::new());
-    let mut through: Line = ("instances of 128 triangles", Vec::new());
+    let mut placings: Series = ("instances, placed", Vec::new());
+    let mut through: Series = ("instances of 128 triangles", Vec::new());
     for side in table.size(vec![1, 3, 10, 32, 100, 316], vec![3]) {
         let count = side * side;
         let (building, tracing) =
@@ -59,7 +59,7 @@ pub fn run(table: &Table) {
         note(&mut through, count, rate.map(|rate| 1e3 / rate));
     }
     // The largest module among those of published renderers has 98,390 instructions.
-    let mut lines: [Line; 4] = [
+    let mut lines: [Series; 4] = [
         ("load, functions", Vec::new()),
         ("lower, functions", Vec::new()),
         ("load, one function", Vec::new()),
@@ -90,14 +90,14 @@ pub fn run(table: &Table) {
     }
 }
 
-fn note(line: &mut Line, count: u32, value: Option<f64>) {
+fn note(line: &mut Series, count: u32, value: Option<f64>) {
     line.1.extend(value.map(|value| (f64::from(count), value)));
 }
 
-type Drawn<T> = Result<T, Box<dyn std::error::Error>>;
-type Panel = (&'static str, &'static str, Vec<Line>);
+type DrawResult<T> = Result<T, Box<dyn std::error::Error>>;
+type Panel = (&'static str, &'static str, Vec<Series>);
 
-fn draw(path: &Path, panels: &[Panel]) -> Drawn<()> {
+fn draw(path: &Path, panels: &[Panel]) -> DrawResult<()> {
     let area = SVGBackend::new(path, (1080, 330)).into_drawing_area();
     area.fill(&WHITE)?;
     for (panel, cell) in panels.iter().zip(area.split_evenly((1, panels.len()))) {
@@ -107,8 +107,8 @@ fn draw(path: &Path, panels: &[Panel]) -> Drawn<()> {
     Ok(())
 }
 
-/// Both axes by tenfold steps: what grows with its size is a line that rises as fast as it goes on.
-fn draw_panel<B: DrawingBackend>(area: &DrawingArea<B, Shift>, (cost, size, lines): &Panel) -> Drawn<()>
+/// Draws a panel with two logarithmic axes, in which linear growth is a line of slope 1.
+fn draw_panel<B: DrawingBackend>(area: &DrawingArea<B, Shift>, (cost, size, lines): &Panel) -> DrawResult<()>
 where
     B::ErrorType: 'static,
 {

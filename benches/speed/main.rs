@@ -1,9 +1,8 @@
 //! Benchmarks of the stages of a launch in CPU time: loading, lowering, BVH build, traversal,
 //! shading.
 //!
-//! `cargo bench --bench speed` prints a table; what stands after `--` chooses the rows whose names
-//! begin so.
-//! Without `--bench` (`cargo test --benches`) everything runs once and small.
+//! `cargo bench --bench speed` prints a table; an argument after `--` chooses the rows whose names
+//! begin with it. Without `--bench` (`cargo test --benches`) everything runs once and small.
 //!
 //! Processor time (of all threads of the process) is what is counted, as wall time doubles on a
 //! busy machine. Each row is the median of several runs.

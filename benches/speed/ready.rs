@@ -15,7 +15,7 @@ pub fn run(table: &mut Table) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures").join(module);
         load_and_lower(table, module, || std::fs::read(path).expect("a module"));
     }
-    // Modules of one's own: how load and lower grow with them.
+    // Modules of the user, to measure how loading and lowering scale with them.
     for path in std::env::var_os("MODULES").iter().flat_map(std::env::split_paths) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         load_and_lower(table, &name, || std::fs::read(path).expect("a module"));
@@ -37,7 +37,7 @@ pub fn run(table: &mut Table) {
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         table.time("one invocation, 1000 times", || {
             for _ in 0..1000 {
-                // It ends at its first store: nothing is bound.
+                // It ends at its first store, as nothing is bound.
                 let _ = launch.run_one([0; 3], [1; 3], &mut (), &mut ());
             }
             String::new()
@@ -70,7 +70,7 @@ pub fn load_and_lower(table: &Table, name: &str, make: impl FnOnce() -> Vec<u8>)
     let module = Arc::new(anyhit::module::load(&bytes).expect("a valid module"));
     let lowered = table.time(&lowering, || {
         let program = anyhit::program::lower(&module, &module.entry_points[0]).expect("a supported module");
-        format!("{} operations, {} rows", program.ops.len(), program.register_count)
+        format!("{} operations, {} registers", program.ops.len(), program.register_count)
     });
     [loaded, lowered]
 }

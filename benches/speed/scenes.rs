@@ -54,7 +54,7 @@ impl Camera {
         }
     }
 
-    /// What the shaders read of it, and where light comes from: five vectors of four.
+    /// The camera and the direction of the light as the shaders read them: five vectors of four.
     pub fn inputs(&self) -> Vec<f32> {
         let light = [0.5f32, 0.75, 0.433];
         let vectors = [self.eye, self.forward, self.right, self.up, light];
@@ -88,7 +88,7 @@ impl Camera {
     }
 }
 
-/// What is drawn.
+/// A camera and one geometry, with the data that the shaders read.
 pub struct Scene {
     pub camera: Camera,
     pub data: GeometryData,
@@ -98,7 +98,7 @@ pub struct Scene {
     pub spheres: Vec<[f32; 4]>,
 }
 
-/// Two triangles a cell over a grid of n x n cells: waves on waves.
+/// Two triangles for each cell of a grid of n x n cells, displaced by a sum of waves.
 pub fn heightfield(n: u32) -> Scene {
     let height = |x: f64, z: f64| {
         0.35 * (1.3 * x).sin() * (1.1 * z).cos()
@@ -154,14 +154,14 @@ pub fn spheres(count: usize) -> Scene {
     }
 }
 
-/// The boxes around those spheres.
+/// The boxes around the spheres of [`spheres`].
 pub fn boxes(count: usize) -> Scene {
     let scene = spheres(count);
     let data = GeometryData::Aabbs(boxes_around(&scene.spheres, 1));
     Scene { data, ..scene }
 }
 
-/// The boxes around the blades.
+/// The boxes around the swept spheres of [`meadow`].
 pub fn meadow_boxes(blades: usize) -> Scene {
     let scene = meadow(blades);
     let data = GeometryData::Aabbs(boxes_around(&scene.spheres, 2));
@@ -223,7 +223,7 @@ pub fn meadow(blades: usize) -> Scene {
 }
 
 impl Scene {
-    /// The indices of its vertices; one nought where it has none, as a buffer must hold something.
+    /// The indices of its vertices; a single 0 where it has none, as a buffer must not be empty.
     pub fn indices(&self) -> &[u32] {
         match &self.data {
             GeometryData::Triangles { indices: Some(indices), .. } => indices,
@@ -236,7 +236,7 @@ impl Scene {
         Blas::new(vec![Geometry::new(self.data.clone(), flags)]).expect("a valid geometry")
     }
 
-    /// Its BLAS with the tree, which the first rays that go together make.
+    /// Its BLAS with the BVH, which the first packet builds.
     pub fn built(&self, flags: GeometryFlags) -> Arc<Blas> {
         let tlas = self.tlas(flags);
         let blas = tlas.instances()[0].blas.clone();

@@ -6,7 +6,7 @@ use crate::scenes::Random;
 /// The id of an instruction's result.
 type Id = u32;
 
-/// Numbers of types, constants and the rest that every module has.
+/// The ids of the types, constants and variables that every module has.
 mod id {
     pub const MAIN: u32 = 1;
     pub const GLSL: u32 = 2;
@@ -24,7 +24,7 @@ mod id {
     pub const BLOCK_POINTER: u32 = 14;
     pub const ELEMENT: u32 = 15;
     pub const BUFFER: u32 = 16;
-    /// Of type uint: 0 and on.
+    /// The constants 0 to 7 of type uint.
     pub const NUMBERS: u32 = 17;
     pub const FLOATS: u32 = 25;
     pub const NEXT: u32 = 33;
@@ -38,12 +38,12 @@ struct Writer {
     next: Id,
     random: Random,
     instructions: usize,
-    /// Functions that are there, and how many of them are called already.
+    /// The functions that are defined, and how many of them are called already.
     functions: Vec<Id>,
     called: usize,
 }
 
-/// What a function has made so far and may use here.
+/// The values that a function has defined so far and may use here.
 #[derive(Clone, Default)]
 struct Scope {
     floats: Vec<Id>,
@@ -51,7 +51,7 @@ struct Scope {
     integers: Vec<Id>,
     float_variables: Vec<Id>,
     vector_variables: Vec<Id>,
-    /// The block that is open.
+    /// The block that instructions are added to.
     block: Id,
 }
 
@@ -100,7 +100,7 @@ impl Writer {
     }
 
     fn one_of(&mut self, ids: &[Id]) -> Id {
-        // What was made last is used most.
+        // The most recent values are used most.
         let back = self.below(ids.len().min(16)).min(self.below(ids.len().min(16)));
         ids[ids.len() - 1 - back]
     }
@@ -155,7 +155,7 @@ impl Writer {
         self.functions.push(function);
     }
 
-    /// Calls what nobody has called.
+    /// Calls the functions that are not called yet.
     fn main(&mut self) {
         let block = self.fresh();
         self.body(54, &[id::VOID, id::MAIN, 0, id::MAIN_TYPE]);
@@ -242,7 +242,7 @@ impl Writer {
                 scope.floats.push(self.result(169, id::FLOAT, &[less, a, b]));
             }
             89..=90 if !self.functions.is_empty() => {
-                // One that nobody calls yet, most often.
+                // Mostly a function that is not called yet.
                 let function = match self.called < self.functions.len() && number > 0 {
                     true => self.functions[self.called],
                     false => self.one_of(&self.functions.clone()),
@@ -250,8 +250,8 @@ impl Writer {
                 self.called += usize::from(self.functions.get(self.called) == Some(&function));
                 scope.floats.push(self.result(57, id::FLOAT, &[function, a, i]));
             }
-            91..=97 if depth < 4 => self.choice(scope, depth, [a, b]),
-            98..=99 if depth < 3 => self.rounds(scope, depth, i),
+            91..=97 if depth < 4 => self.emit_if(scope, depth, [a, b]),
+            98..=99 if depth < 3 => self.emit_loop(scope, depth, i),
             _ => scope.floats.push(self.result(127, id::FLOAT, &[a])),
         }
     }
@@ -263,7 +263,7 @@ impl Writer {
     }
 
     /// `if`, `else` and a value from both.
-    fn choice(&mut self, scope: &mut Scope, depth: usize, [a, b]: [Id; 2]) {
+    fn emit_if(&mut self, scope: &mut Scope, depth: usize, [a, b]: [Id; 2]) {
         let less = self.result(184, id::BOOL, &[a, b]);
         let [then, other, merge] = [0; 3].map(|_| self.fresh());
         self.body(247, &[merge, 0]);
@@ -281,8 +281,8 @@ impl Writer {
         scope.floats.push(self.result(245, id::FLOAT, &values));
     }
 
-    /// A loop of as many rounds as an integer says, with a sum.
-    fn rounds(&mut self, scope: &mut Scope, depth: usize, count: Id) {
+    /// A loop with an integer as its trip count, and a sum.
+    fn emit_loop(&mut self, scope: &mut Scope, depth: usize, count: Id) {
         let [head, test, body, more, merge, next, sum] = [0; 7].map(|_| self.fresh());
         let before = scope.block;
         self.body(249, &[head]);

@@ -8,34 +8,35 @@ use crate::clock;
 /// The printed table.
 pub struct Table {
     full: bool,
-    wanted: Wanted,
+    wanted: RowFilter,
     /// The size of the pictures.
     pub picture: [u32; 2],
     measured: RefCell<Vec<Measured>>,
 }
 
-enum Wanted {
+enum RowFilter {
     All,
-    Beginning(String),
-    Named(&'static str),
+    Prefix(String),
+    Exact(&'static str),
 }
 
 /// A row that has run.
 #[allow(dead_code, reason = "the comparison with peers reads it")]
 pub struct Measured {
-    /// Millions of things a second of processor time, or milliseconds of it a run.
+    /// Millions of items for each second of processor time, or milliseconds of it for each run.
     pub value: f64,
     /// Rays or pixels that hit, where they were counted.
     pub hits: Option<u64>,
 }
 
-/// How long one run may take in processor time before no further one is begun.
-const ENOUGH: Duration = Duration::from_millis(1500);
+/// The processor time after which no further run is started.
+const MAX_TIME: Duration = Duration::from_millis(1500);
 
 impl Table {
-    /// A table whose rows run at full size, or once and small; only those whose names begin so.
+    /// A table whose rows run at full size, or once and small; only those whose names begin with
+    /// `wanted`.
     pub fn new(full: bool, wanted: Option<String>) -> Self {
-        let wanted = wanted.map_or(Wanted::All, Wanted::Beginning);
+        let wanted = wanted.map_or(RowFilter::All, RowFilter::Prefix);
         let picture = if full { [512, 384] } else { [32, 6] };
         Self { full, wanted, picture, measured: RefCell::default() }
     }
@@ -43,7 +44,7 @@ impl Table {
     /// A table of the one row of this name, with pictures of another size.
     #[allow(dead_code, reason = "the comparison with peers asks for it")]
     pub fn of_one(name: &'static str, picture: [u32; 2]) -> Self {
-        Self { wanted: Wanted::Named(name), picture, ..Self::new(true, None) }
+        Self { wanted: RowFilter::Exact(name), picture, ..Self::new(true, None) }
     }
 
     /// The last row that has run.
@@ -64,29 +65,27 @@ impl Table {
         if self.full { full } else { small }
     }
 
-    /// Whether a row is asked for.
+    /// Whether a row is to be measured.
     pub fn wants(&self, name: &str) -> bool {
         match &self.wanted {
-            Wanted::All => true,
-            Wanted::Beginning(beginning) => name.starts_with(beginning.as_str()),
-            Wanted::Named(one) => name == *one,
+            RowFilter::All => true,
+            RowFilter::Prefix(prefix) => name.starts_with(prefix.as_str()),
+            RowFilter::Exact(one) => name == *one,
         }
     }
 
-    /// Whether one of the rows whose names begin alike may be asked for.
+    /// Whether any row whose name begins with `prefix` may be wanted.
     pub fn wants_any(&self, prefix: &str) -> bool {
         match &self.wanted {
-            Wanted::All => true,
-            Wanted::Beginning(beginning) => {
-                prefix.starts_with(beginning.as_str()) || beginning.starts_with(prefix)
-            }
-            Wanted::Named(one) => one.starts_with(prefix),
+            RowFilter::All => true,
+            RowFilter::Prefix(wanted) => prefix.starts_with(wanted.as_str()) || wanted.starts_with(prefix),
+            RowFilter::Exact(one) => one.starts_with(prefix),
         }
     }
 
-    /// Measures work that processes a number of things a run, and prints how many millions of them
-    /// a second of processor time gets through, which is returned. What the work returns is printed
-    /// behind.
+    /// Measures work that processes a number of items in each run. Prints and returns the
+    /// throughput in millions of items for each second of processor time. The text that the work
+    /// returns is printed behind it.
     pub fn rate(&self, name: &str, unit: &str, count: u64, mut work: impl FnMut() -> String) -> Option<f64> {
         if !self.wants(name) {
             return None;
@@ -116,7 +115,7 @@ impl Table {
         // The first run also builds what is built on first use.
         let mut note = if self.full { work() } else { String::new() };
         let mut spent = Duration::ZERO;
-        while times.len() < 15 && (times.len() < 3 || spent < ENOUGH) {
+        while times.len() < 15 && (times.len() < 3 || spent < MAX_TIME) {
             let (start, wall) = (clock::process(), Instant::now());
             note = work();
             let took = clock::process() - start;

@@ -1,9 +1,8 @@
 //! Thread scaling: several threads of one process against as many single-threaded processes, in
 //! turn.
 //!
-//! What processes reach together is what the machine gives: they share nothing but the machine
-//! itself, its memory, its cores and whatever else runs on them. So the ratio of both is what
-//! sharing a launch costs.
+//! The processes share nothing but the machine, so that their total rate is what the machine can
+//! do. The ratio of both rates is the cost of sharing a launch.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
@@ -19,10 +18,10 @@ use crate::table::Table;
 /// How many threads, and processes.
 const COUNTS: [usize; 3] = [1, 2, 4];
 
-/// Set where this process is one of those that are compared.
+/// The environment variable that makes a process a worker, and holds its number.
 const WORKER: &str = "ANYHIT_BENCH_WORKER";
 
-/// Whether this process is only to draw the picture when it is told to.
+/// Whether this process is a worker, which draws pictures on request.
 pub fn is_worker() -> bool {
     std::env::var_os(WORKER).is_some()
 }
@@ -49,7 +48,7 @@ impl Picture {
         let size = table.size([1024, 768], [32, 6]);
         let time = table.size(Duration::from_millis(300), Duration::ZERO);
         PICTURES.map(|(_, heavy)| {
-            let (pipeline, resources) = frames::again(table, heavy, size);
+            let (pipeline, resources) = frames::repeatable_launch(table, heavy, size);
             Self { pipeline, resources, size, time }
         })
     }
@@ -68,15 +67,15 @@ impl Picture {
     }
 }
 
-/// A pool whose threads each keep to a processor of their own, where this system lets them: from
-/// the given one of those that this process may use.
+/// A pool whose threads are pinned to a processor each, where the system allows it: from the given
+/// one of those that this process may use.
 fn pool(first: usize, threads: usize) -> rayon::ThreadPool {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    builder.start_handler(move |at| keep_to(first + at)).build().expect("threads")
+    builder.start_handler(move |at| pin_to(first + at)).build().expect("threads")
 }
 
 #[cfg(target_os = "linux")]
-fn keep_to(number: usize) {
+fn pin_to(number: usize) {
     use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
     let Ok(all) = sched_getaffinity(None) else { return };
     let mut allowed = (0..CpuSet::MAX_CPU).filter(|&cpu| all.is_set(cpu));
@@ -89,10 +88,10 @@ fn keep_to(number: usize) {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn keep_to(_: usize) {}
+fn pin_to(_: usize) {}
 
-/// Draws a picture with one thread whenever its number comes, and tells how fast that was; until no
-/// line comes.
+/// Runs a worker: draws a picture with one thread for each number on its input, and prints the
+/// rate, until the input ends.
 pub fn work(full: bool) {
     let number = std::env::var(WORKER).ok().and_then(|number| number.parse().ok());
     let pictures = Picture::both(&Table::new(full, None));
@@ -109,7 +108,7 @@ pub fn work(full: bool) {
 /// A process of one thread.
 struct Worker {
     child: Child,
-    told: BufReader<std::process::ChildStdout>,
+    output: BufReader<std::process::ChildStdout>,
 }
 
 impl Worker {
@@ -117,8 +116,8 @@ impl Worker {
         let mut command = Command::new(std::env::current_exe().expect("the path of this program"));
         command.env(WORKER, number.to_string()).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = if full { command.arg("--bench") } else { &mut command }.spawn().expect("a process");
-        let told = BufReader::new(child.stdout.take().expect("its output"));
-        let mut worker = Self { child, told };
+        let output = BufReader::new(child.stdout.take().expect("its output"));
+        let mut worker = Self { child, output };
         assert_eq!(worker.line(), "ready");
         worker
     }
@@ -135,7 +134,7 @@ impl Worker {
 
     fn line(&mut self) -> String {
         let mut line = String::new();
-        self.told.read_line(&mut line).expect("a line");
+        self.output.read_line(&mut line).expect("a line");
         line.trim().to_owned()
     }
 }
@@ -169,8 +168,8 @@ pub fn run(table: &Table) {
                     let sum = |rate: fn(&Rate) -> f64| rates.iter().map(rate).sum::<f64>();
                     Rate { wall: sum(|rate| rate.wall), thread: sum(|rate| rate.thread) / count as f64 }
                 };
-                // Whoever comes first: a machine that gets slower or faster meanwhile favours
-                // neither.
+                // The order alternates, so that a machine that gets slower or faster meanwhile
+                // favours neither.
                 match round % 2 {
                     0 => [threads(), processes()],
                     _ => {
@@ -181,7 +180,7 @@ pub fn run(table: &Table) {
             }));
         }
         for (at, count) in COUNTS.into_iter().enumerate() {
-            let of = |value: &dyn Fn(&[[Rate; 2]; 3]) -> f64| middle(rounds.iter().map(value).collect());
+            let of = |value: &dyn Fn(&[[Rate; 2]; 3]) -> f64| quartiles(rounds.iter().map(value).collect());
             println!(
                 "threads {count}, {name:<16} {:>7.3} Mpixels/s, {} times one thread; {count} processes {:.3}, ratio {}, \
                  in processor time {}",
@@ -195,8 +194,8 @@ pub fn run(table: &Table) {
     }
 }
 
-/// The median between the quartiles.
-fn middle(mut values: Vec<f64>) -> [f64; 3] {
+/// The lower quartile, the median and the upper quartile.
+fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     [1, 2, 3].map(|quarter| values[(values.len() - 1) * quarter / 4])
 }

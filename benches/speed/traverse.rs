@@ -6,7 +6,7 @@ use anyhit::geometry::Ray;
 use crate::scenes::{self, Scene};
 use crate::table::Table;
 
-/// Traces rays, and says how many hit and what each did on average.
+/// Traces rays by a cursor; returns the number of hits and a description of the work for each ray.
 fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
     let mut cursor = Cursor::new(tlas, query(&rays[0]));
@@ -37,7 +37,7 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
 }
 
 /// Traces rays in packets of 64.
-fn trace_together(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
+fn trace_packets(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     let query = |ray: &Ray| TraceRay { ray: *ray, flags, cull_mask: 0xFF, time: 0.0 };
     let any = flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT);
     let (mut packet, mut traces, mut found) = (Packet::default(), Vec::new(), Vec::new());
@@ -64,11 +64,11 @@ pub fn run(table: &mut Table) {
     let table = &*table;
     let row = |name: &str, flags: RayFlags, make: &dyn Fn() -> Scene| {
         let together = format!("{name} together");
-        // Of boxes shaders decide.
+        // Packets do not trace boxes, as shaders decide about them.
         if table.wants(&together) && name != "traverse boxes" {
             let scene = make();
             let tlas = scene.tlas(GeometryFlags::OPAQUE);
-            measure_way(table, &together, &tlas, &tiles(&scene, table.picture), flags, trace_together);
+            measure_with(table, &together, &tlas, &tiles(&scene, table.picture), flags, trace_packets);
         }
         if table.wants(name) {
             let scene = make();
@@ -96,36 +96,36 @@ pub fn run(table: &mut Table) {
         let scene = scenes::heightfield(grid);
         let rays = tiles(&scene, table.picture);
         let name = "traverse 64 instances together";
-        measure_way(table, name, &scene.tiled(), &rays, every, trace_together);
+        measure_with(table, name, &scene.tiled(), &rays, every, trace_packets);
     }
     for (name, trace) in [
-        ("traverse triangles shuffled together", trace_together as Way),
+        ("traverse triangles shuffled together", trace_packets as TraceFn),
         ("traverse triangles shuffled", trace),
     ] {
         if table.wants(name) {
             let scene = scenes::heightfield(grid);
             let rays = scene.camera.shuffled_rays(table.picture);
-            measure_way(table, name, &scene.tlas(GeometryFlags::OPAQUE), &rays, every, trace);
+            measure_with(table, name, &scene.tlas(GeometryFlags::OPAQUE), &rays, every, trace);
         }
     }
 }
 
-/// How rays are traced: how many hit, and what is to be said of it.
-type Way = fn(&Tlas, &[Ray], RayFlags) -> (u64, String);
+/// A way to trace rays; returns the number of hits and a description.
+type TraceFn = fn(&Tlas, &[Ray], RayFlags) -> (u64, String);
 
 /// Measures rays through a structure, one by one: millions a second.
 pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> Option<f64> {
-    measure_way(table, name, tlas, rays, flags, trace)
+    measure_with(table, name, tlas, rays, flags, trace)
 }
 
 /// Measures the traversal of rays by cursors or by packets.
-fn measure_way(
+fn measure_with(
     table: &Table,
     name: &str,
     tlas: &Tlas,
     rays: &[Ray],
     flags: RayFlags,
-    trace: Way,
+    trace: TraceFn,
 ) -> Option<f64> {
     let mut hits = 0;
     let rate = table.rate(name, "rays", rays.len() as u64, || {

@@ -8,22 +8,22 @@ use anyhit::math::lane_ops::LaneOps;
 use crate::shape::Shape;
 
 /// An instance: for this crate its exact transform, for the others the inverse in f32.
-pub struct Placed {
+pub struct PlacedInstance {
     pub transform: Option<Transform>,
     pub inverse: [[f32; 4]; 3],
 }
 
-impl Placed {
+impl PlacedInstance {
     /// The ray in object space.
     pub fn object(&self, ray: &Ray) -> ObjectRay {
         let mut out = ObjectRay::EMPTY;
-        self.bring(ray, &mut out);
+        self.to_object_space(ray, &mut out);
         out
     }
 
-    /// Brings a ray into object space.
+    /// Transforms a ray to object space.
     #[inline(always)]
-    fn bring(&self, ray: &Ray, out: &mut ObjectRay) {
+    fn to_object_space(&self, ray: &Ray, out: &mut ObjectRay) {
         let is_ray = match &self.transform {
             Some(transform) => out.set_in_instance(ray, transform),
             None => out.set_in_world(ray),
@@ -32,30 +32,30 @@ impl Placed {
     }
 }
 
-/// One way to intersect.
+/// An intersection method.
 pub trait Contender {
     /// Four primitives.
     type Block;
-    /// A ray made ready for an instance.
-    type Ready: Copy;
+    /// A ray prepared for an instance.
+    type PreparedRay: Copy;
     /// Placeholder value.
-    const EMPTY: Self::Ready;
+    const EMPTY: Self::PreparedRay;
 
     fn block(shapes: &[Shape]) -> Self::Block;
-    /// Makes a ray ready.
-    fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds);
+    /// Prepares a ray for an instance.
+    fn prepare(out: &mut Self::PreparedRay, ray: &Ray, placed: &PlacedInstance, around: &Bounds);
     /// A bit for each lane that may be hit.
-    fn maybe_hit_mask<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32;
-    /// The t of a lane; ray and instance are what it was made ready of.
+    fn maybe_hit_mask<V: LaneOps>(simd: V, block: &Self::Block, prepared: &Self::PreparedRay) -> u32;
+    /// The t of a lane; `whole` holds the ray and the instance that it was prepared for.
     fn hit<V: LaneOps>(
         simd: V,
         lane: (&Self::Block, usize),
-        ready: &mut Self::Ready,
-        whole: (&Ray, &Placed),
+        prepared: &mut Self::PreparedRay,
+        whole: (&Ray, &PlacedInstance),
     ) -> Option<f32>;
 }
 
-/// This crate.
+/// This crate's tests of one kind of block.
 pub struct Ours<K, const PRECISION: u8>(std::marker::PhantomData<K>);
 
 pub const FLOAT: u8 = 0;
@@ -71,12 +71,12 @@ const fn precision(number: u8) -> Precision {
 }
 
 macro_rules! ours {
-    ($block:ty, $cull_ray:ident, $simd:ident, $ready:ident => $met:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
+    ($block:ty, $cull_ray:ident, $simd:ident, $prepared:ident => $maybe_hit:expr, $shape:pat => $block_name:ident, $lane:ident, $set:expr $(, $caps:expr)?) => {
         impl<const P: u8> Contender for Ours<$block, P> {
             type Block = $block;
-            type Ready = Ready<$cull_ray>;
-            const EMPTY: Self::Ready =
-                Ready { blocks: $cull_ray::EMPTY, object: ObjectRay::EMPTY, has_object: false };
+            type PreparedRay = LazyObjectRay<$cull_ray>;
+            const EMPTY: Self::PreparedRay =
+                LazyObjectRay { blocks: $cull_ray::EMPTY, object: ObjectRay::EMPTY, has_object: false };
 
             fn block(shapes: &[Shape]) -> Self::Block {
                 let mut $block_name = <$block>::EMPTY;
@@ -88,24 +88,24 @@ macro_rules! ours {
             }
 
             #[inline(always)]
-            fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds) {
+            fn prepare(out: &mut Self::PreparedRay, ray: &Ray, placed: &PlacedInstance, around: &Bounds) {
                 out.set(ray, placed, around);
             }
 
             #[inline(always)]
-            fn maybe_hit_mask<V: LaneOps>($simd: V, $block_name: &Self::Block, ready: &Self::Ready) -> u32 {
-                let $ready = &ready.blocks;
-                $met
+            fn maybe_hit_mask<V: LaneOps>($simd: V, $block_name: &Self::Block, prepared: &Self::PreparedRay) -> u32 {
+                let $prepared = &prepared.blocks;
+                $maybe_hit
             }
 
             #[inline(always)]
             fn hit<V: LaneOps>(
                 _: V,
                 (block, lane): (&Self::Block, usize),
-                ready: &mut Self::Ready,
-                whole: (&Ray, &Placed),
+                prepared: &mut Self::PreparedRay,
+                whole: (&Ray, &PlacedInstance),
             ) -> Option<f32> {
-                block.intersect(lane, $($caps,)? ready.object(whole), precision(P)).map(|hit| hit.t)
+                block.intersect(lane, $($caps,)? prepared.object(whole), precision(P)).map(|hit| hit.t)
             }
         }
     };
@@ -120,43 +120,44 @@ ours!(block::Triangle4, ShearedRay, simd, ray => block.maybe_hit_mask(simd, ray)
 ours!(block::Aabb4, BoxRay, _vectors, ray => block.maybe_hit_mask(ray),
     Shape::Aabb([min, max]) => block, lane, block.set(lane, min, max));
 
-/// This crate with triangles and exactly, the f64 step on the processor's vectors: without a ray in
-/// object space where that is the world's.
+/// This crate's exact test of triangles, with the f64 filter on the processor's SIMD registers.
+/// Where object space is world space, no ray in object space is computed.
 pub struct ExactTriangles;
 
 type Triangles = Ours<block::Triangle4, EXACT>;
 
 impl Contender for ExactTriangles {
     type Block = block::Triangle4;
-    type Ready = Ready<ShearedRay>;
-    const EMPTY: Self::Ready = Triangles::EMPTY;
+    type PreparedRay = LazyObjectRay<ShearedRay>;
+    const EMPTY: Self::PreparedRay = Triangles::EMPTY;
 
     fn block(shapes: &[Shape]) -> Self::Block {
         Triangles::block(shapes)
     }
 
     #[inline(always)]
-    fn ready(out: &mut Self::Ready, ray: &Ray, placed: &Placed, around: &Bounds) {
-        Triangles::ready(out, ray, placed, around);
+    fn prepare(out: &mut Self::PreparedRay, ray: &Ray, placed: &PlacedInstance, around: &Bounds) {
+        Triangles::prepare(out, ray, placed, around);
     }
 
     #[inline(always)]
-    fn maybe_hit_mask<V: LaneOps>(simd: V, block: &Self::Block, ready: &Self::Ready) -> u32 {
-        Triangles::maybe_hit_mask(simd, block, ready)
+    fn maybe_hit_mask<V: LaneOps>(simd: V, block: &Self::Block, prepared: &Self::PreparedRay) -> u32 {
+        Triangles::maybe_hit_mask(simd, block, prepared)
     }
 
     #[inline(always)]
     fn hit<V: LaneOps>(
         simd: V,
         (block, lane): (&Self::Block, usize),
-        ready: &mut Self::Ready,
-        (ray, placed): (&Ray, &Placed),
+        prepared: &mut Self::PreparedRay,
+        (ray, placed): (&Ray, &PlacedInstance),
     ) -> Option<f32> {
-        // Not one test of either ray, which would be taken apart where both ways meet.
+        // There are two calls, as one call on either ray would reload it from memory where both
+        // branches join.
         let tested = if placed.transform.is_none() {
             block.intersect_simd(simd, lane, &DoubleRay::in_world(simd, ray))
         } else {
-            block.intersect_simd(simd, lane, &DoubleRay::of(simd, ready.object((ray, placed))))
+            block.intersect_simd(simd, lane, &DoubleRay::of(simd, prepared.object((ray, placed))))
         };
         let found = match tested {
             Verdict::Hit(found) => Some(found),
@@ -172,53 +173,58 @@ impl Contender for ExactTriangles {
 
 #[cold]
 #[inline(never)]
-fn undecided(block: &block::Triangle4, lane: usize, ray: &Ray, placed: &Placed) -> Option<Intersection> {
+fn undecided(
+    block: &block::Triangle4,
+    lane: usize,
+    ray: &Ray,
+    placed: &PlacedInstance,
+) -> Option<Intersection> {
     block.intersect(lane, &placed.object(ray), Precision::Exact)
 }
 
-/// A ray for this crate: for blocks, and for exact tests from the first of them on.
+/// A ray for this crate: prepared for blocks, and on first use for exact tests.
 #[derive(Clone, Copy)]
-pub struct Ready<R> {
+pub struct LazyObjectRay<R> {
     blocks: R,
     object: ObjectRay,
     has_object: bool,
 }
 
-impl<R: ForBlocks> Ready<R> {
+impl<R: BlockCullRay> LazyObjectRay<R> {
     #[inline(always)]
-    fn set(&mut self, ray: &Ray, placed: &Placed, around: &Bounds) {
-        let early = R::early(ray, placed, around);
-        self.has_object = early.is_none();
-        if let Some(blocks) = early {
+    fn set(&mut self, ray: &Ray, placed: &PlacedInstance, around: &Bounds) {
+        let cull_ray = R::without_object_ray(ray, placed, around);
+        self.has_object = cull_ray.is_none();
+        if let Some(blocks) = cull_ray {
             self.blocks = blocks;
         } else {
-            placed.bring(ray, &mut self.object);
+            placed.to_object_space(ray, &mut self.object);
             self.blocks = R::new(&self.object, around);
         }
     }
 }
 
-impl<R> Ready<R> {
+impl<R> LazyObjectRay<R> {
     #[inline(always)]
-    fn object(&mut self, (ray, placed): (&Ray, &Placed)) -> &ObjectRay {
+    fn object(&mut self, (ray, placed): (&Ray, &PlacedInstance)) -> &ObjectRay {
         if !self.has_object {
             self.has_object = true;
-            placed.bring(ray, &mut self.object);
+            placed.to_object_space(ray, &mut self.object);
         }
         &self.object
     }
 }
 
-/// A ray made ready for blocks.
-pub trait ForBlocks: Sized {
-    /// Without a ray in object space, where that is possible.
-    fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self>;
+/// A ray prepared for blocks.
+pub trait BlockCullRay: Sized {
+    /// Prepares the ray without a ray in object space, where that is possible.
+    fn without_object_ray(ray: &Ray, placed: &PlacedInstance, around: &Bounds) -> Option<Self>;
     fn new(object: &ObjectRay, around: &Bounds) -> Self;
 }
 
-impl ForBlocks for CullRay {
+impl BlockCullRay for CullRay {
     #[inline(always)]
-    fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
+    fn without_object_ray(ray: &Ray, placed: &PlacedInstance, around: &Bounds) -> Option<Self> {
         match &placed.transform {
             None => Self::world_space(ray, around),
             Some(transform) => Self::approximate(&transform.approximate(ray)?, around),
@@ -231,12 +237,12 @@ impl ForBlocks for CullRay {
     }
 }
 
-impl ForBlocks for ShearedRay {
+impl BlockCullRay for ShearedRay {
     #[inline(always)]
-    fn early(ray: &Ray, placed: &Placed, around: &Bounds) -> Option<Self> {
+    fn without_object_ray(ray: &Ray, placed: &PlacedInstance, around: &Bounds) -> Option<Self> {
         match &placed.transform {
             None => Self::world_space(ray),
-            Some(_) => CullRay::early(ray, placed, around).as_ref().map(Self::of),
+            Some(_) => CullRay::without_object_ray(ray, placed, around).as_ref().map(Self::of),
         }
     }
 
@@ -246,9 +252,9 @@ impl ForBlocks for ShearedRay {
     }
 }
 
-impl ForBlocks for BoxRay {
+impl BlockCullRay for BoxRay {
     #[inline(always)]
-    fn early(_: &Ray, _: &Placed, _: &Bounds) -> Option<Self> {
+    fn without_object_ray(_: &Ray, _: &PlacedInstance, _: &Bounds) -> Option<Self> {
         None
     }
 

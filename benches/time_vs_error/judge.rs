@@ -2,21 +2,21 @@
 
 use anyhit::geometry::{Bounds, Ray};
 use anyhit::math::ulp_error;
-use anyhit::stress::reference::LineOf;
+use anyhit::stress::reference::ObjectLine;
 
 use crate::scene::Scene;
 use crate::shape::Shape;
 
-/// A ray's first hit.
+/// The exact first hit of a ray.
 #[derive(Clone, Copy, Debug)]
-pub struct Truth {
+pub struct ReferenceHit {
     pub ray: usize,
     /// t to f64, instance, primitive.
     pub hit: Option<(f64, usize, u32)>,
 }
 
-/// The truth about some rays of a scene.
-pub fn truth(scene: &Scene, count: usize) -> Vec<Truth> {
+/// The exact first hits of some rays of a scene.
+pub fn reference_hits(scene: &Scene, count: usize) -> Vec<ReferenceHit> {
     let step = (scene.rays.len() / count).max(1);
     let size = scene.bounds.min.iter().chain(&scene.bounds.max).fold(0f32, |a, x| a.max(x.abs()));
     (0..scene.rays.len())
@@ -26,9 +26,9 @@ pub fn truth(scene: &Scene, count: usize) -> Vec<Truth> {
             let mut best: Option<(f64, usize, u32)> = None;
             for (instance, matrix) in scene.matrices.iter().enumerate() {
                 let identity = *matrix == crate::scene::IDENTITY;
-                let line = LineOf::new(ray, (!identity).then_some(matrix)).expect("a regular matrix");
+                let line = ObjectLine::new(ray, (!identity).then_some(matrix)).expect("a regular matrix");
                 let approximate = line.to_f64();
-                // Only whom an f64 slab test with plenty of room lets through is asked exactly.
+                // Only primitives whose padded box passes an f64 slab test are tested exactly.
                 let mut near: Vec<(f64, u32)> = (0..scene.shapes.len() as u32)
                     .filter_map(|shape| {
                         let [min, max] = scene.shapes[shape as usize].corners();
@@ -46,12 +46,12 @@ pub fn truth(scene: &Scene, count: usize) -> Vec<Truth> {
                     }
                 }
             }
-            Truth { ray: number, hit: best }
+            ReferenceHit { ray: number, hit: best }
         })
         .collect()
 }
 
-fn exact(line: &LineOf, shape: &Shape, ray: &Ray) -> Option<f64> {
+fn exact(line: &ObjectLine, shape: &Shape, ray: &Ray) -> Option<f64> {
     let (t, is_open) = match *shape {
         Shape::Sphere(center, radius) => (line.sphere(center, radius)?.t, false),
         Shape::Swept(positions, radii) => (line.linear_swept_sphere(positions, radii, [true; 2])?.t, false),
@@ -73,10 +73,10 @@ fn enters((origin, direction): &([f64; 3], [f64; 3]), bounds: &Bounds, pad: f64)
     (enter <= leave).then_some(enter)
 }
 
-/// How wrong a contender is.
+/// The errors of a contender.
 #[derive(Clone, Debug, Default)]
 pub struct Errors {
-    /// Sorted, in units in the last place.
+    /// The errors of t in units in the last place, sorted.
     pub ulps: Vec<f64>,
     pub missed: usize,
     pub extra: usize,
@@ -85,9 +85,9 @@ pub struct Errors {
 }
 
 impl Errors {
-    pub fn of(truth: &[Truth], hits: &[Option<(f32, u32, u32)>]) -> Self {
+    pub fn of(truth: &[ReferenceHit], hits: &[Option<(f32, u32, u32)>]) -> Self {
         let mut out = Self { rays: truth.len(), ..Self::default() };
-        for Truth { ray, hit } in truth {
+        for ReferenceHit { ray, hit } in truth {
             match (hit, hits[*ray]) {
                 (None, None) => {}
                 (Some(_), None) => out.missed += 1,
@@ -96,7 +96,7 @@ impl Errors {
                     if (on as usize, which) == (*instance, *shape) {
                         out.ulps.push(ulp_error(found, *t));
                     } else if f64::from(found) != f64::from(*t as f32) {
-                        // (Where two are entered at one t, the order of the tree decides here.)
+                        // (Where two are hit at one t, the order of the traversal decides here.)
                         out.other += 1;
                     }
                 }

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! All contenders share rays, tree, leaf loop and the four-wide test of a leaf (their own formula
-//! in it), compiled for the vectors that the processor has. They take turns in changing order,
+//! in it), compiled for the instruction set of the processor. They take turns in changing order,
 //! several rounds in one run, with several copies of their primitives, once unmeasured for the
 //! caches and once more; times are processor time of one thread, medians over the rounds, and so
 //! are the ratios to the exact mode within a round. "engine" is the traversal that shaders get
@@ -36,7 +36,7 @@ use anyhit::math::lane_ops::CpuTier;
 
 use contender::{Contender, DOUBLE, EXACT, ExactTriangles, FLOAT, Ours};
 use judge::Errors;
-use pass::{Field, Hit, Pass, Trees};
+use pass::{ContenderScene, Hit, SceneBvhs, TracePass};
 use plot::{Panel, Point};
 use scene::Scene;
 use shape::Shape;
@@ -55,10 +55,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut panels = Vec::new();
     let mut names: Vec<&'static str> = Vec::new();
     for scene in scene::scenes(quick).into_iter().filter(|scene| is_chosen(scene.name)) {
-        let truth = judge::truth(&scene, judged);
-        let trees = Trees::of(&scene);
+        let truth = judge::reference_hits(&scene, judged);
+        let trees = SceneBvhs::of(&scene);
         assert!(ShearedRay::covers(&scene.bounds), "as traversals know it of a tree");
-        // Where blocks lie in memory is worth some hundredths, one way or the other.
+        // The addresses of the blocks in memory change the time by a few percent.
         let mut copies: Vec<_> = (0..copies).map(|_| contenders(&scene, &trees)).collect();
         let contenders: Vec<&str> = copies[0].iter().map(|(name, _)| *name).collect();
         let mut times = vec![Vec::new(); contenders.len()];
@@ -67,7 +67,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let copy = round % copies.len();
             for place in order(round, contenders.len()) {
                 let run = &mut copies[copy][place].1;
-                // Once for the caches, which whoever came before has left to other trees or not.
+                // The first run is not measured: it fills the caches, whatever the previous
+                // contender left in them.
                 hits[place].clear();
                 run(&scene.rays, &mut hits[place]);
                 hits[place].clear();
@@ -76,14 +77,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 times[place].push((thread_time() - begin).as_nanos() as f64 / scene.rays.len() as f64);
             }
         }
-        let met = truth.iter().filter(|truth| truth.hit.is_some()).count();
+        let hit_count = truth.iter().filter(|truth| truth.hit.is_some()).count();
         println!(
             "\n{}: {} primitives, {} instances, {} rays, {} of {} judged hit; {}",
             scene.name,
             scene.shapes.len(),
             scene.matrices.len(),
             scene.rays.len(),
-            met,
+            hit_count,
             truth.len(),
             steps::steps(&scene, &trees)
         );
@@ -139,7 +140,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Whose turn is when: every number below `count` once, in another order each round.
+/// The order of the contenders in a round: every number below `count` once, in a different order
+/// each round.
 fn order(round: usize, count: usize) -> impl Iterator<Item = usize> {
     let is_prime_to =
         |step: &usize| !(2..=*step).any(|factor| step.is_multiple_of(factor) && count.is_multiple_of(factor));
@@ -161,7 +163,7 @@ fn median(mut times: Vec<f64>) -> f64 {
 type Run<'a> = Box<dyn FnMut(&[Ray], &mut Vec<Hit>) + 'a>;
 
 /// The contenders for a scene's kind of primitive.
-fn contenders<'a>(scene: &'a Scene, trees: &'a Trees) -> Vec<(&'static str, Run<'a>)> {
+fn contenders<'a>(scene: &'a Scene, trees: &'a SceneBvhs) -> Vec<(&'static str, Run<'a>)> {
     let mut out: Vec<(&'static str, Run<'a>)> = match scene.shapes[0] {
         Shape::Sphere(..) => vec![
             ("Exact", runner::<Ours<block::Sphere4, EXACT>>(scene, trees)),
@@ -205,10 +207,10 @@ fn has_all_caps(scene: &Scene) -> bool {
     !matches!(scene.name, "chains" | "hair")
 }
 
-fn runner<'a, C: Contender + 'a>(scene: &'a Scene, trees: &'a Trees) -> Run<'a> {
-    let field = Field::<C>::new(scene, trees);
+fn runner<'a, C: Contender + 'a>(scene: &'a Scene, trees: &'a SceneBvhs) -> Run<'a> {
+    let field = ContenderScene::<C>::new(scene, trees);
     let cpu_tier = CpuTier::new();
-    Box::new(move |rays, hits| cpu_tier.run(Pass { field: &field, rays, hits }))
+    Box::new(move |rays, hits| cpu_tier.run(TracePass { field: &field, rays, hits }))
 }
 
 fn engine(scene: &Scene, precision: Precision) -> Run<'static> {

@@ -2,10 +2,10 @@
 
 use anyhit::accel::{EndCaps, GeometryData, Indexing};
 use anyhit::geometry::{Bounds, Ray, Transform};
-use anyhit::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, Spread};
+use anyhit::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
 use anyhit::scene::random::Random;
 
-use crate::contender::Placed;
+use crate::contender::PlacedInstance;
 use crate::shape::Shape;
 use crate::tree::Corners;
 
@@ -38,21 +38,21 @@ impl Scene {
         Self { name, data, shapes, bounds, matrices, rays }
     }
 
-    /// The instances as contenders get them.
-    pub fn placed(&self) -> Vec<(Placed, Corners)> {
+    /// The instances and the boxes around them.
+    pub fn placed(&self) -> Vec<(PlacedInstance, Corners)> {
         self.matrices
             .iter()
             .map(|matrix| {
                 let transform = (*matrix != IDENTITY).then(|| Transform::new(matrix).expect("regular"));
                 let inverse = transform.as_ref().map_or(IDENTITY, Transform::world_to_object);
                 let Bounds { min, max } = self.bounds.transformed(matrix);
-                (Placed { transform, inverse }, [min, max])
+                (PlacedInstance { transform, inverse }, [min, max])
             })
             .collect()
     }
 }
 
-/// One primitive, met by about half of the rays.
+/// One primitive, hit by about half of the rays.
 fn single(name: &'static str, data: GeometryData, radius: f32) -> Scene {
     Scene::new(name, data, vec![IDENTITY], |bounds, random| {
         let middle: [f32; 3] = std::array::from_fn(|i| 0.5 * (bounds.min[i] + bounds.max[i]));
@@ -107,7 +107,7 @@ fn capped(mut data: GeometryData) -> GeometryData {
     data
 }
 
-/// A dozen turned, sheared and scaled places a row.
+/// Rotated, sheared and scaled transforms in rows of `side`.
 fn places(side: usize, step: f32) -> Vec<[[f32; 4]; 3]> {
     let mut random = Random::new(3);
     let mut out = Vec::new();
@@ -131,8 +131,8 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
         count: 30_000 / part as u32,
         seed: 1,
         area: [10.0, 10.0],
-        height: Spread([0.2, 0.5]),
-        radius: Spread([0.003, 0.008]),
+        height: UniformRange([0.2, 0.5]),
+        radius: UniformRange([0.003, 0.008]),
         taper: 0.4,
         lean: 0.4,
     };
@@ -141,8 +141,8 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
         segments: 8,
         seed: 2,
         area: [10.0, 10.0],
-        length: Spread([0.2, 0.35]),
-        radius: Spread([0.05, 0.1]),
+        length: UniformRange([0.2, 0.35]),
+        radius: UniformRange([0.05, 0.1]),
         taper: 0.8,
         bend: 0.5,
     };
@@ -151,13 +151,14 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
         segments: 8,
         seed: 3,
         ball: 1.0,
-        length: Spread([0.4, 0.6]),
-        radius: Spread([0.002, 0.003]),
+        length: UniformRange([0.4, 0.6]),
+        radius: UniformRange([0.002, 0.003]),
         taper: 0.3,
         gravity: 1.0,
         curl: 0.1,
     };
-    let balls = |count| SphereScatter { count, seed: 4, area: [10.0, 10.0], radius: Spread([0.02, 0.1]) };
+    let balls =
+        |count| SphereScatter { count, seed: 4, area: [10.0, 10.0], radius: UniformRange([0.02, 0.1]) };
     let divisions = if quick { [80, 80] } else { [256, 256] };
     let ground = Ground { size: [10.0, 10.0], y: 0.0, divisions, amplitude: 0.5, hills: 2.0, seed: 5 };
     let count = 24_000 / part;

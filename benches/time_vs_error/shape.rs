@@ -1,4 +1,4 @@
-//! Primitives as plain numbers.
+//! Primitives by value, as the contenders take them.
 
 use anyhit::accel::{Geometry, GeometryData, GeometryFlags, Primitive};
 
@@ -39,7 +39,7 @@ impl Shape {
     }
 }
 
-/// Opaque geometry.
+/// An opaque geometry of these primitives.
 pub fn opaque(data: GeometryData) -> Geometry {
     Geometry::new(data, GeometryFlags::OPAQUE)
 }

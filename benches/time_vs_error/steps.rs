@@ -4,21 +4,23 @@ use anyhit::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, tria
 use anyhit::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 use crate::contender::{Contender, EXACT, ExactTriangles, Ours};
-use crate::pass::{Field, Trees};
+use crate::pass::{ContenderScene, SceneBvhs};
 use crate::scene::Scene;
 use crate::shape::Shape;
-use crate::tree::{Leaves, TravRay};
+use crate::tree::{LeafVisitor, TravRay};
 
-/// The shares, over all leaves that rays reach in all instances.
-pub fn steps(scene: &Scene, trees: &Trees) -> String {
+/// Describes the shares of the steps, over all leaves that rays reach in all instances.
+pub fn steps(scene: &Scene, trees: &SceneBvhs) -> String {
     let cpu_tier = CpuTier::new();
     let counts = match scene.shapes[0] {
-        Shape::Sphere(..) => cpu_tier.run(Count(Field::<Ours<block::Sphere4, EXACT>>::new(scene, trees))),
-        Shape::Swept(..) => {
-            cpu_tier.run(Count(Field::<Ours<block::LinearSweptSphere4, EXACT>>::new(scene, trees)))
+        Shape::Sphere(..) => {
+            cpu_tier.run(Count(ContenderScene::<Ours<block::Sphere4, EXACT>>::new(scene, trees)))
         }
-        Shape::Triangle(_) => cpu_tier.run(Count(Field::<ExactTriangles>::new(scene, trees))),
-        Shape::Aabb(_) => cpu_tier.run(Count(Field::<Ours<block::Aabb4, EXACT>>::new(scene, trees))),
+        Shape::Swept(..) => {
+            cpu_tier.run(Count(ContenderScene::<Ours<block::LinearSweptSphere4, EXACT>>::new(scene, trees)))
+        }
+        Shape::Triangle(_) => cpu_tier.run(Count(ContenderScene::<ExactTriangles>::new(scene, trees))),
+        Shape::Aabb(_) => cpu_tier.run(Count(ContenderScene::<Ours<block::Aabb4, EXACT>>::new(scene, trees))),
     };
     let total = counts.iter().sum::<u64>();
     let [in_f32, in_f64, exactly] = counts.map(|count| 100.0 * count as f64 / total.max(1) as f64);
@@ -26,22 +28,26 @@ pub fn steps(scene: &Scene, trees: &Trees) -> String {
 }
 
 /// Counts the tests that end in f32, in f64 and exactly.
-struct Count<'a, C: Contender>(Field<'a, C>);
+struct Count<'a, C: Contender>(ContenderScene<'a, C>);
 
 impl<C: Contender> LaneTask for Count<'_, C> {
     type Output = [u64; 3];
 
     fn run<V: LaneOps>(self, simd: V) -> [u64; 3] {
         let Self(field) = self;
-        let Field { scene, trees, .. } = &field;
+        let ContenderScene { scene, trees, .. } = &field;
         let mut counts = [0; 3];
-        let mut ready = C::EMPTY;
+        let mut prepared = C::EMPTY;
         for ray in &scene.rays {
             for (placed, _) in &trees.placed {
-                C::ready(&mut ready, ray, placed, &scene.bounds);
+                C::prepare(&mut prepared, ray, placed, &scene.bounds);
                 let nodes = TravRay::in_object(ray, placed);
-                let mut tests =
-                    Tests { field: &field, ready: &ready, object: placed.object(ray), counts: &mut counts };
+                let mut tests = Tests {
+                    field: &field,
+                    prepared: &prepared,
+                    object: placed.object(ray),
+                    counts: &mut counts,
+                };
                 trees.primitives.traverse(simd, &nodes, f32::INFINITY, &mut tests);
             }
         }
@@ -49,20 +55,20 @@ impl<C: Contender> LaneTask for Count<'_, C> {
     }
 }
 
-/// Those of a ray in an instance.
+/// The tests of a ray in an instance.
 struct Tests<'a, C: Contender> {
-    field: &'a Field<'a, C>,
-    ready: &'a C::Ready,
+    field: &'a ContenderScene<'a, C>,
+    prepared: &'a C::PreparedRay,
     object: ObjectRay,
     counts: &'a mut [u64; 3],
 }
 
-impl<C: Contender> Leaves for Tests<'_, C> {
+impl<C: Contender> LeafVisitor for Tests<'_, C> {
     fn visit<V: LaneOps>(&mut self, simd: V, block: usize, limit: f32) -> f32 {
-        let Field { scene, trees, blocks } = self.field;
-        let met = C::maybe_hit_mask(simd, &blocks[block], self.ready);
+        let ContenderScene { scene, trees, blocks } = self.field;
+        let maybe_hit = C::maybe_hit_mask(simd, &blocks[block], self.prepared);
         for (lane, &number) in trees.primitives.blocks[block].iter().enumerate() {
-            let step = match met >> lane & 1 {
+            let step = match maybe_hit >> lane & 1 {
                 0 => 0,
                 _ if is_decided_in_f64(&scene.shapes[number as usize], &self.object) => 1,
                 _ => 2,

@@ -5,13 +5,13 @@ use anyhit::geometry::{Bounds, Ray};
 use anyhit::math::f32x4::F32x4;
 use anyhit::math::lane_ops::LaneOps;
 
-use crate::contender::{Contender, Placed};
+use crate::contender::{Contender, PlacedInstance};
 use crate::shape::Shape;
 
-type Row = [f32; 4];
-type V4 = [F32x4; 3];
+type PerLane = [f32; 4];
+type Vec3x4 = [F32x4; 3];
 
-/// An f32 ray in object space, and what formulas divide by.
+/// An f32 ray in object space, and the divisors of the formulas.
 #[derive(Clone, Copy)]
 pub struct PlainRay {
     pub origin: [f32; 3],
@@ -25,29 +25,29 @@ pub struct PlainRay {
 
 /// A formula over blocks and rays that others share.
 pub trait Textbook {
-    type Block: Lanes;
-    type Ray: Prepared;
+    type Block: PrimitiveBlock;
+    type Ray: TextbookRay;
 
-    /// See [`Contender::met`].
+    /// See [`Contender::maybe_hit_mask`].
     fn maybe_hit_mask(block: &Self::Block, ray: &Self::Ray) -> u32;
     /// See [`Contender::hit`].
     fn hit(block: &Self::Block, lane: usize, ray: &Self::Ray) -> Option<f32>;
 }
 
 /// Four primitives.
-pub trait Lanes {
+pub trait PrimitiveBlock {
     fn new(shapes: &[Shape]) -> Self;
 }
 
-/// A ray brought into object space.
-pub trait Prepared: Copy {
+/// A ray in object space.
+pub trait TextbookRay: Copy {
     const EMPTY: Self;
-    fn new(ray: &Ray, placed: &Placed) -> Self;
+    fn new(ray: &Ray, placed: &PlacedInstance) -> Self;
 }
 
 impl<T: Textbook> Contender for T {
     type Block = T::Block;
-    type Ready = T::Ray;
+    type PreparedRay = T::Ray;
     const EMPTY: T::Ray = T::Ray::EMPTY;
 
     fn block(shapes: &[Shape]) -> Self::Block {
@@ -55,7 +55,7 @@ impl<T: Textbook> Contender for T {
     }
 
     #[inline(always)]
-    fn ready(out: &mut T::Ray, ray: &Ray, placed: &Placed, _: &Bounds) {
+    fn prepare(out: &mut T::Ray, ray: &Ray, placed: &PlacedInstance, _: &Bounds) {
         *out = T::Ray::new(ray, placed);
     }
 
@@ -69,18 +69,18 @@ impl<T: Textbook> Contender for T {
         _: V,
         (block, lane): (&Self::Block, usize),
         ray: &mut T::Ray,
-        _: (&Ray, &Placed),
+        _: (&Ray, &PlacedInstance),
     ) -> Option<f32> {
         T::hit(block, lane, ray)
     }
 }
 
-impl Prepared for PlainRay {
+impl TextbookRay for PlainRay {
     const EMPTY: Self =
         Self { origin: [0.0; 3], direction: [0.0; 3], dd: 0.0, inverse: 0.0, t_min: 0.0, t_max: 0.0 };
 
     #[inline(always)]
-    fn new(ray: &Ray, placed: &Placed) -> Self {
+    fn new(ray: &Ray, placed: &PlacedInstance) -> Self {
         let (mut origin, mut direction) = (ray.origin, ray.direction);
         if placed.transform.is_some() {
             let m = &placed.inverse;
@@ -117,27 +117,27 @@ fn cross1(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn splat(v: [f32; 3]) -> V4 {
+fn splat(v: [f32; 3]) -> Vec3x4 {
     v.map(F32x4::splat)
 }
 
 #[inline(always)]
-fn load(rows: &[Row; 3]) -> V4 {
+fn load(rows: &[PerLane; 3]) -> Vec3x4 {
     rows.map(F32x4::new)
 }
 
 #[inline(always)]
-fn sub(a: V4, b: V4) -> V4 {
+fn sub(a: Vec3x4, b: Vec3x4) -> Vec3x4 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[inline(always)]
-fn dot(a: V4, b: V4) -> F32x4 {
+fn dot(a: Vec3x4, b: Vec3x4) -> F32x4 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
-fn cross(a: V4, b: V4) -> V4 {
+fn cross(a: Vec3x4, b: Vec3x4) -> Vec3x4 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -147,11 +147,11 @@ fn not_negative(x: F32x4) -> u32 {
 }
 
 pub struct SphereBlock {
-    center: [Row; 3],
-    radius: Row,
+    center: [PerLane; 3],
+    radius: PerLane,
 }
 
-impl Lanes for SphereBlock {
+impl PrimitiveBlock for SphereBlock {
     fn new(shapes: &[Shape]) -> Self {
         // An empty lane is far away from everything.
         let mut out = Self { center: [[1e9; 4]; 3], radius: [0.0; 4] };
@@ -171,7 +171,7 @@ impl SphereBlock {
     }
 }
 
-/// The quadratic formula as it is taught.
+/// The quadratic formula of textbooks.
 pub struct NaiveSphere;
 
 impl Textbook for NaiveSphere {
@@ -231,11 +231,11 @@ impl Textbook for RecentredSphere {
 }
 
 pub struct SweptBlock {
-    positions: [[Row; 3]; 2],
-    radii: [Row; 2],
+    positions: [[PerLane; 3]; 2],
+    radii: [PerLane; 2],
 }
 
-impl Lanes for SweptBlock {
+impl PrimitiveBlock for SweptBlock {
     fn new(shapes: &[Shape]) -> Self {
         let mut out =
             Self { positions: [[[1e9; 4]; 3], [[1e9; 4], [1e9; 4], [2e9; 4]]], radii: [[0.0; 4]; 2] };
@@ -282,9 +282,9 @@ impl<const RECENTRED: bool> Textbook for RoundCone<RECENTRED> {
         let (m3, m5) = (dot(d, w), dot(w, w));
         let g = m0 - slope * slope;
         let k2 = g * dd - m2 * m2;
-        let lean = m1 - slope * r0;
-        let k1 = g * m3 - lean * m2;
-        let k0 = g * (m5 - r0 * r0) - lean * lean;
+        let y0 = m1 - slope * r0;
+        let k1 = g * m3 - y0 * m2;
+        let k0 = g * (m5 - r0 * r0) - y0 * y0;
         not_negative(k1 * k1 - k0 * k2)
     }
 
@@ -304,15 +304,15 @@ impl<const RECENTRED: bool> Textbook for RoundCone<RECENTRED> {
         let (m3, m5) = (dot1(d, w), dot1(w, w));
         let g = m0 - slope * slope;
         let k2 = g * ray.dd - m2 * m2;
-        let lean = m1 - slope * r0;
-        let k1 = g * m3 - lean * m2;
-        let k0 = g * (m5 - r0 * r0) - lean * lean;
+        let y0 = m1 - slope * r0;
+        let k1 = g * m3 - y0 * m2;
+        let k0 = g * (m5 - r0 * r0) - y0 * y0;
         let h = k1 * k1 - k0 * k2;
         if h < 0.0 {
             return None;
         }
         let t = (-h.sqrt() - k1) / k2;
-        let y = lean + t * m2;
+        let y = y0 + t * m2;
         if y > 0.0 && y < g {
             return ray.within(t + moved);
         }
@@ -372,10 +372,10 @@ impl Textbook for CapsuleByDistance {
 }
 
 pub struct TriangleBlock {
-    vertices: [[Row; 3]; 3],
+    vertices: [[PerLane; 3]; 3],
 }
 
-impl Lanes for TriangleBlock {
+impl PrimitiveBlock for TriangleBlock {
     fn new(shapes: &[Shape]) -> Self {
         let mut out = Self { vertices: [[[1e9; 4]; 3]; 3] };
         for (lane, shape) in shapes.iter().enumerate() {
@@ -441,11 +441,11 @@ pub struct WoopRay {
     shear: [f32; 3],
 }
 
-impl Prepared for WoopRay {
+impl TextbookRay for WoopRay {
     const EMPTY: Self = Self { plain: PlainRay::EMPTY, axes: [0; 3], shear: [0.0; 3] };
 
     #[inline(always)]
-    fn new(ray: &Ray, placed: &Placed) -> Self {
+    fn new(ray: &Ray, placed: &PlacedInstance) -> Self {
         let plain = PlainRay::new(ray, placed);
         let d = plain.direction;
         let first = if d[1].abs() > d[0].abs() { 1 } else { 0 };
@@ -465,13 +465,13 @@ impl Textbook for Woop {
         let [x, y, z] = ray.axes;
         let origin = [x, y, z].map(|axis| F32x4::splat(ray.plain.origin[axis]));
         let [sx, sy] = [ray.shear[0], ray.shear[1]].map(F32x4::splat);
-        let seen = |rows: &[Row; 3]| {
+        let sheared = |rows: &[PerLane; 3]| {
             let depth = F32x4::new(rows[z]) - origin[2];
             let at = (F32x4::new(rows[x]) - origin[0]) - sx * depth;
             (at, (F32x4::new(rows[y]) - origin[1]) - sy * depth)
         };
         let [a, b, c] = &block.vertices;
-        let (a, b, c) = (seen(a), seen(b), seen(c));
+        let (a, b, c) = (sheared(a), sheared(b), sheared(c));
         let (u, v, w) = (c.0 * b.1 - c.1 * b.0, a.0 * c.1 - a.1 * c.0, b.0 * a.1 - b.1 * a.0);
         let zero = F32x4::splat(0.0);
         let least = u.relaxed_min(v).relaxed_min(w);
@@ -483,12 +483,12 @@ impl Textbook for Woop {
     fn hit(block: &TriangleBlock, lane: usize, ray: &WoopRay) -> Option<f32> {
         let [x, y, z] = ray.axes;
         let o = ray.plain.origin;
-        let seen = |k: usize| {
+        let sheared = |k: usize| {
             let v = block.vertex(k, lane);
             let depth = v[z] - o[z];
             (v[x] - o[x] - ray.shear[0] * depth, v[y] - o[y] - ray.shear[1] * depth, ray.shear[2] * depth)
         };
-        let (a, b, c) = (seen(0), seen(1), seen(2));
+        let (a, b, c) = (sheared(0), sheared(1), sheared(2));
         let (u, v, w) = (c.0 * b.1 - c.1 * b.0, a.0 * c.1 - a.1 * c.0, b.0 * a.1 - b.1 * a.0);
         let det = u + v + w;
         if det == 0.0 {
@@ -501,10 +501,10 @@ impl Textbook for Woop {
 }
 
 pub struct BoxBlock {
-    sides: [[Row; 3]; 2],
+    sides: [[PerLane; 3]; 2],
 }
 
-impl Lanes for BoxBlock {
+impl PrimitiveBlock for BoxBlock {
     fn new(shapes: &[Shape]) -> Self {
         let mut out = Self { sides: [[[1e9; 4]; 3]; 2] };
         for (lane, shape) in shapes.iter().enumerate() {
@@ -518,11 +518,11 @@ impl Lanes for BoxBlock {
 }
 
 /// A ray and the reciprocals of its direction.
-impl Prepared for (PlainRay, [f32; 3]) {
+impl TextbookRay for (PlainRay, [f32; 3]) {
     const EMPTY: Self = (PlainRay::EMPTY, [0.0; 3]);
 
     #[inline(always)]
-    fn new(ray: &Ray, placed: &Placed) -> Self {
+    fn new(ray: &Ray, placed: &PlacedInstance) -> Self {
         let plain = PlainRay::new(ray, placed);
         (plain, plain.direction.map(|x| 1.0 / x))
     }

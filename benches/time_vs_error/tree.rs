@@ -4,25 +4,26 @@ use anyhit::geometry::Ray;
 use anyhit::math::f32x4::F32x4;
 use anyhit::math::lane_ops::LaneOps;
 
-use crate::contender::Placed;
+use crate::contender::PlacedInstance;
 
-/// Least and greatest corner.
+/// The least and the greatest corner of a box.
 pub type Corners = [[f32; 3]; 2];
 
 struct Node {
     planes: [[[f32; 4]; 3]; 2],
-    /// A node's index, or a leaf's block (as its complement), or none.
+    /// For each slot the index of a node, or the complement of the index of a leaf's block, or
+    /// none.
     children: [Option<i32>; 4],
 }
 
 /// A tree over boxes.
-pub struct Tree {
+pub struct Bvh {
     nodes: Vec<Node>,
-    /// Which boxes stand in each block.
+    /// The numbers of the boxes in each block.
     pub blocks: Vec<Vec<u32>>,
 }
 
-/// A ray for nodes; plain f32, and the boxes are padded instead.
+/// A ray for the nodes in plain f32; the boxes are padded for its errors.
 #[derive(Clone, Copy)]
 pub struct TravRay {
     origin: [f32; 3],
@@ -35,9 +36,9 @@ impl TravRay {
         Self { origin, inverse: direction.map(|x| 1.0 / x) }
     }
 
-    /// For a placed tree.
+    /// The ray in the object space of an instance.
     #[inline(always)]
-    pub fn in_object(ray: &Ray, placed: &Placed) -> Self {
+    pub fn in_object(ray: &Ray, placed: &PlacedInstance) -> Self {
         if placed.transform.is_none() {
             return Self::new(ray.origin, ray.direction);
         }
@@ -48,14 +49,14 @@ impl TravRay {
     }
 }
 
-/// What is done with the blocks on a ray's way. (A closure would not be compiled for the vectors.)
-pub trait Leaves {
-    /// Returns the new limit; to be inlined.
+/// Visits the blocks that a ray reaches. (A closure would not be compiled for the instruction set.)
+pub trait LeafVisitor {
+    /// Visits a block and returns the new limit. Implementations must be inlined.
     fn visit<V: LaneOps>(&mut self, simd: V, block: usize, limit: f32) -> f32;
 }
 
-impl Tree {
-    /// Splits by the surface area heuristic along the longest side.
+impl Bvh {
+    /// Builds a BVH by the surface area heuristic, over all three axes.
     pub fn build(boxes: &[Corners]) -> Self {
         let size = boxes.iter().flatten().flatten().fold(0f32, |a, x| a.max(x.abs()));
         // More than what rounding the ray and the test can lose.
@@ -108,7 +109,7 @@ impl Tree {
         simd: V,
         ray: &TravRay,
         mut limit: f32,
-        leaves: &mut impl Leaves,
+        leaves: &mut impl LeafVisitor,
     ) -> f32 {
         let mut stack = [(0f32, 0i32); 96];
         let mut top = 0;
@@ -137,12 +138,12 @@ impl Tree {
                 near = ((F32x4::new(node.planes[side][axis]) - origin) * inverse).relaxed_max(near);
                 far = ((F32x4::new(node.planes[side ^ 1][axis]) - origin) * inverse).relaxed_min(far);
             }
-            let mut met = far.cmp_ge(near);
+            let mut maybe_hit = far.cmp_ge(near);
             let near = near.to_array();
             let first = top;
-            while met != 0 {
-                let slot = met.trailing_zeros() as usize;
-                met &= met - 1;
+            while maybe_hit != 0 {
+                let slot = maybe_hit.trailing_zeros() as usize;
+                maybe_hit &= maybe_hit - 1;
                 let Some(child) = node.children[slot] else { continue };
                 let mut at = top;
                 while at > first && stack[at - 1].0 < near[slot] {

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhit::harness::case::{Case, Loaded, discover};
 use anyhit::harness::expect::{Difference, Observed};
-use anyhit::harness::run::{RayMeasurements, one_ray};
+use anyhit::harness::run::{RayMeasurements, run_ray};
 use anyhit::scene::resolved::ShaderCode;
 use anyhit_judges::{Recipe, bytes, optimise, words};
 
@@ -77,7 +77,7 @@ fn check(mut loaded: Loaded) -> Result<(), String> {
     let mut differences = loaded.expectations.differences(&observed);
     for (at, expect) in loaded.rays.iter().enumerate() {
         let Some(expect) = expect else { continue };
-        let found = one_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default());
+        let found = run_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default());
         differences.extend(expect.differences(&found));
     }
     if differences.is_empty() { Ok(()) } else { Err(told(Difference::as_error(differences))) }

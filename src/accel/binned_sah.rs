@@ -21,10 +21,10 @@ use crate::math::f32x8::F32x8Ops;
 #[repr(align(32))]
 pub struct PrimRef([f32; 8]);
 
-const I: f32 = f32::INFINITY;
+const INF: f32 = f32::INFINITY;
 
 /// The coordinate that stands for infinity: finite coordinates lie in the unit cube.
-pub const FAR: f32 = 2.0;
+pub const INFINITY_PROXY: f32 = 2.0;
 
 /// The cost model of the surface area heuristic, in units of one inner node's test.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ impl SahCost {
 
 impl PrimRef {
     /// An empty box with number 0: the neutral element of [`PrimRef::union`].
-    pub const EMPTY: Self = Self([I, I, I, 0.0, I, I, I, 0.0]);
+    pub const EMPTY: Self = Self([INF, INF, INF, 0.0, INF, INF, INF, 0.0]);
 
     /// Makes a reference from a box and a primitive number.
     #[inline(always)]
@@ -163,7 +163,7 @@ impl BuildRecord {
 
     /// Makes the record of a range that starts at `first`.
     #[inline(always)]
-    fn around<E: F32x8Ops>(simd: E, prim_refs: &[PrimRef], first: usize) -> Self {
+    fn new<E: F32x8Ops>(simd: E, prim_refs: &[PrimRef], first: usize) -> Self {
         let mut corners = simd.splat(f32::INFINITY);
         let mut centroid_bounds = [F32x4::splat(f32::INFINITY), F32x4::splat(f32::NEG_INFINITY)];
         for prim_ref in prim_refs {
@@ -215,13 +215,14 @@ fn longest_axis([x, y, z, _]: [f32; 4]) -> usize {
 
 /// The number of bins on an axis; a power of two.
 const BINS: usize = 16;
-/// The number of bins for at most [`FEW`] boxes, which are binned on the longest axis only.
+/// The number of bins for at most [`MAX_SINGLE_AXIS`] boxes, which are binned on the longest axis
+/// only.
 const FEW_BINS: usize = 8;
-const FEW: usize = 128;
+const MAX_SINGLE_AXIS: usize = 128;
 /// Up to this many boxes are sorted instead of binned; the number of lanes.
-const SORTED: usize = 8;
+const MAX_SORTED: usize = 8;
 /// Of more boxes than this only a sample is binned.
-const SAMPLE: usize = 256;
+const SAMPLE_SIZE: usize = 256;
 /// 1.5 * 2^23: a sum with it has the integer part in its low mantissa bits.
 const TO_INTEGER: f32 = 12_582_912.0;
 /// An axis on which twice the centroids' extent is at most this is not binned.
@@ -288,10 +289,16 @@ impl BinnedSahBuilder {
     }
 
     /// Divides at least two references among the children of a node, reordering them. There is one
-    /// record if all of them make a leaf. `halve` splits at the median instead of by cost.
+    /// record if all of them make a leaf. `median_split` splits at the median instead of by cost.
     #[inline(always)]
-    pub fn divide<E: F32x8Ops>(&mut self, simd: E, prim_refs: &mut [PrimRef], cost: &SahCost, halve: bool) {
-        self.records[0] = BuildRecord::around(simd, prim_refs, 0);
+    pub fn divide<E: F32x8Ops>(
+        &mut self,
+        simd: E,
+        prim_refs: &mut [PrimRef],
+        cost: &SahCost,
+        median_split: bool,
+    ) {
+        self.records[0] = BuildRecord::new(simd, prim_refs, 0);
         self.order.clear();
         self.order.push(0);
         while self.order.len() < WIDTH {
@@ -299,37 +306,38 @@ impl BinnedSahBuilder {
             // one.
             let mut chosen: Option<(usize, bool, f32)> = None;
             for (at, record) in self.records[..self.order.len()].iter().enumerate() {
-                let (must, area) = (record.count() > cost.max_leaf_size, record.half_area);
-                let better = chosen.is_none_or(|(_, must_too, least)| match (must, must_too) {
-                    (true, false) => true,
-                    (false, true) => false,
-                    _ => area > least,
-                });
+                let (must_split, area) = (record.count() > cost.max_leaf_size, record.half_area);
+                let better =
+                    chosen.is_none_or(|(_, other_must_split, least)| match (must_split, other_must_split) {
+                        (true, false) => true,
+                        (false, true) => false,
+                        _ => area > least,
+                    });
                 if !record.is_leaf && better {
-                    chosen = Some((at, must, area));
+                    chosen = Some((at, must_split, area));
                 }
             }
-            let Some((at, must, _)) = chosen else { break };
+            let Some((at, must_split, _)) = chosen else { break };
             let whole = self.records[at];
             if whole.count == 1 {
                 self.records[at].is_leaf = true;
                 continue;
             }
             let these = &mut prim_refs[whole.range()];
-            let half = self.split(simd, these, &whole, cost, halve);
+            let half = self.split(simd, these, &whole, cost, median_split);
             let (left, right) = these.split_at(half);
-            let left = BuildRecord::around(simd, left, whole.first as usize);
-            let right = BuildRecord::around(simd, right, whole.first as usize + half);
+            let left = BuildRecord::new(simd, left, whole.first as usize);
+            let right = BuildRecord::new(simd, right, whole.first as usize + half);
             let sah = |record: &BuildRecord| record.half_area * cost.leaf(record.count());
-            if !must && sah(&left) + sah(&right) >= cost.split_below * sah(&whole) {
+            if !must_split && sah(&left) + sah(&right) >= cost.split_below * sah(&whole) {
                 self.records[at].is_leaf = true;
                 continue;
             }
             let added = self.order.len();
             self.records[at] = left;
             self.records[added] = right;
-            let place = self.order.iter().position(|&one| usize::from(one) == at).unwrap_or(0);
-            self.order.insert(place + 1, added as u8);
+            let position = self.order.iter().position(|&one| usize::from(one) == at).unwrap_or(0);
+            self.order.insert(position + 1, added as u8);
         }
         for record in &mut self.records[..self.order.len()] {
             record.is_leaf |= is_leaf(&prim_refs[record.range()], record, cost);
@@ -344,20 +352,20 @@ impl BinnedSahBuilder {
         prim_refs: &mut [PrimRef],
         record: &BuildRecord,
         cost: &SahCost,
-        halve: bool,
+        median_split: bool,
     ) -> usize {
         if prim_refs.len() == 2 {
             return 1;
         }
         let centroid_extent2 = record.centroid_extent2();
         let axis = longest_axis(centroid_extent2);
-        if halve || centroid_extent2[axis] <= MIN_EXTENT {
+        if median_split || centroid_extent2[axis] <= MIN_EXTENT {
             return split_at_median(prim_refs, axis);
         }
-        if prim_refs.len() <= SORTED {
-            return sorted(simd, prim_refs, axis, cost);
+        if prim_refs.len() <= MAX_SORTED {
+            return sort_and_split(simd, prim_refs, axis, cost);
         }
-        let split = if prim_refs.len() <= FEW {
+        let split = if prim_refs.len() <= MAX_SINGLE_AXIS {
             self.best_split_on_axis(simd, prim_refs, record, axis, cost)
         } else {
             self.best_split(simd, prim_refs, record, cost)
@@ -389,11 +397,11 @@ impl BinnedSahBuilder {
         for axis in 0..3 {
             self.clear::<BINS>(axis);
         }
-        for prim_ref in prim_refs.iter().step_by((prim_refs.len() / SAMPLE).max(1)) {
+        for prim_ref in prim_refs.iter().step_by((prim_refs.len() / SAMPLE_SIZE).max(1)) {
             let corners = simd.load(&prim_ref.0);
             let [x, y, z, _] = mapping.bins(prim_ref.center2()).to_array();
-            for (axis, place) in [x, y, z].into_iter().enumerate() {
-                self.count(simd, axis, bin_in(place), corners);
+            for (axis, sum) in [x, y, z].into_iter().enumerate() {
+                self.add_to_bin(simd, axis, bin_in(sum), corners);
             }
         }
         let mut best = (f32::INFINITY, 0, 0);
@@ -425,7 +433,7 @@ impl BinnedSahBuilder {
         let first = offset.to_array()[axis];
         for prim_ref in prim_refs {
             let bin = bin_in(bin_on_axis(prim_ref.center2_on(axis), first, scale));
-            self.count(simd, axis, bin, simd.load(&prim_ref.0));
+            self.add_to_bin(simd, axis, bin, simd.load(&prim_ref.0));
         }
         let (sah, last) = self.sweep::<E, FEW_BINS>(simd, axis, cost);
         let mapping = BinMapping { offset, scale: F32x4::splat(scale) };
@@ -439,7 +447,7 @@ impl BinnedSahBuilder {
     }
 
     #[inline(always)]
-    fn count<E: F32x8Ops>(&mut self, simd: E, axis: usize, bin: usize, corners: E::F32x8) {
+    fn add_to_bin<E: F32x8Ops>(&mut self, simd: E, axis: usize, bin: usize, corners: E::F32x8) {
         let extent = &mut self.extents[axis][bin];
         extent.0 = simd.to_array(simd.min(corners, simd.load(&extent.0)));
         self.counts[axis][bin] += 1;
@@ -496,12 +504,13 @@ fn partition(prim_refs: &mut [PrimRef], split: &BinSplit) -> usize {
     left
 }
 
-/// Sorts at most [`SORTED`] boxes along an axis; returns how many lie left of the cheapest plane.
+/// Sorts at most [`MAX_SORTED`] boxes along an axis; returns how many lie left of the cheapest
+/// plane.
 #[inline(always)]
-fn sorted<E: F32x8Ops>(simd: E, prim_refs: &mut [PrimRef], axis: usize, cost: &SahCost) -> usize {
+fn sort_and_split<E: F32x8Ops>(simd: E, prim_refs: &mut [PrimRef], axis: usize, cost: &SahCost) -> usize {
     let count = prim_refs.len();
-    let mut centers2 = [f32::INFINITY; SORTED];
-    let mut old = [prim_refs[0]; SORTED];
+    let mut centers2 = [f32::INFINITY; MAX_SORTED];
+    let mut old = [prim_refs[0]; MAX_SORTED];
     for (at, prim_ref) in prim_refs.iter().enumerate() {
         centers2[at] = prim_ref.center2_on(axis);
         old[at] = *prim_ref;
@@ -515,7 +524,7 @@ fn sorted<E: F32x8Ops>(simd: E, prim_refs: &mut [PrimRef], axis: usize, cost: &S
         let less = !simd.cmp_ge(all, this) & !before;
         prim_refs[((not_greater | less) & 0xFF).count_ones() as usize] = old[at];
     }
-    let mut right = [0.0; SORTED];
+    let mut right = [0.0; MAX_SORTED];
     let mut extent = simd.splat(f32::INFINITY);
     for at in (1..count).rev() {
         extent = simd.min(simd.load(&prim_refs[at].0), extent);

@@ -52,20 +52,20 @@ impl Geometry {
         Self { data, flags, opacity_micromap: None, cluster_id: None, vertices_t1: None }
     }
 
-    /// The numbers of primitive `PrimitiveId` at a time within 0 and 1: those of a triangle that
-    /// moves are interpolated, after the geometry transform.
+    /// The data of primitive `PrimitiveId` at a time within 0 and 1: the vertices of a triangle
+    /// that moves are interpolated, after the geometry transform.
     ///
     /// # Panics
     /// As [`GeometryData::primitive`].
     pub fn primitive_at(&self, primitive: u32, time: f32) -> Primitive {
-        match self.keys(primitive) {
-            Some(keys) => Primitive::Triangle(between(&keys, time)),
+        match self.motion_keys(primitive) {
+            Some(motion_keys) => Primitive::Triangle(interpolate_triangle(&motion_keys, time)),
             None => self.data.primitive(primitive),
         }
     }
 
-    /// The vertices of a triangle that moves, at time 0 and at time 1.
-    pub(super) fn keys(&self, primitive: u32) -> Option<[[[f32; 3]; 3]; 2]> {
+    /// The vertices of a triangle that moves, at time 0 and at time 1 (its motion keys).
+    pub(super) fn motion_keys(&self, primitive: u32) -> Option<[[[f32; 3]; 3]; 2]> {
         let (GeometryData::Triangles { vertices, indices, transform }, Some(later)) =
             (&self.data, &self.vertices_t1)
         else {
@@ -75,8 +75,8 @@ impl Geometry {
     }
 }
 
-/// A triangle's vertices between two keys.
-pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32; 3]; 3] {
+/// Interpolates the vertices of a triangle between its two motion keys.
+pub(super) fn interpolate_triangle([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32; 3]; 3] {
     std::array::from_fn(|corner| {
         std::array::from_fn(|axis| interpolate(first[corner][axis], second[corner][axis], time))
     })
@@ -84,24 +84,24 @@ pub(super) fn between([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32;
 
 /// A bottom-level acceleration structure: geometries of one kind under one BVH.
 ///
-/// Making one only checks its numbers. Boxes and BVH are built when rays reach it, and not at all
-/// if it holds few primitives or few rays reach it.
+/// Creating one only validates it. Its boxes and its BVH are built when rays reach it; the BVH is
+/// not built if it holds few primitives or few rays reach it.
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
     /// The list of primitives for the first few rays, until the BVH is built.
-    listed: Mutex<Option<Arc<BuiltBlas>>>,
+    list: Mutex<Option<Arc<BuiltBlas>>>,
     /// The number of rays that used the list.
     rays: AtomicU32,
     built: OnceLock<BuiltBlas>,
 }
 
-/// The first [`FEW_RAYS`] rays that reach more than [`MANY_PRIMITIVES`] primitives test all of
-/// them. Building a BVH takes as long as thirty such rays; most scenes with a few rays never trace
-/// more, and the others lose little.
-const FEW_RAYS: u32 = 4;
-const MANY_PRIMITIVES: usize = 512;
+/// The first [`LAZY_BUILD_RAYS`] rays that reach more than [`LAZY_BUILD_PRIMITIVES`] primitives
+/// test all of them. Building a BVH takes as long as thirty such rays. Most scenes that trace a few
+/// rays never trace more, and the others lose little.
+const LAZY_BUILD_RAYS: u32 = 4;
+const LAZY_BUILD_PRIMITIVES: usize = 512;
 
 impl Blas {
     /// Takes the geometries; the tree is built on first use.
@@ -121,7 +121,7 @@ impl Blas {
         Ok(Arc::new(Self {
             geometries,
             bounds: OnceLock::new(),
-            listed: Mutex::new(None),
+            list: Mutex::new(None),
             rays: AtomicU32::new(0),
             built: OnceLock::new(),
         }))
@@ -132,12 +132,12 @@ impl Blas {
         &self.geometries
     }
 
-    /// What its geometries are made of; `None` for a BLAS without geometries.
+    /// The kind of its primitives; `None` for a BLAS without geometries.
     pub fn kind(&self) -> Option<GeometryKind> {
         self.geometries.first().map(|geometry| geometry.data.kind())
     }
 
-    /// The numbers of a primitive, bit for bit as given (triangles: after the geometry transform):
+    /// The data of a primitive, bit for bit as given (triangles: after the geometry transform):
     /// what the hit builtins and position fetch return. Triangles that move are where they are at
     /// the ray's time. `None` where there is no such primitive.
     pub fn primitive(&self, geometry: u32, primitive: u32, time: f32) -> Option<Primitive> {
@@ -165,12 +165,12 @@ impl Blas {
     /// Whether the few rays that have reached it tested a list of its many primitives, which is
     /// dropped when more rays make it build its BVH.
     pub fn is_listed(&self) -> bool {
-        self.list().is_some()
+        self.lock_list().is_some()
     }
 
-    fn list(&self) -> MutexGuard<'_, Option<Arc<BuiltBlas>>> {
+    fn lock_list(&self) -> MutexGuard<'_, Option<Arc<BuiltBlas>>> {
         // Its value is valid even if a thread panicked.
-        self.listed.lock().unwrap_or_else(PoisonError::into_inner)
+        self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The box around all active primitives, in object space; empty where there are none. Builds
@@ -189,42 +189,45 @@ impl Blas {
         self.built.get_or_init(|| BuiltBlas::build(&self.geometries))
     }
 
-    /// The primitives for a ray that reaches them. `may_list` says that results do not depend on
-    /// the BVH, so that the first few rays may test a list of all primitives.
+    /// The primitives for a ray that reaches them. `may_use_list` says that results do not depend
+    /// on the BVH, so that the first few rays may test a list of all primitives.
     #[inline]
-    pub(super) fn reached(&self, may_list: bool) -> Reached<'_> {
+    pub(super) fn primitives_for_ray(&self, may_use_list: bool) -> BlasForRay<'_> {
         match self.built.get() {
-            Some(built) => Reached::Built(built),
-            None => self.reached_anew(may_list),
+            Some(built) => BlasForRay::Built(built),
+            None => self.list_or_build(may_use_list),
         }
     }
 
     #[cold]
-    fn reached_anew(&self, may_list: bool) -> Reached<'_> {
+    fn list_or_build(&self, may_use_list: bool) -> BlasForRay<'_> {
         let count: usize = self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
-        if may_list && count > MANY_PRIMITIVES && self.rays.fetch_add(1, Ordering::Relaxed) < FEW_RAYS {
-            let mut list = self.list();
+        if may_use_list
+            && count > LAZY_BUILD_PRIMITIVES
+            && self.rays.fetch_add(1, Ordering::Relaxed) < LAZY_BUILD_RAYS
+        {
+            let mut list = self.lock_list();
             if self.built.get().is_none() {
                 let make = || Arc::new(BuiltBlas::without_bvh(&self.geometries));
-                return Reached::Listed(list.get_or_insert_with(make).clone());
+                return BlasForRay::Listed(list.get_or_insert_with(make).clone());
             }
         }
         let built = self.built();
-        // Rays that still look through it keep it alive.
-        self.list().take();
-        Reached::Built(built)
+        // Rays that still test the list keep it alive.
+        self.lock_list().take();
+        BlasForRay::Built(built)
     }
 }
 
 /// The primitives of a BLAS for a ray that has reached it.
-pub(super) enum Reached<'a> {
+pub(super) enum BlasForRay<'a> {
     /// The form that is built once and kept.
     Built(&'a BuiltBlas),
     /// A list of the primitives for the first few rays.
     Listed(Arc<BuiltBlas>),
 }
 
-impl Deref for Reached<'_> {
+impl Deref for BlasForRay<'_> {
     type Target = BuiltBlas;
 
     #[inline(always)]

@@ -48,7 +48,7 @@ pub enum RadiusFormat {
 /// `VkIndexType` of a build; no index buffer is `VK_INDEX_TYPE_NONE_KHR`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum IndexType {
-    /// `VK_INDEX_TYPE_UINT8`: no build takes it, and the error says so.
+    /// `VK_INDEX_TYPE_UINT8`: no build supports it, and the error says so.
     Uint8,
     /// `VK_INDEX_TYPE_UINT16`
     Uint16,
@@ -166,21 +166,21 @@ fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     std::array::from_fn(|byte| bytes[at + byte])
 }
 
-/// The names of one kind of geometry's rules.
-struct Rules {
+/// The VUIDs of the rules for one kind of geometry.
+struct Vuids {
     stride: &'static str,
     index_type: &'static str,
 }
 
-const TRIANGLES: Rules = Rules {
+const TRIANGLES: Vuids = Vuids {
     stride: "VUID-VkAccelerationStructureGeometryTrianglesDataKHR-vertexStride-03735",
     index_type: "VUID-VkAccelerationStructureGeometryTrianglesDataKHR-indexType-03798",
 };
-const SPHERES: Rules = Rules {
+const SPHERES: Vuids = Vuids {
     stride: "VUID-VkAccelerationStructureGeometrySpheresDataNV-vertexStride-10431",
     index_type: "VUID-VkAccelerationStructureGeometrySpheresDataNV-indexData-10437",
 };
-const LINEAR_SWEPT_SPHERES: Rules = Rules {
+const LINEAR_SWEPT_SPHERES: Vuids = Vuids {
     stride: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-vertexStride-10421",
     index_type: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexData-10428",
 };
@@ -226,8 +226,8 @@ impl BuildInput<'_> {
         }
         // In successive mode an index also names the vertex behind its own.
         let (each, last_offset) = if indexing == Indexing::List { (2, 0) } else { (1, 1) };
-        let rules = &LINEAR_SWEPT_SPHERES;
-        let entries = self.entries(rules, |entries| entries / each * each, |count| count * each)?;
+        let vuids = &LINEAR_SWEPT_SPHERES;
+        let entries = self.entries(vuids, |entries| entries / each * each, |count| count * each)?;
         let Fetched { points: positions, indices, radii } =
             self.fetch(&entries, last_offset, Some((radii, format)))?;
         Ok(GeometryData::LinearSweptSpheres { positions, radii, indices: Some(indices), indexing, end_caps })
@@ -238,7 +238,7 @@ impl BuildInput<'_> {
     /// entries a number of primitives takes.
     fn entries(
         &self,
-        rules: &Rules,
+        vuids: &Vuids,
         whole: impl Fn(u64) -> u64,
         of: impl Fn(u64) -> u64,
     ) -> Result<Vec<u64>> {
@@ -246,21 +246,21 @@ impl BuildInput<'_> {
         let stride = self.vertices.stride.unwrap_or(self.vertex_format.size());
         if !stride.is_multiple_of(component) || stride > u64::from(u32::MAX) {
             let what =
-                format!("a vertex stride of {stride} is no multiple of {component} bytes ({})", rules.stride);
+                format!("a vertex stride of {stride} is no multiple of {component} bytes ({})", vuids.stride);
             return Err(invalid(what));
         }
         let offset = u64::from(self.range.primitive_offset);
         let count = self.range.primitive_count.map(u64::from);
         let Some((indices, index_type)) = self.indices else {
             if !offset.is_multiple_of(component) {
-                let rule = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03657";
+                let vuid = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03657";
                 return Err(invalid(format!(
-                    "a primitive offset of {offset} is no multiple of {component} bytes ({rule})"
+                    "a primitive offset of {offset} is no multiple of {component} bytes ({vuid})"
                 )));
             }
             let begin = offset + stride * u64::from(self.range.first_vertex);
-            let room = Room { begin, stride, size: self.vertex_format.size() };
-            let entries = count.map(of).or_else(|| room.count(self.vertices.bytes).map(whole));
+            let layout = StridedLayout { begin, stride, size: self.vertex_format.size() };
+            let entries = count.map(of).or_else(|| layout.count(self.vertices.bytes).map(whole));
             let Some(entries) = entries else {
                 return Err(invalid(
                     "with a stride of 0 and no indices, the number of primitives must be given",
@@ -272,24 +272,24 @@ impl BuildInput<'_> {
         if index_type == IndexType::Uint8 {
             return Err(invalid(format!(
                 "indices of 8 bits: a build takes uint16, uint32 or none ({})",
-                rules.index_type
+                vuids.index_type
             )));
         }
         let size = index_type.size();
         if !offset.is_multiple_of(size) {
-            let rule = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03656";
+            let vuid = "VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03656";
             return Err(invalid(format!(
-                "a primitive offset of {offset} is no multiple of {size} bytes ({rule})"
+                "a primitive offset of {offset} is no multiple of {size} bytes ({vuid})"
             )));
         }
-        let room = Room { begin: offset, stride: indices.stride.unwrap_or(size), size };
-        let entries = count.map(of).or_else(|| room.count(indices.bytes).map(whole));
+        let layout = StridedLayout { begin: offset, stride: indices.stride.unwrap_or(size), size };
+        let entries = count.map(of).or_else(|| layout.count(indices.bytes).map(whole));
         let entries = entries
             .ok_or_else(|| invalid("with an index stride of 0 the number of primitives must be given"))?;
         check_count(entries)?;
         let mut named = Vec::with_capacity(entries as usize);
         for entry in 0..entries {
-            let bytes = room.element(indices.bytes, entry).map_err(|end| {
+            let bytes = layout.element(indices.bytes, entry).map_err(|end| {
                 invalid(format!(
                     "index {entry} ends at byte {end} of {} bytes of indices",
                     indices.bytes.len()
@@ -323,16 +323,16 @@ impl BuildInput<'_> {
         };
         let size = self.vertex_format.size();
         let stride = self.vertices.stride.unwrap_or(size);
-        let room = Room { begin: begin(stride), stride, size };
-        let fetch = |room: &Room, bytes: &[u8], what: &str| {
+        let layout = StridedLayout { begin: begin(stride), stride, size };
+        let fetch = |layout: &StridedLayout, bytes: &[u8], what: &str| {
             let all = names.keys().map(|&entry| {
-                room.element(bytes, entry).map(<[u8]>::to_vec).map_err(|end| {
+                layout.element(bytes, entry).map(<[u8]>::to_vec).map_err(|end| {
                     invalid(format!("{what} {entry} ends at byte {end} of a buffer of {}", bytes.len()))
                 })
             });
             all.collect::<Result<Vec<_>>>()
         };
-        let vertices = fetch(&room, self.vertices.bytes, "vertex")?;
+        let vertices = fetch(&layout, self.vertices.bytes, "vertex")?;
         let vertices = vertices.iter().map(|bytes| self.vertex_format.read(bytes)).collect();
         let radii = match radii {
             None => Vec::new(),
@@ -341,8 +341,8 @@ impl BuildInput<'_> {
                 if stride > u64::from(u32::MAX) {
                     return Err(invalid(format!("a radius stride of {stride} (VUIDs 10422, 10432)")));
                 }
-                let room = Room { begin: begin(stride), stride, size: format.size() };
-                fetch(&room, radii.bytes, "radius")?.iter().map(|bytes| format.read(bytes)).collect()
+                let layout = StridedLayout { begin: begin(stride), stride, size: format.size() };
+                fetch(&layout, radii.bytes, "radius")?.iter().map(|bytes| format.read(bytes)).collect()
             }
         };
         Ok(Fetched { points: vertices, indices: entries.iter().map(|entry| names[entry]).collect(), radii })
@@ -356,7 +356,7 @@ impl BuildInput<'_> {
 pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
     const SIZE: u64 = 24;
     let stride = boxes.stride.unwrap_or(SIZE);
-    for (what, number, rule) in [
+    for (what, number, vuid) in [
         ("stride", stride, "VUID-VkAccelerationStructureGeometryAabbsDataKHR-stride-03545"),
         (
             "primitive offset",
@@ -365,15 +365,15 @@ pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
         ),
     ] {
         if !number.is_multiple_of(8) {
-            return Err(invalid(format!("a {what} of {number} is no multiple of 8 bytes ({rule})")));
+            return Err(invalid(format!("a {what} of {number} is no multiple of 8 bytes ({vuid})")));
         }
     }
-    let room = Room { begin: range.primitive_offset.into(), stride, size: SIZE };
-    let count = range.primitive_count.map(u64::from).or_else(|| room.count(boxes.bytes));
+    let layout = StridedLayout { begin: range.primitive_offset.into(), stride, size: SIZE };
+    let count = range.primitive_count.map(u64::from).or_else(|| layout.count(boxes.bytes));
     let count = count.ok_or_else(|| invalid("with a stride of 0 the number of primitives must be given"))?;
     check_count(count)?;
     let read = |at: u64| {
-        let bytes = room.element(boxes.bytes, at).map_err(|end| {
+        let bytes = layout.element(boxes.bytes, at).map_err(|end| {
             invalid(format!("box {at} ends at byte {end} of a buffer of {}", boxes.bytes.len()))
         })?;
         Ok(std::array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
@@ -390,14 +390,14 @@ struct Fetched {
     radii: Vec<f32>,
 }
 
-/// Where the elements of a buffer lie.
-struct Room {
+/// The layout of the elements of a buffer.
+struct StridedLayout {
     begin: u64,
     stride: u64,
     size: u64,
 }
 
-impl Room {
+impl StridedLayout {
     /// How many elements there are; `None` where a stride of 0 makes it any number.
     fn count(&self, bytes: &[u8]) -> Option<u64> {
         let length = (bytes.len() as u64).saturating_sub(self.begin);
@@ -416,7 +416,8 @@ impl Room {
     }
 }
 
-/// What every device takes: `maxPrimitiveCount` of at least 2^29 - 1, three entries each.
+/// The limit that every device supports: `maxPrimitiveCount` of at least 2^29 - 1, three entries
+/// each.
 fn check_count(entries: u64) -> Result<()> {
     if entries > 3 * ((1 << 29) - 1) {
         return Err(invalid(format!("{entries} vertices: more than any device takes (maxPrimitiveCount)")));

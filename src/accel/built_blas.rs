@@ -2,7 +2,7 @@
 
 mod build;
 
-use crate::accel::blas::{GeometryFlags, between};
+use crate::accel::blas::{GeometryFlags, interpolate_triangle};
 use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, CullRay, LANES, ShearedRay};
@@ -14,12 +14,12 @@ use crate::math::prefetch::prefetch;
 /// The active primitives of a BLAS, and the BVH over them.
 #[derive(Debug)]
 pub struct BuiltBlas {
-    shapes: Shapes,
+    blocks: PrimitiveBlocks,
     /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not
     /// full.
     geom_prims: Vec<GeomPrim>,
     /// Whether some primitives are in several leaves.
-    has_pieces: bool,
+    has_split_primitives: bool,
     bvh: Option<WideBvh>,
     bounds: Bounds,
     common_flags: Option<GeometryFlags>,
@@ -53,26 +53,26 @@ pub enum Culling {
 /// A ray for tests of all primitives of a leaf; each test reads one of the two forms.
 pub trait LeafRay {
     /// The ray in f64.
-    fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D>;
+    fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D>;
 
     /// The ray in object space, with bounds of its error.
-    fn object(&mut self) -> &ObjectRay;
+    fn object_ray(&mut self) -> &ObjectRay;
 }
 
 /// The primitives, all of one kind, in blocks of four.
 #[derive(Debug)]
-enum Shapes {
+enum PrimitiveBlocks {
     Triangles(Vec<block::Triangle4>),
     Aabbs(Vec<block::Aabb4>),
     Spheres(Vec<block::Sphere4>),
     /// The blocks, and the caps of each primitive.
     LinearSweptSpheres(Vec<block::LinearSweptSphere4>, Vec<[[bool; 2]; LANES]>),
     /// In tree order the vertices at time 0 and at time 1; `None` is padding.
-    MovingTriangles(Vec<Option<Keys>>),
+    MovingTriangles(Vec<Option<MotionKeys>>),
 }
 
 /// The vertices of a triangle at time 0 and at time 1.
-type Keys = [[[f32; 3]; 3]; 2];
+type MotionKeys = [[[f32; 3]; 3]; 2];
 
 impl BuiltBlas {
     /// The box around all active primitives, in object space.
@@ -102,28 +102,28 @@ impl BuiltBlas {
     /// that visits the node usually reaches one of them.
     #[inline(always)]
     pub fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
-        let leaves = bvh.leaves(node);
+        let leaves = bvh.leaves_to_prefetch(node);
         if leaves.is_empty() {
             return;
         }
-        if let Shapes::Triangles(blocks) = &self.shapes {
+        if let PrimitiveBlocks::Triangles(blocks) = &self.blocks {
             blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangle4::prefetch);
         }
     }
 
     /// Prefetches the node or the block of primitives that a ray is about to visit.
     #[inline(always)]
-    pub fn prefetch(&self, part: NodeRef) {
-        if !part.is_leaf() {
-            return self.bvh.iter().for_each(|bvh| bvh.node(part).prefetch());
+    pub fn prefetch(&self, child: NodeRef) {
+        if !child.is_leaf() {
+            return self.bvh.iter().for_each(|bvh| bvh.node(child).prefetch());
         }
-        let at = part.index();
-        match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].prefetch(),
-            Shapes::Aabbs(blocks) => blocks[at].prefetch(),
-            Shapes::Spheres(blocks) => blocks[at].prefetch(),
-            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].prefetch(),
-            Shapes::MovingTriangles(_) => {}
+        let at = child.index();
+        match &self.blocks {
+            PrimitiveBlocks::Triangles(blocks) => blocks[at].prefetch(),
+            PrimitiveBlocks::Aabbs(blocks) => blocks[at].prefetch(),
+            PrimitiveBlocks::Spheres(blocks) => blocks[at].prefetch(),
+            PrimitiveBlocks::LinearSweptSpheres(blocks, _) => blocks[at].prefetch(),
+            PrimitiveBlocks::MovingTriangles(_) => {}
         }
     }
 
@@ -147,24 +147,24 @@ impl BuiltBlas {
 
     /// Whether a ray may reach one primitive in several leaves.
     #[inline]
-    pub fn has_pieces(&self) -> bool {
-        self.has_pieces
+    pub fn has_split_primitives(&self) -> bool {
+        self.has_split_primitives
     }
 
     /// Which rays cull primitives by blocks of four.
     #[inline(always)]
     pub fn culling(&self) -> Culling {
-        match self.shapes {
-            Shapes::LinearSweptSpheres(..) => Culling::Always,
-            Shapes::Triangles(_) | Shapes::Spheres(_) => Culling::WorldSpace,
-            Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => Culling::Never,
+        match self.blocks {
+            PrimitiveBlocks::LinearSweptSpheres(..) => Culling::Always,
+            PrimitiveBlocks::Triangles(_) | PrimitiveBlocks::Spheres(_) => Culling::WorldSpace,
+            PrimitiveBlocks::Aabbs(_) | PrimitiveBlocks::MovingTriangles(_) => Culling::Never,
         }
     }
 
     /// Whether the primitives are triangles without motion.
     #[inline(always)]
     pub fn has_triangles(&self) -> bool {
-        matches!(self.shapes, Shapes::Triangles(_))
+        matches!(self.blocks, PrimitiveBlocks::Triangles(_))
     }
 
     /// The flags of all geometries, if they agree and none has a micromap.
@@ -190,12 +190,14 @@ impl BuiltBlas {
         (ray, sheared): (&CullRay, &ShearedRay),
     ) -> u32 {
         let at = leaf.index();
-        let maybe_hit = match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].maybe_hit_mask(simd, sheared),
-            Shapes::Spheres(blocks) => blocks[at].maybe_entered_mask(simd, ray),
-            Shapes::LinearSweptSpheres(blocks, _) if TIGHT => blocks[at].maybe_hit_mask_tight(simd, ray),
-            Shapes::LinearSweptSpheres(blocks, _) => blocks[at].maybe_hit_mask(simd, ray),
-            Shapes::Aabbs(_) | Shapes::MovingTriangles(_) => u32::MAX,
+        let maybe_hit = match &self.blocks {
+            PrimitiveBlocks::Triangles(blocks) => blocks[at].maybe_hit_mask(simd, sheared),
+            PrimitiveBlocks::Spheres(blocks) => blocks[at].maybe_entered_mask(simd, ray),
+            PrimitiveBlocks::LinearSweptSpheres(blocks, _) if TIGHT => {
+                blocks[at].maybe_hit_mask_tight(simd, ray)
+            }
+            PrimitiveBlocks::LinearSweptSpheres(blocks, _) => blocks[at].maybe_hit_mask(simd, ray),
+            PrimitiveBlocks::Aabbs(_) | PrimitiveBlocks::MovingTriangles(_) => u32::MAX,
         };
         maybe_hit & self.full_mask(leaf)
     }
@@ -203,12 +205,13 @@ impl BuiltBlas {
     /// Whether [`BuiltBlas::intersect_leaf`] tests whole leaves, which is faster than culling
     /// first.
     #[inline(always)]
-    pub fn tests_leaves(&self, precision: Precision) -> bool {
-        precision == Precision::Exact && matches!(self.shapes, Shapes::Triangles(_) | Shapes::Spheres(_))
+    pub fn tests_whole_leaves(&self, precision: Precision) -> bool {
+        precision == Precision::Exact
+            && matches!(self.blocks, PrimitiveBlocks::Triangles(_) | PrimitiveBlocks::Spheres(_))
     }
 
     /// Tests all primitives of a leaf at once by the f64 filter; hits behind `limit`, a rounded t,
-    /// may be left out. Only if [`BuiltBlas::tests_leaves`].
+    /// may be left out. Only if [`BuiltBlas::tests_whole_leaves`].
     #[inline(always)]
     pub fn intersect_leaf<D: F64x4Ops>(
         &self,
@@ -217,9 +220,13 @@ impl BuiltBlas {
         ray: &mut impl LeafRay,
         limit: f32,
     ) -> Intersection4 {
-        match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[leaf.index()].intersect4(simd, &ray.double(simd), limit),
-            Shapes::Spheres(blocks) => blocks[leaf.index()].intersect4(simd, ray.object(), limit),
+        match &self.blocks {
+            PrimitiveBlocks::Triangles(blocks) => {
+                blocks[leaf.index()].intersect4(simd, &ray.double_ray(simd), limit)
+            }
+            PrimitiveBlocks::Spheres(blocks) => {
+                blocks[leaf.index()].intersect4(simd, ray.object_ray(), limit)
+            }
             _ => Intersection4::MISSED,
         }
     }
@@ -235,12 +242,16 @@ impl BuiltBlas {
         precision: Precision,
     ) -> Option<Intersection> {
         let at = leaf.index();
-        match &self.shapes {
-            Shapes::Triangles(blocks) => blocks[at].intersect(lane, ray, precision),
-            Shapes::Aabbs(blocks) => blocks[at].intersect(lane, ray, precision),
-            Shapes::Spheres(blocks) => blocks[at].intersect(lane, ray, precision),
-            Shapes::LinearSweptSpheres(blocks, caps) => blocks[at].intersect(lane, &caps[at], ray, precision),
-            Shapes::MovingTriangles(all) => moving(all[at * LANES + lane].as_ref()?, ray, time, precision),
+        match &self.blocks {
+            PrimitiveBlocks::Triangles(blocks) => blocks[at].intersect(lane, ray, precision),
+            PrimitiveBlocks::Aabbs(blocks) => blocks[at].intersect(lane, ray, precision),
+            PrimitiveBlocks::Spheres(blocks) => blocks[at].intersect(lane, ray, precision),
+            PrimitiveBlocks::LinearSweptSpheres(blocks, caps) => {
+                blocks[at].intersect(lane, &caps[at], ray, precision)
+            }
+            PrimitiveBlocks::MovingTriangles(all) => {
+                intersect_moving_triangle(all[at * LANES + lane].as_ref()?, ray, time, precision)
+            }
         }
     }
 }
@@ -248,6 +259,11 @@ impl BuiltBlas {
 /// Intersects a moving triangle at the time of the ray. It is not inlined, so that triangles
 /// without motion do not pay for it.
 #[inline(never)]
-fn moving(keys: &Keys, ray: &ObjectRay, time: f32, precision: Precision) -> Option<Intersection> {
-    triangle::intersect(ray, between(keys, time), precision)
+fn intersect_moving_triangle(
+    motion_keys: &MotionKeys,
+    ray: &ObjectRay,
+    time: f32,
+    precision: Precision,
+) -> Option<Intersection> {
+    triangle::intersect(ray, interpolate_triangle(motion_keys, time), precision)
 }

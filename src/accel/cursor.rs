@@ -73,11 +73,11 @@ impl TraceRay {
         let time = (0.0..=1.0).contains(&self.time);
         let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;
         let flags = exclusive(1 | 2 | 64 | 128) && exclusive(256 | 16 | 32) && exclusive(256 | 512);
-        if finite && interval && flags && time { Ok(()) } else { Err(self.broken()) }
+        if finite && interval && flags && time { Ok(()) } else { Err(self.broken_rule()) }
     }
 
     #[cold]
-    fn broken(&self) -> RayRule {
+    fn broken_rule(&self) -> RayRule {
         let Ray { origin, direction, t_min, t_max } = self.ray;
         let exclusive = |bits: u32| (self.flags.0 & bits).count_ones() <= 1;
         let components = || origin.iter().chain(&direction);
@@ -86,9 +86,9 @@ impl TraceRay {
             () if !components().all(|x| x.is_finite()) => RayRule::Finite,
             () if t_min < 0.0 || t_max < 0.0 => RayRule::NotNegative,
             () if t_min > t_max => RayRule::InOrder,
-            () if !exclusive(1 | 2 | 64 | 128) => RayRule::Opacity,
-            () if !exclusive(256 | 512) => RayRule::BothSkips,
-            () if !exclusive(256 | 16 | 32) => RayRule::Sides,
+            () if !exclusive(1 | 2 | 64 | 128) => RayRule::OpacityFlags,
+            () if !exclusive(256 | 512) => RayRule::SkipFlags,
+            () if !exclusive(256 | 16 | 32) => RayRule::TriangleFlags,
             () => RayRule::Time,
         }
     }
@@ -161,16 +161,16 @@ impl Candidate {
         geometries[self.geometry as usize].cluster_id.unwrap_or(u32::MAX)
     }
 
-    /// The key by which hits are ordered: see the head of this file.
+    /// The key by which hits are ordered, as the head of this file defines it.
     #[inline]
-    fn key(&self, t: f32) -> Key {
-        Key { t, instance: self.instance, geometry: self.geometry, primitive: self.primitive }
+    fn key(&self, t: f32) -> HitKey {
+        HitKey { t, instance: self.instance, geometry: self.geometry, primitive: self.primitive }
     }
 }
 
 /// The order of hits. t is never NaN.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-struct Key {
+struct HitKey {
     t: f32,
     instance: u32,
     geometry: u32,
@@ -202,36 +202,36 @@ impl Committed {
         self.key() < other.key()
     }
 
-    fn key(&self) -> Key {
+    fn key(&self) -> HitKey {
         self.candidate.key(self.t)
     }
 }
 
 /// A candidate in the queue, ordered by key.
 #[derive(Clone, Copy, Debug)]
-struct Waiting(Candidate);
+struct QueuedCandidate(Candidate);
 
-impl Waiting {
-    fn key(&self) -> Key {
+impl QueuedCandidate {
+    fn key(&self) -> HitKey {
         self.0.key(self.0.intersection.t)
     }
 }
 
-impl PartialEq for Waiting {
+impl PartialEq for QueuedCandidate {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Waiting {}
+impl Eq for QueuedCandidate {}
 
-impl PartialOrd for Waiting {
+impl PartialOrd for QueuedCandidate {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Waiting {
+impl Ord for QueuedCandidate {
     fn cmp(&self, other: &Self) -> Ordering {
         self.key().partial_cmp(&other.key()).expect("bug in anyhit: a hit's t is NaN")
     }
@@ -261,14 +261,14 @@ pub struct Cursor {
 pub(super) struct HitQueue {
     /// No hit behind it matters; a rounded t.
     pub cull_t: f32,
-    waiting: BinaryHeap<Reverse<Waiting>>,
+    candidates: BinaryHeap<Reverse<QueuedCandidate>>,
     /// The closest opaque hit found, not yet committed.
-    opaque: Option<Committed>,
+    closest_opaque: Option<Committed>,
     committed: Option<Committed>,
     /// The candidate that the caller decides on.
     presented: Option<Candidate>,
     /// The key of the last candidate returned: all later ones lie behind it.
-    last: Option<Key>,
+    last_presented: Option<HitKey>,
     /// The primitives that an observer has seen, if a ray may reach one several times.
     reported: Vec<HitPrimitive>,
     any_opaque_hit_ends: bool,
@@ -280,8 +280,8 @@ impl Cursor {
         Self::fresh(trace)
     }
 
-    /// A cursor that serves as a buffer for later traversals.
-    pub(super) fn idle() -> Self {
+    /// A cursor without a ray, whose buffers serve later traversals.
+    pub(super) fn empty() -> Self {
         let ray = Ray::new([0.0; 3], [0.0; 3]);
         Self::fresh(TraceRay { ray, flags: RayFlags::default(), cull_mask: 0, time: 0.0 })
     }
@@ -289,18 +289,18 @@ impl Cursor {
     fn fresh(trace: TraceRay) -> Self {
         let hits = HitQueue {
             cull_t: trace.ray.t_max,
-            waiting: BinaryHeap::new(),
-            opaque: None,
+            candidates: BinaryHeap::new(),
+            closest_opaque: None,
             committed: None,
             presented: None,
-            last: None,
+            last_presented: None,
             reported: Vec::new(),
             any_opaque_hit_ends: false,
         };
         Self { trace, traversal: TraversalState::EMPTY, hits, state: State::Fresh }
     }
 
-    /// Begins another traversal in the memory of this one.
+    /// Begins another traversal and reuses the buffers of this one.
     #[inline]
     pub fn reset(&mut self, _tlas: &Tlas, trace: TraceRay) {
         self.trace = trace;
@@ -310,7 +310,7 @@ impl Cursor {
     }
 
     /// Reuses this cursor for a traversal that is already over, with the given result.
-    pub fn settle(&mut self, trace: TraceRay, committed: Option<Committed>) {
+    pub fn set_result(&mut self, trace: TraceRay, committed: Option<Committed>) {
         self.trace = trace;
         self.terminate();
         self.hits.committed = committed;
@@ -334,7 +334,7 @@ impl Cursor {
         if self.state == State::Fresh && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
             self.advance::<(), true>(tlas, true, &mut ());
-            self.hits.committed = self.hits.opaque;
+            self.hits.committed = self.hits.closest_opaque;
             return None;
         }
         self.proceed_observed(tlas, &mut ())
@@ -343,9 +343,9 @@ impl Cursor {
     /// Continues as [`Cursor::proceed`] does, and reports the steps to an observer.
     #[inline]
     pub fn proceed_with<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
-        if V::QUIET {
+        if V::IS_NOOP {
             self.proceed(tlas)
-        } else if V::REASONS {
+        } else if V::EXPLAINS_MISSES {
             self.proceed_observed(tlas, &mut ErasedObserver::<true>::new(&mut ObserverAdapter(observer)))
         } else {
             self.proceed_observed(tlas, &mut ErasedObserver::<false>::new(&mut ObserverAdapter(observer)))
@@ -363,7 +363,7 @@ impl Cursor {
         };
         self.state = State::Underway;
         self.hits.presented = None;
-        let next = self.next(tlas, start, observer);
+        let next = self.next_candidate(tlas, start, observer);
         if next.is_none() {
             self.finish(observer);
         }
@@ -371,24 +371,24 @@ impl Cursor {
     }
 
     /// The next candidate; `None` if the closest opaque hit precedes all that are left.
-    fn next<V: TraversalObserver>(
+    fn next_candidate<V: TraversalObserver>(
         &mut self,
         tlas: &Tlas,
         mut start: bool,
         observer: &mut V,
     ) -> Option<Candidate> {
         loop {
-            if let Some(&Reverse(first)) = self.hits.waiting.peek()
+            if let Some(&Reverse(first)) = self.hits.candidates.peek()
                 && self.traversal.is_past(first.0.intersection.t)
             {
-                self.hits.waiting.pop();
+                self.hits.candidates.pop();
                 if self.hits.is_behind(&first) {
                     return None;
                 }
                 if self.hits.was_presented(&first) {
                     continue;
                 }
-                self.hits.last = Some(first.key());
+                self.hits.last_presented = Some(first.key());
                 self.hits.presented = Some(first.0);
                 observer.present(&first.0);
                 return Some(first.0);
@@ -459,7 +459,7 @@ impl Cursor {
 
     /// Commits the closest opaque hit and ends the traversal: no candidate precedes it.
     fn finish(&mut self, observer: &mut impl TraversalObserver) {
-        if let Some(hit) = self.hits.opaque.take()
+        if let Some(hit) = self.hits.closest_opaque.take()
             && self.hits.committed.is_none_or(|committed| hit.key() < committed.key())
         {
             self.hits.committed = Some(hit);
@@ -474,11 +474,11 @@ impl HitQueue {
     /// Discards all hits and candidates.
     #[inline(always)]
     fn clear(&mut self) {
-        self.forget_waiting();
-        self.opaque = None;
+        self.clear_candidates();
+        self.closest_opaque = None;
         self.committed = None;
         self.presented = None;
-        self.last = None;
+        self.last_presented = None;
         if !self.reported.is_empty() {
             self.reported.clear();
         }
@@ -486,8 +486,8 @@ impl HitQueue {
     }
 
     /// Whether a candidate was returned already, and is found again in another leaf.
-    fn was_presented(&self, waiting: &Waiting) -> bool {
-        self.last.is_some_and(|last| waiting.key() <= last)
+    fn was_presented(&self, queued: &QueuedCandidate) -> bool {
+        self.last_presented.is_some_and(|last| queued.key() <= last)
     }
 
     /// Records that a primitive is reported to the observer; returns whether for the first time.
@@ -502,12 +502,12 @@ impl HitQueue {
 
     /// Adds an opaque hit; returns whether it is the closest so far.
     #[inline(always)]
-    pub fn take_opaque(&mut self, candidate: Candidate) -> bool {
+    pub fn add_opaque(&mut self, candidate: Candidate) -> bool {
         let Some(hit) = Committed::opaque(candidate) else { return false };
-        let others = [&self.opaque, &self.committed];
+        let others = [&self.closest_opaque, &self.committed];
         let closest = hit.t < self.cull_t || others.into_iter().flatten().all(|other| hit.is_before(other));
         if closest {
-            self.opaque = Some(hit);
+            self.closest_opaque = Some(hit);
             self.cull_t = self.cull_t.min(hit.t);
         }
         closest
@@ -515,36 +515,36 @@ impl HitQueue {
 
     /// Queues a candidate; returns `false` if it lies behind a hit or was returned already.
     #[inline]
-    pub fn take_candidate(&mut self, candidate: Candidate) -> bool {
-        let waiting = Waiting(candidate);
-        if self.is_behind(&waiting) || self.was_presented(&waiting) {
+    pub fn queue_candidate(&mut self, candidate: Candidate) -> bool {
+        let queued = QueuedCandidate(candidate);
+        if self.is_behind(&queued) || self.was_presented(&queued) {
             return false;
         }
-        self.waiting.push(Reverse(waiting));
+        self.candidates.push(Reverse(queued));
         true
     }
 
     /// The t of the first candidate in the queue.
     #[inline(always)]
-    pub fn first_waiting(&self) -> Option<f32> {
-        self.waiting.peek().map(|Reverse(first)| first.0.intersection.t)
+    pub fn first_candidate_t(&self) -> Option<f32> {
+        self.candidates.peek().map(|Reverse(first)| first.0.intersection.t)
     }
 
     /// Discards the candidates in the queue.
     #[inline(always)]
-    pub fn forget_waiting(&mut self) {
-        if !self.waiting.is_empty() {
-            self.waiting.clear();
+    pub fn clear_candidates(&mut self) {
+        if !self.candidates.is_empty() {
+            self.candidates.clear();
         }
     }
 
-    /// Whether the traversal may end here.
+    /// Whether an opaque hit that was found ends the traversal before it is complete.
     #[inline(always)]
-    pub fn is_enough(&self) -> bool {
-        self.any_opaque_hit_ends && self.opaque.is_some()
+    pub fn can_end_early(&self) -> bool {
+        self.any_opaque_hit_ends && self.closest_opaque.is_some()
     }
 
-    fn is_behind(&self, waiting: &Waiting) -> bool {
-        [&self.opaque, &self.committed].into_iter().flatten().any(|other| other.key() < waiting.key())
+    fn is_behind(&self, queued: &QueuedCandidate) -> bool {
+        [&self.closest_opaque, &self.committed].into_iter().flatten().any(|other| other.key() < queued.key())
     }
 }

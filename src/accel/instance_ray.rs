@@ -4,7 +4,7 @@
 use crate::accel::built_blas::{BuiltBlas, Culling, LeafRay};
 use crate::accel::cursor::TraceRay;
 use crate::accel::node::NodeRef;
-use crate::accel::tlas::{Placed, Tlas};
+use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trav_ray::TravRay;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{CullRay, ShearedRay};
@@ -17,7 +17,7 @@ use crate::math::f64x4::F64x4Ops;
 pub struct InstanceRay {
     pub instance: u32,
     /// The number of stack entries below those of this instance.
-    pub base: usize,
+    pub stack_base: usize,
     pub trav_ray: TravRay,
     object_ray: ObjectRay,
     has_object_ray: bool,
@@ -38,7 +38,7 @@ impl InstanceRay {
     /// Placeholder value.
     pub const EMPTY: Self = Self {
         instance: 0,
-        base: 0,
+        stack_base: 0,
         trav_ray: TravRay::EMPTY,
         object_ray: ObjectRay::EMPTY,
         has_object_ray: false,
@@ -51,7 +51,7 @@ impl InstanceRay {
         approximate_ray: ApproximateRay::EMPTY,
     };
 
-    /// Takes the ray into an instance; `false` if it certainly hits nothing up to `cull_t` there.
+    /// Prepares the ray for an instance; `false` if it certainly hits nothing up to `cull_t` there.
     #[inline(always)]
     pub fn enter(
         &mut self,
@@ -66,15 +66,17 @@ impl InstanceRay {
         self.has_cull_ray = false;
         self.is_well_scaled = false;
         let entered = match (bvh, tlas.transform(instance)) {
-            (Some(bvh), Placed::InWorld) => {
+            (Some(bvh), InstanceTransform::Identity) => {
                 self.ray_space = RaySpace::World;
                 self.is_well_scaled = self.trav_ray.set_world_space(&trace.ray, bvh.scale());
                 self.is_well_scaled
             }
-            (Some(bvh), Placed::Still(transform)) => self.enter_approximately(transform, bvh, &trace.ray),
+            (Some(bvh), InstanceTransform::Static(transform)) => {
+                self.enter_approximately(transform, bvh, &trace.ray)
+            }
             _ => false,
         };
-        entered || self.enter_prepared(tlas, bvh, trace, cull_t)
+        entered || self.enter_in_object_space(tlas, bvh, trace, cull_t)
     }
 
     /// [`Self::enter`] by an f32 ray with error bounds; `false` if those do not suffice.
@@ -88,7 +90,13 @@ impl InstanceRay {
 
     /// [`Self::enter`] by the f64 ray in object space.
     #[inline(never)]
-    fn enter_prepared(&mut self, tlas: &Tlas, bvh: Option<&WideBvh>, trace: &TraceRay, cull_t: f32) -> bool {
+    fn enter_in_object_space(
+        &mut self,
+        tlas: &Tlas,
+        bvh: Option<&WideBvh>,
+        trace: &TraceRay,
+        cull_t: f32,
+    ) -> bool {
         self.ray_space = RaySpace::Object;
         self.has_object_ray =
             tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);
@@ -108,34 +116,34 @@ impl InstanceRay {
     #[inline(always)]
     fn prepare_culling(&mut self, tlas: &Tlas, trace: &TraceRay) {
         self.ray_space = match tlas.transform(self.instance) {
-            Placed::InWorld => RaySpace::World,
-            Placed::Still(transform) => match transform.approximate(&trace.ray) {
+            InstanceTransform::Identity => RaySpace::World,
+            InstanceTransform::Static(transform) => match transform.approximate(&trace.ray) {
                 Some(ray) => {
                     self.approximate_ray = ray;
                     RaySpace::Approximate
                 }
                 None => RaySpace::Object,
             },
-            Placed::Moving => RaySpace::Object,
+            InstanceTransform::Moving => RaySpace::Object,
         };
     }
 
-    /// Takes a ray of a packet into an instance whose BVH the packet traverses.
+    /// Prepares a ray of a packet for an instance whose BVH the packet traverses.
     #[inline(always)]
-    pub fn arrive(&mut self, tlas: &Tlas, instance: u32, built: &BuiltBlas, trace: &TraceRay) {
+    pub fn enter_with_packet(&mut self, tlas: &Tlas, instance: u32, built: &BuiltBlas, trace: &TraceRay) {
         self.instance = instance;
         self.has_object_ray = false;
         self.is_well_scaled = false;
         self.has_cull_ray = false;
-        if !built.tests_leaves(tlas.precision()) && built.culling() != Culling::Never {
+        if !built.tests_whole_leaves(tlas.precision()) && built.culling() != Culling::Never {
             self.prepare_culling(tlas, trace);
         }
     }
 
     /// The ray for the tests of whole leaves.
     #[inline(always)]
-    pub fn for_leaf<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> ForLeaf<'a> {
-        ForLeaf { instance_ray: self, tlas, trace }
+    pub fn leaf_ray<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> InstanceLeafRay<'a> {
+        InstanceLeafRay { instance_ray: self, tlas, trace }
     }
 
     /// The ray in object space.
@@ -178,7 +186,7 @@ impl InstanceRay {
             return;
         }
         if built.has_triangles() {
-            let ray = self.sheared_ray_for(built, trace);
+            let ray = self.make_sheared_ray(built, trace);
             self.culls = ray.is_some();
             self.sheared_ray = ray.unwrap_or(ShearedRay::EMPTY);
             return;
@@ -198,7 +206,7 @@ impl InstanceRay {
 
     /// The ray that culls triangles, if it can be prepared in f32.
     #[inline(always)]
-    fn sheared_ray_for(&self, built: &BuiltBlas, trace: &TraceRay) -> Option<ShearedRay> {
+    fn make_sheared_ray(&self, built: &BuiltBlas, trace: &TraceRay) -> Option<ShearedRay> {
         let bounds = built.bounds();
         match self.ray_space {
             RaySpace::World => {
@@ -217,24 +225,24 @@ impl InstanceRay {
 }
 
 /// The ray of an instance for tests of whole leaves.
-pub struct ForLeaf<'a> {
+pub struct InstanceLeafRay<'a> {
     instance_ray: &'a mut InstanceRay,
     tlas: &'a Tlas,
     trace: &'a TraceRay,
 }
 
-impl LeafRay for ForLeaf<'_> {
+impl LeafRay for InstanceLeafRay<'_> {
     #[inline(always)]
-    fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
+    fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
         if self.instance_ray.is_well_scaled {
             DoubleRay::in_world(simd, &self.trace.ray)
         } else {
-            DoubleRay::of(simd, self.object())
+            DoubleRay::of(simd, self.object_ray())
         }
     }
 
     #[inline(always)]
-    fn object(&mut self) -> &ObjectRay {
+    fn object_ray(&mut self) -> &ObjectRay {
         self.instance_ray.object_ray(self.tlas, self.trace)
     }
 }

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! each numbered inside in the same way. That is the specification's mapping from barycentrics to
-//! an index, told as a recursion; its way of rounding decides which microtriangle has a point of an
-//! edge.
+//! an index, stated as a recursion; its way of rounding decides which microtriangle has a point of
+//! an edge.
 
 use crate::accel::rules::RayFlags;
 use crate::accel::tlas::InstanceFlags;
@@ -36,7 +36,7 @@ impl Opacity {
     const ALL: [Self; 4] = [Self::Transparent, Self::Opaque, Self::UnknownTransparent, Self::UnknownOpaque];
 
     /// The state with this number, of the lowest two bits.
-    pub fn of_bits(bits: u8) -> Self {
+    pub fn from_bits(bits: u8) -> Self {
         Self::ALL[usize::from(bits & 3)]
     }
 
@@ -76,7 +76,7 @@ impl MicromapTriangle {
         1 << (2 * self.subdivision_level)
     }
 
-    /// Never: level 0 has one microtriangle.
+    /// Always false: level 0 has one microtriangle.
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -93,8 +93,8 @@ impl MicromapTriangle {
     /// The state of a microtriangle.
     fn state(&self, index: usize) -> Opacity {
         match self.format {
-            OpacityFormat::TwoState => Opacity::of_bits(self.states[index / 8] >> (index % 8) & 1),
-            OpacityFormat::FourState => Opacity::of_bits(self.states[index / 4] >> (index % 4 * 2)),
+            OpacityFormat::TwoState => Opacity::from_bits(self.states[index / 8] >> (index % 8) & 1),
+            OpacityFormat::FourState => Opacity::from_bits(self.states[index / 4] >> (index % 4 * 2)),
         }
     }
 }
@@ -113,7 +113,7 @@ pub enum MicromapIndex {
 pub struct OpacityMicromap {
     /// The triangles of the micromap.
     pub triangles: Vec<MicromapTriangle>,
-    /// One a primitive; without it, primitive n has triangle n.
+    /// One for each primitive; without it, primitive n has triangle n.
     pub indices: Option<Vec<MicromapIndex>>,
 }
 
@@ -134,7 +134,7 @@ impl OpacityMicromap {
         }
     }
 
-    /// What is wrong with it for a geometry of so many primitives.
+    /// Says what is wrong with it for a geometry of so many primitives.
     pub(super) fn mistake(&self, primitives: usize) -> Option<String> {
         for (at, triangle) in self.triangles.iter().enumerate() {
             let level = triangle.subdivision_level;
@@ -165,7 +165,7 @@ impl OpacityMicromap {
     }
 }
 
-/// Whether unknown opacities are settled without a shader.
+/// Whether unknown opacities are decided without a shader.
 #[inline]
 pub fn is_two_state(ray: RayFlags, instance: InstanceFlags) -> bool {
     ray.contains(RayFlags::FORCE_OPACITY_MICROMAP_2_STATE)

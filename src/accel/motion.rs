@@ -1,4 +1,4 @@
-//! Motion (`VK_NV_ray_tracing_motion_blur`): what lies where at the time of a ray.
+//! Motion (`VK_NV_ray_tracing_motion_blur`): the transforms and vertices at the time of a ray.
 //!
 //! # Definition
 //! Two keys are given, at time 0 and at time 1. A number of a vertex or of a matrix is at time t
@@ -17,9 +17,9 @@
 //!
 //! The matrix is T x R x S, with S = [sx a b pvx; 0 sy c pvy; 0 0 sz pvz]. Its entries are
 //! quotients of polynomials of the inputs by N, each rounded once to the nearest `f32`: in f64
-//! where a bound allows, by exact arithmetic otherwise. Nothing takes a shorter way round: q and -q
-//! are different keys. Where the interpolated q is 0 there is no rotation, and the instance is not
-//! there.
+//! where a bound allows, by exact arithmetic otherwise. The interpolation never chooses the shorter
+//! arc: q and -q are different keys. Where the interpolated q is 0 there is no rotation, and no ray
+//! hits the instance.
 
 use crate::accel::transform::{IDENTITY, round_sum};
 use crate::math::error_bound::{product_error, quotient_error, two_units};
@@ -34,7 +34,8 @@ pub type Matrix = [[f32; 4]; 3];
 pub enum Motion {
     /// `VkAccelerationStructureMatrixMotionInstanceNV`: its transform at time 0 and at time 1.
     Matrix([Matrix; 2]),
-    /// `VkAccelerationStructureSRTMotionInstanceNV`: the same, decomposed.
+    /// `VkAccelerationStructureSRTMotionInstanceNV`: a decomposed transform at time 0 and at time
+    /// 1.
     Srt(Box<[Srt; 2]>),
 }
 
@@ -118,12 +119,13 @@ pub fn interpolate(a: f32, b: f32, t: f32) -> f32 {
     round_sum([f64::from(a), -moved(a), moved(b), 0.0])
 }
 
-/// A transform's matrix, or the identity: what a shader of an instance that is not there would see.
+/// A transform's matrix, or the identity where there is none at this time: what a shader would
+/// read.
 pub(super) fn or_identity(matrix: Option<Matrix>) -> Matrix {
     matrix.unwrap_or(IDENTITY)
 }
 
-/// What the formulas of the file's head need of numbers.
+/// The arithmetic that the formulas at the head of this file need.
 trait Number: Clone {
     fn lerp(a: f32, b: f32, t: f32) -> Self;
     fn plus(&self, other: &Self) -> Self;
@@ -133,18 +135,18 @@ trait Number: Clone {
 
 /// A number in f64 that is off by at most `error`.
 #[derive(Clone, Copy)]
-struct Near {
+struct BoundedF64 {
     value: f64,
     error: f64,
 }
 
-impl Near {
+impl BoundedF64 {
     fn sum(self, value: f64, other: Self) -> Self {
         Self { value, error: self.error + other.error + two_units::<f64>() * value.abs() }
     }
 }
 
-impl Number for Near {
+impl Number for BoundedF64 {
     fn lerp(a: f32, b: f32, t: f32) -> Self {
         let (a, b, t) = (f64::from(a), f64::from(b), f64::from(t));
         // Two sums, each off by at most u times |a| + |b|.
@@ -185,7 +187,7 @@ impl Number for Dyadic {
     }
 }
 
-/// N R of a quaternion, and N: see the file's head.
+/// N R of a quaternion, and N, as the head of this file defines them.
 fn rotation<N: Number>([x, y, z, w]: [&N; 4]) -> ([[N; 3]; 3], N) {
     let double = |n: N| n.plus(&n);
     let [xx, yy, zz, ww] = [x, y, z, w].map(|n| n.times(n));
@@ -200,9 +202,15 @@ fn rotation<N: Number>([x, y, z, w]: [&N; 4]) -> ([[N; 3]; 3], N) {
 }
 
 /// N times an entry of T x R x S.
-fn entry<N: Number>(numbers: &[N; 16], turned: &[[N; 3]; 3], norm: &N, row: usize, column: usize) -> N {
+fn entry<N: Number>(
+    numbers: &[N; 16],
+    scaled_rotation: &[[N; 3]; 3],
+    norm: &N,
+    row: usize,
+    column: usize,
+) -> N {
     // S is upper triangular: its column has a number in every row down to the diagonal.
-    let rest = (0..3).filter_map(|k| S[k][column].map(|at| turned[row][k].times(&numbers[at])));
+    let rest = (0..3).filter_map(|k| S[k][column].map(|at| scaled_rotation[row][k].times(&numbers[at])));
     let moved = (column == 3).then(|| numbers[T + row].times(norm));
     let sum = rest.chain(moved).reduce(|sum, term| sum.plus(&term));
     sum.expect("bug in anyhit: a column of S without a number")
@@ -210,30 +218,30 @@ fn entry<N: Number>(numbers: &[N; 16], turned: &[[N; 3]; 3], norm: &N, row: usiz
 
 fn srt_at(keys: &[Srt; 2], time: f32) -> Option<Matrix> {
     let [first, second] = [keys[0].numbers(), keys[1].numbers()];
-    let near: [Near; 16] = std::array::from_fn(|at| Near::lerp(first[at], second[at], time));
-    let (turned, norm) = rotation(std::array::from_fn(|at| &near[Q + at]));
-    // Made only where one of the twelve entries needs it.
+    let near: [BoundedF64; 16] = std::array::from_fn(|at| BoundedF64::lerp(first[at], second[at], time));
+    let (scaled_rotation, norm) = rotation(std::array::from_fn(|at| &near[Q + at]));
+    // Computed only if one of the twelve entries needs it.
     let mut exact = None;
     let mut matrix = IDENTITY;
     for (row, entries) in matrix.iter_mut().enumerate() {
         for (column, to) in entries.iter_mut().enumerate() {
-            let Near { value, error } = entry(&near, &turned, &norm, row, column);
+            let BoundedF64 { value, error } = entry(&near, &scaled_rotation, &norm, row, column);
             let quotient = value / norm.value;
             let error = quotient_error(quotient, error, norm.value, norm.error);
             let [below, above] = [quotient - error, quotient + error].map(|x| x as f32 + 0.0);
             *to = if below == above {
                 below
             } else {
-                let (numbers, turned, norm) = exact.get_or_insert_with(|| {
+                let (numbers, scaled_rotation, norm) = exact.get_or_insert_with(|| {
                     let numbers: [Dyadic; 16] =
                         std::array::from_fn(|at| Dyadic::lerp(first[at], second[at], time));
-                    let (turned, norm) = rotation(std::array::from_fn(|at| &numbers[Q + at]));
-                    (numbers, turned, norm)
+                    let (scaled_rotation, norm) = rotation(std::array::from_fn(|at| &numbers[Q + at]));
+                    (numbers, scaled_rotation, norm)
                 });
                 if norm.is_zero() {
                     return None;
                 }
-                Surd::ratio(entry(numbers, turned, norm, row, column), norm.clone()).to_f32()
+                Surd::ratio(entry(numbers, scaled_rotation, norm, row, column), norm.clone()).to_f32()
             };
         }
     }
@@ -311,10 +319,10 @@ mod tests {
             let matrix = motion.at(time).expect("no zero quaternion");
             let (a, b) = (first.numbers(), second.numbers());
             let numbers: [Dyadic; 16] = std::array::from_fn(|at| Dyadic::lerp(a[at], b[at], time));
-            let (turned, norm) = rotation(std::array::from_fn(|at| &numbers[Q + at]));
+            let (scaled_rotation, norm) = rotation(std::array::from_fn(|at| &numbers[Q + at]));
             for (row, entries) in matrix.iter().enumerate() {
                 for (column, ours) in entries.iter().enumerate() {
-                    let exact = Surd::ratio(entry(&numbers, &turned, &norm, row, column), norm.clone());
+                    let exact = Surd::ratio(entry(&numbers, &scaled_rotation, &norm, row, column), norm.clone());
                     prop_assert_eq!(*ours, exact.to_f32());
                 }
             }

@@ -4,13 +4,13 @@
 //! segment between its images at both ends, so within the union of their boxes.
 //!
 //! **SRT motion.** v = S(t) x runs on a segment too; R(t) v is no line. Time is cut into
-//! [`PIECES`]. In each, every number of the decomposition lies between its values at the piece's
-//! ends, as it is linear in t; interval arithmetic with these ranges gives a range of N = |q|^2, of
-//! the entries of R = (N R) / N, of v and of R v + T. Ranges forget that the entries of R belong
-//! together, so two facts are added: an entry of a rotation lies within [-1, 1], and |R v| = |v|
-//! (the components of R v are no longer than the longest v in the range). Where N's range reaches 0
-//! these two are all that is known. A bound for each operation's rounding in f64 comes with each
-//! operation: one step outwards.
+//! [`TIME_INTERVALS`] intervals. In each, every number of the decomposition lies between its values
+//! at the interval's ends, as it is linear in t; interval arithmetic with these ranges gives a
+//! range of N = |q|^2, of the entries of R = (N R) / N, of v and of R v + T. Ranges forget that the
+//! entries of R belong together, so two facts are added: an entry of a rotation lies within [-1,
+//! 1], and |R v| = |v| (the components of R v are no longer than the longest v in the range). Where
+//! N's range reaches 0 these two are all that is known. A bound for each operation's rounding in
+//! f64 comes with each operation: one step outwards.
 //!
 //! **Rounding.** The traversal uses matrices whose entries are rounded to `f32`: entry m is off by
 //! at most 2^-24 |m|, or 2^-150. Row i of the image is therefore off by at most 2^-24 sum_j |m_ij|
@@ -22,13 +22,13 @@ use crate::geometry::Bounds;
 use crate::math::error_bound::{round_down, round_up};
 
 /// The number of intervals into which time is divided.
-const PIECES: u32 = 16;
+const TIME_INTERVALS: u32 = 16;
 
 /// The box around the images of a box at all times.
 pub fn bounds(around: &Bounds, motion: &Motion) -> Bounds {
     match motion {
-        Motion::Matrix(keys) => matrices(around, keys),
-        Motion::Srt(keys) => srt(around, keys),
+        Motion::Matrix(keys) => matrix_bounds(around, keys),
+        Motion::Srt(keys) => srt_bounds(around, keys),
     }
 }
 
@@ -45,7 +45,7 @@ fn slack(magnitudes: [f64; 4], max_abs: [f64; 4]) -> f64 {
     2f64.powi(-23) * row + 2f64.powi(-149) * rest
 }
 
-fn matrices(around: &Bounds, keys: &[Matrix; 2]) -> Bounds {
+fn matrix_bounds(around: &Bounds, keys: &[Matrix; 2]) -> Bounds {
     let ends = around.transformed(&keys[0]).union(&around.transformed(&keys[1]));
     let max_abs = max_abs(around);
     widened(&ends, |row| {
@@ -68,12 +68,12 @@ fn widened(bounds: &Bounds, by: impl Fn(usize) -> f64) -> Bounds {
 
 /// The interval from `low` to `high`.
 #[derive(Clone, Copy, Debug)]
-struct Range {
+struct Interval {
     low: f64,
     high: f64,
 }
 
-impl Range {
+impl Interval {
     fn of(a: f64, b: f64) -> Self {
         Self { low: a.min(b), high: a.max(b) }
     }
@@ -108,12 +108,12 @@ impl Range {
         self.low.abs().max(self.high.abs())
     }
 
-    fn within(self, most: f64) -> Self {
+    fn clamped(self, most: f64) -> Self {
         Self { low: self.low.max(-most), high: self.high.min(most) }
     }
 }
 
-fn srt(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
+fn srt_bounds(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
     let whole = Bounds { min: [f32::NEG_INFINITY; 3], max: [f32::INFINITY; 3] };
     if !around.min.iter().chain(&around.max).all(|side| side.is_finite()) {
         return whole;
@@ -121,14 +121,14 @@ fn srt(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
     let numbers = [keys[0].numbers(), keys[1].numbers()];
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
-    for piece in 0..PIECES {
-        let ends = [piece, piece + 1].map(|at| f64::from(at) / f64::from(PIECES));
-        let ranges: [Range; 16] = std::array::from_fn(|at| {
+    for interval in 0..TIME_INTERVALS {
+        let ends = [interval, interval + 1].map(|at| f64::from(at) / f64::from(TIME_INTERVALS));
+        let ranges: [Interval; 16] = std::array::from_fn(|at| {
             let [a, b] = [numbers[0][at], numbers[1][at]].map(f64::from);
             // Two roundings of sums of at most |a| + |b|.
-            let room = (a.abs() + b.abs()) * 2f64.powi(-50);
-            let range = Range::of(a - ends[0] * a + ends[0] * b, a - ends[1] * a + ends[1] * b);
-            Range { low: range.low - room, high: range.high + room }
+            let slack = (a.abs() + b.abs()) * 2f64.powi(-50);
+            let range = Interval::of(a - ends[0] * a + ends[0] * b, a - ends[1] * a + ends[1] * b);
+            Interval { low: range.low - slack, high: range.high + slack }
         });
         for (row, image) in images(around, &ranges).into_iter().enumerate() {
             low[row] = low[row].min(image.low);
@@ -152,40 +152,41 @@ fn srt(around: &Bounds, keys: &[Srt; 2]) -> Bounds {
 }
 
 /// R S x + T for all x of a box and all numbers of the ranges.
-fn images(around: &Bounds, ranges: &[Range; 16]) -> [Range; 3] {
-    let scaled: [Range; 3] = std::array::from_fn(|k| {
+fn images(around: &Bounds, ranges: &[Interval; 16]) -> [Interval; 3] {
+    let scaled: [Interval; 3] = std::array::from_fn(|k| {
         let sides = (0..3).filter_map(|j| {
-            let side = Range::of(around.min[j].into(), around.max[j].into());
+            let side = Interval::of(around.min[j].into(), around.max[j].into());
             S[k][j].map(|at| ranges[at].times(side))
         });
         let pivot = S[k][3].map(|at| ranges[at]);
-        sides.chain(pivot).reduce(Range::plus).expect("bug in anyhit: a row of S without a number")
+        sides.chain(pivot).reduce(Interval::plus).expect("bug in anyhit: a row of S without a number")
     });
     let length = scaled.iter().map(|v| v.magnitude().powi(2)).sum::<f64>().sqrt();
     let length = length * (1.0 + 2f64.powi(-48));
     let [x, y, z, w] = [0, 1, 2, 3].map(|at| ranges[Q + at]);
-    let [xx, yy, zz, ww] = [x, y, z, w].map(Range::square);
+    let [xx, yy, zz, ww] = [x, y, z, w].map(Interval::square);
     let norm = xx.plus(yy).plus(zz).plus(ww);
-    let double = |range: Range| range.plus(range);
-    let sum = |a: Range, b: Range, c: Range, d: Range| double(a.times(b).plus(c.times(d)));
-    let difference = |a: Range, b: Range, c: Range, d: Range| double(a.times(b).minus(c.times(d)));
-    let turned = [
+    let double = |range: Interval| range.plus(range);
+    let sum = |a: Interval, b: Interval, c: Interval, d: Interval| double(a.times(b).plus(c.times(d)));
+    let difference =
+        |a: Interval, b: Interval, c: Interval, d: Interval| double(a.times(b).minus(c.times(d)));
+    let scaled_rotation = [
         [ww.plus(xx).minus(yy).minus(zz), difference(x, y, w, z), sum(x, z, w, y)],
         [sum(x, y, w, z), ww.minus(xx).plus(yy).minus(zz), difference(y, z, w, x)],
         [difference(x, z, w, y), sum(y, z, w, x), ww.minus(xx).minus(yy).plus(zz)],
     ];
-    let entry = |range: Range| {
+    let entry = |range: Interval| {
         if norm.low > 0.0 {
-            let inverse = Range { low: 1.0 / norm.high, high: 1.0 / norm.low }.outwards();
-            range.times(inverse).within(1.0)
+            let inverse = Interval { low: 1.0 / norm.high, high: 1.0 / norm.low }.outwards();
+            range.times(inverse).clamped(1.0)
         } else {
-            Range { low: -1.0, high: 1.0 }
+            Interval { low: -1.0, high: 1.0 }
         }
     };
     std::array::from_fn(|row| {
-        let terms = (0..3).map(|k| entry(turned[row][k]).times(scaled[k]));
-        let image = terms.reduce(Range::plus).expect("bug in anyhit: three terms");
-        image.within(length).plus(ranges[T + row])
+        let terms = (0..3).map(|k| entry(scaled_rotation[row][k]).times(scaled[k]));
+        let image = terms.reduce(Interval::plus).expect("bug in anyhit: three terms");
+        image.clamped(length).plus(ranges[T + row])
     })
 }
 
@@ -247,13 +248,13 @@ mod tests {
     #[test]
     fn a_slow_turn_far_from_its_pivot_has_a_small_box() {
         // By 10 degrees about y, 100 from the pivot, back and forth: an arc of 17 by 1.5.
-        let turned = |degrees: f32| {
+        let rotated = |degrees: f32| {
             let half = (degrees / 2.0).to_radians();
             let pivot = [100.0, 0.0, 0.0];
             Srt { pivot, quaternion: [0.0, half.sin(), 0.0, half.cos()], ..Srt::default() }
         };
         let around = Bounds { min: [-1.0; 3], max: [1.0; 3] };
-        let all = bounds(&around, &Motion::Srt(Box::new([turned(0.0), turned(10.0)])));
+        let all = bounds(&around, &Motion::Srt(Box::new([rotated(0.0), rotated(10.0)])));
         assert!(all.max[0] - all.min[0] < 12.0 && all.max[2] - all.min[2] < 28.0, "{all:?}");
         assert!(all.max[1] <= 1.0001 && all.min[1] >= -1.0001, "{all:?}");
     }

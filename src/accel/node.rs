@@ -62,14 +62,14 @@ impl NodeRef {
         self.count() != 0
     }
 
-    /// The reference after nodes and leaves were moved by the given numbers of places.
-    pub fn moved(self, nodes: usize, leaves: usize) -> Self {
+    /// The reference after the given offsets were added to the indices of nodes and leaves.
+    pub fn offset_by(self, nodes: usize, leaves: usize) -> Self {
         let by = if self.is_leaf() { leaves } else { nodes };
         Self::pack(self.index() + by, self.count() as usize)
     }
 
     /// Splits a leaf into leaves of one primitive each, in a tree whose leaf size is 1.
-    pub fn singles(self) -> impl DoubleEndedIterator<Item = Self> {
+    pub fn single_leaves(self) -> impl DoubleEndedIterator<Item = Self> {
         (0..self.count() as usize).map(move |at| Self::leaf(self.index() + at, 1))
     }
 }
@@ -110,10 +110,11 @@ impl Node {
         self.children[slot] = child;
     }
 
-    /// Adapts the children after nodes and leaves were moved by the given numbers of places.
-    pub fn move_children(&mut self, nodes: usize, leaves: usize) {
+    /// Adds the given offsets to the indices of the children that are nodes and of those that are
+    /// leaves.
+    pub fn offset_children(&mut self, nodes: usize, leaves: usize) {
         for slot in 0..self.filled.count_ones() as usize {
-            self.children[slot] = self.children[slot].moved(nodes, leaves);
+            self.children[slot] = self.children[slot].offset_by(nodes, leaves);
         }
     }
 
@@ -138,7 +139,7 @@ impl Node {
     #[inline(always)]
     pub fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let simd = ray.simd;
-        let mut near = ray.near_floor;
+        let mut near = ray.shifted_t_min;
         let mut far = simd.splat(limit.0);
         for axis in 0..3 {
             let side = ray.near_side[axis] & 1;

@@ -5,14 +5,16 @@ use crate::geometry::Intersection;
 
 /// Receives the steps of a traversal. `()` receives none and costs nothing.
 ///
-/// What the tree culls is not reported: boxes that the ray misses, and what lies behind a hit that
-/// is known already.
+/// Primitives that the BVH culls are not reported: those in boxes that the ray misses, and those
+/// behind a hit that is known already.
 pub trait TraversalObserver {
-    /// Whether reasons are wanted. They cost a second test of each primitive that is not hit.
-    const REASONS: bool;
+    /// Whether the observer wants to know why a primitive is not hit. Then nothing is culled within
+    /// a leaf, and each primitive that is not hit is tested a second time.
+    const EXPLAINS_MISSES: bool;
 
-    /// Whether nothing is reported: traversal then takes the shortest way.
-    const QUIET: bool = false;
+    /// Whether the observer ignores all events, so that the traversal omits what only an observer
+    /// needs.
+    const IS_NOOP: bool = false;
 
     /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
     fn node(&mut self, _instance: Option<u32>) {}
@@ -21,15 +23,15 @@ pub trait TraversalObserver {
     fn instance(&mut self, _instance: u32, _verdict: InstanceVerdict) {}
 
     /// A primitive was tested.
-    fn primitive(&mut self, _place: HitPrimitive, _verdict: PrimitiveVerdict) {}
+    fn primitive(&mut self, _hit_primitive: HitPrimitive, _verdict: PrimitiveVerdict) {}
 
-    /// `count` primitives were tested together and missed; reported only without `REASONS`.
+    /// `count` primitives were tested together and missed; reported only without `EXPLAINS_MISSES`.
     fn missed(&mut self, _count: u32) {}
 
     /// A candidate is handed to the shaders.
     fn present(&mut self, _candidate: &Candidate) {}
 
-    /// An opaque hit was committed. (What the caller confirms or generates it knows itself.)
+    /// An opaque hit was committed. (Hits that the caller confirms or generates are not reported.)
     fn commit(&mut self, _committed: &Committed) {}
 
     /// The traversal ended; `complete` is false where a hit ended it early.
@@ -37,8 +39,8 @@ pub trait TraversalObserver {
 }
 
 impl TraversalObserver for () {
-    const REASONS: bool = false;
-    const QUIET: bool = true;
+    const EXPLAINS_MISSES: bool = false;
+    const IS_NOOP: bool = true;
 }
 
 /// The identity of a primitive in a TLAS.
@@ -55,22 +57,22 @@ pub struct HitPrimitive {
 /// What became of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum InstanceVerdict {
-    /// Its primitives are looked at.
+    /// Its primitives are tested.
     Entered,
     /// Its mask and the ray's cull mask share no bit.
     Masked,
     /// The ray's flags skip its kind of primitive.
     Skipped,
-    /// The ray passes by the box around all its primitives, or that lies outside the interval.
+    /// The ray misses the box around all its primitives, or that box lies outside the interval.
     Missed,
 }
 
 /// What became of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PrimitiveVerdict {
-    /// The ray does not meet it.
+    /// The ray misses it.
     Missed,
-    /// The ray meets it before t_min or after t_max.
+    /// The ray hits it before t_min or after t_max.
     OutsideInterval(Intersection),
     /// The opacity micromap is transparent there.
     Transparent(Intersection),
@@ -100,7 +102,7 @@ pub struct Counters {
 }
 
 impl TraversalObserver for Counters {
-    const REASONS: bool = false;
+    const EXPLAINS_MISSES: bool = false;
 
     fn node(&mut self, _: Option<u32>) {
         self.nodes += 1;
@@ -135,9 +137,9 @@ trait DynObserver {
 }
 
 /// An observer of any type, so that traversal is compiled for two types and not for each.
-pub(super) struct ErasedObserver<'a, const REASONS: bool>(&'a mut dyn DynObserver);
+pub(super) struct ErasedObserver<'a, const EXPLAINS_MISSES: bool>(&'a mut dyn DynObserver);
 
-impl<'a, const REASONS: bool> ErasedObserver<'a, REASONS> {
+impl<'a, const EXPLAINS_MISSES: bool> ErasedObserver<'a, EXPLAINS_MISSES> {
     pub fn new<V: TraversalObserver>(observer: &'a mut ObserverAdapter<V>) -> Self {
         Self(observer)
     }
@@ -154,8 +156,8 @@ macro_rules! forward {
             })*
         }
 
-        impl<const REASONS: bool> TraversalObserver for ErasedObserver<'_, REASONS> {
-            const REASONS: bool = REASONS;
+        impl<const EXPLAINS_MISSES: bool> TraversalObserver for ErasedObserver<'_, EXPLAINS_MISSES> {
+            const EXPLAINS_MISSES: bool = EXPLAINS_MISSES;
 
             $(fn $method(&mut self, $($argument: $type),*) {
                 self.0.$method($($argument),*);

@@ -47,16 +47,13 @@ const SINGLE_STEPS_PER_RAY: u32 = 2;
 /// use anyhit::geometry::Ray;
 ///
 /// let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![1.0], indices: None };
-/// let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
-/// let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-/// let tlas = Tlas::new(vec![TlasInstance::of(blas, identity)])?;
-/// let down = |x: f32| Ray::new([x, 0.0, 3.0], [0.0, 0.0, -1.0]);
-/// let flags = RayFlags::default();
-/// let trace = |x| TraceRay { ray: down(x), flags, cull_mask: 0xFF, time: 0.0 };
-/// let traces: Vec<_> = (0..64).map(|k| trace((k as f32 + 0.5) / 32.0)).collect();
-/// let mut hits = Vec::new();
-/// assert!(Packet::default().trace(&tlas, &traces, false, &mut hits));
-/// // Those within the radius.
+/// let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?; let identity = [[1.0,
+/// 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]; let tlas =
+/// Tlas::new(vec![TlasInstance::of(blas, identity)])?; let down = |x: f32| Ray::new([x, 0.0, 3.0],
+/// [0.0, 0.0, -1.0]); let flags = RayFlags::default(); let trace = |x| TraceRay { ray: down(x),
+/// flags, cull_mask: 0xFF, time: 0.0 }; let traces: Vec<_> = (0..64).map(|k| trace((k as f32 + 0.5)
+/// / 32.0)).collect(); let mut hits = Vec::new(); assert!(Packet::default().trace(&tlas, &traces,
+/// false, &mut hits)); // The rays within the radius hit the sphere.
 /// assert_eq!(hits.iter().flatten().count(), 32);
 /// # Ok::<(), anyhit::error::Error>(())
 /// ```
@@ -74,7 +71,7 @@ pub struct Packet {
     stale: u64,
     /// A mask of the rays that have a hit.
     hit: u64,
-    hits: [Found; MAX_RAYS],
+    hits: [PacketHit; MAX_RAYS],
     stack: Vec<StackEntry>,
     /// The number of nodes and leaves that may still be opened.
     steps: u32,
@@ -90,14 +87,14 @@ pub struct Packet {
 
 /// The closest hit of a ray so far.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct PacketHit {
     instance: u32,
     /// The index of the primitive in the tree order of its BLAS.
     ordered_index: u32,
     intersection: Intersection,
 }
 
-impl Found {
+impl PacketHit {
     /// Placeholder value.
     const EMPTY: Self = Self {
         instance: 0,
@@ -148,7 +145,7 @@ impl StackEntry {
 impl Default for Packet {
     fn default() -> Self {
         Self {
-            cursor: Cursor::idle(),
+            cursor: Cursor::empty(),
             instance_rays: vec![InstanceRay::EMPTY; MAX_RAYS],
             rays: WorldRays::EMPTY,
             world_soa: RaySoA::EMPTY,
@@ -156,7 +153,7 @@ impl Default for Packet {
             limits: PerRay::EMPTY,
             stale: 0,
             hit: 0,
-            hits: [Found::EMPTY; MAX_RAYS],
+            hits: [PacketHit::EMPTY; MAX_RAYS],
             stack: Vec::new(),
             steps: 0,
             single_steps: 0,
@@ -186,7 +183,7 @@ impl Packet {
         hits.reserve(traces.len());
         self.traced_together = 0;
         for traces in traces.chunks(MAX_RAYS) {
-            let single_ray_mask = if self.may_pay(tlas, traces) {
+            let single_ray_mask = if self.is_worthwhile(tlas, traces) {
                 self.trace_together(tlas, traces, any_opaque_hit)
             } else {
                 u64::MAX
@@ -226,9 +223,9 @@ impl Packet {
         }
     }
 
-    /// Whether tracing the rays as a packet may pay.
+    /// Whether tracing the rays as a packet may be faster than tracing them singly.
     #[inline]
-    fn may_pay(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
+    fn is_worthwhile(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
         let [first, ..] = traces else { return false };
         let alike = |trace: &TraceRay| trace.flags == first.flags && trace.cull_mask == first.cull_mask;
         // Below `Exact` what is hit may depend on which boxes are opened.

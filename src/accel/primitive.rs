@@ -1,9 +1,9 @@
-//! One primitive of a geometry: which numbers it is made of.
+//! One primitive of a geometry: its vertices, corners, or centres and radii.
 
 use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
 use crate::accel::transform::transform_point;
 
-/// The numbers of one primitive, as the intersectors and the hit builtins take them (object space).
+/// The data of one primitive in object space, as the intersectors and the hit builtins take it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Primitive {
     /// Three vertices, the geometry transform applied.
@@ -28,14 +28,14 @@ pub enum Primitive {
     },
 }
 
-/// What is done with each primitive of a geometry. (A closure would not be compiled for each kind.)
-pub(super) trait TakePrimitive {
-    /// Takes primitive `PrimitiveId`; to be inlined.
-    fn take(&mut self, primitive: u32, numbers: Primitive);
+/// Visits the primitives of a geometry. (A closure would not be compiled for each kind.)
+pub(super) trait PrimitiveVisitor {
+    /// Visits primitive `PrimitiveId`. Implementations must be `#[inline(always)]`.
+    fn visit(&mut self, primitive: u32, data: Primitive);
 }
 
 impl GeometryData {
-    /// The numbers of primitive `PrimitiveId`.
+    /// The data of primitive `PrimitiveId`.
     ///
     /// # Panics
     /// Where the primitive or a vertex that it names does not exist: `Blas::new` has checked that.
@@ -49,37 +49,39 @@ impl GeometryData {
             Self::Aabbs(boxes) => Primitive::Aabb(boxes[at]),
             Self::Spheres { positions, radii, indices } => sphere(positions, radii, indices, at),
             Self::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } => {
-                swept(positions, radii, indices, (*indexing, *end_caps), at)
+                linear_swept_sphere(positions, radii, indices, (*indexing, *end_caps), at)
             }
         }
     }
 
-    /// Takes all primitives in turn; what kind they are is asked once.
+    /// Visits all primitives in turn, and matches on their kind only once.
     ///
     /// # Panics
     /// As [`GeometryData::primitive`].
     #[inline(always)]
-    pub(super) fn each_primitive(&self, to: &mut impl TakePrimitive) {
+    pub(super) fn visit_primitives(&self, to: &mut impl PrimitiveVisitor) {
         let all = 0..self.primitive_count() as u32;
         match self {
             Self::Triangles { vertices, indices, transform } => {
                 all.for_each(|at| {
-                    to.take(at, Primitive::Triangle(triangle(vertices, indices, transform, at)))
+                    to.visit(at, Primitive::Triangle(triangle(vertices, indices, transform, at)))
                 });
             }
-            Self::Aabbs(boxes) => all.for_each(|at| to.take(at, Primitive::Aabb(boxes[at as usize]))),
+            Self::Aabbs(boxes) => all.for_each(|at| to.visit(at, Primitive::Aabb(boxes[at as usize]))),
             Self::Spheres { positions, radii, indices } => {
-                all.for_each(|at| to.take(at, sphere(positions, radii, indices, at as usize)));
+                all.for_each(|at| to.visit(at, sphere(positions, radii, indices, at as usize)));
             }
             Self::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } => {
                 let modes = (*indexing, *end_caps);
-                all.for_each(|at| to.take(at, swept(positions, radii, indices, modes, at as usize)));
+                all.for_each(|at| {
+                    to.visit(at, linear_swept_sphere(positions, radii, indices, modes, at as usize))
+                });
             }
         }
     }
 }
 
-/// A sphere's numbers.
+/// The centre and the radius of a sphere.
 #[inline(always)]
 pub(super) fn sphere(
     positions: &[[f32; 3]],
@@ -87,33 +89,33 @@ pub(super) fn sphere(
     indices: &Option<Vec<u32>>,
     at: usize,
 ) -> Primitive {
-    let entry = entry_of(indices, at);
+    let entry = vertex_index(indices, at);
     Primitive::Sphere { position: positions[entry], radius: radii[entry] }
 }
 
 #[inline(always)]
-fn swept(
+fn linear_swept_sphere(
     positions: &[[f32; 3]],
     radii: &[f32],
     indices: &Option<Vec<u32>>,
     (indexing, end_caps): (Indexing, EndCaps),
     at: usize,
 ) -> Primitive {
-    let ends = ends(indices, indexing, at);
+    let end_vertices = end_vertices(indices, indexing, at);
     Primitive::LinearSweptSphere {
-        positions: ends.map(|end| positions[end]),
-        radii: ends.map(|end| radii[end]),
+        positions: end_vertices.map(|end| positions[end]),
+        radii: end_vertices.map(|end| radii[end]),
         caps: caps(indices.as_deref(), indexing, end_caps, at),
     }
 }
 
-/// The vertices that a linear swept sphere spans.
+/// The indices of the two vertices that a linear swept sphere spans.
 #[inline(always)]
-pub(super) fn ends(indices: &Option<Vec<u32>>, indexing: Indexing, at: usize) -> [usize; 2] {
+pub(super) fn end_vertices(indices: &Option<Vec<u32>>, indexing: Indexing, at: usize) -> [usize; 2] {
     match indexing {
-        Indexing::List => [entry_of(indices, 2 * at), entry_of(indices, 2 * at + 1)],
+        Indexing::List => [vertex_index(indices, 2 * at), vertex_index(indices, 2 * at + 1)],
         Indexing::Successive => {
-            let entry = entry_of(indices, at);
+            let entry = vertex_index(indices, at);
             [entry, entry + 1]
         }
     }
@@ -145,7 +147,7 @@ pub(super) fn triangle(
 
 /// The vertex that an entry of the (perhaps absent) index buffer names.
 #[inline(always)]
-fn entry_of(indices: &Option<Vec<u32>>, entry: usize) -> usize {
+fn vertex_index(indices: &Option<Vec<u32>>, entry: usize) -> usize {
     indices.as_ref().map_or(entry, |indices| indices[entry] as usize)
 }
 

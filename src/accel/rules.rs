@@ -50,7 +50,7 @@ impl std::ops::BitOr for RayFlags {
     }
 }
 
-/// What a ray must keep to; the numbers of the rules differ from instruction to instruction.
+/// A valid-usage rule for the operands of a ray. Its VUID depends on the instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum RayRule {
@@ -62,54 +62,54 @@ pub enum RayRule {
     NotNegative,
     /// t_min is at most t_max.
     InOrder,
-    /// At most one of the four flags that speak of opacity.
-    Opacity,
-    /// At most one of the flags that skip triangles or cull a side of them.
-    Sides,
-    /// Not both flags that skip primitives.
-    BothSkips,
-    /// Triangles are not skipped where the pipeline skips boxes.
-    SkipsTrianglesBesidePipeline,
-    /// Boxes are not skipped where the pipeline skips triangles.
-    SkipsAabbsBesidePipeline,
+    /// At most one of the four flags about opacity is set.
+    OpacityFlags,
+    /// At most one of the flags that skip triangles or cull one of their sides is set.
+    TriangleFlags,
+    /// At most one of the two flags that skip primitives is set.
+    SkipFlags,
+    /// The ray does not skip triangles where the pipeline skips boxes.
+    SkipTrianglesWithPipelineSkipAabbs,
+    /// The ray does not skip boxes where the pipeline skips triangles.
+    SkipAabbsWithPipelineSkipTriangles,
     /// The time is from 0 to 1.
     Time,
 }
 
 impl RayRule {
-    /// All of them, in order.
+    /// All rules, in the order of their declaration.
     pub const ALL: [Self; 10] = [
         Self::NotNan,
         Self::Finite,
         Self::NotNegative,
         Self::InOrder,
-        Self::Opacity,
-        Self::Sides,
-        Self::BothSkips,
-        Self::SkipsTrianglesBesidePipeline,
-        Self::SkipsAabbsBesidePipeline,
+        Self::OpacityFlags,
+        Self::TriangleFlags,
+        Self::SkipFlags,
+        Self::SkipTrianglesWithPipelineSkipAabbs,
+        Self::SkipAabbsWithPipelineSkipTriangles,
         Self::Time,
     ];
 
-    /// What is wrong with a ray that breaks it.
+    /// Says what is wrong with a ray that breaks the rule.
     pub fn describe(self) -> &'static str {
         match self {
             Self::NotNan => "origin, direction, t_min or t_max is NaN",
             Self::Finite => "origin or direction is not finite",
             Self::NotNegative => "t_min or t_max is negative",
             Self::InOrder => "t_min is above t_max",
-            Self::Opacity => {
+            Self::OpacityFlags => {
                 "the ray flags hold more than one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR and CullNoOpaqueKHR"
             }
-            Self::Sides => {
+            Self::TriangleFlags => {
                 "the ray flags hold more than one of SkipTrianglesKHR, CullBackFacingTrianglesKHR and \
                  CullFrontFacingTrianglesKHR"
             }
-            Self::BothSkips => "the ray flags hold both SkipTrianglesKHR and SkipAABBsKHR",
-            Self::SkipsTrianglesBesidePipeline => {
+            Self::SkipFlags => "the ray flags hold both SkipTrianglesKHR and SkipAABBsKHR",
+            Self::SkipTrianglesWithPipelineSkipAabbs => {
                 "the ray flags hold SkipTrianglesKHR, and the pipeline skips AABBs"
             }
-            Self::SkipsAabbsBesidePipeline => {
+            Self::SkipAabbsWithPipelineSkipTriangles => {
                 "the ray flags hold SkipAABBsKHR, and the pipeline skips triangles"
             }
             Self::Time => "the time is not between 0 and 1",
@@ -134,7 +134,8 @@ pub fn is_skipped(ray: RayFlags, kind: GeometryKind) -> bool {
     }
 }
 
-/// Opacity: the ray's word over the instance's over the geometry's.
+/// Whether a primitive counts as opaque: the flags of the ray override those of the instance, which
+/// override those of the geometry.
 #[inline]
 pub fn is_opaque(ray: RayFlags, instance: InstanceFlags, geometry: GeometryFlags) -> bool {
     if ray.contains(RayFlags::OPAQUE) {
@@ -156,10 +157,10 @@ pub fn is_culled_by_opacity(ray: RayFlags, opaque: bool) -> bool {
     ray.contains(if opaque { RayFlags::CULL_OPAQUE } else { RayFlags::CULL_NO_OPAQUE })
 }
 
-/// The surface as the instance presents it: a flipped instance turns its triangles round. (A
-/// mirroring instance transform does not.)
+/// Applies the instance's `TRIANGLE_FLIP_FACING` to a surface. (A transform that mirrors does not
+/// flip the facing.)
 #[inline]
-pub fn presented(surface: Surface, instance: InstanceFlags) -> Surface {
+pub fn apply_flip_facing(surface: Surface, instance: InstanceFlags) -> Surface {
     match surface {
         Surface::TriangleFront if instance.contains(InstanceFlags::TRIANGLE_FLIP_FACING) => {
             Surface::TriangleBack
@@ -171,8 +172,8 @@ pub fn presented(surface: Surface, instance: InstanceFlags) -> Surface {
     }
 }
 
-/// Whether the ray culls a triangle seen from this side (after `presented`). Other kinds have no
-/// side to cull.
+/// Whether the ray culls a triangle seen from this side (after `apply_flip_facing`). Other kinds
+/// have no side to cull.
 #[inline]
 pub fn is_culled_by_face(ray: RayFlags, instance: InstanceFlags, surface: Surface) -> bool {
     if instance.contains(InstanceFlags::TRIANGLE_FACING_CULL_DISABLE) {
@@ -235,7 +236,7 @@ mod tests {
         ];
         for (instance, wound, by_back, by_front) in rows {
             let instance = InstanceFlags(instance);
-            let seen = presented(wound, instance);
+            let seen = apply_flip_facing(wound, instance);
             let culled = |flags| is_culled_by_face(RayFlags(flags), instance, seen);
             assert_eq!((culled(16), culled(32)), (by_back, by_front), "{instance:?} {wound:?}");
             assert!(!culled(0));

@@ -17,7 +17,7 @@ use crate::math::lane_ops::CpuTier;
 
 /// Up to this many instances are entered one after another without a BVH, so that no BLAS is built
 /// that no ray reaches.
-const LINEAR: usize = 4;
+const MAX_LINEAR_INSTANCES: usize = 4;
 
 /// `VkGeometryInstanceFlagsKHR`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -63,8 +63,8 @@ pub struct TlasInstance {
 }
 
 impl TlasInstance {
-    /// An instance at rest that every ray may meet (mask 0xFF), with custom index, offset and flags
-    /// 0; `transform` is object to world.
+    /// An instance at rest that is visible to every ray (mask 0xFF), with custom index, offset and
+    /// flags 0; `transform` is object to world.
     pub fn of(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Self {
         let (custom_index, sbt_record_offset, flags) = (0, 0, InstanceFlags::default());
         Self { blas, transform, motion: None, custom_index, mask: 0xFF, sbt_record_offset, flags }
@@ -76,7 +76,7 @@ impl TlasInstance {
     }
 
     /// Object to world at a time within 0 and 1 (`ObjectToWorldKHR`, row-major). The identity where
-    /// there is none: no ray meets such an instance.
+    /// there is none: no ray hits such an instance.
     pub fn object_to_world(&self, time: f32) -> [[f32; 4]; 3] {
         match &self.motion {
             None => self.transform,
@@ -87,11 +87,11 @@ impl TlasInstance {
 
 /// The transform of an instance from world space to its object space.
 #[derive(Debug)]
-pub(super) enum Placed {
+pub(super) enum InstanceTransform {
     /// The identity: object space is world space.
-    InWorld,
+    Identity,
     /// A transform that does not depend on time.
-    Still(Transform),
+    Static(Transform),
     /// A transform that depends on time.
     Moving,
 }
@@ -107,13 +107,13 @@ pub fn hit_record_index(instance_offset: u32, geometry: u32, stride: u32, offset
 pub struct Tlas {
     instances: Vec<TlasInstance>,
     /// The transform of each instance.
-    placed: Vec<Placed>,
+    transforms: Vec<InstanceTransform>,
     /// The exact inverse transform of each instance, computed when a shader reads it.
     world_to_object: Vec<OnceLock<[[f32; 4]; 3]>>,
     bvh: OnceLock<Option<(WideBvh, Vec<u32>)>>,
     moves: bool,
     has_micromaps: bool,
-    /// Whether all is opaque, without micromaps that say otherwise, and nothing a box.
+    /// Whether every geometry is opaque, has no micromap and does not consist of boxes.
     opaque: OnceLock<bool>,
     precision: Precision,
     cpu_tier: CpuTier,
@@ -136,11 +136,11 @@ impl Tlas {
     /// # Errors
     /// As [`Tlas::new`].
     pub fn with_precision(instances: Vec<TlasInstance>, precision: Precision) -> Result<Arc<Self>> {
-        Self::on(instances, precision, CpuTier::new())
+        Self::for_cpu_tier(instances, precision, CpuTier::new())
     }
 
     /// [`Tlas::with_precision`] on a given instruction set.
-    pub(crate) fn on(
+    pub(crate) fn for_cpu_tier(
         instances: Vec<TlasInstance>,
         precision: Precision,
         cpu_tier: CpuTier,
@@ -149,15 +149,15 @@ impl Tlas {
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }
-        let still = |transform: &[[f32; 4]; 3]| {
+        let static_transform = |transform: &[[f32; 4]; 3]| {
             Transform::new(transform).expect("bug in anyhit: a singular instance passed validation")
         };
-        let place = |instance: &TlasInstance| match &instance.motion {
-            Some(_) => Placed::Moving,
-            None if instance.is_identity() => Placed::InWorld,
-            None => Placed::Still(still(&instance.transform)),
+        let to_transform = |instance: &TlasInstance| match &instance.motion {
+            Some(_) => InstanceTransform::Moving,
+            None if instance.is_identity() => InstanceTransform::Identity,
+            None => InstanceTransform::Static(static_transform(&instance.transform)),
         };
-        let placed = instances.iter().map(place).collect();
+        let transforms = instances.iter().map(to_transform).collect();
         let has_micromap = |instance: &TlasInstance| {
             instance.blas.geometries().iter().any(|geometry| geometry.opacity_micromap.is_some())
         };
@@ -167,7 +167,7 @@ impl Tlas {
         let (bvh, opaque) = (OnceLock::new(), OnceLock::new());
         Ok(Arc::new(Self {
             instances,
-            placed,
+            transforms,
             world_to_object,
             bvh,
             moves,
@@ -231,10 +231,14 @@ impl Tlas {
     /// Where there is no such instance.
     pub fn world_to_object(&self, instance: u32, time: f32) -> [[f32; 4]; 3] {
         let at = instance as usize;
-        match &self.placed[at] {
-            Placed::InWorld => IDENTITY,
-            Placed::Still(transform) => *self.world_to_object[at].get_or_init(|| transform.world_to_object()),
-            Placed::Moving => or_identity(world_to_object(&self.instances[at].object_to_world(time))),
+        match &self.transforms[at] {
+            InstanceTransform::Identity => IDENTITY,
+            InstanceTransform::Static(transform) => {
+                *self.world_to_object[at].get_or_init(|| transform.world_to_object())
+            }
+            InstanceTransform::Moving => {
+                or_identity(world_to_object(&self.instances[at].object_to_world(time)))
+            }
         }
     }
 
@@ -246,35 +250,35 @@ impl Tlas {
     /// Where there is no such instance.
     #[inline]
     pub fn object_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
-        match &self.placed[instance as usize] {
-            Placed::Still(transform) => ObjectRay::in_instance(ray, transform),
-            Placed::InWorld => ObjectRay::in_world(ray),
-            Placed::Moving => self.moving_ray(instance, ray, time),
+        match &self.transforms[instance as usize] {
+            InstanceTransform::Static(transform) => ObjectRay::in_instance(ray, transform),
+            InstanceTransform::Identity => ObjectRay::in_world(ray),
+            InstanceTransform::Moving => self.moving_object_ray(instance, ray, time),
         }
     }
 
     /// [`Tlas::object_ray`] of a moving instance. It is not inlined, so that instances without
     /// motion do not pay for it.
     #[inline(never)]
-    fn moving_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
+    fn moving_object_ray(&self, instance: u32, ray: &Ray, time: f32) -> Option<ObjectRay> {
         let matrix = self.instances[instance as usize].motion.as_ref()?.at(time)?;
         ObjectRay::new(ray, Some(&matrix))
     }
 
     /// The transform of an instance.
     #[inline(always)]
-    pub(super) fn transform(&self, instance: u32) -> &Placed {
-        &self.placed[instance as usize]
+    pub(super) fn transform(&self, instance: u32) -> &InstanceTransform {
+        &self.transforms[instance as usize]
     }
 
     /// [`Tlas::object_ray`], written to `out`; returns whether there is one.
     #[inline]
     pub(super) fn set_object_ray(&self, instance: u32, ray: &Ray, time: f32, out: &mut ObjectRay) -> bool {
-        match &self.placed[instance as usize] {
-            Placed::InWorld => out.set_in_world(ray),
-            Placed::Still(transform) => out.set_in_instance(ray, transform),
-            Placed::Moving => {
-                let found = self.moving_ray(instance, ray, time);
+        match &self.transforms[instance as usize] {
+            InstanceTransform::Identity => out.set_in_world(ray),
+            InstanceTransform::Static(transform) => out.set_in_instance(ray, transform),
+            InstanceTransform::Moving => {
+                let found = self.moving_object_ray(instance, ray, time);
                 found.is_some_and(|found| {
                     *out = found;
                     true
@@ -291,15 +295,15 @@ impl Tlas {
 
     /// Whether the instances are entered one after another.
     #[inline]
-    pub(super) fn is_list(&self) -> bool {
-        self.instances.len() <= LINEAR
+    pub(super) fn is_linear(&self) -> bool {
+        self.instances.len() <= MAX_LINEAR_INSTANCES
     }
 
     /// The BVH over the instances' world-space boxes, and the instances in tree order; `None` for a
-    /// [list](Tlas::is_list), and if nothing in any of them can be hit. Built on first use; of a
-    /// BLAS it needs only the bounds.
+    /// [linear list](Tlas::is_linear), and if nothing in any of them can be hit. Built on first
+    /// use; of a BLAS it needs only the bounds.
     pub(super) fn bvh(&self) -> Option<&(WideBvh, Vec<u32>)> {
-        if self.is_list() {
+        if self.is_linear() {
             return None;
         }
         self.bvh.get_or_init(|| self.build()).as_ref()
@@ -309,18 +313,18 @@ impl Tlas {
         let mut boxes = Vec::new();
         for (number, instance) in self.instances.iter().enumerate() {
             let bounds = instance.blas.bounds();
-            // Nothing active: never hit.
+            // A BLAS without active primitives is never hit.
             if bounds == Bounds::EMPTY {
                 continue;
             }
-            let placed = match (&self.placed[number], &instance.motion) {
-                (Placed::Moving, Some(motion)) => motion_bounds::bounds(&bounds, motion),
-                (Placed::InWorld, _) => bounds,
+            let world_bounds = match (&self.transforms[number], &instance.motion) {
+                (InstanceTransform::Moving, Some(motion)) => motion_bounds::bounds(&bounds, motion),
+                (InstanceTransform::Identity, _) => bounds,
                 _ => bounds.transformed(&instance.transform),
             };
-            boxes.push(PrimRef::new(&placed, number as u32));
+            boxes.push(PrimRef::new(&world_bounds, number as u32));
         }
-        WideBvh::over(
+        WideBvh::from_prim_refs(
             boxes,
             SahCost { max_leaf_size: 1, traversal: 4.0, intersection: 0.0, split_below: 1.0 },
         )

@@ -1,4 +1,4 @@
-//! The build-time transform of triangle vertices, and what an instance's matrix is.
+//! The build-time transform of triangle vertices, correctly rounded.
 //!
 //! A vertex after the geometry transform is the correctly rounded f32 of the exact product, so that
 //! position fetch gives the same bits on every machine. Each product of two f32 is exact in f64 (48

@@ -51,7 +51,7 @@ pub struct TravRay {
     t_shift: f32,
     t_min: f32,
     /// `t_min` counted from the shift, rounded down; not -0.
-    pub(super) near_floor: f32,
+    pub(super) shifted_t_min: f32,
 }
 
 /// The slabs of a [`TravRay`] in SIMD registers, each number in all lanes.
@@ -62,7 +62,7 @@ pub struct Slabs<E: F32x8Ops> {
     pub(super) far_origin: [E::F32x8; 3],
     pub(super) near_reciprocal: [E::F32x8; 3],
     pub(super) far_reciprocal: [E::F32x8; 3],
-    pub(super) near_floor: E::F32x8,
+    pub(super) shifted_t_min: E::F32x8,
     /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
 }
@@ -89,12 +89,12 @@ impl TravRay {
         near_side: [0; 3],
         t_shift: 0.0,
         t_min: 0.0,
-        near_floor: 0.0,
+        shifted_t_min: 0.0,
     };
 
     /// A ray that holds only `t_min`, for a TLAS without a tree.
-    pub fn from(t_min: f32) -> Self {
-        Self { t_min, near_floor: t_min + 0.0, ..Self::EMPTY }
+    pub fn with_t_min(t_min: f32) -> Self {
+        Self { t_min, shifted_t_min: t_min + 0.0, ..Self::EMPTY }
     }
 
     /// Prepares a ray for a tree with the given root box (in the tree's space, not scaled) and
@@ -109,14 +109,14 @@ impl TravRay {
         let (origin, _) = ray.origin_bounded();
         let (direction, bounds) = ray.direction_bounded();
         let far_away = origin.iter().any(|x| x.is_nan() || (x * scale).abs() > FAR_AWAY);
-        let blurred = (0..3).any(|axis| is_parallel(direction[axis], bounds[axis]) && bounds[axis] != 0.0);
-        if far_away || blurred {
+        let uncertain = (0..3).any(|axis| is_parallel(direction[axis], bounds[axis]) && bounds[axis] != 0.0);
+        if far_away || uncertain {
             // Only then does it matter where the ray enters and leaves the root.
             let (enter, leave) = root_interval(ray, t_max, root)?;
             let t_shift = if far_away { t_shift(enter) } else { 0.0 };
-            return Some(Self::counted_from(ray, t_shift, leave, scale));
+            return Some(Self::with_t_shift(ray, t_shift, leave, scale));
         }
-        Some(Self::counted_from(ray, 0.0, f64::INFINITY, scale))
+        Some(Self::with_t_shift(ray, 0.0, f64::INFINITY, scale))
     }
 
     /// Prepares a [well-scaled](Ray::is_well_scaled) ray in world space that starts near the tree,
@@ -141,7 +141,7 @@ impl TravRay {
         self.near_reciprocal = (reciprocal * F32x4::splat(SHRINK as f32)).to_array();
         self.far_reciprocal = (reciprocal * F32x4::splat(WIDEN as f32)).to_array();
         self.near_side = [dx, dy, dz].map(|component| usize::from(component < 0.0));
-        (self.t_shift, self.t_min, self.near_floor) = (0.0, t_min, t_min + 0.0);
+        (self.t_shift, self.t_min, self.shifted_t_min) = (0.0, t_min, t_min + 0.0);
         true
     }
 
@@ -164,10 +164,10 @@ impl TravRay {
         }
         let slack = ray.origin_error * all(scale);
         let (below, above) = (origin - slack, origin + slack);
-        let slow = all(1.0) / ((size + ray.direction_error) * all(scale));
-        let fast = all(1.0) / ((size - ray.direction_error) * all(scale));
-        let near = (slow * all(SHRINK as f32)).to_array();
-        let far = (fast * all(WIDEN as f32)).to_array();
+        let min_reciprocal = all(1.0) / ((size + ray.direction_error) * all(scale));
+        let max_reciprocal = all(1.0) / ((size - ray.direction_error) * all(scale));
+        let near = (min_reciprocal * all(SHRINK as f32)).to_array();
+        let far = (max_reciprocal * all(WIDEN as f32)).to_array();
         let (below, above, direction) = (below.to_array(), above.to_array(), ray.direction.to_array());
         for axis in 0..3 {
             let downwards = direction[axis] < 0.0;
@@ -177,7 +177,7 @@ impl TravRay {
             (self.near_origin[axis], self.far_origin[axis]) = (first, last);
             (self.near_reciprocal[axis], self.far_reciprocal[axis]) = (near[axis] * sign, far[axis] * sign);
         }
-        (self.t_shift, self.t_min, self.near_floor) = (0.0, t_min, t_min + 0.0);
+        (self.t_shift, self.t_min, self.shifted_t_min) = (0.0, t_min, t_min + 0.0);
         true
     }
 
@@ -191,7 +191,7 @@ impl TravRay {
             far_origin: all(&self.far_origin),
             near_reciprocal: all(&self.near_reciprocal),
             far_reciprocal: all(&self.far_reciprocal),
-            near_floor: simd.splat(self.near_floor),
+            shifted_t_min: simd.splat(self.shifted_t_min),
             near_side: self.near_side,
         }
     }
@@ -203,7 +203,7 @@ impl TravRay {
 
     /// Prepares a ray with t counted from a shift; `leave` is the largest t of interest.
     #[inline(always)]
-    fn counted_from(ray: &ObjectRay, t_shift: f32, leave: f64, scale: f64) -> Self {
+    fn with_t_shift(ray: &ObjectRay, t_shift: f32, leave: f64, scale: f64) -> Self {
         let t_min = ray.t_min();
         let (near_by, origin_bounds) = ray.origin_bounded();
         let (along, direction_bounds) = ray.direction_bounded();
@@ -212,7 +212,7 @@ impl TravRay {
             far_reciprocal: [f32::INFINITY; LANES],
             t_shift,
             t_min,
-            near_floor: if t_shift == 0.0 { t_min + 0.0 } else { 0.0 },
+            shifted_t_min: if t_shift == 0.0 { t_min + 0.0 } else { 0.0 },
             ..Self::EMPTY
         };
         let shift = f64::from(t_shift);
@@ -236,7 +236,7 @@ impl TravRay {
             }
             // Scaling is exact, the sums round: one ulp of f64 further out, then on to f32.
             let (low, high) = if bound == 0.0 {
-                around(origin * scale)
+                bracket(origin * scale)
             } else {
                 let low = round_down(((origin - bound) * scale).next_down());
                 (low, round_up(((origin + bound) * scale).next_up()))
@@ -250,14 +250,14 @@ impl TravRay {
             }
             // Largest and smallest magnitude of the scaled direction. The sums and divisions in f64
             // err by 4u, far below the slack of 2^-22.
-            let (slow, fast) = if d_bound == 0.0 {
+            let (min_reciprocal, max_reciprocal) = if d_bound == 0.0 {
                 let reciprocal = 1.0 / (d.abs() * scale);
                 (reciprocal, reciprocal)
             } else {
                 (1.0 / ((d.abs() + d_bound) * scale), 1.0 / ((d.abs() - d_bound) * scale))
             };
-            let near = round_down(SHRINK * slow);
-            let far = round_up(WIDEN * fast);
+            let near = round_down(SHRINK * min_reciprocal);
+            let far = round_up(WIDEN * max_reciprocal);
             let (near, far) = if upwards { (near, far) } else { (-near, -far) };
             (out.near_reciprocal[axis], out.far_reciprocal[axis]) = (near, far);
         }
@@ -343,7 +343,7 @@ fn t_shift(enter: f64) -> f32 {
 
 /// The f32 below and above x; both are x where it is one.
 #[inline(always)]
-fn around(x: f64) -> (f32, f32) {
+fn bracket(x: f64) -> (f32, f32) {
     let near = x as f32;
     if f64::from(near) == x { (near, near) } else { (round_down(x), round_up(x)) }
 }
@@ -441,7 +441,8 @@ mod tests {
         prop::collection::vec(one, 5)
     }
 
-    /// Nothing that the ray meets exactly may be lost, and no entry may lie above the rounded t.
+    /// Checks that no box that the exact ray hits is lost, and that no entry lies above the rounded
+    /// t.
     fn check(boxes: &[Bounds], matrix: Option<[[f32; 4]; 3]>, ray: Ray) -> Result<bool, TestCaseError> {
         let Some(object_ray) = ObjectRay::new(&ray, matrix.as_ref()) else { return Ok(false) };
         let (bvh, order) = WideBvh::build(
@@ -474,7 +475,7 @@ mod tests {
                 let rounded = t.to_f32().value();
                 let limit = trav_ray.limit(rounded);
                 let mut at = bvh.root();
-                prop_assert!(trav_ray.absolute(trav_ray.near_floor) <= rounded);
+                prop_assert!(trav_ray.absolute(trav_ray.shifted_t_min) <= rounded);
                 while !at.is_leaf() {
                     let node: &Node = bvh.node(at);
                     let (near, maybe_hit) = node.intersect(&trav_ray.slabs(BaselineSimd), limit);
@@ -590,7 +591,7 @@ mod tests {
         }
     }
 
-    /// The properties above are about rays that meet boxes.
+    /// The properties above would hold vacuously for rays that miss all boxes.
     #[test]
     fn a_ray_along_a_face_meets_the_box() {
         let unit = Bounds { min: [0.0; 3], max: [1.0; 3] };

@@ -9,7 +9,7 @@ use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
-    is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible, presented,
+    apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible,
 };
 use crate::accel::tlas::{InstanceFlags, Tlas};
 use crate::accel::trav_ray::{NodeLimit, Slabs, TravRay};
@@ -44,9 +44,9 @@ impl StackEntry {
 #[derive(Clone, Debug)]
 struct Stack {
     entries: Vec<StackEntry>,
-    /// For each entry the smallest rounded t of any hit in it or in an entry below. It is not kept
-    /// if no candidate is possible.
-    floors: Vec<f32>,
+    /// For each entry a lower bound of the rounded t of any hit in it or in an entry below it. Not
+    /// maintained if no candidate is possible.
+    t_lower_bounds: Vec<f32>,
 }
 
 impl Stack {
@@ -58,30 +58,30 @@ impl Stack {
     #[inline(always)]
     fn clear(&mut self) {
         self.entries.clear();
-        self.floors.clear();
+        self.t_lower_bounds.clear();
     }
 
     #[inline(always)]
-    fn pop<const PLAIN: bool>(&mut self) -> Option<StackEntry> {
-        if !PLAIN {
-            self.floors.pop();
+    fn pop<const FULLY_OPAQUE: bool>(&mut self) -> Option<StackEntry> {
+        if !FULLY_OPAQUE {
+            self.t_lower_bounds.pop();
         }
         self.entries.pop()
     }
 
     /// Pushes an entry; `ray` is the ray of its tree.
     #[inline(always)]
-    fn push<const PLAIN: bool>(&mut self, entry: StackEntry, ray: &TravRay) {
+    fn push<const FULLY_OPAQUE: bool>(&mut self, entry: StackEntry, ray: &TravRay) {
         self.entries.push(entry);
-        if !PLAIN {
-            self.push_floor(ray.absolute(entry.t_near()));
+        if !FULLY_OPAQUE {
+            self.push_t_lower_bound(ray.absolute(entry.t_near()));
         }
     }
 
     #[inline(always)]
-    fn push_floor(&mut self, t: f32) {
-        let floor = self.floors.last().map_or(t, |&below| if below < t { below } else { t });
-        self.floors.push(floor);
+    fn push_t_lower_bound(&mut self, t: f32) {
+        let t_lower_bound = self.t_lower_bounds.last().map_or(t, |&below| if below < t { below } else { t });
+        self.t_lower_bounds.push(t_lower_bound);
     }
 }
 
@@ -91,7 +91,7 @@ impl Stack {
 pub struct TraversalState {
     stack: Stack,
     /// The ray prepared for the nodes of the TLAS, if that has a tree.
-    world: TravRay,
+    world_ray: TravRay,
     instance_ray: InstanceRay,
     in_instance: bool,
 }
@@ -99,8 +99,8 @@ pub struct TraversalState {
 impl TraversalState {
     /// Placeholder value.
     pub const EMPTY: Self = Self {
-        stack: Stack { entries: Vec::new(), floors: Vec::new() },
-        world: TravRay::EMPTY,
+        stack: Stack { entries: Vec::new(), t_lower_bounds: Vec::new() },
+        world_ray: TravRay::EMPTY,
         instance_ray: InstanceRay::EMPTY,
         in_instance: false,
     };
@@ -109,7 +109,7 @@ impl TraversalState {
     /// may hold a hit at t.
     #[inline]
     pub fn is_past(&self, t: f32) -> bool {
-        self.stack.floors.last().is_none_or(|&floor| t < floor)
+        self.stack.t_lower_bounds.last().is_none_or(|&bound| t < bound)
     }
 
     /// Whether the stack is empty.
@@ -120,8 +120,8 @@ impl TraversalState {
 
 impl Cursor {
     /// Traverses until the next candidate is known; returns `false` if nothing is left to visit.
-    /// `start` begins at the root, `PLAIN` says that no candidate is possible.
-    pub(super) fn advance<V: TraversalObserver, const PLAIN: bool>(
+    /// `start` begins at the root, `FULLY_OPAQUE` says that no candidate is possible.
+    pub(super) fn advance<V: TraversalObserver, const FULLY_OPAQUE: bool>(
         &mut self,
         tlas: &Tlas,
         start: bool,
@@ -129,14 +129,14 @@ impl Cursor {
     ) -> bool {
         let trace = &self.trace;
         let (traversal, hits) = (&mut self.traversal, &mut self.hits);
-        let task = TraversalTask::<V, PLAIN> { traversal, hits, trace, tlas, observer, start };
-        if V::REASONS { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
+        let task = TraversalTask::<V, FULLY_OPAQUE> { traversal, hits, trace, tlas, observer, start };
+        if V::EXPLAINS_MISSES { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
     }
 }
 
 /// The arguments of one call of [`Cursor::advance`], each of which fits into a register. A larger
 /// argument would be copied through vector registers, which stalls on store forwarding.
-struct TraversalTask<'a, V, const PLAIN: bool> {
+struct TraversalTask<'a, V, const FULLY_OPAQUE: bool> {
     traversal: &'a mut TraversalState,
     hits: &'a mut HitQueue,
     trace: &'a TraceRay,
@@ -145,19 +145,26 @@ struct TraversalTask<'a, V, const PLAIN: bool> {
     start: bool,
 }
 
-impl<V: TraversalObserver, const PLAIN: bool> LaneTask for TraversalTask<'_, V, PLAIN> {
+impl<V: TraversalObserver, const FULLY_OPAQUE: bool> LaneTask for TraversalTask<'_, V, FULLY_OPAQUE> {
     type Output = bool;
 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) -> bool {
         let Self { traversal, hits, trace, tlas, observer, start } = self;
-        Traversal::<V, PLAIN> { traversal, hits, trace, tlas, observer, leaf_hits: Intersection4::MISSED }
-            .resume(simd, start)
+        Traversal::<V, FULLY_OPAQUE> {
+            traversal,
+            hits,
+            trace,
+            tlas,
+            observer,
+            leaf_hits: Intersection4::MISSED,
+        }
+        .resume(simd, start)
     }
 }
 
 /// A traversal while it runs.
-struct Traversal<'a, V, const PLAIN: bool> {
+struct Traversal<'a, V, const FULLY_OPAQUE: bool> {
     traversal: &'a mut TraversalState,
     hits: &'a mut HitQueue,
     trace: &'a TraceRay,
@@ -167,27 +174,28 @@ struct Traversal<'a, V, const PLAIN: bool> {
     leaf_hits: Intersection4,
 }
 
-impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
+impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQUE> {
     #[inline(always)]
     fn resume<E: LaneOps>(mut self, simd: E, start: bool) -> bool {
         if start {
             self.begin(simd);
         }
         loop {
-            if !PLAIN && self.is_candidate_next() {
+            if !FULLY_OPAQUE && self.is_candidate_next() {
                 return true;
             }
             if self.traversal.in_instance {
                 self.traverse_instance(simd);
-                self.traversal.in_instance = self.traversal.stack.len() > self.traversal.instance_ray.base;
+                self.traversal.in_instance =
+                    self.traversal.stack.len() > self.traversal.instance_ray.stack_base;
             } else {
-                let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return false };
-                if entry.t_near() <= self.traversal.world.limit(self.hits.cull_t).0 {
-                    self.step_in_world(simd, entry);
+                let Some(entry) = self.traversal.stack.pop::<FULLY_OPAQUE>() else { return false };
+                if entry.t_near() <= self.traversal.world_ray.limit(self.hits.cull_t).0 {
+                    self.visit_tlas_entry(simd, entry);
                 }
             }
-            if self.hits.is_enough() {
-                self.hits.forget_waiting();
+            if self.hits.can_end_early() {
+                self.hits.clear_candidates();
                 self.traversal.stack.clear();
                 self.traversal.in_instance = false;
                 return false;
@@ -198,7 +206,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     /// Whether the first waiting candidate is certainly next in the order of hits.
     #[inline(always)]
     fn is_candidate_next(&self) -> bool {
-        self.hits.first_waiting().is_some_and(|t| self.traversal.is_past(t))
+        self.hits.first_candidate_t().is_some_and(|t| self.traversal.is_past(t))
     }
 
     /// Pushes the root; a single instance is entered at once.
@@ -210,45 +218,45 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         if count == 1 {
             self.visit_instance(simd, 0);
         } else if count > 1 && self.trace.ray.is_finite() {
-            self.begin_in_world(count);
+            self.begin_tlas(count);
         }
     }
 
     #[inline(never)]
-    fn begin_in_world(&mut self, count: usize) {
+    fn begin_tlas(&mut self, count: usize) {
         let ray = &self.trace.ray;
-        let TraversalState { stack, world, .. } = &mut *self.traversal;
+        let TraversalState { stack, world_ray, .. } = &mut *self.traversal;
         let root = match self.tlas.bvh() {
-            None if self.tlas.is_list() => {
-                *world = TravRay::from(ray.t_min);
+            None if self.tlas.is_linear() => {
+                *world_ray = TravRay::with_t_min(ray.t_min);
                 NodeRef::leaf(0, count)
             }
             // No instance holds anything that can be hit.
             None => return,
             Some((bvh, _)) => {
-                if !world.set_world_space(ray, bvh.scale()) {
+                if !world_ray.set_world_space(ray, bvh.scale()) {
                     let Some(object_ray) = ObjectRay::in_world(ray) else { return };
                     let trav_ray = TravRay::new(&object_ray, ray.t_max, bvh.bounds(), bvh.scale());
                     let Some(trav_ray) = trav_ray else { return };
-                    *world = trav_ray;
+                    *world_ray = trav_ray;
                 }
                 bvh.root()
             }
         };
-        stack.push::<PLAIN>(StackEntry::new(root, world.near_floor), world);
+        stack.push::<FULLY_OPAQUE>(StackEntry::new(root, world_ray.shifted_t_min), world_ray);
     }
 
     #[inline(always)]
-    fn step_in_world<E: LaneOps>(&mut self, simd: E, entry: StackEntry) {
-        let TraversalState { stack, world, .. } = &mut *self.traversal;
+    fn visit_tlas_entry<E: LaneOps>(&mut self, simd: E, entry: StackEntry) {
+        let TraversalState { stack, world_ray, .. } = &mut *self.traversal;
         let child = entry.node();
         match (child.count(), self.tlas.bvh()) {
             (0, Some((bvh, _))) => {
                 self.observer.node(None);
-                let (limit, slabs) = (world.limit(self.hits.cull_t), world.slabs(simd));
-                let ray = (&*world, &slabs);
-                if let Some(nearest) = push_children::<_, PLAIN>(stack, limit, bvh.node(child), ray) {
-                    stack.push::<PLAIN>(nearest, world);
+                let (limit, slabs) = (world_ray.limit(self.hits.cull_t), world_ray.slabs(simd));
+                let ray = (&*world_ray, &slabs);
+                if let Some(nearest) = push_children::<_, FULLY_OPAQUE>(stack, limit, bvh.node(child), ray) {
+                    stack.push::<FULLY_OPAQUE>(nearest, world_ray);
                 }
             }
             (1, bvh) => {
@@ -259,8 +267,8 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             }
             _ => {
                 // The first in tree order comes to the top.
-                for single in child.singles().rev() {
-                    stack.push::<PLAIN>(StackEntry::new(single, entry.t_near()), world);
+                for single in child.single_leaves().rev() {
+                    stack.push::<FULLY_OPAQUE>(StackEntry::new(single, entry.t_near()), world_ray);
                 }
             }
         }
@@ -268,14 +276,14 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     #[inline(always)]
     fn visit_instance<E: LaneOps>(&mut self, simd: E, number: u32) {
-        let verdict = self.enter(simd, number);
+        let verdict = self.enter_instance(simd, number);
         self.observer.instance(number, verdict);
     }
 
     /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the
     /// root of its tree.
     #[inline(always)]
-    fn enter<E: LaneOps>(&mut self, simd: E, number: u32) -> InstanceVerdict {
+    fn enter_instance<E: LaneOps>(&mut self, simd: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
         if !is_visible(instance.mask, self.trace.cull_mask) {
             return InstanceVerdict::Masked;
@@ -283,24 +291,26 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         if instance.blas.kind().is_some_and(|kind| is_skipped(self.trace.flags, kind)) {
             return InstanceVerdict::Skipped;
         }
-        // An observer that asks for reasons always sees the traversal of a tree.
-        let built = &*instance.blas.reached(self.tlas.precision() == Precision::Exact && !V::REASONS);
+        // An observer that explains misses always sees the traversal of a BVH.
+        let built = &*instance
+            .blas
+            .primitives_for_ray(self.tlas.precision() == Precision::Exact && !V::EXPLAINS_MISSES);
         let TraversalState { stack, instance_ray, in_instance, .. } = &mut *self.traversal;
         if !instance_ray.enter(self.tlas, number, built.bvh(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
         }
         let Some(bvh) = built.bvh() else {
-            self.test_all(simd, built);
+            self.intersect_all(simd, built);
             return InstanceVerdict::Entered;
         };
-        if V::REASONS
+        if V::EXPLAINS_MISSES
             && TravRay::misses(instance_ray.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
         {
             return InstanceVerdict::Missed;
         }
-        instance_ray.base = stack.len();
-        stack.push::<PLAIN>(
-            StackEntry::new(bvh.root(), instance_ray.trav_ray.near_floor),
+        instance_ray.stack_base = stack.len();
+        stack.push::<FULLY_OPAQUE>(
+            StackEntry::new(bvh.root(), instance_ray.trav_ray.shifted_t_min),
             &instance_ray.trav_ray,
         );
         *in_instance = true;
@@ -311,13 +321,13 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     #[inline(always)]
     fn traverse_instance<E: LaneOps>(&mut self, simd: E) {
         let number = self.traversal.instance_ray.instance;
-        let base = self.traversal.instance_ray.base;
+        let base = self.traversal.instance_ray.stack_base;
         let built = self.tlas.instances()[number as usize].blas.built();
         let Some(bvh) = built.bvh() else { return };
         let slabs = self.traversal.instance_ray.trav_ray.slabs(simd);
         let mut limit = self.traversal.instance_ray.trav_ray.limit(self.hits.cull_t);
         while self.traversal.stack.len() > base {
-            let Some(entry) = self.traversal.stack.pop::<PLAIN>() else { return };
+            let Some(entry) = self.traversal.stack.pop::<FULLY_OPAQUE>() else { return };
             if entry.t_near() > limit.0 {
                 continue;
             }
@@ -328,11 +338,11 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 built.prefetch_leaves(bvh, child);
                 let TraversalState { stack, instance_ray, .. } = &mut *self.traversal;
                 let (ray, before) = ((&instance_ray.trav_ray, &slabs), stack.len());
-                match push_children::<E, PLAIN>(stack, limit, bvh.node(child), ray) {
+                match push_children::<E, FULLY_OPAQUE>(stack, limit, bvh.node(child), ray) {
                     Some(nearest) => child = nearest.node(),
                     None => break,
                 }
-                // It is the next entry unless a nearer one is pushed.
+                // This entry is visited next unless a nearer one is pushed.
                 if let Some(other) = stack.entries[before..].last() {
                     built.prefetch(other.node());
                 }
@@ -343,8 +353,8 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 if maybe_hit == 0 {
                     continue;
                 }
-                self.test(built, child, maybe_hit);
-                if self.hits.is_enough() || !PLAIN && self.is_candidate_next() {
+                self.intersect_primitives(built, child, maybe_hit);
+                if self.hits.can_end_early() || !FULLY_OPAQUE && self.is_candidate_next() {
                     return;
                 }
                 limit = self.traversal.instance_ray.trav_ray.limit(self.hits.cull_t);
@@ -354,22 +364,22 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
     /// Tests the primitives of an instance without a tree.
     #[inline(always)]
-    fn test_all<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas) {
+    fn intersect_all<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas) {
         let mut leaves = built.leaves();
         let Some(first) = leaves.next() else { return };
         // Preparing a ray for culling does not pay for a single block.
-        let maybe_hit = if built.tests_leaves(self.tlas.precision()) {
+        let maybe_hit = if built.tests_whole_leaves(self.tlas.precision()) {
             self.maybe_hit_mask(simd, built, first)
         } else {
             built.full_mask(first)
         };
-        self.test(built, first, maybe_hit);
+        self.intersect_primitives(built, first, maybe_hit);
         for leaf in leaves {
-            if self.hits.is_enough() {
+            if self.hits.can_end_early() {
                 break;
             }
             let maybe_hit = self.maybe_hit_mask(simd, built, leaf);
-            self.test(built, leaf, maybe_hit);
+            self.intersect_primitives(built, leaf, maybe_hit);
         }
     }
 
@@ -377,10 +387,10 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
     #[inline(always)]
     fn maybe_hit_mask<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
         let instance_ray = &mut self.traversal.instance_ray;
-        let maybe_hit = if V::REASONS {
+        let maybe_hit = if V::EXPLAINS_MISSES {
             built.full_mask(leaf)
-        } else if built.tests_leaves(self.tlas.precision()) {
-            let mut ray = instance_ray.for_leaf(self.tlas, self.trace);
+        } else if built.tests_whole_leaves(self.tlas.precision()) {
+            let mut ray = instance_ray.leaf_ray(self.tlas, self.trace);
             self.leaf_hits = built.intersect_leaf(simd, leaf, &mut ray, self.hits.cull_t);
             self.leaf_hits.maybe_hit_mask() & built.full_mask(leaf)
         } else {
@@ -390,9 +400,9 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
         maybe_hit
     }
 
-    /// Tests the primitives of a leaf that a mask names.
+    /// Intersects the primitives of a leaf that a mask selects.
     #[inline(always)]
-    fn test(&mut self, built: &BuiltBlas, leaf: NodeRef, mut rest: u32) {
+    fn intersect_primitives(&mut self, built: &BuiltBlas, leaf: NodeRef, mut rest: u32) {
         let number = self.traversal.instance_ray.instance;
         let instance = &self.tlas.instances()[number as usize];
         let flags = self.trace.flags;
@@ -402,7 +412,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let (geometry_flags, micromap) = match common {
-                _ if PLAIN => (GeometryFlags::OPAQUE, None),
+                _ if FULLY_OPAQUE => (GeometryFlags::OPAQUE, None),
                 Some(flags) => (flags, None),
                 None => {
                     let geom_prim = built.geom_prim(leaf, lane);
@@ -411,9 +421,9 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                     (geometry.flags, geometry.opacity_micromap.as_deref().filter(|_| enabled))
                 }
             };
-            let mut opaque = PLAIN || is_opaque(flags, instance.flags, geometry_flags);
+            let mut opaque = FULLY_OPAQUE || is_opaque(flags, instance.flags, geometry_flags);
             let mut culled = is_culled_by_opacity(flags, opaque);
-            if culled && micromap.is_none() && !V::REASONS {
+            if culled && micromap.is_none() && !V::EXPLAINS_MISSES {
                 continue;
             }
             let hit_primitive = || {
@@ -424,19 +434,22 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                     primitive: geom_prim.primitive,
                 }
             };
-            if !V::QUIET && built.has_pieces() && !self.hits.is_first_report(hit_primitive()) {
+            if !V::IS_NOOP && built.has_split_primitives() && !self.hits.is_first_report(hit_primitive()) {
                 continue;
             }
-            let leaf_hits = self.leaf_hits.hit(lane).filter(|_| !V::REASONS && built.tests_leaves(precision));
-            let found = match leaf_hits {
+            let leaf_hit = self
+                .leaf_hits
+                .hit(lane)
+                .filter(|_| !V::EXPLAINS_MISSES && built.tests_whole_leaves(precision));
+            let found = match leaf_hit {
                 None => {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
                     built.intersect((leaf, lane), ray, self.trace.time, precision)
                 }
                 found => found,
             };
-            let Some(found) = found.filter(|found| !V::QUIET || found.t <= self.hits.cull_t) else {
-                let verdict = if V::REASONS {
+            let Some(found) = found.filter(|found| !V::IS_NOOP || found.t <= self.hits.cull_t) else {
+                let verdict = if V::EXPLAINS_MISSES {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
                     missed_or_outside(self.tlas, hit_primitive(), built, (leaf, lane), ray, self.trace.time)
                 } else {
@@ -446,15 +459,16 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 continue;
             };
             let hit_primitive = hit_primitive();
-            let found = Intersection { surface: presented(found.surface, instance.flags), ..found };
+            let found = Intersection { surface: apply_flip_facing(found.surface, instance.flags), ..found };
             if let Some(micromap) = micromap {
                 let opacity = micromap.opacity(hit_primitive.primitive, found.attributes);
-                let Some(of_part) = opacity.is_opaque(is_two_state(flags, instance.flags)) else {
+                let Some(is_opaque_there) = opacity.is_opaque(is_two_state(flags, instance.flags)) else {
                     self.observer.primitive(hit_primitive, PrimitiveVerdict::Transparent(found));
                     continue;
                 };
-                let of_part = if of_part { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
-                opaque = is_opaque(flags, instance.flags, of_part);
+                let part_flags =
+                    if is_opaque_there { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
+                opaque = is_opaque(flags, instance.flags, part_flags);
                 culled = is_culled_by_opacity(flags, opaque);
             }
             let verdict = if culled {
@@ -463,20 +477,20 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
                 PrimitiveVerdict::CulledByFace(found)
             } else {
                 let HitPrimitive { instance, geometry, primitive } = hit_primitive;
-                self.take(Candidate { instance, geometry, primitive, intersection: found, opaque })
+                self.add_hit(Candidate { instance, geometry, primitive, intersection: found, opaque })
             };
             self.observer.primitive(hit_primitive, verdict);
         }
     }
 
     #[inline(always)]
-    fn take(&mut self, candidate: Candidate) -> PrimitiveVerdict {
+    fn add_hit(&mut self, candidate: Candidate) -> PrimitiveVerdict {
         let found = candidate.intersection;
-        if PLAIN || candidate.opaque && !candidate.is_box() {
-            if self.hits.take_opaque(candidate) {
+        if FULLY_OPAQUE || candidate.opaque && !candidate.is_box() {
+            if self.hits.add_opaque(candidate) {
                 return PrimitiveVerdict::Opaque(found);
             }
-        } else if self.hits.take_candidate(candidate) {
+        } else if self.hits.queue_candidate(candidate) {
             return PrimitiveVerdict::Candidate(found);
         }
         PrimitiveVerdict::Behind(found)
@@ -485,7 +499,7 @@ impl<V: TraversalObserver, const PLAIN: bool> Traversal<'_, V, PLAIN> {
 
 /// Returns the nearest child that the ray hits and pushes the others, the nearest of them on top.
 #[inline(always)]
-fn push_children<E: F32x8Ops, const PLAIN: bool>(
+fn push_children<E: F32x8Ops, const FULLY_OPAQUE: bool>(
     stack: &mut Stack,
     limit: NodeLimit,
     node: &Node,
@@ -526,13 +540,13 @@ fn push_children<E: F32x8Ops, const PLAIN: bool>(
                 break;
             }
         }
-        if !PLAIN {
+        if !FULLY_OPAQUE {
             for at in bottom..stack.len() {
-                stack.push_floor(ray.absolute(stack.entries[at].t_near()));
+                stack.push_t_lower_bound(ray.absolute(stack.entries[at].t_near()));
             }
         }
     } else {
-        stack.push::<PLAIN>(other, ray);
+        stack.push::<FULLY_OPAQUE>(other, ray);
     }
     Some(nearest)
 }

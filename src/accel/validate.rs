@@ -7,7 +7,8 @@ use crate::accel::tlas::{InstanceFlags, TlasInstance};
 use crate::error::{Error, ErrorKind};
 use crate::geometry::Transform;
 
-/// `VkPhysicalDeviceAccelerationStructurePropertiesKHR::maxPrimitiveCount`: what every device has.
+/// `VkPhysicalDeviceAccelerationStructurePropertiesKHR::maxPrimitiveCount`: the limit that every
+/// device supports.
 const MAX_PRIMITIVES: usize = (1 << 29) - 1;
 /// `maxGeometryCount` and `maxInstanceCount`.
 const MAX_GEOMETRIES: usize = (1 << 24) - 1;

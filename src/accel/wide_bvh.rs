@@ -10,7 +10,7 @@ use std::sync::Mutex;
 
 use smallvec::SmallVec;
 
-use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, FAR, PrimRef, SahCost};
+use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, INFINITY_PROXY, PrimRef, SahCost};
 use crate::accel::node::{Node, NodeRef, WIDTH};
 use crate::accel::trav_ray::{round_down, round_up};
 use crate::geometry::Bounds;
@@ -22,58 +22,62 @@ use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 const MAX_SAH_DEPTH: usize = 32;
 
 /// The padding in tree order behind a leaf that is not full.
-pub const EMPTY_PLACE: u32 = u32::MAX;
+pub const PADDING: u32 = u32::MAX;
 
-/// A subtree over more boxes than this is built by several threads.
-const MANY: usize = 16_384;
+/// A subtree over more boxes than this is built by several threads in parallel.
+const PARALLEL_BUILD_MIN: usize = 16_384;
 
 /// A bounding volume hierarchy over numbered boxes, with nodes of up to [`WIDTH`] children.
 #[derive(Debug)]
 pub struct WideBvh {
     nodes: Vec<Node>,
-    /// For each node the leaves that are worth prefetching: the index of the first times [`RUN`],
-    /// plus their number.
+    /// For each node the leaves that are worth prefetching: the index of the first times
+    /// [`LEAF_RANGE_RADIX`], plus their number.
     leaves: Vec<u32>,
     root: NodeRef,
     bounds: Bounds,
     scale: f64,
 }
 
-/// The factor that packs a run of leaves into one number; greater than the number of leaves of a
-/// node.
-const RUN: usize = 2 * WIDTH;
+/// The factor by which a range of leaves is packed into one number: the index of the first leaf
+/// times this, plus the number of leaves. It is greater than the number of leaves of a node.
+const LEAF_RANGE_RADIX: usize = 2 * WIDTH;
 
 /// The leaves of a node are prefetched if a ray reaches this many of them on average.
-const MIN_REACHED_LEAVES: f32 = 0.8;
+const MIN_LEAVES_REACHED: f32 = 0.8;
 
 impl WideBvh {
-    /// [`WideBvh::over`] boxes that are numbered in their order.
+    /// Builds a BVH over boxes that are numbered in their order.
     #[cfg(test)]
     pub fn build(boxes: &[Bounds], cost: SahCost) -> Option<(Self, Vec<u32>)> {
-        Self::over(numbered(boxes), cost)
+        Self::from_prim_refs(numbered(boxes), cost)
     }
 
     /// Builds a BVH; returns with it the numbers of the boxes in tree order. Leaves start at
-    /// multiples of the leaf size; [`EMPTY_PLACE`] pads them. Boxes must hold no NaN and have
-    /// min <= max; sides may be infinite. `None` for no boxes.
-    pub fn over(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
-        Self::build_within(boxes, cost, MAX_SAH_DEPTH)
+    /// multiples of the leaf size; [`PADDING`] fills those that are shorter. Boxes must hold no NaN
+    /// and have min <= max; sides may be infinite. `None` for no boxes.
+    pub fn from_prim_refs(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
+        Self::build_with_depth(boxes, cost, MAX_SAH_DEPTH)
     }
 
-    fn build_within(mut prim_refs: Vec<PrimRef>, cost: SahCost, deepest: usize) -> Option<(Self, Vec<u32>)> {
+    fn build_with_depth(
+        mut prim_refs: Vec<PrimRef>,
+        cost: SahCost,
+        max_sah_depth: usize,
+    ) -> Option<(Self, Vec<u32>)> {
         if prim_refs.is_empty() {
             return None;
         }
         let bounds = prim_refs.iter().fold(Bounds::EMPTY, |all, one| all.union(&one.bounds()));
         let scale = scale_of(&prim_refs, &bounds);
         prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, scale));
-        let mut build = Build::new(cost, deepest, false);
-        let root = build.subtree(&mut prim_refs, 0);
-        let leaves = build.nodes.iter().map(run).collect();
+        let mut build = BvhBuilder::new(cost, max_sah_depth, false);
+        let root = build.build_subtree(&mut prim_refs, 0);
+        let leaves = build.nodes.iter().map(leaf_range).collect();
         Some((Self { nodes: build.nodes, leaves, root, bounds, scale }, build.order))
     }
 
-    /// The inner node that a reference names.
+    /// The inner node that a reference refers to.
     #[inline(always)]
     pub fn node(&self, child: NodeRef) -> &Node {
         &self.nodes[child.index()]
@@ -81,9 +85,9 @@ impl WideBvh {
 
     /// The leaves among a node's children that are worth prefetching; does not load the node.
     #[inline(always)]
-    pub fn leaves(&self, node: NodeRef) -> Range<usize> {
-        let run = self.leaves[node.index()] as usize;
-        run / RUN..run / RUN + run % RUN
+    pub fn leaves_to_prefetch(&self, node: NodeRef) -> Range<usize> {
+        let leaf_range = self.leaves[node.index()] as usize;
+        leaf_range / LEAF_RANGE_RADIX..leaf_range / LEAF_RANGE_RADIX + leaf_range % LEAF_RANGE_RADIX
     }
 
     /// The root: a node, or a leaf if the tree has only one.
@@ -102,10 +106,10 @@ impl WideBvh {
     }
 }
 
-/// The leaves among a node's children, packed as in [`WideBvh::leaves`]; none if they are not
-/// contiguous, or if a ray that hits the node reaches too few of them, by the ratio of surface
-/// areas.
-fn run(node: &Node) -> u32 {
+/// The leaves among a node's children, packed as in [`WideBvh::leaves_to_prefetch`]; none if they
+/// are not contiguous, or if a ray that hits the node reaches too few of them, by the ratio of
+/// surface areas.
+fn leaf_range(node: &Node) -> u32 {
     let half_area = |[min, max]: [[f32; 3]; 2]| {
         let [x, y, z] = [max[0] - min[0], max[1] - min[1], max[2] - min[2]];
         x * y + y * z + z * x
@@ -125,10 +129,10 @@ fn run(node: &Node) -> u32 {
             count += 1;
         }
     }
-    if count == 0 || end - first != count || reached < MIN_REACHED_LEAVES * half_area(around) {
+    if count == 0 || end - first != count || reached < MIN_LEAVES_REACHED * half_area(around) {
         return 0;
     }
-    u32::try_from(first * RUN + count).unwrap_or(0)
+    u32::try_from(first * LEAF_RANGE_RADIX + count).unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -159,7 +163,7 @@ fn scale_of(boxes: &[PrimRef], around: &Bounds) -> f64 {
     1.0 / power
 }
 
-/// A box in scaled units, rounded outwards; infinite sides lie at ±[`FAR`].
+/// A box in scaled units, rounded outwards; infinite sides lie at ±[`INFINITY_PROXY`].
 #[inline]
 fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     let factor = scale as f32;
@@ -174,7 +178,7 @@ fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
     if factor.is_normal() && exact(corners[0], scaled[0]) & exact(corners[1], scaled[1]) & 0b111 == 0b111 {
         return PrimRef::from_corners(scaled, prim_ref.number());
     }
-    let inside = |x: f32| if x.is_finite() { x } else { FAR.copysign(x) };
+    let inside = |x: f32| if x.is_finite() { x } else { INFINITY_PROXY.copysign(x) };
     let Bounds { min, max } = prim_ref.bounds();
     let min = min.map(|x| inside(round_down(f64::from(x) * scale)));
     let max = max.map(|x| inside(round_up(f64::from(x) * scale)));
@@ -182,11 +186,11 @@ fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
 }
 
 /// A BVH while it is built.
-struct Build {
+struct BvhBuilder {
     /// Whether one thread builds it, without starting others.
     single_threaded: bool,
     cost: SahCost,
-    deepest: usize,
+    max_sah_depth: usize,
     nodes: Vec<Node>,
     order: Vec<u32>,
     builder: BinnedSahBuilder,
@@ -194,14 +198,14 @@ struct Build {
 }
 
 /// For each child of a node the number of references, and whether it is a leaf.
-type Shares = SmallVec<[(usize, bool); WIDTH]>;
+type ChildSizes = SmallVec<[(usize, bool); WIDTH]>;
 
 /// The arguments of [`BinnedSahBuilder::divide`], as a task.
 struct Divide<'a> {
     builder: &'a mut BinnedSahBuilder,
     prim_refs: &'a mut [PrimRef],
     cost: &'a SahCost,
-    halve: bool,
+    median_split: bool,
 }
 
 impl LaneTask for Divide<'_> {
@@ -209,17 +213,17 @@ impl LaneTask for Divide<'_> {
 
     #[inline(always)]
     fn run<V: LaneOps>(self, simd: V) {
-        self.builder.divide(simd, self.prim_refs, self.cost, self.halve);
+        self.builder.divide(simd, self.prim_refs, self.cost, self.median_split);
     }
 }
 
-impl Build {
-    fn new(cost: SahCost, deepest: usize, single_threaded: bool) -> Self {
+impl BvhBuilder {
+    fn new(cost: SahCost, max_sah_depth: usize, single_threaded: bool) -> Self {
         assert!(cost.max_leaf_size.is_power_of_two(), "bug in anyhit: leaves of {}", cost.max_leaf_size);
         Self {
             single_threaded,
             cost,
-            deepest,
+            max_sah_depth,
             nodes: Vec::new(),
             order: Vec::new(),
             builder: BinnedSahBuilder::new(),
@@ -228,27 +232,27 @@ impl Build {
     }
 
     /// Builds the subtree over references.
-    fn subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> NodeRef {
+    fn build_subtree(&mut self, prim_refs: &mut [PrimRef], depth: usize) -> NodeRef {
         if prim_refs.len() == 1 {
-            return self.leaf(prim_refs);
+            return self.make_leaf(prim_refs);
         }
         self.divide(prim_refs, depth);
-        let records: Shares =
+        let records: ChildSizes =
             self.builder.records().map(|record| (record.count(), record.is_leaf())).collect();
         if let [(_, true)] = records[..] {
-            return self.leaf(prim_refs);
+            return self.make_leaf(prim_refs);
         }
         let node_index = self.nodes.len();
         let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
         self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
-        if !self.single_threaded && prim_refs.len() > MANY && rayon::current_num_threads() > 1 {
-            self.in_threads(node_index, &records, prim_refs, depth);
+        if !self.single_threaded && prim_refs.len() > PARALLEL_BUILD_MIN && rayon::current_num_threads() > 1 {
+            self.build_children_in_parallel(node_index, &records, prim_refs, depth);
             return NodeRef::inner(node_index);
         }
         let mut rest = prim_refs;
         for (slot, (count, is_leaf)) in records.into_iter().enumerate() {
             let (these, others) = rest.split_at_mut(count);
-            let child = if is_leaf { self.leaf(these) } else { self.subtree(these, depth + 1) };
+            let child = if is_leaf { self.make_leaf(these) } else { self.build_subtree(these, depth + 1) };
             self.nodes[node_index].set_child(slot, child);
             rest = others;
         }
@@ -257,17 +261,17 @@ impl Build {
 
     /// Divides references among the children of a node.
     fn divide(&mut self, prim_refs: &mut [PrimRef], depth: usize) {
-        let halve = depth >= self.deepest;
-        let divide = Divide { builder: &mut self.builder, prim_refs, cost: &self.cost, halve };
+        let median_split = depth >= self.max_sah_depth;
+        let divide = Divide { builder: &mut self.builder, prim_refs, cost: &self.cost, median_split };
         self.cpu_tier.run(divide);
     }
 
     /// Makes a leaf: appends its references to the order from the next multiple of the leaf size
     /// on.
-    fn leaf(&mut self, prim_refs: &[PrimRef]) -> NodeRef {
+    fn make_leaf(&mut self, prim_refs: &[PrimRef]) -> NodeRef {
         let size = self.cost.max_leaf_size.trailing_zeros();
         let index = (self.order.len() + self.cost.max_leaf_size - 1) >> size;
-        self.order.resize(index << size, EMPTY_PLACE);
+        self.order.resize(index << size, PADDING);
         self.order.extend(prim_refs.iter().map(PrimRef::number));
         NodeRef::leaf(index, prim_refs.len())
     }
@@ -277,14 +281,14 @@ impl Build {
     ///
     /// It spawns threads instead of using rayon's pool: a thread of the pool that waits here would
     /// steal other work, which may wait for this very tree.
-    fn in_threads(
+    fn build_children_in_parallel(
         &mut self,
         node_index: usize,
         records: &[(usize, bool)],
         prim_refs: &mut [PrimRef],
         depth: usize,
     ) {
-        let (cost, deepest) = (self.cost, self.deepest);
+        let (cost, max_sah_depth) = (self.cost, self.max_sah_depth);
         let count = records.len();
         let mut rest = prim_refs;
         let mut slices = SmallVec::<[_; WIDTH]>::new();
@@ -299,8 +303,8 @@ impl Build {
             loop {
                 let job = jobs.lock().expect("bug in anyhit: a thread that builds has panicked").next();
                 let Some((slot, (is_leaf, these))) = job else { return };
-                let mut own = Self::new(cost, deepest, true);
-                let child = if is_leaf { own.leaf(these) } else { own.subtree(these, depth + 1) };
+                let mut own = Self::new(cost, max_sah_depth, true);
+                let child = if is_leaf { own.make_leaf(these) } else { own.build_subtree(these, depth + 1) };
                 done.lock().expect("bug in anyhit: a thread that builds has panicked")[slot] =
                     Some((own, child));
             }
@@ -321,20 +325,20 @@ impl Build {
     /// Appends a subtree that another thread has built; returns its root in this tree.
     fn append(&mut self, own: Self, root: NodeRef) -> NodeRef {
         let size = self.cost.max_leaf_size;
-        self.order.resize(self.order.len().next_multiple_of(size), EMPTY_PLACE);
+        self.order.resize(self.order.len().next_multiple_of(size), PADDING);
         let (nodes, leaves) = (self.nodes.len(), self.order.len() / size);
         self.order.extend(own.order);
         self.nodes.extend(own.nodes.into_iter().map(|mut node| {
-            node.move_children(nodes, leaves);
+            node.offset_children(nodes, leaves);
             node
         }));
-        root.moved(nodes, leaves)
+        root.offset_by(nodes, leaves)
     }
 }
 
 /// The corners of a record as a node stores them, with infinite sides.
 fn corners(record: &BuildRecord) -> [[f32; 3]; 2] {
-    let infinite = |x: f32| if x.abs() >= FAR { f32::INFINITY.copysign(x) } else { x };
+    let infinite = |x: f32| if x.abs() >= INFINITY_PROXY { f32::INFINITY.copysign(x) } else { x };
     let Bounds { min, max } = record.bounds();
     [min.map(infinite), max.map(infinite)]
 }
@@ -443,13 +447,13 @@ mod tests {
     }
 
     #[test]
-    fn leaves_are_fetched_where_a_ray_reaches_them() {
+    fn leaves_are_prefetched_where_a_ray_reaches_them() {
         let cost = SahCost { split_below: 0.8, intersection: 0.0625, ..FOURS };
         // The leaves have 8 units of surface; the box around both has 8, then 12.
         for (away, wanted) in [(2.0, 0..2), (4.0, 0..0)] {
             let (bvh, _) = WideBvh::build(&squares(2, away), cost).expect("not empty");
             assert_eq!(leaves_of_root(&bvh), [4; 2]);
-            assert_eq!(bvh.leaves(bvh.root()), wanted, "{away}");
+            assert_eq!(bvh.leaves_to_prefetch(bvh.root()), wanted, "{away}");
         }
         // For every node in a large tree they are its own leaves, or none.
         let boxes = boxes(20_000, 1.0);
@@ -458,21 +462,21 @@ mod tests {
         while let Some(node) = open.pop() {
             let (leaves, inner): (Vec<_>, Vec<_>) =
                 bvh.node(node).children().map(|(child, _)| child).partition(|child| child.is_leaf());
-            let run = bvh.leaves(node);
-            assert!(run.is_empty() || run.eq(leaves.iter().map(|leaf| leaf.index())));
+            let leaf_range = bvh.leaves_to_prefetch(node);
+            assert!(leaf_range.is_empty() || leaf_range.eq(leaves.iter().map(|leaf| leaf.index())));
             open.extend(inner);
         }
     }
 
     #[test]
     fn several_threads_build_what_one_builds() {
-        let boxes = boxes(3 * MANY, 1.0);
+        let boxes = boxes(3 * PARALLEL_BUILD_MIN, 1.0);
         let (bvh, order) = build(&boxes);
         check(&bvh, &order, &boxes);
         let mut prim_refs = numbered(&boxes);
         prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, bvh.scale()));
-        let mut single = Build::new(FOURS, MAX_SAH_DEPTH, true);
-        assert_eq!(single.subtree(&mut prim_refs, 0), bvh.root());
+        let mut single = BvhBuilder::new(FOURS, MAX_SAH_DEPTH, true);
+        assert_eq!(single.build_subtree(&mut prim_refs, 0), bvh.root());
         assert_eq!(single.order, order);
         assert_eq!(format!("{:?}", single.nodes), format!("{:?}", bvh.nodes));
     }
@@ -493,7 +497,7 @@ mod tests {
     #[test]
     fn a_tree_that_is_too_deep_is_balanced_below() {
         let boxes = boxes(5_000, 1.0);
-        let (bvh, order) = WideBvh::build_within(numbered(&boxes), FOURS, 2).expect("not empty");
+        let (bvh, order) = WideBvh::build_with_depth(numbered(&boxes), FOURS, 2).expect("not empty");
         check(&bvh, &order, &boxes);
         // Two levels of clustering, then quarters of at most 5,000 down to 4: six levels at most.
         assert!(depth(&bvh) <= 8, "{}", depth(&bvh));

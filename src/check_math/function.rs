@@ -13,9 +13,9 @@ type Estimate = fn(f64) -> f64;
 /// An evaluation in f64 of two operands.
 type EstimateOfTwo = fn(f64, f64) -> f64;
 
-/// How the value of a function is known.
+/// How the reference value of a function is computed.
 #[derive(Clone, Copy, Debug)]
-pub enum How {
+pub enum ReferenceValue {
     /// The f64 is exact, or so near that rounding it once more is rounding once.
     Rounded(Estimate),
     /// [`Self::Rounded`] for a function of two operands.
@@ -27,7 +27,7 @@ pub enum How {
     ElementaryPair(EstimateOfTwo, fn(&Big, &Big) -> Big),
     /// The integer part, as an integer of so many bits with or without sign: the nearest one where
     /// the type does not hold it, and 0 for a NaN.
-    Whole {
+    Integer {
         /// `OpConvertFToS`, not `OpConvertFToU`.
         signed: bool,
         /// Bits of the integer.
@@ -35,33 +35,33 @@ pub enum How {
     },
 }
 
-/// A function.
+/// A function under test.
 #[derive(Debug)]
 pub struct CheckedFunction {
     /// The specification's name, and behind it the type of an integer result.
     pub name: &'static str,
-    rows: Rows,
-    /// The correct results.
-    pub how: How,
+    kernels: Kernels,
+    /// How the correct results are computed.
+    pub reference: ReferenceValue,
 }
 
-/// The rows that are judged.
+/// The kernels that are judged.
 #[derive(Debug)]
-enum Rows {
-    /// One for every width.
-    Of(&'static OpFamily),
-    /// Those to an integer.
-    To(Conversion, u32),
+enum Kernels {
+    /// The kernel of each width.
+    Family(&'static OpFamily),
+    /// The conversions to an integer of so many bits.
+    Conversion(Conversion, u32),
 }
 
 impl CheckedFunction {
-    /// The row for floats of this format.
-    pub fn row(&self, format: FloatWidth) -> Option<&'static LaneKernel> {
-        match self.rows {
-            Rows::Of(family) => {
-                family.kernel(format.width()).filter(|row| row.float_result == format.width())
+    /// The kernel for floats of this format.
+    pub fn kernel(&self, format: FloatWidth) -> Option<&'static LaneKernel> {
+        match self.kernels {
+            Kernels::Family(family) => {
+                family.kernel(format.width()).filter(|kernel| kernel.float_result == format.width())
             }
-            Rows::To(conversion, bits) => conversion::kernel(conversion, format.width(), bits),
+            Kernels::Conversion(conversion, bits) => conversion::kernel(conversion, format.width(), bits),
         }
     }
 
@@ -72,19 +72,27 @@ impl CheckedFunction {
 
     /// Whether it is judged at this width.
     pub fn exists(&self, format: FloatWidth) -> bool {
-        let exact = matches!(self.how, How::Rounded(_) | How::RoundedPair(_));
-        let pair = matches!(self.how, How::RoundedPair(_));
-        self.row(format).is_some()
+        let exact = matches!(self.reference, ReferenceValue::Rounded(_) | ReferenceValue::RoundedPair(_));
+        let pair = matches!(self.reference, ReferenceValue::RoundedPair(_));
+        self.kernel(format).is_some()
             && (!exact || format == FloatWidth::Half || (format == FloatWidth::Single && !pair))
     }
 }
 
 const fn rounded(family: &'static OpFamily, value: Estimate) -> CheckedFunction {
-    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::Rounded(value) }
+    CheckedFunction {
+        name: family.name,
+        kernels: Kernels::Family(family),
+        reference: ReferenceValue::Rounded(value),
+    }
 }
 
 const fn rounded_pair(family: &'static OpFamily, value: EstimateOfTwo) -> CheckedFunction {
-    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::RoundedPair(value) }
+    CheckedFunction {
+        name: family.name,
+        kernels: Kernels::Family(family),
+        reference: ReferenceValue::RoundedPair(value),
+    }
 }
 
 const fn elementary(
@@ -92,7 +100,11 @@ const fn elementary(
     estimate: Estimate,
     precise: fn(&Big) -> Big,
 ) -> CheckedFunction {
-    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::Elementary(estimate, precise) }
+    CheckedFunction {
+        name: family.name,
+        kernels: Kernels::Family(family),
+        reference: ReferenceValue::Elementary(estimate, precise),
+    }
 }
 
 const fn elementary_pair(
@@ -100,15 +112,27 @@ const fn elementary_pair(
     estimate: EstimateOfTwo,
     precise: fn(&Big, &Big) -> Big,
 ) -> CheckedFunction {
-    CheckedFunction { name: family.name, rows: Rows::Of(family), how: How::ElementaryPair(estimate, precise) }
+    CheckedFunction {
+        name: family.name,
+        kernels: Kernels::Family(family),
+        reference: ReferenceValue::ElementaryPair(estimate, precise),
+    }
 }
 
 const fn to_signed(name: &'static str, bits: u32) -> CheckedFunction {
-    CheckedFunction { name, rows: Rows::To(Conversion::FToS, bits), how: How::Whole { signed: true, bits } }
+    CheckedFunction {
+        name,
+        kernels: Kernels::Conversion(Conversion::FToS, bits),
+        reference: ReferenceValue::Integer { signed: true, bits },
+    }
 }
 
 const fn to_unsigned(name: &'static str, bits: u32) -> CheckedFunction {
-    CheckedFunction { name, rows: Rows::To(Conversion::FToU, bits), how: How::Whole { signed: false, bits } }
+    CheckedFunction {
+        name,
+        kernels: Kernels::Conversion(Conversion::FToU, bits),
+        reference: ReferenceValue::Integer { signed: false, bits },
+    }
 }
 
 /// Every function, in the order of the specification.
@@ -157,7 +181,7 @@ pub static FUNCTIONS: &[CheckedFunction] = &[
     elementary(&glsl::InverseSqrt, |a| 1.0 / a.sqrt(), |a| big(1.0) / a.sqrt()),
 ];
 
-/// More bits for a factor that meets a large one.
+/// A number with more bits, as it multiplies a large one.
 fn wide(value: f64) -> Big {
     Context::<HalfEven>::new(300).convert_int::<2>((value as i32).into()).value()
 }
@@ -175,7 +199,7 @@ fn atan2(y: &Big, x: &Big) -> Big {
     }
 }
 
-/// 1 even of a signalling NaN, for which the platform's power is a NaN.
+/// The power in f64: 1 even of a signalling NaN, for which the platform's power is a NaN.
 fn power(a: f64, b: f64) -> f64 {
     if a == 1.0 || b == 0.0 { 1.0 } else { a.powf(b) }
 }
@@ -192,7 +216,7 @@ fn pow(a: &Big, b: &Big) -> Big {
     (b * a.ln()).exp().with_precision(200).value()
 }
 
-/// Towards zero. Beyond 2^52 every f64 is an integer; an infinity or a NaN is itself.
+/// Rounds towards zero. Beyond 2^52 every f64 is an integer; an infinity or a NaN stays as it is.
 fn trunc(a: f64) -> f64 {
     if a.abs() < 4_503_599_627_370_496.0 { (a as i64 as f64).copysign(a) } else { a }
 }

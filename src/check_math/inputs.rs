@@ -10,13 +10,13 @@ use crate::check_math::judge::FloatWidth;
 pub struct Inputs {
     format: FloatWidth,
     count: u64,
-    kind: Kind,
+    kind: InputKind,
 }
 
-enum Kind {
+enum InputKind {
     /// Input n is `n * stride + first`; of two operands, both in one number.
     Every { stride: u64, first: u64 },
-    /// Drawn by number.
+    /// Input n is drawn by a generator that is seeded with n.
     Drawn { seed: u64, pairs: bool },
 }
 
@@ -26,17 +26,17 @@ impl Inputs {
         let pairs = function.operands() == 2;
         let bits = format.width() * if pairs { 2 } else { 1 };
         let stride = match (format, pairs) {
-            // All f16 is no effort.
+            // All numbers of f16 are few enough to test at any stride.
             (FloatWidth::Half, false) => 1,
             _ => settings.stride.max(1),
         };
         if bits <= 32 {
             let first = settings.seed % stride;
             let count = ((1u64 << bits) - first).div_ceil(stride);
-            return Self { format, count, kind: Kind::Every { stride, first } };
+            return Self { format, count, kind: InputKind::Every { stride, first } };
         }
         let count = if format == FloatWidth::Double { settings.samples } else { settings.pairs };
-        Self { format, count, kind: Kind::Drawn { seed: settings.seed, pairs } }
+        Self { format, count, kind: InputKind::Drawn { seed: settings.seed, pairs } }
     }
 
     /// How many there are.
@@ -48,15 +48,15 @@ impl Inputs {
     #[inline]
     pub fn at(&self, number: u64) -> [u64; 2] {
         match self.kind {
-            Kind::Every { stride, first } => {
+            InputKind::Every { stride, first } => {
                 let bits = number * stride + first;
                 match self.format {
                     FloatWidth::Half => [bits & 0xFFFF, bits >> 16],
                     _ => [bits, 0],
                 }
             }
-            Kind::Drawn { seed, pairs } => {
-                let mut draw = Draw { format: self.format, state: scattered(scattered(seed) ^ number) };
+            InputKind::Drawn { seed, pairs } => {
+                let mut draw = Draw { format: self.format, state: splitmix64(splitmix64(seed) ^ number) };
                 if pairs { draw.pair(number) } else { [draw.number(), 0] }
             }
         }
@@ -66,15 +66,15 @@ impl Inputs {
 impl fmt::Display for Inputs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.kind {
-            Kind::Every { stride: 1, .. } => f.write_str("all"),
-            Kind::Every { stride, first } => write!(f, "every {stride}th from {first} on"),
-            Kind::Drawn { seed, .. } => write!(f, "drawn, seed {seed}"),
+            InputKind::Every { stride: 1, .. } => f.write_str("all"),
+            InputKind::Every { stride, first } => write!(f, "every {stride}th from {first} on"),
+            InputKind::Drawn { seed, .. } => write!(f, "drawn, seed {seed}"),
         }
     }
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-fn scattered(number: u64) -> u64 {
+fn splitmix64(number: u64) -> u64 {
     let mut z = number.wrapping_add(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -126,7 +126,7 @@ const EDGES: [f64; 32] = [
 impl Draw {
     fn bits(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        scattered(self.state)
+        splitmix64(self.state)
     }
 
     fn below(&mut self, count: u64) -> u64 {
@@ -137,7 +137,7 @@ impl Draw {
         u64::MAX >> (64 - self.format.width())
     }
 
-    /// Any bits, numbers of moderate size, or an edge and what lies beside it.
+    /// Any bits, a number of moderate size, or an edge and its neighbours.
     fn number(&mut self) -> u64 {
         match self.below(4) {
             0 => self.bits() & self.mask(),
@@ -146,7 +146,7 @@ impl Draw {
         }
     }
 
-    /// Within some powers of two of 1.
+    /// A number within some powers of two of 1.
     fn moderate(&mut self, reach: u64) -> u64 {
         let exponent = self.below(2 * reach + 1) as i32 - reach as i32;
         let fraction = (self.bits() >> 11) as f64 / (1u64 << 53) as f64;

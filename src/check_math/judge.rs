@@ -3,7 +3,7 @@
 use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
 
-use crate::check_math::function::{CheckedFunction, How};
+use crate::check_math::function::{CheckedFunction, ReferenceValue};
 
 /// A number of arbitrary precision.
 pub type Big = FBig<HalfEven, 2>;
@@ -17,7 +17,7 @@ const MARGIN: f64 = 1.0 / (1u64 << 44) as f64;
 
 /// A value nearer than this, relatively, to the middle of two numbers of the format is this middle:
 /// a power with exact operands cannot come so near and be another number.
-const EXACT: i32 = -150;
+const MIDPOINT_TOLERANCE: i32 = -150;
 
 /// The greatest error of a function of f64, in units in the last place.
 const ULPS: f64 = 1.0;
@@ -36,9 +36,10 @@ pub enum FloatWidth {
 /// The verdict on a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Judgement {
-    /// It is right, an evaluation in f64 sufficed to know.
-    Right,
-    /// It is right, as arbitrary precision says; the error in units in the last place (f64 only).
+    /// The result is correct, as an evaluation in f64 decides.
+    Correct,
+    /// The result is correct, as arbitrary precision decides; the error in units in the last place
+    /// (f64 only).
     Precise(f64),
     /// The result is wrong; the correct one.
     Wrong(String),
@@ -135,16 +136,16 @@ impl CheckedFunction {
     /// Judges a result.
     pub fn judge(&self, format: FloatWidth, operands: &[u64; 2], result: u64) -> Judgement {
         let [a, b] = operands.map(|bits| format.value(bits));
-        let (estimate, exact) = match self.how {
-            How::Rounded(value) => (value(a), true),
-            How::RoundedPair(value) => (value(a, b), true),
-            How::Elementary(estimate, _) => (estimate(a), false),
-            How::ElementaryPair(estimate, _) => (estimate(a, b), false),
-            How::Whole { signed, bits } => return judge_whole(a, signed, bits, result),
+        let (estimate, exact) = match self.reference {
+            ReferenceValue::Rounded(value) => (value(a), true),
+            ReferenceValue::RoundedPair(value) => (value(a, b), true),
+            ReferenceValue::Elementary(estimate, _) => (estimate(a), false),
+            ReferenceValue::ElementaryPair(estimate, _) => (estimate(a, b), false),
+            ReferenceValue::Integer { signed, bits } => return judge_integer(a, signed, bits, result),
         };
         if estimate.is_nan() {
             let right = format.value(result).is_nan();
-            return if right { Judgement::Right } else { Judgement::Wrong("NaN".into()) };
+            return if right { Judgement::Correct } else { Judgement::Wrong("NaN".into()) };
         }
         // Zeros and infinities are exact, or far beyond what the format has.
         if exact || (format != FloatWidth::Double && (estimate == 0.0 || estimate.is_infinite())) {
@@ -162,9 +163,9 @@ impl CheckedFunction {
     }
 
     fn precise(&self, a: f64, b: f64) -> Big {
-        match self.how {
-            How::Elementary(_, precise) => precise(&big(a)),
-            How::ElementaryPair(_, precise) => precise(&big(a), &big(b)),
+        match self.reference {
+            ReferenceValue::Elementary(_, precise) => precise(&big(a)),
+            ReferenceValue::ElementaryPair(_, precise) => precise(&big(a), &big(b)),
             _ => unreachable!("bug in anyhit: a function that f64 decides is asked in arbitrary precision"),
         }
     }
@@ -173,7 +174,7 @@ impl CheckedFunction {
     /// estimate may have missed.
     fn judge_double(&self, [a, b]: [f64; 2], estimate: f64, result: f64) -> Judgement {
         const LEAST: f64 = f64::from_bits(1);
-        let edge = matches!(self.how, How::ElementaryPair(..)) && (a == 0.0 || b == 0.0);
+        let edge = matches!(self.reference, ReferenceValue::ElementaryPair(..)) && (a == 0.0 || b == 0.0);
         let near = match estimate {
             0.0 => Some(result.abs() <= LEAST),
             _ if estimate.is_infinite() => {
@@ -190,7 +191,7 @@ impl CheckedFunction {
             _ => None,
         };
         match near {
-            Some(true) => return Judgement::Right,
+            Some(true) => return Judgement::Correct,
             Some(false) => return Judgement::Wrong(format!("about {estimate:e}")),
             None => {}
         }
@@ -208,20 +209,20 @@ impl CheckedFunction {
     }
 }
 
-/// Compares bits.
-/// Every value that any of the types holds is one of i128.
-fn judge_whole(value: f64, signed: bool, bits: u32, result: u64) -> Judgement {
+/// Judges a conversion to an integer. Every value of every such type is one of i128.
+fn judge_integer(value: f64, signed: bool, bits: u32, result: u64) -> Judgement {
     let (least, greatest) =
         if signed { (-(1i128 << (bits - 1)), (1 << (bits - 1)) - 1) } else { (0, (1i128 << bits) - 1) };
     let right = (value as i128).clamp(least, greatest);
     let mask = u64::MAX >> (64 - bits);
     let same = (right as u64 ^ result) & mask == 0;
-    if same { Judgement::Right } else { Judgement::Wrong(right.to_string()) }
+    if same { Judgement::Correct } else { Judgement::Wrong(right.to_string()) }
 }
 
+/// Compares the bits of a result with the correct ones.
 fn same(format: FloatWidth, result: u64, right: u64) -> Judgement {
     if result == right {
-        return Judgement::Right;
+        return Judgement::Correct;
     }
     Judgement::Wrong(format!("{:e} = {right:#x}", format.value(right)))
 }
@@ -247,14 +248,14 @@ fn judge_precise(format: FloatWidth, value: &Big, result: u64) -> Judgement {
 /// Whether a value lies below a middle, clearly; at the middle itself, whether the number above it
 /// is not the even one.
 fn is_below(value: &Big, middle: f64, above_is_even: bool) -> bool {
-    if is_at(value, middle) { !above_is_even } else { *value < big(middle) }
+    if is_midpoint(value, middle) { !above_is_even } else { *value < big(middle) }
 }
 
-fn is_at(value: &Big, middle: f64) -> bool {
+fn is_midpoint(value: &Big, middle: f64) -> bool {
     let middle = big(middle);
     let difference = value.clone() - middle.clone();
     let difference = if difference < Big::ZERO { -difference } else { difference };
-    difference < middle * big(2.0).powi(EXACT.into())
+    difference < middle * big(2.0).powi(MIDPOINT_TOLERANCE.into())
 }
 
 #[cfg(test)]

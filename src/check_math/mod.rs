@@ -1,10 +1,10 @@
 //! Exhaustive test of the elementary functions and the other componentwise float instructions
 //! against correctly rounded results: `anyhit check-math`.
 //!
-//! A [`CheckedFunction`] is a row of the instruction set and how to know its value otherwise: an
-//! evaluation in f64 by the platform's own library, which decides nearly every input by its
-//! distance from the next rounding boundary, and one in arbitrary precision for the rest. The rows
-//! use neither. [`judge`] says what is right, [`inputs`] what is asked.
+//! A [`CheckedFunction`] is an instruction with a reference evaluation: one in f64 by the
+//! platform's own library, which decides nearly every input by its distance from the next rounding
+//! boundary, and one in arbitrary precision for the rest. The instructions use neither. [`judge`]
+//! decides whether a result is correct, [`inputs`] chooses the inputs.
 
 pub mod function;
 pub mod inputs;
@@ -14,39 +14,39 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::check_math::function::{CheckedFunction, How};
+use crate::check_math::function::{CheckedFunction, ReferenceValue};
 use crate::check_math::inputs::Inputs;
 use crate::check_math::judge::{FloatWidth, Judgement};
 use crate::machine::{Reg, Registers};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 
-/// Inputs that run between two words of progress.
+/// The number of inputs between two reports of progress.
 const BLOCK: u64 = 1 << 16;
 
 /// The largest number of wrong results that are kept for a function.
-const ENOUGH: usize = 10;
+const MAX_EXAMPLES: usize = 10;
 
 /// The settings of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct CheckMathSettings {
-    /// Of the inputs of a function of one f32, and of the pairs of f16, every so-manieth.
+    /// Of the inputs of a function of one f32, and of the pairs of f16, one in so many is tested.
     pub stride: u64,
-    /// Pairs for a function of two f32.
+    /// The number of pairs for a function of two f32.
     pub pairs: u64,
-    /// Inputs for a function of f64.
+    /// The number of inputs for a function of f64.
     pub samples: u64,
-    /// Chooses pairs and samples, and where a stride begins.
+    /// The seed that chooses pairs and samples, and where a stride begins.
     pub seed: u64,
 }
 
 /// A wrong result of a function.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Wrong {
+pub struct WrongResult {
     /// The bits of the operands.
     pub operands: Vec<u64>,
-    /// The bits that came out.
+    /// The bits of the wrong result.
     pub found: u64,
-    /// The correct result, in words.
+    /// The correct result, as text.
     pub right: String,
 }
 
@@ -57,7 +57,7 @@ pub struct CheckMathReport {
     pub function: &'static str,
     /// Bits of the float type.
     pub width: u32,
-    /// `all`, or which.
+    /// Which inputs were tested: `all`, or how they were chosen.
     pub which: String,
     /// The number of inputs that were tested.
     pub inputs: u64,
@@ -65,8 +65,8 @@ pub struct CheckMathReport {
     pub precise: u64,
     /// How many results are wrong.
     pub wrong: u64,
-    /// The first of these.
-    pub examples: Vec<Wrong>,
+    /// The first wrong results.
+    pub examples: Vec<WrongResult>,
     /// For f64, the greatest error in units in the last place.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub greatest_error: Option<f64>,
@@ -79,8 +79,8 @@ fn seconds<S: serde::Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Err
     to.serialize_f64(time.as_secs_f64())
 }
 
-/// Asks one function at one width; `progress` is told, from any thread, of so many more inputs of
-/// so many in all.
+/// Tests one function at one width. `progress` is called from any thread with the number of inputs
+/// that were just tested and the number of all.
 pub fn run(
     function: &'static CheckedFunction,
     format: FloatWidth,
@@ -88,7 +88,7 @@ pub fn run(
     progress: impl Fn(u64, u64) + Sync,
 ) -> CheckMathReport {
     let begin = Instant::now();
-    let row = function.row(format).expect("a function that exists for this float type");
+    let kernel = function.kernel(format).expect("a function that exists for this float type");
     let inputs = Inputs::of(function, format, settings);
     let total = inputs.count();
     let found = (0..total.div_ceil(BLOCK))
@@ -96,11 +96,11 @@ pub fn run(
         .map(|block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(total);
             let count = range.end - range.start;
-            let found = run_block(function, format, row, &inputs, range);
+            let found = run_block(function, format, kernel, &inputs, range);
             progress(count, total);
             found
         })
-        .reduce(Found::default, Found::with);
+        .reduce(BlockResult::default, BlockResult::merge);
     CheckMathReport {
         function: function.name,
         width: format.width(),
@@ -115,20 +115,20 @@ pub fn run(
 }
 
 #[derive(Default)]
-struct Found {
+struct BlockResult {
     precise: u64,
     wrong: u64,
-    examples: Vec<Wrong>,
+    examples: Vec<WrongResult>,
     greatest_error: f64,
 }
 
-impl Found {
-    /// Both; in the order of inputs, so that threads change nothing.
-    fn with(mut self, other: Self) -> Self {
+impl BlockResult {
+    /// Merges two results in the order of inputs, so that the number of threads changes nothing.
+    fn merge(mut self, other: Self) -> Self {
         self.precise += other.precise;
         self.wrong += other.wrong;
         self.examples.extend(other.examples);
-        self.examples.truncate(ENOUGH);
+        self.examples.truncate(MAX_EXAMPLES);
         self.greatest_error = self.greatest_error.max(other.greatest_error);
         self
     }
@@ -138,13 +138,13 @@ impl Found {
 fn run_block(
     function: &CheckedFunction,
     format: FloatWidth,
-    row: &LaneKernel,
+    kernel: &LaneKernel,
     inputs: &Inputs,
     range: std::ops::Range<u64>,
-) -> Found {
+) -> BlockResult {
     const OPERANDS: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
     let mut registers = Registers::<64>::new(8);
-    let mut found = Found::default();
+    let mut found = BlockResult::default();
     let mut operands = [[0u64; 2]; 64];
     let mut at = range.start;
     while at < range.end {
@@ -156,13 +156,13 @@ fn run_block(
                 registers[OPERANDS[operand].plus(1)].0[lane] = (bits >> 32) as u32;
             }
         }
-        row.run(&mut registers, Reg(0), &OPERANDS);
+        kernel.run(&mut registers, Reg(0), &OPERANDS);
         for (lane, operands) in operands[..lanes].iter().enumerate() {
-            let high = if row.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
+            let high = if kernel.words == 2 { u64::from(registers[Reg(1)].0[lane]) << 32 } else { 0 };
             let result = u64::from(registers[Reg(0)].0[lane]) | high;
             let judgement = function.judge(format, operands, result);
             let right = match judgement {
-                Judgement::Right => continue,
+                Judgement::Correct => continue,
                 Judgement::Precise(error) => {
                     found.precise += 1;
                     found.greatest_error = found.greatest_error.max(error);
@@ -171,9 +171,9 @@ fn run_block(
                 Judgement::Wrong(right) => right,
             };
             found.wrong += 1;
-            if found.examples.len() < ENOUGH {
+            if found.examples.len() < MAX_EXAMPLES {
                 let operands = operands[..function.operands()].to_vec();
-                found.examples.push(Wrong { operands, found: result, right });
+                found.examples.push(WrongResult { operands, found: result, right });
             }
         }
         at += lanes as u64;
@@ -184,9 +184,9 @@ fn run_block(
 impl CheckedFunction {
     /// How many operands it takes.
     pub fn operands(&self) -> usize {
-        match self.how {
-            How::Rounded(_) | How::Elementary(..) | How::Whole { .. } => 1,
-            How::RoundedPair(_) | How::ElementaryPair(..) => 2,
+        match self.reference {
+            ReferenceValue::Rounded(_) | ReferenceValue::Elementary(..) | ReferenceValue::Integer { .. } => 1,
+            ReferenceValue::RoundedPair(_) | ReferenceValue::ElementaryPair(..) => 2,
         }
     }
 }
@@ -236,12 +236,12 @@ mod tests {
         }
     }
 
-    /// The judge must not be blind.
+    /// Checks that the judge rejects the neighbours of a correct result.
     #[test]
     fn a_neighbour_of_the_right_result_is_wrong() {
         for function in FUNCTIONS {
             for format in FloatWidth::ALL.into_iter().filter(|&format| function.exists(format)) {
-                let row = function.row(format).expect("a row");
+                let kernel = function.kernel(format).expect("a kernel");
                 let one = format.bits_of(1.0);
                 let operands = [format.bits_of(0.75), one];
                 let mut registers = Registers::<64>::new(8);
@@ -251,13 +251,13 @@ mod tests {
                         registers[Reg(3 + 2 * operand as u32)].0[lane] = (*bits >> 32) as u32;
                     }
                 }
-                row.run(&mut registers, Reg(0), &[Reg(2), Reg(4), Reg(6)]);
-                let high = if row.words == 2 { u64::from(registers[Reg(1)].0[0]) << 32 } else { 0 };
+                kernel.run(&mut registers, Reg(0), &[Reg(2), Reg(4), Reg(6)]);
+                let high = if kernel.words == 2 { u64::from(registers[Reg(1)].0[0]) << 32 } else { 0 };
                 let result = u64::from(registers[Reg(0)].0[0]) | high;
                 let judge = |bits| function.judge(format, &operands, bits);
                 assert!(!matches!(judge(result), Judgement::Wrong(_)), "{}", function.name);
-                let bits = match function.how {
-                    How::Whole { bits, .. } => bits,
+                let bits = match function.reference {
+                    ReferenceValue::Integer { bits, .. } => bits,
                     _ => format.width(),
                 };
                 // Two steps, as one is within 1 ulp.

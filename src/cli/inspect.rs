@@ -45,7 +45,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
     output::print(format_args!("{json}\n"))
 }
 
-/// What `--json` prints.
+/// The report on a module, which `--json` prints.
 #[derive(Debug, Serialize)]
 struct ModuleReport {
     version: String,
@@ -56,8 +56,8 @@ struct ModuleReport {
     extensions: Vec<String>,
     instruction_sets: Vec<String>,
     sizes: Sizes,
-    debug_info: Debug,
-    entry_points: Vec<Entry>,
+    debug_info: DebugInfoReport,
+    entry_points: Vec<EntryReport>,
 }
 
 #[derive(Debug, Serialize)]
@@ -71,7 +71,7 @@ struct Sizes {
 }
 
 #[derive(Debug, Serialize)]
-struct Debug {
+struct DebugInfoReport {
     names: usize,
     lines: usize,
     source_files: Vec<SourceFile>,
@@ -84,16 +84,16 @@ struct SourceFile {
 }
 
 #[derive(Debug, Serialize)]
-struct Entry {
+struct EntryReport {
     name: String,
     stage: &'static str,
     supported: bool,
     reasons: Vec<String>,
-    interface: Vec<Variable>,
+    interface: Vec<VariableReport>,
 }
 
 #[derive(Debug, Serialize)]
-struct Variable {
+struct VariableReport {
     name: String,
     storage_class: String,
     #[serde(rename = "type")]
@@ -129,14 +129,14 @@ impl ModuleReport {
                 constants: module.constants.len(),
                 variables: module.variables.len(),
             },
-            debug_info: Debug {
+            debug_info: DebugInfoReport {
                 names: debug.names.len(),
                 lines: debug.lines.iter().filter(|(_, line)| line.is_some()).count(),
                 source_files: files
                     .map(|file| SourceFile { name: file.name.clone(), text: file.text.is_some() })
                     .collect(),
             },
-            entry_points: module.entry_points.iter().map(|entry| Entry::of(module, entry)).collect(),
+            entry_points: module.entry_points.iter().map(|entry| EntryReport::of(module, entry)).collect(),
         }
     }
 
@@ -189,7 +189,7 @@ impl ModuleReport {
     }
 }
 
-impl Entry {
+impl EntryReport {
     fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
         let reasons = program::lower(module, entry).err();
         let reasons = reasons.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
@@ -199,7 +199,7 @@ impl Entry {
             stage: entry.stage.name(),
             supported: reasons.is_empty(),
             reasons,
-            interface: variables.iter().map(|variable| Variable::of(module, variable)).collect(),
+            interface: variables.iter().map(|variable| VariableReport::of(module, variable)).collect(),
         }
     }
 
@@ -209,7 +209,7 @@ impl Entry {
         for reason in &self.reasons {
             let _ = writeln!(out, "  - {reason}");
         }
-        let rows: Vec<[String; 4]> = self.interface.iter().map(Variable::row).collect();
+        let rows: Vec<[String; 4]> = self.interface.iter().map(VariableReport::row).collect();
         let mut widths = [0; 4];
         for row in &rows {
             for (width, cell) in widths.iter_mut().zip(row) {
@@ -226,7 +226,7 @@ impl Entry {
     }
 }
 
-impl Variable {
+impl VariableReport {
     fn of(module: &Module, variable: &InterfaceVariable) -> Self {
         Self {
             name: variable.name.clone(),

@@ -74,8 +74,8 @@ struct CommandLine {
     command: Command,
 }
 
-/// The numbers of lanes that a batch may have. 8 is an old one, for which 64 do as well: results do
-/// not depend on it.
+/// The possible numbers of lanes of a batch. 8 is accepted as an alias of 64, because older
+/// versions had it; results do not depend on the number.
 fn batch_widths() -> PossibleValuesParser {
     [PossibleValue::new("1"), PossibleValue::new("64").alias("8"), PossibleValue::new("128")].into()
 }

@@ -11,8 +11,8 @@ use crate::machine::Printed;
 
 /// Prints to standard output.
 ///
-/// A closed pipe (`anyhit inspect a.spv | head`) is no error: the command goes on, and its exit
-/// code depends on the command alone.
+/// A closed pipe (`anyhit inspect a.spv | head`) is no error: the command continues, and its exit
+/// code depends only on the command.
 ///
 /// # Errors
 /// `Io` where standard output cannot be written for another reason, a full disk say.
@@ -53,7 +53,7 @@ pub fn renamed_flag(old: &str, new: &str) {
 /// The file that a picture is written to. Pictures are PNG, so another extension is refused.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A message, if the extension is not `png`.
 pub fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
     match path.extension() {
         Some(extension) if !extension.eq_ignore_ascii_case("png") => {

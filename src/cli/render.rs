@@ -11,10 +11,10 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
-use crate::harness::stability::apart;
+use crate::harness::stability::deep_copy;
 use crate::machine::image::ImageShape;
 use crate::machine::{Binding, Descriptor};
-use crate::pipeline::{Band, Bands, Streamed};
+use crate::pipeline::{Band, BandedLaunch, StreamedImage};
 use crate::scene::image::{stream_png, write_png};
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
@@ -70,7 +70,7 @@ pub struct RenderArgs {
 /// Errors of the scene, of a shader that traps, or of writing the image; `Expectation` if
 /// `--perturb` finds that an output is not stable, after everything is written and printed.
 pub fn run(args: RenderArgs) -> Result<()> {
-    if args.json && !args.stability.asks() {
+    if args.json && !args.stability.is_requested() {
         let message = "`--json` is for --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
@@ -83,74 +83,78 @@ pub fn run(args: RenderArgs) -> Result<()> {
         None => scene::demo::scene(&options)?,
     };
     output::notes(&resolved.notes);
-    let Some((output, image)) = output_of(&resolved) else {
+    let Some((output, image)) = output_image(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
     };
     let to_srgb = output.output == Some(Output::Linear);
     let mut assembled = scene::assemble_without(&resolved, output)?;
-    let streamed =
-        Streamed { texel: image.texels.clone(), ..Streamed::new(output.set, output.binding, image.format) };
+    let streamed = StreamedImage {
+        texel: image.texels.clone(),
+        ..StreamedImage::new(output.set, output.binding, image.format)
+    };
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
-    let (bands, whole) = match in_bands(&args, &assembled, output, image, &streamed) {
+    let (bands, whole_image) = match split_into_bands(&args, &assembled, output, image, &streamed) {
         Ok(bands) => (Some(bands), None),
         Err(why) => {
-            let told = |error: Error| error.at(output.place.clone()).note(format!("it is held whole: {why}"));
-            let image = scene::assemble::image(image, &resolved.files.limits).map_err(told)?;
+            let with_reason = |error: Error| {
+                error.at(output.place.clone()).note(format!("the whole image is held in memory: {why}"))
+            };
+            let image = scene::assemble::image(image, &resolved.files.limits).map_err(with_reason)?;
             let binding = Binding { set: output.set, binding: output.binding };
             assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
             (None, Some(image))
         }
     };
-    let stability = args.stability.asks().then(|| apart(&assembled));
-    let ready = begin.elapsed();
+    let stability = args.stability.is_requested().then(|| deep_copy(&assembled));
+    let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let bar = progress(size.iter().map(|&side| u64::from(side)).product());
+    let bar = progress_bar(size.iter().map(|&side| u64::from(side)).product());
     let launched = Instant::now();
     let launch = assembled.launch();
-    let done = |count| bar.inc(count);
+    let on_progress = |count| bar.inc(count);
     let outcome = match &bands {
         None => match args.lanes.as_str() {
-            "1" => launch.run::<1>(size, &done),
-            "128" => launch.run::<128>(size, &done),
-            _ => launch.run::<64>(size, &done),
+            "1" => launch.run::<1>(size, &on_progress),
+            "128" => launch.run::<128>(size, &on_progress),
+            _ => launch.run::<64>(size, &on_progress),
         },
         Some(bands) => stream_png(&file, [size[0], size[1]], image.format, to_srgb, |png| {
-            let mut take = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
+            let mut write_band = |band: Band<'_>| png.rows(band.rows(), |row| band.row_bytes(row));
             match args.lanes.as_str() {
-                "1" => bands.run::<1>(&done, &mut take),
-                "128" => bands.run::<128>(&done, &mut take),
-                _ => bands.run::<64>(&done, &mut take),
+                "1" => bands.run::<1>(&on_progress, &mut write_band),
+                "128" => bands.run::<128>(&on_progress, &mut write_band),
+                _ => bands.run::<64>(&on_progress, &mut write_band),
             }
         }),
     };
     bar.finish_and_clear();
-    let traced = launched.elapsed();
+    let launch_time = launched.elapsed();
     output::printed(&printed)?;
-    let counted = outcome?;
+    let launch_stats = outcome?;
 
-    if let Some(image) = &whole {
+    if let Some(image) = &whole_image {
         write_png(&file, image, to_srgb)?;
     }
     if args.output.is_none() {
         output::hint(format_args!("the picture is in {}", file.display()));
     }
     if args.stats {
-        output::print(stats::table(&counted, ready, traced))?;
-        output::print(stats::elided(&counted, &assembled))?;
-        output::print(stats::order(&assembled))?;
+        output::print(stats::table(&launch_stats, load_time, launch_time))?;
+        output::print(stats::elided(&launch_stats, &assembled))?;
+        output::print(stats::single_threaded(&assembled))?;
         output::print(bands.as_ref().map_or_else(String::new, |bands| stats::bands(bands, image)))?;
     }
-    if let Some(before) = stability {
-        args.stability.run(&resolved, &before, None, args.json)?;
+    if let Some(initial) = stability {
+        args.stability.run(&resolved, &initial, None, args.json)?;
     }
     Ok(())
 }
 
-/// The image that is saved.
-fn output_of(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &ImageContent)> {
+/// The storage image with the scene's key `output`, which is saved.
+fn output_image(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &ImageContent)> {
     let output = scene.output()?;
     match &output.resource {
         Resource::StorageImage(image) => Some((output, image)),
@@ -158,17 +162,17 @@ fn output_of(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &Imag
     }
 }
 
-/// Splits the launch into bands of the output image; the error says why the image must be held
-/// whole.
-fn in_bands<'a>(
+/// Splits the launch into bands of the output image. The error says why the whole image must be in
+/// memory.
+fn split_into_bands<'a>(
     args: &RenderArgs,
     assembled: &'a Assembled,
     output: &resolved::ResolvedBinding,
     image: &ImageContent,
-    streamed: &'a Streamed,
-) -> Result<Bands<'a>, String> {
+    streamed: &'a StreamedImage,
+) -> Result<BandedLaunch<'a>, String> {
     let [width, height, _] = assembled.size;
-    let why = if args.stability.asks() {
+    let reason = if args.stability.is_requested() {
         "--shadow and --perturb run the launch again on it"
     } else if image.shape != ImageShape::plane(width, height) {
         "it is no plane as wide and high as the launch, of one level and sample"
@@ -181,7 +185,7 @@ fn in_bands<'a>(
     } else {
         return assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string());
     };
-    Err(why.to_owned())
+    Err(reason.to_owned())
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -194,7 +198,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 }
 
 /// A progress bar, shown if standard error is a terminal and the work takes a while.
-fn progress(count: u64) -> ProgressBar {
+fn progress_bar(count: u64) -> ProgressBar {
     let bar = ProgressBar::new(count);
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed_precise}  about {eta} left");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));

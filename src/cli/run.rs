@@ -63,14 +63,14 @@ pub struct RunArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// Of the scene, the module or the arguments, and the trap that ended a shader, after what was
-/// asked to be shown is.
+/// Errors of the scene, the module or the arguments, and the trap that ended a shader, after the
+/// requested resources are printed.
 pub fn run(args: RunArgs) -> Result<()> {
     let begin = Instant::now();
     let (is_scene, streamed) = what(&args)?;
     let scene = match is_scene {
         true => {
-            args.bare_module.refuse()?;
+            args.bare_module.check_unused()?;
             let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
             match streamed {
                 None => args.files.scene(&args.file, &options)?,
@@ -93,7 +93,7 @@ pub fn run(args: RunArgs) -> Result<()> {
         Some(_) => assembled.resources.policy = MemoryPolicy::Trap,
         None => {}
     }
-    if args.stability.asks() {
+    if args.stability.is_requested() {
         return args.stability.run(&scene, &assembled, None, args.json);
     }
     if args.json {
@@ -108,21 +108,21 @@ pub fn run(args: RunArgs) -> Result<()> {
     }
     let shown: Vec<_> =
         shown.iter().map(|one| one.find(&scene, &assembled.resources)).collect::<Result<_>>()?;
-    let saved = args.save.iter().map(|text| picture(text, &scene, &assembled.resources));
+    let saved = args.save.iter().map(|text| saved_image(text, &scene, &assembled.resources));
     let saved: Vec<_> = saved.collect::<Result<_>>()?;
 
-    let ready = begin.elapsed();
+    let load_time = begin.elapsed();
     let launched = Instant::now();
-    let done = |_| ();
+    let on_progress = |_| ();
     let outcome = match args.lanes.as_str() {
-        "1" => assembled.run::<1>(&assembled.resources, &done),
-        "128" => assembled.run::<128>(&assembled.resources, &done),
-        _ => assembled.run::<64>(&assembled.resources, &done),
+        "1" => assembled.run::<1>(&assembled.resources, &on_progress),
+        "128" => assembled.run::<128>(&assembled.resources, &on_progress),
+        _ => assembled.run::<64>(&assembled.resources, &on_progress),
     };
-    let took = launched.elapsed();
-    let asked = args.stats || !shown.is_empty() || !saved.is_empty();
-    if !output::printed(&printed)? && !asked && outcome.is_ok() {
-        output::hint(dump::all(&scene));
+    let launch_time = launched.elapsed();
+    let has_output = args.stats || !shown.is_empty() || !saved.is_empty();
+    if !output::printed(&printed)? && !has_output && outcome.is_ok() {
+        output::hint(dump::hint(&scene));
     }
     for one in shown {
         output::print(one.text(&assembled)?)?;
@@ -130,11 +130,11 @@ pub fn run(args: RunArgs) -> Result<()> {
     for (path, image) in saved {
         write_png(&path, &image, false)?;
     }
-    let counted = outcome?;
+    let launch_stats = outcome?;
     if args.stats {
-        output::print(stats::table(&counted, ready, took))?;
-        output::print(stats::elided(&counted, &assembled))?;
-        output::print(stats::order(&assembled))?;
+        output::print(stats::table(&launch_stats, load_time, launch_time))?;
+        output::print(stats::elided(&launch_stats, &assembled))?;
+        output::print(stats::single_threaded(&assembled))?;
     }
     Ok(())
 }
@@ -154,10 +154,14 @@ fn what(args: &RunArgs) -> Result<(bool, Option<Vec<u8>>)> {
     Ok((is_scene, Some(bytes)))
 }
 
-type Saved = (PathBuf, Arc<crate::machine::image::Image>);
+type SavedImage = (PathBuf, Arc<crate::machine::image::Image>);
 
 /// `WHAT=FILE.png`: the file and the image.
-fn picture(text: &str, scene: &scene::ResolvedScene, resources: &crate::machine::Resources) -> Result<Saved> {
+fn saved_image(
+    text: &str,
+    scene: &scene::ResolvedScene,
+    resources: &crate::machine::Resources,
+) -> Result<SavedImage> {
     let Some((what, path)) = text.split_once('=') else {
         return Err(dump::invalid(format!("`--save {text}`: WHAT=FILE.png is needed")));
     };

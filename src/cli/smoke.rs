@@ -83,11 +83,11 @@ pub fn run(args: SmokeArgs) -> Result<()> {
     } else {
         output::print(report.text())?;
     }
-    ended(&report, args.min_coverage.unwrap_or(0.0))
+    verdict(&report, args.min_coverage.unwrap_or(0.0))
 }
 
 /// The worst verdict as an error, for the exit code.
-fn ended(report: &SmokeReport, min_coverage: f64) -> Result<()> {
+fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let worst = report.worst();
     let kind = match worst {
         SmokeVerdict::Ok | SmokeVerdict::OutOfScope => return covered(report, min_coverage),
@@ -104,26 +104,26 @@ fn ended(report: &SmokeReport, min_coverage: f64) -> Result<()> {
         (SmokeVerdict::Bug, "met a bug in anyhit"),
     ];
     let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
-    let told: Vec<_> = counts
+    let parts: Vec<_> = counts
         .iter()
         .filter(|(count, _)| *count > 0)
         .map(|(count, word)| format!("{count} {word}"))
         .collect();
-    Err(Error::new(kind, format!("of {} entry points, {}", entries.len(), told.join(", "))))
+    Err(Error::new(kind, format!("of {} entry points, {}", entries.len(), parts.join(", "))))
 }
 
 /// Whether every entry point entered enough of its blocks.
 fn covered(report: &SmokeReport, percent: f64) -> Result<()> {
     let reached = report.entry_points.iter().filter_map(|entry| Some((entry, entry.coverage.as_ref()?)));
-    let few: Vec<_> = reached.filter(|(_, reached)| !reached.is_at_least(percent)).collect();
-    if few.is_empty() {
+    let too_few: Vec<_> = reached.filter(|(_, reached)| !reached.is_at_least(percent)).collect();
+    if too_few.is_empty() {
         return Ok(());
     }
     let count = report.entry_points.len();
     let message =
-        format!("of {count} entry points, {} reached less than {percent} % of its blocks", few.len());
+        format!("of {count} entry points, {} reached less than {percent} % of its blocks", too_few.len());
     let error = Error::new(ErrorKind::Expectation, message);
-    Err(few.iter().fold(error, |error, (entry, reached)| {
+    Err(too_few.iter().fold(error, |error, (entry, reached)| {
         let share = format!("{} of {} blocks", reached.blocks_entered, reached.blocks);
         error.note(format!("{} `{}` reached {share}", entry.stage, entry.name))
     }))

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use crate::cli::output;
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::stability::perturb::perturb_one;
 use crate::harness::stability::shadow::shadow_one;
@@ -35,8 +35,8 @@ pub struct StabilityArgs {
 }
 
 impl StabilityArgs {
-    /// Whether anything is asked.
-    pub fn asks(&self) -> bool {
+    /// Whether `--shadow` or `--perturb` is given.
+    pub fn is_requested(&self) -> bool {
         self.shadow || self.perturb.is_some()
     }
 
@@ -45,14 +45,15 @@ impl StabilityArgs {
         self.shadow
     }
 
-    /// `--perturb` with what belongs to it.
+    /// The perturbation of `--perturb`, `--seed`, `--envelope` and `--tolerance`.
     pub fn perturbation(&self) -> Option<Perturbation> {
         let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
         let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
         self.perturb.map(|runs| Perturbation { runs, seed: self.seed, envelope, tolerance })
     }
 
-    /// Runs what is asked, for a whole launch or for one ray, and prints what was found.
+    /// Runs a whole launch or one ray as `--shadow` or `--perturb` requests, and prints the
+    /// findings.
     ///
     /// # Errors
     /// Of the run; `Expectation` where an output is not stable, after the findings are printed.
@@ -60,7 +61,7 @@ impl StabilityArgs {
         &self,
         scene: &ResolvedScene,
         assembled: &Assembled,
-        one: Option<&SettledRequest>,
+        one: Option<&ResolvedRequest>,
         json: bool,
     ) -> Result<()> {
         if let Some(perturbation) = self.perturbation() {
@@ -81,7 +82,7 @@ impl StabilityArgs {
 fn perturbed(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    one: Option<&SettledRequest>,
+    one: Option<&ResolvedRequest>,
     json: bool,
     perturbation: &Perturbation,
 ) -> Result<()> {

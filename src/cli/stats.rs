@@ -5,22 +5,22 @@ use std::time::Duration;
 
 use crate::accel::{Blas, Tlas};
 use crate::machine::{Binding, Descriptor};
-use crate::pipeline::{Bands, Stats};
+use crate::pipeline::{BandedLaunch, Stats};
 use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
 
-/// Rays, invocations, occupancy, times.
-pub fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
-    let rate = stats.rays as f64 / traced.as_secs_f64().max(1e-9) / 1e6;
+/// The lines of `--stats` about rays, invocations, occupancy and times.
+pub fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {
+    let rate = stats.rays as f64 / launch_time.as_secs_f64().max(1e-9) / 1e6;
     let mut text = format!(
         "scene ready in    {:>9.1} ms\nlaunch took       {:>9.1} ms\nrays              {:>9} ({rate:.2} million a second)\n",
-        ready.as_secs_f64() * 1e3,
-        traced.as_secs_f64() * 1e3,
+        load_time.as_secs_f64() * 1e3,
+        launch_time.as_secs_f64() * 1e3,
         stats.rays,
     );
     if stats.ray_queries > 0 {
-        let rate = stats.ray_queries as f64 / traced.as_secs_f64().max(1e-9) / 1e6;
+        let rate = stats.ray_queries as f64 / launch_time.as_secs_f64().max(1e-9) / 1e6;
         text += &format!("ray queries       {:>9} ({rate:.2} million a second)\n", stats.ray_queries);
     }
     for (stage, shader) in &stats.shaders {
@@ -35,8 +35,8 @@ pub fn table(stats: &Stats, ready: Duration, traced: Duration) -> String {
     text
 }
 
-/// Which shaders ran on one thread, and why; empty where none did.
-pub fn order(assembled: &Assembled) -> String {
+/// The lines of `--stats` about shaders that ran on one thread, with the reason.
+pub fn single_threaded(assembled: &Assembled) -> String {
     let pipeline = assembled.pipeline.programs.iter();
     let dispatched = assembled.dispatches.iter().map(|dispatch| &dispatch.compute.program);
     let mut text = String::new();
@@ -51,7 +51,7 @@ pub fn order(assembled: &Assembled) -> String {
     if !assembled.pipeline.order_dependent()
         && let Some(memory) = assembled.pipeline.shared_memory(assembled.size, &assembled.resources)
     {
-        text += &sharing("the launch's", memory);
+        text += &shared_memory_line("the launch's", memory);
     }
     for dispatch in &assembled.dispatches {
         let compute = &dispatch.compute;
@@ -59,15 +59,15 @@ pub fn order(assembled: &Assembled) -> String {
             .shared_memory(dispatch.groups, &assembled.resources)
             .filter(|_| !compute.program.order_dependent);
         if let Some(memory) = memory {
-            text += &sharing(&format!("GLCompute `{}`'s", compute.program.name), memory);
+            text += &shared_memory_line(&format!("GLCompute `{}`'s", compute.program.name), memory);
         }
     }
     text
 }
 
-/// How an image was handed out while it was rendered.
-pub fn bands(bands: &Bands<'_>, image: &ImageContent) -> String {
-    let rows = bands.rows();
+/// The line of `--stats` about an image that was streamed in bands.
+pub fn bands(bands: &BandedLaunch<'_>, image: &ImageContent) -> String {
+    let rows = bands.max_band_rows();
     let bytes = image.size() / u64::from(image.shape.extent[1]) * u64::from(rows);
     format!(
         "streamed          {:>9} bands of {rows} rows, {:.1} MiB each instead of {:.1} MiB for the image\n",
@@ -77,19 +77,19 @@ pub fn bands(bands: &Bands<'_>, image: &ImageContent) -> String {
     )
 }
 
-fn sharing(whose: &str, memory: Memory) -> String {
+fn shared_memory_line(owner: &str, memory: Memory) -> String {
     let place = match memory {
         Memory::Binding(Binding { set, binding }) => format!("set {set}, binding {binding}"),
         Memory::Addresses => "memory behind device addresses".to_owned(),
         Memory::Unknown => "memory of a descriptor known only while running".to_owned(),
     };
     format!(
-        "one thread, 64 invocations together in their order: {whose} invocations may reach each other's data in \
+        "one thread, 64 invocations together in their order: {owner} invocations may reach each other's data in \
          {place}, not only by atomic instructions that commute\n"
     )
 }
 
-/// The lines of `--stats` about elided work: what was not done because nothing needed it.
+/// The lines of `--stats` about elided and eliminated work, which nothing depends on.
 pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
     let descriptors = assembled.resources.descriptors.values().flatten();
     let mut structures: Vec<&Arc<Tlas>> = Vec::new();
@@ -101,19 +101,19 @@ pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
         }
     }
     let instances: Vec<_> = structures.iter().flat_map(|tlas| tlas.instances()).collect();
-    let mut parts: Vec<_> = instances.iter().map(|instance| &instance.blas).collect();
-    parts.sort_by_key(|blas| Arc::as_ptr(blas));
-    parts.dedup_by(|one, other| Arc::ptr_eq(one, other));
+    let mut blases: Vec<_> = instances.iter().map(|instance| &instance.blas).collect();
+    blases.sort_by_key(|blas| Arc::as_ptr(blas));
+    blases.dedup_by(|one, other| Arc::ptr_eq(one, other));
     let mut text = String::new();
     if !instances.is_empty() {
         let mut kinds: Vec<String> = Vec::new();
-        for kind in parts.iter().filter_map(|blas| blas.kind()).map(|kind| kind.to_string()) {
+        for kind in blases.iter().filter_map(|blas| blas.kind()).map(|kind| kind.to_string()) {
             if !kinds.contains(&kind) {
                 kinds.push(kind);
             }
         }
         kinds.sort_unstable();
-        let number = |which: fn(&Blas) -> bool| parts.iter().filter(|blas| which(blas)).count();
+        let number = |which: fn(&Blas) -> bool| blases.iter().filter(|blas| which(blas)).count();
         let (built, trees) = (number(Blas::is_built), number(Blas::has_bvh));
         let listed = match number(Blas::is_listed) {
             0 => String::new(),
@@ -121,11 +121,11 @@ pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
         };
         text += &format!(
             "structures        {built:>9} of {}, met by rays, were built, {trees} of them with a tree{listed} ({})\n",
-            parts.len(),
+            blases.len(),
             kinds.join(", ")
         );
-        let still = instances.iter().filter(|instance| instance.is_identity()).count();
-        text += &format!("not transformed   {still:>9} of {} instances\n", instances.len());
+        let untransformed = instances.iter().filter(|instance| instance.is_identity()).count();
+        text += &format!("not transformed   {untransformed:>9} of {} instances\n", instances.len());
     }
     let elided = stats.elided;
     let rows = [

@@ -8,7 +8,7 @@ use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::stress::family::FAMILIES;
-use crate::stress::{self, Found, StressReport, StressSettings, Tally};
+use crate::stress::{self, FoundFailure, StressReport, StressSettings, Tally};
 
 /// Draws adversarial rays and shapes and compares every answer with arbitrary precision.
 ///
@@ -45,19 +45,19 @@ pub fn run(args: StressArgs) -> Result<()> {
     let settings =
         StressSettings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
     output::print(format_args!("seed {}, {} families\n", args.seed, FAMILIES.len()))?;
-    let mut told = Instant::now();
+    let mut last_printed = Instant::now();
     let report = stress::run(&settings, |report| {
-        if told.elapsed() >= Duration::from_secs(10) {
-            told = Instant::now();
+        if last_printed.elapsed() >= Duration::from_secs(10) {
+            last_printed = Instant::now();
             // A closed standard output is reported at the end.
             let _ = output::print(line(report));
         }
     });
     output::print(table(&report))?;
-    if report.found.is_empty() {
+    if report.failures.is_empty() {
         return Ok(());
     }
-    for found in &report.found {
+    for found in &report.failures {
         let path = save(&args.save, &settings, found)?;
         output::print(format_args!(
             "\ncase {} of seed {}, family {}: {}\n\n{}\nsaved as {}\n",
@@ -69,7 +69,7 @@ pub fn run(args: StressArgs) -> Result<()> {
             path.display()
         ))?;
     }
-    let message = format!("{} wrong answers", report.found.len());
+    let message = format!("{} wrong answers", report.failures.len());
     Err(Error::new(ErrorKind::Expectation, message))
 }
 
@@ -83,7 +83,7 @@ fn minutes(text: &str) -> std::result::Result<Duration, String> {
 
 fn line(report: &StressReport) -> String {
     let total = report.total();
-    format!("{:>6} s  {:>12} rays  {} wrong\n", report.time.as_secs(), total.rays, report.found.len())
+    format!("{:>6} s  {:>12} rays  {} wrong\n", report.time.as_secs(), total.rays, report.failures.len())
 }
 
 fn table(report: &StressReport) -> String {
@@ -107,12 +107,12 @@ fn table(report: &StressReport) -> String {
         "{} rays in {:.1} s: {} wrong decisions; t, u and barycentrics correctly rounded in the others\n",
         total.rays,
         report.time.as_secs_f64(),
-        report.found.len()
+        report.failures.len()
     );
     out
 }
 
-fn save(folder: &Path, settings: &StressSettings, found: &Found) -> Result<PathBuf> {
+fn save(folder: &Path, settings: &StressSettings, found: &FoundFailure) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder.display().to_string(), error))?;
     let path = folder.join(format!("{}-{}-{}.toml", found.case.family, settings.seed, found.number));
     let text = format!(

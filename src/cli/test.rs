@@ -90,7 +90,7 @@ enum Format {
 /// before.
 pub fn run(args: TestArgs) -> Result<()> {
     if args.init {
-        return begin(&args.paths);
+        return init_case(&args.paths);
     }
     let root = args.files.root()?;
     let limits = args.files.limits();
@@ -101,7 +101,7 @@ pub fn run(args: TestArgs) -> Result<()> {
     let found = suite.tests().len();
     suite.filter(&args.filter);
     if suite.tests().is_empty() {
-        return Err(nothing(&args, found));
+        return Err(no_tests(&args, found));
     }
     if let Some(shard) = args.shard {
         suite.shard(shard);
@@ -137,12 +137,12 @@ pub fn run(args: TestArgs) -> Result<()> {
             }
             if let Some(perturbation) = args.stability.perturbation() {
                 let all = report.finished.len();
-                let told = format!(
+                let text = format!(
                     "held to stable outputs: {} of {all} tests, {}",
                     report.perturbed,
                     perturbation.describe()
                 );
-                output::print(format_args!("\n{told}\n"))?;
+                output::print(format_args!("\n{text}\n"))?;
             }
             output::print(report::summary(&report))?;
         }
@@ -195,7 +195,7 @@ fn verdict(report: &SuiteReport) -> Result<()> {
     Err(Error::new(ErrorKind::Expectation, format!("{failed} tests failed")))
 }
 
-fn nothing(args: &TestArgs, found: usize) -> Error {
+fn no_tests(args: &TestArgs, found: usize) -> Error {
     let paths: Vec<String> = args.paths.iter().map(|path| path.display().to_string()).collect();
     let message = match found {
         0 => format!("no tests in {}", paths.join(", ")),
@@ -211,7 +211,7 @@ fn nothing(args: &TestArgs, found: usize) -> Error {
 }
 
 /// `--init`
-fn begin(paths: &[PathBuf]) -> Result<()> {
+fn init_case(paths: &[PathBuf]) -> Result<()> {
     let is_module = |path: &&PathBuf| path.is_file();
     let modules: Vec<PathBuf> = paths.iter().take_while(is_module).cloned().collect();
     let folder = match &paths[modules.len()..] {

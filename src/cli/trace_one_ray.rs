@@ -9,7 +9,7 @@ use crate::cli::input::SceneFileArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
-use crate::debug::render::{self, Look};
+use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
@@ -54,19 +54,19 @@ pub struct TraceOneRayArgs {
     #[arg(long, value_name = "FLAGS", requires = "ray")]
     flags: Option<String>,
     /// With --ray: cull mask [default: 0xff]
-    #[arg(long, value_name = "MASK", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "MASK", requires = "ray", value_parser = unsigned)]
     cull_mask: Option<u32>,
     /// With --ray: its time, from 0 to 1, where instances or vertices move [default: 0]
     #[arg(long, value_name = "TIME", requires = "ray")]
     time: Option<f32>,
     /// With --ray: SBT offset [default: 0]
-    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     sbt_offset: Option<u32>,
     /// With --ray: SBT stride [default: 1]
-    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     sbt_stride: Option<u32>,
     /// With --ray: miss index [default: 0]
-    #[arg(long, value_name = "N", requires = "ray", value_parser = whole)]
+    #[arg(long, value_name = "N", requires = "ray", value_parser = unsigned)]
     miss_index: Option<u32>,
 }
 
@@ -84,9 +84,9 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     };
     output::notes(&scene.notes);
     let session = Session::new(scene)?;
-    if args.stability.asks() {
-        let (_, settled) = session.settle(&request)?;
-        return args.stability.run(session.scene(), session.assembled(), Some(&settled), args.json);
+    if args.stability.is_requested() {
+        let (_, resolved) = session.resolve(&request)?;
+        return args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
     }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
@@ -98,8 +98,8 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         output::print(format_args!("{json}\n"))?;
     } else {
         let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        let look = Look { colour: !plain && stdout().is_terminal(), all: args.all };
-        output::print(render::text(&transcript, look))?;
+        let options = RenderOptions { colour: !plain && stdout().is_terminal(), all: args.all };
+        output::print(render::text(&transcript, options))?;
     }
     trap.map_or(Ok(()), Err)
 }
@@ -131,6 +131,6 @@ impl TraceOneRayArgs {
 }
 
 /// A whole number, decimal or with `0x` or `0b`.
-fn whole(text: &str) -> std::result::Result<u32, String> {
+fn unsigned(text: &str) -> std::result::Result<u32, String> {
     command::number(text).ok_or_else(|| "not a whole number from 0 to 4294967295".to_owned())
 }

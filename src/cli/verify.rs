@@ -10,7 +10,7 @@ use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::{InputLimit, read_argument, read_regular};
-use crate::recording::compare::{AgainstDriver, Agreement, Hits};
+use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use crate::recording::{Comparison, Recording, compare};
 
 /// Compares hits that a GPU recorded with those of anyhit (docs/verify.md says how to record).
@@ -28,8 +28,8 @@ pub struct VerifyArgs {
     #[arg(long)]
     json: bool,
     /// What limits are checked against
-    #[arg(long, value_enum, default_value_t = Judge::Auto)]
-    against: Judge,
+    #[arg(long, value_enum, default_value_t = Baseline::Auto)]
+    against: Baseline,
     /// The number of a file's hits that anyhit may miss
     #[arg(long, value_name = "N")]
     max_missed: Option<usize>,
@@ -45,9 +45,9 @@ pub struct VerifyArgs {
     max_ulp: Option<f64>,
 }
 
-/// What limits are judged against.
+/// The recorded hits against which limits are checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Judge {
+enum Baseline {
     /// The reference where a file has one, otherwise the driver
     Auto,
     /// `reference.*` only
@@ -56,16 +56,16 @@ enum Judge {
     Driver,
 }
 
-/// What `--json` prints.
+/// The report on all recordings, which `--json` prints.
 #[derive(Debug, Serialize)]
 struct VerifyReport {
-    files: Vec<File>,
+    files: Vec<VerifiedFile>,
     /// The limits that were exceeded, in words.
     failures: Vec<String>,
 }
 
 #[derive(Debug, Serialize)]
-struct File {
+struct VerifiedFile {
     file: String,
     #[serde(flatten)]
     comparison: Comparison,
@@ -87,7 +87,8 @@ pub fn run(args: VerifyArgs) -> Result<()> {
         };
         match bytes.and_then(|bytes| Recording::of_file(&path, &bytes)) {
             Ok(recording) => {
-                files.push(File { file: path.display().to_string(), comparison: compare(&recording) });
+                files
+                    .push(VerifiedFile { file: path.display().to_string(), comparison: compare(&recording) });
             }
             Err(error) => errors.push(error),
         }
@@ -102,15 +103,15 @@ pub fn run(args: VerifyArgs) -> Result<()> {
         output::print(text(&report.files, args.against))?;
     }
     let passed = report.failures.into_iter().map(|text| Error::new(ErrorKind::Expectation, text));
-    // A file that was not read is the graver of the two: it gives the exit code.
+    // A file that could not be read comes first, as the first error gives the exit code.
     errors.extend(passed);
     if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
 }
 
 impl VerifyArgs {
     /// The limits that a file exceeds.
-    fn failures(&self, file: &File) -> Vec<String> {
-        let Some((what, hits)) = judged(&file.comparison, self.against) else { return Vec::new() };
+    fn failures(&self, file: &VerifiedFile) -> Vec<String> {
+        let Some((what, hits)) = baseline_hits(&file.comparison, self.against) else { return Vec::new() };
         let mut failures = Vec::new();
         let name = &file.file;
         let counts = [
@@ -124,7 +125,7 @@ impl VerifyArgs {
             }
         }
         let max = hits.t_ulp.map_or(0.0, |t_ulp| t_ulp.max);
-        // A NaN is no small error.
+        // NaN exceeds every limit.
         if let Some(limit) = self.max_ulp.filter(|&limit| max.is_nan() || max > limit)
             && !file.comparison.is_procedural()
         {
@@ -135,13 +136,13 @@ impl VerifyArgs {
 }
 
 /// The comparison that limits are checked against.
-fn judged(comparison: &Comparison, against: Judge) -> Option<(&'static str, &Hits)> {
+fn baseline_hits(comparison: &Comparison, against: Baseline) -> Option<(&'static str, &HitComparison)> {
     let reference = comparison.reference.as_ref().map(|one| ("reference", &one.hits));
     let driver = comparison.driver.as_ref().map(|one| ("driver", &one.hits));
     match against {
-        Judge::Auto => reference.or(driver),
-        Judge::Reference => reference,
-        Judge::Driver => driver,
+        Baseline::Auto => reference.or(driver),
+        Baseline::Reference => reference,
+        Baseline::Driver => driver,
     }
 }
 
@@ -154,8 +155,8 @@ fn of_recording(error: Error) -> Error {
     error.notes().iter().fold(own, |own, note| own.note(note))
 }
 
-/// The files meant, each with whether it was named itself: folders stand for all recordings in
-/// them, sorted.
+/// The recordings to compare, each with whether it was named itself: files, and all recordings in
+/// folders, sorted.
 fn recordings(paths: &[PathBuf]) -> Result<Vec<(PathBuf, bool)>> {
     let mut all = Vec::new();
     for path in paths {
@@ -190,9 +191,9 @@ fn collect(folder: &Path, all: &mut Vec<(PathBuf, bool)>) -> Result<()> {
 
 /// The report for people: a table of hits, a table of what drivers recorded beside them, and the
 /// first rows that are wrong.
-fn text(files: &[File], against: Judge) -> String {
+fn text(files: &[VerifiedFile], against: Baseline) -> String {
     let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
-    let mut more = vec![MORE.map(str::to_owned).to_vec()];
+    let mut driver_rows = vec![DRIVER_HEAD.map(str::to_owned).to_vec()];
     let mut wrong = String::new();
     for file in files {
         let comparison = &file.comparison;
@@ -204,9 +205,9 @@ fn text(files: &[File], against: Judge) -> String {
         }
         if let Some(driver) = &comparison.driver {
             rows.push(hits_row(&name, "driver", &driver.hits));
-            more.extend(driver_row(&name, driver));
+            driver_rows.extend(driver_row(&name, driver));
         }
-        if let Some((what, hits)) = judged(comparison, against) {
+        if let Some((what, hits)) = baseline_hits(comparison, against) {
             for example in &hits.examples {
                 // Writing to a string does not fail.
                 let _ = writeln!(wrong, "{name}, {what}: {example}");
@@ -220,9 +221,9 @@ fn text(files: &[File], against: Judge) -> String {
         }
     }
     let mut out = table(&rows);
-    if more.len() > 1 {
+    if driver_rows.len() > 1 {
         out.push_str("\nrows that differ from the driver's, and the greatest difference of floats\n");
-        out.push_str(&table(&more));
+        out.push_str(&table(&driver_rows));
     }
     if !wrong.is_empty() {
         out.push('\n');
@@ -236,7 +237,7 @@ const HEAD: [&str; 13] = [
     "p99.9", "max",
 ];
 
-const MORE: [&str; 9] = [
+const DRIVER_HEAD: [&str; 9] = [
     "file",
     "shaders ran",
     "hit kind",
@@ -248,8 +249,9 @@ const MORE: [&str; 9] = [
     "object ray",
 ];
 
-fn hits_row(name: &str, against: &str, hits: &Hits) -> Vec<String> {
-    let Hits { rows, hits: count, undecidable, missed, extra, other_primitive, ties, t_ulp, .. } = hits;
+fn hits_row(name: &str, against: &str, hits: &HitComparison) -> Vec<String> {
+    let HitComparison { rows, hits: count, undecidable, missed, extra, other_primitive, ties, t_ulp, .. } =
+        hits;
     let mut row = vec![name.to_owned(), against.to_owned()];
     row.extend([rows, count, undecidable, missed, extra, other_primitive, ties].map(ToString::to_string));
     row.extend(match t_ulp {
@@ -259,7 +261,7 @@ fn hits_row(name: &str, against: &str, hits: &Hits) -> Vec<String> {
     row
 }
 
-/// `None` where a driver recorded hits and nothing beside.
+/// The row of everything that a driver recorded besides hits; `None` if it recorded nothing else.
 fn driver_row(name: &str, driver: &AgainstDriver) -> Option<Vec<String>> {
     let cells = [
         driver.shaders_ran,

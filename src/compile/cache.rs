@@ -1,14 +1,14 @@
-//! Compiled modules on disk, found by the hash of all that they are made from.
+//! A cache of compiled modules on disk, keyed by the hash of everything that they depend on.
 //!
 //! The folder is `$ANYHIT_CACHE`, else `anyhit/modules` in the user's cache folder
-//! (`$XDG_CACHE_HOME` or `~/.cache`, `~/Library/Caches`, `%LOCALAPPDATA%`). `ANYHIT_CACHE=off` does
-//! without. It may be deleted at any time. An entry is written beside its place and renamed, so
-//! that processes side by side never see half of one; an entry whose own hash does not fit is
-//! compiled again. A cache that cannot be written is slow, not an error.
+//! (`$XDG_CACHE_HOME` or `~/.cache`, `~/Library/Caches`, `%LOCALAPPDATA%`). `ANYHIT_CACHE=off`
+//! disables it. It may be deleted at any time. An entry is written to a temporary file and renamed,
+//! so that concurrent processes never see an incomplete one; an entry with a wrong checksum is
+//! compiled again. If the cache cannot be written, compilation is slower, but no error.
 //!
-//! It does not grow without end: the first module that a process writes has it swept of entries
-//! that were not used for 30 days, and of the longest unused ones beyond 256 MiB, or as many MiB as
-//! `ANYHIT_CACHE_LIMIT` says.
+//! Its size is limited: when a process writes its first module, entries that were not used for 30
+//! days are removed, and the least recently used ones beyond 256 MiB, or as many MiB as
+//! `ANYHIT_CACHE_LIMIT` sets.
 
 use std::env;
 use std::fs;
@@ -30,17 +30,17 @@ pub const LIMIT_VARIABLE: &str = "ANYHIT_CACHE_LIMIT";
 /// The limit where none is given, in MiB.
 const LIMIT: u64 = 256;
 
-/// How long an unused entry stays.
-const UNUSED: Duration = Duration::from_secs(30 * DAY);
+/// How long an unused entry is kept.
+const MAX_UNUSED: Duration = Duration::from_secs(30 * DAY);
 
-/// An entry's time is that of its last use, to the day: reading need not write.
+/// The time of an entry's last use is kept to the day, so that most reads do not write.
 const DAY: u64 = 24 * 60 * 60;
 
-/// Begins every entry; a change of the format or of what is done to modules changes it.
+/// The first words of every entry, with the version of the format and of the processing of modules.
 const MAGIC: &str = "anyhit module 1";
 
-/// Compiles a source, or takes the module that was compiled from the very same before: text and
-/// name, all files that it includes, options, and the compiler's version.
+/// Compiles a source, or takes the module from the cache if it was compiled before with the same
+/// text and name, included files, options and version of the compiler.
 ///
 /// # Errors
 /// As [`compile()`].
@@ -63,17 +63,17 @@ pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions)
         return Ok(spirv);
     }
     let spirv = compile(source, options)?;
-    // Slow without it, but right.
+    // A failure to write only makes the next compilation slower.
     let _ = write(&path, &entry(&key, &spirv));
-    static SWEPT: Once = Once::new();
-    SWEPT.call_once(|| {
+    static SWEEP_ONCE: Once = Once::new();
+    SWEEP_ONCE.call_once(|| {
         let limit = env::var(LIMIT_VARIABLE).ok().and_then(|limit| limit.trim().parse().ok());
         sweep(folder, limit.unwrap_or(LIMIT) << 20, SystemTime::now());
     });
     Ok(spirv)
 }
 
-/// Keeps the time of an entry's last use.
+/// Updates the time of an entry's last use.
 fn touch(path: &Path) {
     let touched = || -> std::io::Result<()> {
         let now = SystemTime::now();
@@ -83,30 +83,30 @@ fn touch(path: &Path) {
         }
         Ok(())
     };
-    // An entry that cannot be touched is one that goes earlier.
+    // An entry whose time cannot be updated is only removed earlier.
     let _ = touched();
 }
 
-/// Removes what was unused for long, and the longest unused of what is more than `limit` bytes.
-/// Other files of the folder stay.
+/// Removes entries that were unused for long, and the least recently used ones beyond `limit`
+/// bytes. Other files in the folder are not removed.
 fn sweep(folder: &Path, limit: u64, now: SystemTime) {
     let entry = |entry: fs::DirEntry| {
         let (path, data) = (entry.path(), entry.metadata().ok()?);
         let name = path.file_name()?.to_str()?;
         let is_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
-        // What a process left that was killed while it wrote.
-        let is_left = name.starts_with(".tmp");
-        (data.is_file() && (is_hash || is_left)).then_some(())?;
-        Some((data.modified().ok()?, is_left, data.len(), path))
+        // A temporary file of a process that was killed while it wrote.
+        let is_temporary = name.starts_with(".tmp");
+        (data.is_file() && (is_hash || is_temporary)).then_some(())?;
+        Some((data.modified().ok()?, is_temporary, data.len(), path))
     };
     let mut entries: Vec<_> =
         fs::read_dir(folder).into_iter().flatten().flatten().filter_map(entry).collect();
-    // The last used first.
+    // Sorts the most recently used first.
     entries.sort_by(|one, other| other.cmp(one));
     let mut kept = 0u64;
-    for (used, is_left, size, path) in entries {
+    for (used, is_temporary, size, path) in entries {
         let age = now.duration_since(used).unwrap_or_default();
-        let is_old = age > if is_left { Duration::from_secs(DAY) } else { UNUSED };
+        let is_old = age > if is_temporary { Duration::from_secs(DAY) } else { MAX_UNUSED };
         kept = kept.saturating_add(size);
         if is_old || kept > limit {
             // Another process may have removed it.
@@ -115,7 +115,7 @@ fn sweep(folder: &Path, limit: u64, now: SystemTime) {
     }
 }
 
-/// Where modules are kept; `None` where they are not.
+/// The folder of the cache; `None` if it is disabled.
 pub fn folder() -> Option<PathBuf> {
     match env::var_os(VARIABLE) {
         Some(off) if off == "off" || off == "0" => None,
@@ -124,7 +124,7 @@ pub fn folder() -> Option<PathBuf> {
     }
 }
 
-/// The user's folder for caches: XDG's, Apple's or Windows' own.
+/// The user's cache folder, by the conventions of XDG, macOS or Windows.
 fn user_cache() -> Option<PathBuf> {
     let absolute = |variable| env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute());
     if cfg!(windows) {
@@ -141,7 +141,7 @@ fn user_cache() -> Option<PathBuf> {
 fn key(source: &Source, options: &CompileOptions) -> Result<String> {
     let compiler = match source.language() {
         #[cfg(feature = "glsl")]
-        Language::Glsl(_) if !glslang_tool::asked_for() => super::tool(source.language())?,
+        Language::Glsl(_) if !glslang_tool::is_requested() => super::tool(source.language())?,
         Language::Glsl(_) => glslang_tool::tool()?.identity(),
         Language::Slang | Language::Hlsl => slang::tool()?.identity(),
         Language::Wgsl => super::tool(source.language())?,
@@ -154,18 +154,18 @@ fn key(source: &Source, options: &CompileOptions) -> Result<String> {
         source.name(),
         &content_hash(source),
     ];
-    // Lengths first, so that no two lists of parts read alike.
+    // Lengths precede the parts, so that different lists never give the same text.
     let text: String = parts.iter().map(|part| format!("{} {part}\n", part.len())).collect();
     Ok(bytes_hash(text.as_bytes()))
 }
 
-/// `MAGIC HASH`, a line end, the module; the hash is over key and module.
+/// The bytes of an entry: `MAGIC HASH`, a line end, the module. The hash is over key and module.
 fn entry(key: &str, spirv: &[u8]) -> Vec<u8> {
     let hash = bytes_hash(&[key.as_bytes(), spirv].concat());
     [format!("{MAGIC} {hash}\n").as_bytes(), spirv].concat()
 }
 
-/// The module of an entry, where the entry is whole.
+/// The module of an entry, if its hash is right.
 fn content(key: &str, entry: &[u8]) -> Option<Vec<u8>> {
     let at = entry.iter().position(|&byte| byte == b'\n')?;
     let (head, spirv) = (&entry[..at], &entry[at + 1..]);
@@ -211,14 +211,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_taken_comes_from_the_disk_and_a_broken_entry_is_made_again() {
+    fn modules_come_from_the_disk_and_broken_entries_are_compiled_again() {
         let folder = tempfile::tempdir().unwrap();
         let source = Source::from_text("a.wgsl", SHADER).unwrap();
         let take = || compile_once_in(folder.path(), &source, &CompileOptions::default()).unwrap();
         let module = take();
         let path = entries(folder.path()).remove(0);
         let key = path.file_name().unwrap().to_str().unwrap().to_owned();
-        // A whole entry is believed: the compiler does not run.
+        // The compiler does not run if there is a valid entry.
         fs::write(&path, entry(&key, b"planted")).unwrap();
         assert_eq!(take(), b"planted");
         let whole = entry(&key, &module);
@@ -229,13 +229,13 @@ mod tests {
             assert_eq!(take(), module);
             assert_eq!(fs::read(&path).unwrap(), whole);
         }
-        // An entry under another's name.
+        // The entry has the name of another one.
         fs::write(&path, entry("another", &module)).unwrap();
         assert_eq!(take(), module);
     }
 
     #[test]
-    fn sweeping_removes_what_is_old_and_what_is_too_much() {
+    fn sweeping_removes_old_entries_and_those_beyond_the_limit() {
         let folder = tempfile::tempdir().unwrap();
         let now = SystemTime::now();
         let add = |name: &str, days: u64, size: usize| {
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn many_at_once_get_the_same_module() {
+    fn concurrent_compilations_get_the_same_module() {
         let folder = tempfile::tempdir().unwrap();
         let modules: Vec<_> = std::thread::scope(|scope| {
             let take = || {

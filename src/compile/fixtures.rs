@@ -1,9 +1,8 @@
 //! `spirv-fixtures/`: the compiled form of every source under `shaders/`, with a record of how each
-//! was made, so that tests need no compiler and no test runs a module that is older than its
-//! source.
+//! was made, so that tests need no compiler and never run a module that is older than its source.
 //!
 //! `shaders/a/b.rchit` has its fixture at `spirv-fixtures/a/b.rchit.spv`. Comments in the source
-//! ask for more:
+//! request flags and further fixtures:
 //!
 //! ```text
 //! //@ flags: -g            the flags of the fixture itself
@@ -47,11 +46,11 @@ pub struct FixtureRecord {
 /// The records by fixture name (relative to [`FIXTURES`], with `/`).
 type Records = BTreeMap<String, FixtureRecord>;
 
-/// A fixture that some source asks for.
-struct Wanted {
-    /// Relative to [`FIXTURES`], with `/`.
+/// A fixture that a source requests.
+struct RequestedFixture {
+    /// The path relative to [`FIXTURES`], with `/`.
     name: String,
-    /// Relative to the root, with `/`.
+    /// The path of the source relative to the root, with `/`.
     source: String,
     flags: String,
 }
@@ -61,15 +60,15 @@ struct Wanted {
 pub struct FixtureReport {
     /// Fixtures written, by name.
     pub written: Vec<String>,
-    /// The number of fixtures that were in step already.
+    /// The number of fixtures that were up to date.
     pub kept: usize,
-    /// Fixtures and records removed because no source asks for them.
+    /// Fixtures and records removed because no source requests them.
     pub removed: Vec<String>,
     /// Stale fixtures that could not be made, because this build or machine lacks the compiler.
     pub skipped: Vec<(String, Error)>,
 }
 
-/// Brings the fixtures of a repository in step with its sources: compiles those whose source, flags
+/// Updates the fixtures of a repository: compiles those whose source, flags
 /// or module no longer match the record (all, with `force`), and removes those without a source.
 ///
 /// A missing compiler is no error: the fixtures that would need it are listed in the report.
@@ -81,14 +80,14 @@ pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
     let mut records = read_records(&folder)?;
     let mut report = FixtureReport::default();
     let mut errors = Vec::new();
-    let wanted = wanted(root)?;
-    for fixture in &wanted {
+    let requested = requested(root)?;
+    for fixture in &requested {
         let source = Source::read_in(root, &fixture.source)?;
         let path = folder.join(&fixture.name);
         let hash = content_hash(&source);
         let record = records.get(&fixture.name);
         let module = fs::read(&path).ok();
-        if !force && stale(record, &fixture.flags, &hash, module.as_deref()).is_none() {
+        if !force && stale_reason(record, &fixture.flags, &hash, module.as_deref()).is_none() {
             report.kept += 1;
             continue;
         }
@@ -106,7 +105,7 @@ pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
             Err(error) => errors.push(error),
         }
     }
-    let known = |name: &str| wanted.iter().any(|fixture| fixture.name == name);
+    let known = |name: &str| requested.iter().any(|fixture| fixture.name == name);
     for name in files(&folder, &|path| path.extension().is_some_and(|extension| extension == "spv"))? {
         if !known(&name) {
             let path = folder.join(&name);
@@ -119,8 +118,8 @@ pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
     if errors.is_empty() { Ok(report) } else { Err(Error::several(errors)) }
 }
 
-/// Every way in which the fixtures of a repository are out of step with its sources, one line each.
-/// Needs no compiler.
+/// Lists every fixture of a repository that does not match its source, one line each. Needs no
+/// compiler.
 ///
 /// # Errors
 /// [`ErrorKind::Io`], and [`ErrorKind::InvalidSource`] or [`ErrorKind::InvalidArgument`] for a
@@ -129,12 +128,12 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
     let folder = root.join(FIXTURES);
     let mut records = read_records(&folder)?;
     let mut problems = Vec::new();
-    let wanted = wanted(root)?;
-    for fixture in &wanted {
+    let requested = requested(root)?;
+    for fixture in &requested {
         let hash = content_hash(&Source::read_in(root, &fixture.source)?);
         let module = fs::read(folder.join(&fixture.name)).ok();
         let record = records.remove(&fixture.name);
-        if let Some(reason) = stale(record.as_ref(), &fixture.flags, &hash, module.as_deref()) {
+        if let Some(reason) = stale_reason(record.as_ref(), &fixture.flags, &hash, module.as_deref()) {
             problems.push(format!("{FIXTURES}/{}: {reason} ({})", fixture.name, fixture.source));
         }
     }
@@ -142,15 +141,15 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
         problems.push(format!("{FIXTURES}/{RECORDS}: `{name}` has no source"));
     }
     for name in files(&folder, &|path| path.file_name().is_none_or(|name| name != RECORDS))? {
-        if !wanted.iter().any(|fixture| fixture.name == name) {
+        if !requested.iter().any(|fixture| fixture.name == name) {
             problems.push(format!("{FIXTURES}/{name}: no source asks for it"));
         }
     }
     Ok(problems)
 }
 
-/// Why a fixture is not what its source asks for; `None` where it is.
-fn stale(
+/// Why a fixture is out of date; `None` if it is not.
+fn stale_reason(
     record: Option<&FixtureRecord>,
     flags: &str,
     source: &str,
@@ -175,9 +174,9 @@ fn make(source: &Source, flags: &str) -> Result<(Vec<u8>, String)> {
     Ok((compile(source, &options)?, tool))
 }
 
-/// All fixtures that the sources under a root ask for, sorted by name.
-fn wanted(root: &Path) -> Result<Vec<Wanted>> {
-    let mut wanted = Vec::new();
+/// All fixtures that the sources under a root request, sorted by name.
+fn requested(root: &Path) -> Result<Vec<RequestedFixture>> {
+    let mut requested = Vec::new();
     for name in files(&root.join(SOURCES), &|path| Language::of(path).is_some())? {
         let source = Source::read_in(root, &format!("{SOURCES}/{name}"))?;
         let mut flags = String::new();
@@ -188,23 +187,23 @@ fn wanted(root: &Path) -> Result<Vec<Wanted>> {
                 Some(("flags", text)) => flags = text,
                 Some((head, flags)) if suffix(head).is_some() => {
                     let name = format!("{name}.{}.spv", suffix(head).unwrap_or_default());
-                    wanted.push(Wanted { name, source: source.name().to_owned(), flags });
+                    requested.push(RequestedFixture { name, source: source.name().to_owned(), flags });
                 }
                 _ => return Err(unknown_request(&source, line)),
             }
         }
         let source = source.name().to_owned();
-        wanted.push(Wanted { name: format!("{name}.spv"), source, flags });
+        requested.push(RequestedFixture { name: format!("{name}.spv"), source, flags });
     }
-    wanted.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(wanted)
+    requested.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(requested)
 }
 
 /// The suffix that `also SUFFIX` gives.
 fn suffix(head: &str) -> Option<&str> {
     let suffix = head.strip_prefix("also ")?.trim();
-    let fine = !suffix.is_empty() && suffix.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
-    fine.then_some(suffix)
+    let valid = !suffix.is_empty() && suffix.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+    valid.then_some(suffix)
 }
 
 fn unknown_request(source: &Source, line: &str) -> Error {
@@ -222,8 +221,8 @@ fn unknown_request(source: &Source, line: &str) -> Error {
 /// The files under a folder that a test accepts, relative to it with `/`, sorted.
 fn files(folder: &Path, accept: &dyn Fn(&Path) -> bool) -> Result<Vec<String>> {
     let mut found = Vec::new();
-    let mut left: Vec<(PathBuf, String)> = vec![(folder.to_owned(), String::new())];
-    while let Some((folder, prefix)) = left.pop() {
+    let mut pending: Vec<(PathBuf, String)> = vec![(folder.to_owned(), String::new())];
+    while let Some((folder, prefix)) = pending.pop() {
         if !folder.exists() {
             continue;
         }
@@ -232,7 +231,7 @@ fn files(folder: &Path, accept: &dyn Fn(&Path) -> bool) -> Result<Vec<String>> {
             let path = entry.path();
             let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
             if path.is_dir() {
-                left.push((path, format!("{name}/")));
+                pending.push((path, format!("{name}/")));
             } else if accept(&path) {
                 found.push(name);
             }
@@ -301,7 +300,7 @@ mod tests {
     const SHADER: &str = "@compute @workgroup_size(1) fn main() {}\n";
 
     #[test]
-    fn regenerating_brings_all_in_step_and_is_idempotent() {
+    fn regenerating_updates_everything_and_is_idempotent() {
         let repository = Repository::new("step");
         repository.write("shaders/pass/a/b.wgsl", &format!("//@ also g: -g\n{SHADER}"));
         assert_eq!(repository.problems().len(), 2, "two fixtures are missing");
@@ -313,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn each_way_of_being_out_of_step_is_named() {
+    fn each_kind_of_mismatch_is_reported() {
         let repository = Repository::new("ways");
         repository.write("shaders/a.wgsl", SHADER);
         repository.write("shaders/b.wgsl", SHADER);

@@ -3,7 +3,7 @@
 //!
 //! The safe binding offers no options for the SPIR-V that it generates, hence no `OpLine` and no
 //! `NonSemantic.Shader.DebugInfo`. It does the includes and finds all mistakes; here its
-//! preprocessed text is compiled once more.
+//! preprocessed text is compiled again.
 
 #![allow(unsafe_code)]
 
@@ -37,7 +37,7 @@ pub(super) fn compile(
     let c_string = |text: &str| CString::new(text).map_err(|_| "the text holds a zero byte".to_owned());
     let code = c_string(preprocessed)?;
     let name = c_string(source.name())?;
-    // What a debugger shows is the text as written; only its lines' numbers come from the other.
+    // Debuggers show the original text; the preprocessed text only gives the line numbers.
     let text = c_string(source.text())?;
     let limits: &ResourceLimits = &DEFAULT_LIMITS;
     // Not DEBUG_INFO: it would add the preprocessed text to the text as written.

@@ -2,26 +2,26 @@
 
 use std::process::Command;
 
-use super::outside::{Desk, Tool, said};
+use super::external::{Tool, Workspace, printed};
 use super::{CompileOptions, DebugInfoLevel, Optimize, Source, SourceStage, message};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The environment variable that names the tool to use, also where glslang is built in.
 const VARIABLE: &str = "GLSLANG";
 
-/// What glslang says of an extension that it does not know.
+/// The message of glslang about an extension that it does not know.
 const UNKNOWN: &str = "extension not supported";
 
-/// Whether the user names a tool.
+/// Whether the user requests an installed tool by the environment variable.
 #[cfg(feature = "glsl")]
-pub(super) fn asked_for() -> bool {
+pub(super) fn is_requested() -> bool {
     std::env::var_os(VARIABLE).is_some_and(|given| !given.is_empty())
 }
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
 pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
     let tool = tool()?;
-    let desk = Desk::new(source)?;
+    let workspace = Workspace::new(source)?;
     let mut command = Command::new(&tool.path);
     let stage = stage.extension();
     if is_glslc(&tool) {
@@ -53,27 +53,28 @@ pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOpti
             command.arg("-Od");
         }
     }
-    for folder in source.outside_folders()? {
+    for folder in source.external_include_folders()? {
         let mut argument = std::ffi::OsString::from("-I");
         argument.push(folder);
         command.arg(argument);
     }
-    let result = desk.run(command.arg("-o").arg(desk.output()).arg(source.name()))?;
-    let said = said(&result);
+    let result = workspace.run(command.arg("-o").arg(workspace.output()).arg(source.name()))?;
+    let printed = printed(&result);
     if result.status.success() {
-        return desk.module(said);
+        return workspace.module(printed);
     }
-    let complaints = match is_glslc(&tool) {
-        true => message::glslc(&said),
-        false => message::glslang(&said),
+    let diagnostics = match is_glslc(&tool) {
+        true => message::glslc(&printed),
+        false => message::glslang(&printed),
     };
-    // Not a mistake of the source: the tool is too old for it.
-    if let Some(complaint) = complaints.iter().find(|complaint| complaint.text.contains(UNKNOWN)) {
-        let message = format!("{} cannot compile {}: {}", tool.path.display(), source.name(), complaint.text);
+    // The source is valid, but the tool is too old for it.
+    if let Some(diagnostic) = diagnostics.iter().find(|diagnostic| diagnostic.text.contains(UNKNOWN)) {
+        let message =
+            format!("{} cannot compile {}: {}", tool.path.display(), source.name(), diagnostic.text);
         let error = Error::new(ErrorKind::UnsupportedTool, message);
         return Err(error.note("a newer glslang may, and so does anyhit's own (`--features glsl`)"));
     }
-    Err(message::error(source, complaints, &said))
+    Err(message::error(source, diagnostics, &printed))
 }
 
 /// The tool and its version.
@@ -82,7 +83,7 @@ pub(super) fn version() -> Result<String> {
     Ok(format!("{} {}", tool.name(), tool.version(&["--version"])?))
 }
 
-/// What the environment variable `GLSLANG` names, else what is on the `PATH`.
+/// The tool that the environment variable `GLSLANG` names, else one on the `PATH`.
 pub(super) fn tool() -> Result<Tool> {
     Tool::find(VARIABLE, &["glslang", "glslangValidator", "glslc"]).map_err(|error: Error| {
         error

@@ -6,76 +6,77 @@ use std::sync::Arc;
 use super::Source;
 use crate::error::{Error, ErrorKind, Place};
 
-/// One complaint of a compiler.
+/// One error message of a compiler.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Complaint {
+pub(super) struct CompilerDiagnostic {
     /// The file's name as the compiler gave it; empty for the source itself.
     pub(super) file: String,
-    /// From 1; 0 where the compiler named none.
+    /// The line, from 1; 0 if the compiler named none.
     pub(super) line: usize,
-    /// From 1; 0 where the compiler named none.
+    /// The column, from 1; 0 if the compiler named none.
     pub(super) column: usize,
-    /// The number of characters meant; 0 where unknown.
+    /// The number of characters that the message points at; 0 if unknown.
     pub(super) width: usize,
-    /// What is wrong.
+    /// The message.
     pub(super) text: String,
 }
 
-/// Complaints as one error, each at its place in the text. With none, the whole output is the
-/// message.
-pub(super) fn error(source: &Source, complaints: Vec<Complaint>, output: &str) -> Error {
-    if complaints.is_empty() {
+/// Makes one error of diagnostics, each at its place in the text. If there are none, the whole
+/// output is the message.
+pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, output: &str) -> Error {
+    if diagnostics.is_empty() {
         let message = output.trim().lines().next().unwrap_or("the compiler failed and said nothing");
         let rest = output.trim().lines().skip(1).collect::<Vec<_>>().join("\n");
         let error = Error::new(ErrorKind::InvalidSource, format!("{}: {message}", source.name()));
         return if rest.is_empty() { error } else { error.note(rest) };
     }
     let files = source.closure();
-    let errors = complaints.into_iter().map(|complaint| {
-        let error = Error::new(ErrorKind::InvalidSource, complaint.text);
-        let name = if complaint.file.is_empty() { source.name() } else { &complaint.file };
+    let errors = diagnostics.into_iter().map(|diagnostic| {
+        let error = Error::new(ErrorKind::InvalidSource, diagnostic.text);
+        let name = if diagnostic.file.is_empty() { source.name() } else { &diagnostic.file };
         let text = if name == source.name() { Some(source.text()) } else { files.get(name) };
         match text {
-            _ if complaint.line == 0 => error.at(Place::File(name.into())),
+            _ if diagnostic.line == 0 => error.at(Place::File(name.into())),
             Some(text) => error.at(Place::Text {
                 file: name.to_owned(),
                 text: text.clone(),
-                span: span(text, complaint.line, complaint.column, complaint.width),
+                span: span(text, diagnostic.line, diagnostic.column, diagnostic.width),
             }),
             None => error.at(Place::Line {
                 file: name.to_owned(),
-                line: u32::try_from(complaint.line).unwrap_or(u32::MAX),
-                column: u32::try_from(complaint.column).unwrap_or(0),
+                line: u32::try_from(diagnostic.line).unwrap_or(u32::MAX),
+                column: u32::try_from(diagnostic.column).unwrap_or(0),
             }),
         }
     });
     Error::several(errors.collect())
 }
 
-/// The complaints in a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A
-/// list, as of extensions that would help, follows on lines of its own.
-pub(super) fn glslang(log: &str) -> Vec<Complaint> {
-    let mut complaints: Vec<Complaint> = Vec::new();
-    let mut goes_on = false;
+/// Parses a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A list, for
+/// example of required extensions, follows on separate lines.
+pub(super) fn glslang(log: &str) -> Vec<CompilerDiagnostic> {
+    let mut diagnostics: Vec<CompilerDiagnostic> = Vec::new();
+    let mut list_follows = false;
     for line in log.lines().map(str::trim) {
         if let Some(text) = line.strip_prefix("ERROR: ") {
-            let complaint = glslang_error(text);
-            goes_on = complaint.as_ref().is_some_and(|complaint| complaint.text.ends_with(':'));
-            complaints.extend(complaint);
-        } else if let Some(last) = complaints.last_mut().filter(|_| goes_on && !line.is_empty()) {
+            let diagnostic = glslang_error(text);
+            list_follows = diagnostic.as_ref().is_some_and(|diagnostic| diagnostic.text.ends_with(':'));
+            diagnostics.extend(diagnostic);
+        } else if let Some(last) = diagnostics.last_mut().filter(|_| list_follows && !line.is_empty()) {
             let between = if last.text.ends_with(':') { " " } else { ", " };
             last.text = [&last.text, line].join(between);
         } else {
-            goes_on = false;
+            list_follows = false;
         }
     }
-    complaints
+    diagnostics
 }
 
-/// One line of it, behind `ERROR: `.
-fn glslang_error(line: &str) -> Option<Complaint> {
+/// Parses a line of the log, after `ERROR: `.
+fn glslang_error(line: &str) -> Option<CompilerDiagnostic> {
     let (place, text) = line.split_once(": ")?;
-    // With a column: FILE:LINE:COLUMN. A file's name may hold colons, so read from the right.
+    // With a column the format is FILE:LINE:COLUMN. It is split from the right, because a file's
+    // name may contain colons.
     let mut parts = place.rsplitn(3, ':').collect::<Vec<_>>();
     parts.reverse();
     let number = |text: &str| text.parse::<usize>().ok();
@@ -85,29 +86,35 @@ fn glslang_error(line: &str) -> Option<Complaint> {
         [file, line] => (file.to_owned(), number(line)?, 0),
         _ => return None,
     };
-    // Said after the last mistake of a file, not a mistake itself.
-    if tidy(text) == "compilation terminated" {
+    // This follows the last error of a file and is no error itself.
+    if normalize_text(text) == "compilation terminated" {
         return None;
     }
     let file = if file == "0" { String::new() } else { file.trim_start_matches("./").to_owned() };
-    Some(Complaint { file, line, column, width: 0, text: tidy(text) })
+    Some(CompilerDiagnostic { file, line, column, width: 0, text: normalize_text(text) })
 }
 
-/// The complaints in the output of `glslc`: `FILE:LINE: error: TEXT`.
-pub(super) fn glslc(output: &str) -> Vec<Complaint> {
-    let complaints = output.lines().filter_map(|line| {
+/// Parses the output of `glslc`: `FILE:LINE: error: TEXT`.
+pub(super) fn glslc(output: &str) -> Vec<CompilerDiagnostic> {
+    let diagnostics = output.lines().filter_map(|line| {
         let (place, text) = line.split_once(": error: ")?;
         let (file, line) = place.rsplit_once(':').unwrap_or((place, "0"));
         let line = line.parse().unwrap_or(0);
-        Some(Complaint { file: file.to_owned(), line, column: 0, width: 0, text: tidy(text) })
+        Some(CompilerDiagnostic {
+            file: file.to_owned(),
+            line,
+            column: 0,
+            width: 0,
+            text: normalize_text(text),
+        })
     });
-    complaints.collect()
+    diagnostics.collect()
 }
 
-/// The complaints in the output of `slangc`: `error[E1]: TITLE`, then ` --> FILE:LINE:COLUMN` and
-/// carets beneath the line; older ones write `FILE(LINE): error 1: TEXT`.
-pub(super) fn slangc(output: &str) -> Vec<Complaint> {
-    let mut complaints: Vec<Complaint> = Vec::new();
+/// Parses the output of `slangc`: `error[E1]: TITLE`, then ` --> FILE:LINE:COLUMN` and carets below
+/// the line; older versions print `FILE(LINE): error 1: TEXT`.
+pub(super) fn slangc(output: &str) -> Vec<CompilerDiagnostic> {
+    let mut diagnostics: Vec<CompilerDiagnostic> = Vec::new();
     let mut title = None;
     for line in output.lines() {
         if let Some(text) = line.strip_prefix("error") {
@@ -121,9 +128,9 @@ pub(super) fn slangc(output: &str) -> Vec<Complaint> {
             let column = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
             let line = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
             let file = parts.next().unwrap_or(place).to_owned();
-            complaints.push(Complaint { file, line, column, width: 0, text });
+            diagnostics.push(CompilerDiagnostic { file, line, column, width: 0, text });
         } else if let Some((_, carets)) = line.split_once("| ")
-            && let Some(last) = complaints.last_mut()
+            && let Some(last) = diagnostics.last_mut()
             && last.width == 0
             && carets.trim_start().starts_with('^')
         {
@@ -137,14 +144,14 @@ pub(super) fn slangc(output: &str) -> Vec<Complaint> {
             let (file, number) = place.rsplit_once('(').unwrap_or((place, "0"));
             let text = text.split_once(": ").map_or(text, |(_, text)| text).to_owned();
             let line = number.parse().unwrap_or(0);
-            complaints.push(Complaint { file: file.to_owned(), line, column: 0, width: 0, text });
+            diagnostics.push(CompilerDiagnostic { file: file.to_owned(), line, column: 0, width: 0, text });
         }
     }
-    complaints
+    diagnostics
 }
 
-/// glslang writes `'name' :  what is wrong` with holes where a part is empty.
-fn tidy(text: &str) -> String {
+/// Removes the extra spaces and empty parts of glslang's messages, `'name' :  what is wrong`.
+fn normalize_text(text: &str) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     words.trim_start_matches("'' : ").replace(" : ", ": ")
 }
@@ -181,9 +188,9 @@ mod tests {
                    ERROR: 0:7:5: 'y' : redefinition\n\
                    ERROR: 0:7:9: '' : compilation terminated \n\
                    ERROR: 2 compilation errors.  No code generated.\n";
-        let complaints = glslang(log);
+        let diagnostics = glslang(log);
         let short: Vec<_> =
-            complaints.iter().map(|c| (c.file.as_str(), c.line, c.column, c.text.as_str())).collect();
+            diagnostics.iter().map(|c| (c.file.as_str(), c.line, c.column, c.text.as_str())).collect();
         assert_eq!(
             short,
             [
@@ -195,12 +202,12 @@ mod tests {
     }
 
     #[test]
-    fn a_list_of_glslang_belongs_to_the_mistake_above_it() {
+    fn a_list_belongs_to_the_error_before_it() {
         let log = "ERROR: 0:2:2: '#include' : required extension not requested: Possible extensions include:\n\
                    GL_GOOGLE_include_directive\nGL_ARB_shading_language_include\n\
                    ERROR: 0:2:2: '#include' : must be followed by a header name\nno list\n\
                    ERROR: 2 compilation errors.  No code generated.\n\nSPIR-V is not generated\n";
-        let texts: Vec<_> = glslang(log).into_iter().map(|complaint| complaint.text).collect();
+        let texts: Vec<_> = glslang(log).into_iter().map(|diagnostic| diagnostic.text).collect();
         let extensions = "GL_GOOGLE_include_directive, GL_ARB_shading_language_include";
         let first = format!(
             "'#include': required extension not requested: Possible extensions include: {extensions}"
@@ -212,21 +219,24 @@ mod tests {
     fn glslc_output() {
         let output = "a.rmiss:4: error: 'blue' : undeclared identifier\na.rmiss:9: warning: odd\n\
                       1 error generated.\nglslc: error: 'b.frag': failed to read\n";
-        let complaints = glslc(output);
-        assert_eq!(complaints.len(), 2);
-        assert_eq!((complaints[0].file.as_str(), complaints[0].line), ("a.rmiss", 4));
-        assert_eq!(complaints[0].text, "'blue': undeclared identifier");
-        assert_eq!(complaints[1].line, 0);
+        let diagnostics = glslc(output);
+        assert_eq!(diagnostics.len(), 2);
+        assert_eq!((diagnostics[0].file.as_str(), diagnostics[0].line), ("a.rmiss", 4));
+        assert_eq!(diagnostics[0].text, "'blue': undeclared identifier");
+        assert_eq!(diagnostics[1].line, 0);
     }
 
     #[test]
     fn slangc_output_new_and_old() {
         let output = "warning[E1]: odd\n --> a.slang:1:1\n  |\n1 | x\n  | ^ odd\n\
                       error[E30027]: member not found\n --> e.slang:3:56\n  |\n3 | a b\n  |   ^^ 'd' is not a member.\n--'\n";
-        let complaint = &slangc(output)[0];
+        let diagnostic = &slangc(output)[0];
         assert_eq!(slangc(output).len(), 1);
-        assert_eq!((complaint.file.as_str(), complaint.line, complaint.column), ("e.slang", 3, 56));
-        assert_eq!((complaint.width, complaint.text.as_str()), (2, "member not found: 'd' is not a member."));
+        assert_eq!((diagnostic.file.as_str(), diagnostic.line, diagnostic.column), ("e.slang", 3, 56));
+        assert_eq!(
+            (diagnostic.width, diagnostic.text.as_str()),
+            (2, "member not found: 'd' is not a member.")
+        );
         let old = &slangc("e.slang(3): error 30027: 'd' is not a member of 'P'.\n")[0];
         assert_eq!(
             (old.file.as_str(), old.line, old.text.as_str()),

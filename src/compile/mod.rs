@@ -19,11 +19,11 @@
 //! ```
 
 pub mod cache;
+mod external;
 pub mod fixtures;
 mod glslang_tool;
 mod message;
 mod open;
-mod outside;
 mod slang;
 mod source;
 
@@ -111,7 +111,7 @@ pub fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     source.check_includes()?;
     match source.language() {
         #[cfg(feature = "glsl")]
-        Language::Glsl(stage) if !glslang_tool::asked_for() => glsl::compile(source, stage, options),
+        Language::Glsl(stage) if !glslang_tool::is_requested() => glsl::compile(source, stage, options),
         Language::Glsl(stage) => glslang_tool::compile(source, stage, options),
         #[cfg(feature = "wgsl")]
         Language::Wgsl => wgsl::compile(source, options),
@@ -128,7 +128,7 @@ pub fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
 pub fn tool(language: Language) -> Result<String> {
     match language {
         #[cfg(feature = "glsl")]
-        Language::Glsl(_) if !glslang_tool::asked_for() => Ok(glslang_debug::version()),
+        Language::Glsl(_) if !glslang_tool::is_requested() => Ok(glslang_debug::version()),
         Language::Glsl(_) => glslang_tool::version(),
         #[cfg(feature = "wgsl")]
         Language::Wgsl => Ok(format!("naga {}", wgsl::NAGA_VERSION)),

@@ -8,7 +8,7 @@ use crate::error::{Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::module::{Module, load};
 
-/// How a source is compiled by default: with lines, so that a trap can name its own.
+/// How a source is compiled by default: with line numbers, so that traps can name them.
 const OPTIONS: CompileOptions =
     CompileOptions { debug: DebugInfoLevel::Lines, optimize: super::Optimize::Default };
 
@@ -22,7 +22,7 @@ impl Module {
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         let path = path.as_ref();
         let bytes = read_argument(path, InputLimit::ModuleBytes, &InputLimits::default())?;
-        // The first word decides before the name does.
+        // The content decides before the extension does.
         let text = bytes.first().is_some_and(|first| first.is_ascii_graphic() || first.is_ascii_whitespace());
         if text && Language::of(path).is_some() {
             return Self::compile(&Source::from_bytes(path, bytes)?, &OPTIONS);

@@ -3,20 +3,20 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::outside::{Desk, Tool, said};
+use super::external::{Tool, Workspace, printed};
 use super::{CompileOptions, DebugInfoLevel, Optimize, Source, message};
 use crate::error::Result;
 
-/// What `slangc` says where the library beside it is missing that optimises SPIR-V.
+/// The message of `slangc` if its library that optimises SPIR-V is missing.
 const NO_OPTIMIZER: &str = "failed to load downstream compiler 'spirv-opt'";
 
 /// Compiles all entry points of a source into one module, each under its own name.
 pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
-    let desk = Desk::new(source)?;
-    let folders = source.outside_folders()?;
+    let workspace = Workspace::new(source)?;
+    let folders = source.external_include_folders()?;
     let run = |optimize| {
         let mut command = Command::new(tool()?.path);
-        command.arg(source.name()).arg("-o").arg(desk.output());
+        command.arg(source.name()).arg("-o").arg(workspace.output());
         command.args(["-target", "spirv", "-fvk-use-entrypoint-name"]);
         for folder in &folders {
             command.arg("-I").arg(folder);
@@ -33,22 +33,22 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
                 command.arg("-O2");
             }
         }
-        desk.run(&mut command)
+        workspace.run(&mut command)
     };
     let mut result = run(options.optimize)?;
-    // Builds of slangc without their optimiser, such as that of slangtorch, can do without it.
-    if options.optimize == Optimize::Default && said(&result).contains(NO_OPTIMIZER) {
+    // Builds of slangc without an optimiser, such as that of slangtorch, can compile with -O0.
+    if options.optimize == Optimize::Default && printed(&result).contains(NO_OPTIMIZER) {
         result = run(Optimize::Off)?;
     }
-    let said = said(&result);
+    let printed = printed(&result);
     if !result.status.success() {
-        let error = message::error(source, message::slangc(&said), &said);
-        return Err(match said.contains(NO_OPTIMIZER) {
+        let error = message::error(source, message::slangc(&printed), &printed);
+        return Err(match printed.contains(NO_OPTIMIZER) {
             true => error.note("this slangc has no optimiser beside it: compile with -O0"),
             false => error,
         });
     }
-    Ok(without_machine_paths(&desk.module(said)?, desk.folder()))
+    Ok(without_machine_paths(&workspace.module(printed)?, workspace.folder()))
 }
 
 /// The module with file names relative to a folder. slangc's debug information holds absolute ones,
@@ -62,11 +62,11 @@ fn without_machine_paths(spirv: &[u8], folder: &Path) -> Vec<u8> {
     let mut folder = folder.to_string_lossy().into_owned();
     folder.push(std::path::MAIN_SEPARATOR);
     let mut out = words[..HEADER.min(words.len())].to_vec();
-    let mut left = &words[out.len()..];
-    while let Some(&first) = left.first() {
-        let length = ((first >> 16) as usize).clamp(1, left.len());
-        let (instruction, rest) = left.split_at(length);
-        left = rest;
+    let mut remaining = &words[out.len()..];
+    while let Some(&first) = remaining.first() {
+        let length = ((first >> 16) as usize).clamp(1, remaining.len());
+        let (instruction, rest) = remaining.split_at(length);
+        remaining = rest;
         if first & 0xFFFF != OP_STRING || length < 3 {
             out.extend(instruction);
             continue;

@@ -93,7 +93,7 @@ pub struct Source {
     name: String,
     text: Arc<str>,
     language: Language,
-    on_disk: bool,
+    is_file: bool,
     include_folders: Vec<PathBuf>,
     limits: InputLimits,
     root: Option<RootFolder>,
@@ -127,10 +127,10 @@ impl Source {
         let path = folder.join(name);
         let language = Language::of(&path).ok_or_else(|| unknown_language(name))?;
         // What comes out of a pipe is gone: an outside tool is given the text.
-        let on_disk = !is_stream(&path);
+        let is_file = !is_stream(&path);
         let text = read_text(&path, limits)?;
-        let folder = if on_disk { folder.into() } else { PathBuf::new() };
-        Ok(Self { folder, on_disk, limits: *limits, ..Self::new(name, text, language) })
+        let folder = if is_file { folder.into() } else { PathBuf::new() };
+        Ok(Self { folder, is_file, limits: *limits, ..Self::new(name, text, language) })
     }
 
     fn new(name: impl Into<String>, text: impl Into<Arc<str>>, language: Language) -> Self {
@@ -139,7 +139,7 @@ impl Source {
             name: name.into(),
             text: text.into(),
             language,
-            on_disk: false,
+            is_file: false,
             include_folders: Vec::new(),
             limits: InputLimits::default(),
             root: None,
@@ -152,7 +152,7 @@ impl Source {
     /// # Errors
     /// As [`Source::from_text`].
     pub(crate) fn of_file(name: String, text: &str) -> Result<Self> {
-        Ok(Self { on_disk: true, ..Self::from_text(name, text)? })
+        Ok(Self { is_file: true, ..Self::from_text(name, text)? })
     }
 
     /// The source that the bytes of a file are, read already.
@@ -161,8 +161,8 @@ impl Source {
     /// As [`Source::read`].
     pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let text = text_of(path, bytes)?;
-        let on_disk = !is_stream(path);
-        Ok(Self { on_disk, ..Self::from_text(path.to_string_lossy(), text)? })
+        let is_file = !is_stream(path);
+        Ok(Self { is_file, ..Self::from_text(path.to_string_lossy(), text)? })
     }
 
     /// With these limits, and with includes from this folder alone where one is given.
@@ -210,10 +210,11 @@ impl Source {
         &self.folder
     }
 
-    /// The folders of [`Source::include_folders`] for an outside tool, which runs in the source's
-    /// folder; for a text in memory, which is written elsewhere, absolute and with the current one.
-    pub(super) fn outside_folders(&self) -> Result<Vec<PathBuf>> {
-        if self.on_disk {
+    /// The folders of [`Source::include_folders`] for an external tool, which runs in the source's
+    /// folder. For a text in memory, which is written to a temporary folder, they are absolute and
+    /// include the current one.
+    pub(super) fn external_include_folders(&self) -> Result<Vec<PathBuf>> {
+        if self.is_file {
             return Ok(self.include_folders.clone());
         }
         let current = std::env::current_dir().map_err(|error| Error::io(".", error))?;
@@ -223,17 +224,17 @@ impl Source {
             .collect())
     }
 
-    /// Whether the text is that of a file, which an outside tool can open.
-    pub(super) fn on_disk(&self) -> bool {
-        self.on_disk
+    /// Whether the text is that of a file, which an external tool can open.
+    pub(super) fn is_file(&self) -> bool {
+        self.is_file
     }
 
-    /// The text of an included file, with the name that it goes by from there on. `includer` is the
-    /// name of the including file.
+    /// The normalized name and the text of an included file. `includer` is the name of the
+    /// including file.
     pub(super) fn include(&self, includer: &str, header: &str) -> Option<(String, String)> {
         let parent = Path::new(includer).parent().unwrap_or(Path::new(""));
         let folders = std::iter::once(parent).chain(self.include_folders.iter().map(PathBuf::as_path));
-        folders.map(|folder| normal(&folder.join(header))).find_map(|name| {
+        folders.map(|folder| normalized_path(&folder.join(header))).find_map(|name| {
             let path = self.folder.join(&name);
             let bytes = read_regular(&path, self.root.as_ref(), InputLimit::SourceBytes, &self.limits);
             Some((name, String::from_utf8(bytes.ok()?).ok()?))
@@ -266,19 +267,19 @@ impl Source {
     }
 
     /// Everything that the result depends on: this text and, by name, the text of each file that an
-    /// `#include`, `import` or `__include` reaches, whether or not a condition hides it. What is
-    /// not found is left out: the compiler's own modules, or a name that a macro makes.
+    /// `#include`, `import` or `__include` reaches, even in a false conditional. Files that
+    /// are not found are skipped: the compiler's own modules, or names that macros make.
     pub(super) fn closure(&self) -> BTreeMap<String, Arc<str>> {
-        let mut seen = BTreeMap::from([(normal(Path::new(&self.name)), self.text.clone())]);
-        let mut left = vec![normal(Path::new(&self.name))];
-        while let Some(includer) = left.pop() {
+        let mut seen = BTreeMap::from([(normalized_path(Path::new(&self.name)), self.text.clone())]);
+        let mut pending = vec![normalized_path(Path::new(&self.name))];
+        while let Some(includer) = pending.pop() {
             let text = seen[&includer].clone();
             for header in text.lines().filter_map(included_file) {
                 if let Some((name, text)) = self.include(&includer, &header)
                     && !seen.contains_key(&name)
                 {
                     seen.insert(name.clone(), text.into());
-                    left.push(name);
+                    pending.push(name);
                 }
             }
         }
@@ -286,7 +287,7 @@ impl Source {
     }
 }
 
-/// Name and language; the text would drown a failing test's message.
+/// Prints name and language only; the text would hide the message of a failing test.
 impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Source({}, {:?})", self.name, self.language)
@@ -301,7 +302,8 @@ pub fn content_hash(source: &Source) -> String {
     let mut hasher = Sha256::new();
     for (name, text) in source.closure() {
         let text = text.replace("\r\n", "\n");
-        // Lengths first: otherwise text could move from one file to the next unnoticed.
+        // Lengths are hashed, too: otherwise text that moves between files would not change the
+        // hash.
         for part in [name.as_bytes(), text.as_bytes()] {
             hasher.update((part.len() as u64).to_le_bytes());
             hasher.update(part);
@@ -319,7 +321,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The file that a line includes, relative to the file that it stands in.
+/// The file that a line includes, relative to the file with the line.
 fn included_file(line: &str) -> Option<String> {
     let line = line.trim_start();
     if let Some(rest) = line.strip_prefix('#') {
@@ -337,7 +339,7 @@ fn included_file(line: &str) -> Option<String> {
 }
 
 /// A path without `.` and, where possible, `..`, with `/` between folders on every machine.
-fn normal(path: &Path) -> String {
+fn normalized_path(path: &Path) -> String {
     let mut parts: Vec<String> = Vec::new();
     let mut root = "";
     for part in path.components() {
@@ -398,9 +400,9 @@ mod tests {
 
     #[test]
     fn paths_lose_their_dots() {
-        assert_eq!(normal(Path::new("a/./b/../c.glsl")), "a/c.glsl");
-        assert_eq!(normal(Path::new("../a.glsl")), "../a.glsl");
-        assert_eq!(normal(Path::new("/a/b")), "/a/b");
+        assert_eq!(normalized_path(Path::new("a/./b/../c.glsl")), "a/c.glsl");
+        assert_eq!(normalized_path(Path::new("../a.glsl")), "../a.glsl");
+        assert_eq!(normalized_path(Path::new("/a/b")), "/a/b");
     }
 
     #[test]
@@ -421,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn include_folders_are_looked_through_behind_the_file_s_own() {
+    fn include_folders_are_searched_after_the_file_s_own() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["own", "first", "second"] {
             std::fs::create_dir(folder.path().join(name)).unwrap();

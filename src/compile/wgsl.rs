@@ -52,7 +52,7 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
         lang_version: (1, 6),
         flags,
         debug_info,
-        // What the shader says is what shall run: a browser's guards would hide its mistakes.
+        // No checks are inserted, as browsers do: these would hide mistakes of the shader.
         force_loop_bounding: false,
         ray_query_initialization_tracking: false,
         trace_ray_argument_validation: false,

@@ -23,9 +23,9 @@ pub fn pixel(text: &str) -> Result<[u32; 3]> {
     Ok(id)
 }
 
-/// Origin and direction: six numbers, with commas or blanks between.
+/// Origin and direction: six numbers, separated by commas or blanks.
 ///
-/// `None` where the text looks like a name: its first word is no number, and no comma is in it.
+/// Returns `None` if the text looks like a name: its first word is no number, and it has no comma.
 ///
 /// # Errors
 /// `InvalidArgument` that says which number is wrong or missing.
@@ -64,10 +64,10 @@ pub fn ray(text: &str) -> Result<Option<[[f32; 3]; 2]>> {
     Ok(Some([[ox, oy, oz], [dx, dy, dz]]))
 }
 
-/// Ray flags: names with `|`, `,` or blanks between, or a number (`12`, `0xc`).
+/// Ray flags: names separated by `|`, `,` or blanks, or a number (`12`, `0xc`).
 ///
 /// # Errors
-/// `InvalidArgument` for a name that no flag has.
+/// `InvalidArgument` for an unknown name.
 pub fn flags(text: &str) -> Result<u32> {
     let mut bits = 0;
     for part in text.split([',', '|', ' ']).filter(|part| !part.is_empty()) {
@@ -82,7 +82,7 @@ pub fn flags(text: &str) -> Result<u32> {
     Ok(bits)
 }
 
-/// A whole number of 32 bits, decimal or with `0x` or `0b` before it.
+/// An unsigned integer of 32 bits, decimal, or hexadecimal or binary with the prefix `0x` or `0b`.
 pub fn number(text: &str) -> Option<u32> {
     let text = text.trim();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {

@@ -10,7 +10,7 @@ use crate::pipeline::Pipeline;
 const DESCRIPTOR_SET: u32 = 34;
 const BINDING: u32 = 33;
 
-/// The type by which shaders see a buffer.
+/// The type that a shader declares for a buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct BufferLayout<'a> {
     module: &'a Module,
@@ -19,18 +19,18 @@ pub struct BufferLayout<'a> {
 
 /// A scalar or vector in a buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Part {
-    /// Its path from the buffer's block: `outputs[3].normal`.
+pub struct BufferMember {
+    /// The access path from the buffer's block: `outputs[3].normal`.
     pub path: String,
-    /// Its first byte.
+    /// The offset of the first byte.
     pub offset: u64,
-    /// Its size in bytes.
+    /// The size in bytes.
     pub size: u64,
     ty: TypeId,
 }
 
 impl<'a> BufferLayout<'a> {
-    /// How the first shader that declares it sees a binding.
+    /// The type of a binding in the first shader that declares it.
     pub fn of(pipeline: &'a Pipeline, binding: Binding) -> Option<Self> {
         pipeline.programs.iter().find_map(|program| {
             let module = &*program.module;
@@ -46,15 +46,16 @@ impl<'a> BufferLayout<'a> {
         })
     }
 
-    /// The scalar or vector that holds a byte; `None` in gaps, and where scalars are no words.
-    pub fn part(&self, byte: u64) -> Option<Part> {
-        let part = self.find(self.ty, 0, byte, None, String::new())?;
-        (byte < part.offset + part.size && part.offset % 4 == 0).then_some(part)
+    /// The scalar or vector that holds a byte; `None` in padding, and for scalars that are not
+    /// whole words.
+    pub fn member_at(&self, byte: u64) -> Option<BufferMember> {
+        let member = self.find(self.ty, 0, byte, None, String::new())?;
+        (byte < member.offset + member.size && member.offset % 4 == 0).then_some(member)
     }
 
-    /// The value of a part from its words.
-    pub fn value(&self, part: &Part, words: &[u32]) -> TypedValue {
-        TypedValue::of_type(self.module, part.ty, words)
+    /// The value of a member from its words.
+    pub fn value(&self, member: &BufferMember, words: &[u32]) -> TypedValue {
+        TypedValue::of_type(self.module, member.ty, words)
     }
 
     fn find(
@@ -64,7 +65,7 @@ impl<'a> BufferLayout<'a> {
         byte: u64,
         matrix: Option<MatrixLayout>,
         path: String,
-    ) -> Option<Part> {
+    ) -> Option<BufferMember> {
         let within = byte - start;
         match self.module.ty(ty) {
             Type::Struct { members, .. } => {
@@ -100,19 +101,19 @@ impl<'a> BufferLayout<'a> {
                 }
                 let Type::Vector { component, .. } = *self.module.ty(*column) else { return None };
                 let size = self.module.size_of(component)?;
-                let across = (within - index * u64::from(stride)).checked_div(size)?;
-                let start = start + index * u64::from(stride) + across * size;
-                self.find(component, start, byte, None, format!("{path}[{across}][{index}]"))
+                let column = (within - index * u64::from(stride)).checked_div(size)?;
+                let start = start + index * u64::from(stride) + column * size;
+                self.find(component, start, byte, None, format!("{path}[{column}][{index}]"))
             }
-            &Type::Vector { component, .. } => self.whole(ty, component, start, path),
-            _ => self.whole(ty, ty, start, path),
+            &Type::Vector { component, .. } => self.leaf(ty, component, start, path),
+            _ => self.leaf(ty, ty, start, path),
         }
     }
 
-    fn whole(&self, ty: TypeId, scalar: TypeId, offset: u64, path: String) -> Option<Part> {
+    fn leaf(&self, ty: TypeId, scalar: TypeId, offset: u64, path: String) -> Option<BufferMember> {
         match self.module.ty(scalar) {
             Type::Int { width: 32 | 64, .. } | Type::Float { width: 32 | 64, encoding: None } => {
-                Some(Part { path, offset, size: self.module.size_of(ty)?, ty })
+                Some(BufferMember { path, offset, size: self.module.size_of(ty)?, ty })
             }
             _ => None,
         }

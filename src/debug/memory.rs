@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::debug::layout::BufferLayout;
-use crate::debug::transcript::{ChangedPlace, MemoryChange};
+use crate::debug::transcript::{ChangeLocation, MemoryChange};
 use crate::debug::values::{self, TypedValue};
 use crate::machine::format::Class;
 use crate::machine::image::Image;
@@ -12,17 +12,17 @@ use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
 
-/// Changes listed; the rest is counted.
-const LISTED: usize = 256;
+/// The number of changes that are listed; the others are counted.
+const MAX_CHANGES: usize = 256;
 
-/// Buffers and images as they were.
+/// A copy of buffers and images before a run.
 #[derive(Debug)]
 pub struct Snapshot {
-    contents: BTreeMap<(Binding, usize), ValueContent>,
+    contents: BTreeMap<(Binding, usize), ResourceContent>,
 }
 
 #[derive(Debug)]
-enum ValueContent {
+enum ResourceContent {
     Words(Vec<u32>),
     Image(Arc<Image>),
 }
@@ -31,16 +31,16 @@ impl Snapshot {
     /// Copies everything that a shader may write.
     pub fn take(resources: &Resources) -> Self {
         let content = |descriptor: &Descriptor| match descriptor {
-            Descriptor::Buffer(buffer) => Some(ValueContent::Words(words(buffer))),
-            Descriptor::Image(image) => Some(ValueContent::Image(image.copied())),
+            Descriptor::Buffer(buffer) => Some(ResourceContent::Words(words(buffer))),
+            Descriptor::Image(image) => Some(ResourceContent::Image(image.copied())),
             _ => None,
         };
         Self { contents: descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?))).collect() }
     }
 
-    /// The changes since, those of the first resource first, and how many are left out.
+    /// The changes since the snapshot, in the order of the resources, and how many are left out.
     ///
-    /// The output image's texel at the launch index is listed though nothing changed there.
+    /// The output image's texel at the launch index is listed even if it did not change.
     pub fn changes(
         &self,
         scene: &ResolvedScene,
@@ -52,11 +52,11 @@ impl Snapshot {
         let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
             let changes = match (self.contents.get(&at), descriptor) {
-                (Some(ValueContent::Image(before)), Descriptor::Image(after)) => {
-                    texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
+                (Some(ResourceContent::Image(before)), Descriptor::Image(after)) => {
+                    changed_texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
-                (Some(ValueContent::Words(before)), Descriptor::Buffer(after)) => {
-                    parts(BufferLayout::of(pipeline, at.0), before, &words(after))
+                (Some(ResourceContent::Words(before)), Descriptor::Buffer(after)) => {
+                    changed_words(BufferLayout::of(pipeline, at.0), before, &words(after))
                 }
                 _ => continue,
             };
@@ -71,21 +71,21 @@ impl Snapshot {
                 after,
             }));
         }
-        let left_out = all.len().saturating_sub(LISTED);
-        all.truncate(LISTED);
+        let left_out = all.len().saturating_sub(MAX_CHANGES);
+        all.truncate(MAX_CHANGES);
         (all, left_out)
     }
 }
 
 struct Change {
-    target: ChangedPlace,
+    target: ChangeLocation,
     member: Option<String>,
     before: TypedValue,
     after: TypedValue,
 }
 
-/// Changed texels of the first mip level, and one that is wanted in any case.
-fn texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change> {
+/// Changed texels of the first mip level, and the texel at `wanted`, changed or not.
+fn changed_texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change> {
     let shape = after.shape();
     let [width, height, _] = shape.extent.map(u64::from);
     let mut changes = Vec::new();
@@ -95,14 +95,14 @@ fn texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change
         let bits = |image: &Image| image.load(number as usize);
         if bits(before) != bits(after) || wanted == Some(at) {
             let (before, after) = (colour(before, bits(before)), colour(after, bits(after)));
-            changes.push(Change { target: ChangedPlace::Texel(at), member: None, before, after });
+            changes.push(Change { target: ChangeLocation::Texel(at), member: None, before, after });
         }
     }
     changes
 }
 
-/// Changed words of a buffer, those of a vector as one where the type is known.
-fn parts(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
+/// Changed words of a buffer; if the buffer's type is known, changed scalars and vectors.
+fn changed_words(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]) -> Vec<Change> {
     let mut changes = Vec::new();
     let mut done = 0;
     for at in 0..before.len().min(after.len()) {
@@ -110,17 +110,17 @@ fn parts(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]) -> Vec
             continue;
         }
         let byte = 4 * at as u64;
-        let part = layout.and_then(|layout| Some((layout, layout.part(byte)?)));
-        let part = part.filter(|(_, part)| part.offset + part.size <= 4 * before.len() as u64);
-        changes.push(match part {
-            Some((layout, part)) => {
-                let words = (part.offset / 4) as usize..((part.offset + part.size) / 4) as usize;
+        let member = layout.and_then(|layout| Some((layout, layout.member_at(byte)?)));
+        let member = member.filter(|(_, member)| member.offset + member.size <= 4 * before.len() as u64);
+        changes.push(match member {
+            Some((layout, member)) => {
+                let words = (member.offset / 4) as usize..((member.offset + member.size) / 4) as usize;
                 done = words.end;
                 Change {
-                    target: ChangedPlace::Byte(part.offset),
-                    before: layout.value(&part, &before[words.clone()]),
-                    after: layout.value(&part, &after[words]),
-                    member: Some(part.path),
+                    target: ChangeLocation::Byte(member.offset),
+                    before: layout.value(&member, &before[words.clone()]),
+                    after: layout.value(&member, &after[words]),
+                    member: Some(member.path),
                 }
             }
             None => {
@@ -129,14 +129,14 @@ fn parts(layout: Option<BufferLayout<'_>>, before: &[u32], after: &[u32]) -> Vec
                     content: values::ValueContent::Uint(word.into()),
                 };
                 let (before, after) = (word(before[at]), word(after[at]));
-                Change { target: ChangedPlace::Byte(byte), member: None, before, after }
+                Change { target: ChangeLocation::Byte(byte), member: None, before, after }
             }
         });
     }
     changes
 }
 
-/// Buffers and images, each once though two bindings may name it.
+/// The descriptors by binding and array element.
 fn descriptors(resources: &Resources) -> impl Iterator<Item = ((Binding, usize), &Descriptor)> {
     resources.descriptors.iter().flat_map(|(&binding, all)| {
         all.iter().enumerate().map(move |(element, descriptor)| ((binding, element), descriptor))
@@ -162,10 +162,10 @@ fn colour(image: &Image, bits: u128) -> TypedValue {
         (Class::Sint, true) => ("i64", "int64_t"),
         (Class::Uint, true) => ("u64", "uint64_t"),
     };
-    let component = |part: u64| match format.class() {
-        Class::Float => values::ValueContent::f32(f32::from_bits(part as u32)),
-        Class::Sint => values::ValueContent::Int(part as i64),
-        Class::Uint => values::ValueContent::Uint(part),
+    let component = |bits: u64| match format.class() {
+        Class::Float => values::ValueContent::f32(f32::from_bits(bits as u32)),
+        Class::Sint => values::ValueContent::Int(bits as i64),
+        Class::Uint => values::ValueContent::Uint(bits),
     };
     let parts: Vec<_> = format.decode(bits).into_iter().take(format.channels.into()).map(component).collect();
     match <[values::ValueContent; 1]>::try_from(parts) {

@@ -1,8 +1,8 @@
-//! The debugger: explains what a ray met and which shaders it called.
+//! The debugger: explains what a ray hit and which shaders it called.
 //!
 //! A [`session`] runs one invocation or one ray under an observer and reads the pipeline's events
 //! into a [`transcript`]: a tree of plain data, with names instead of indices and typed values
-//! instead of words. [`render`] makes text of it, and its JSON is the tree itself. Nothing here
+//! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
 pub mod command;

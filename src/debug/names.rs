@@ -38,8 +38,8 @@ pub fn flags(bits: u32) -> Flags {
     Flags { bits, names }
 }
 
-/// The flag with a name: SPIR-V's, with or without its suffix, in any case, or in the scene file's
-/// words (`terminate_on_first_hit`).
+/// The ray flag of a name: SPIR-V's, with or without its suffix, ignoring case, or the scene file's
+/// (`terminate_on_first_hit`).
 pub fn flag(name: &str) -> Option<u32> {
     let bare = |name: &str| {
         let name = name.replace('_', "").to_lowercase();
@@ -49,7 +49,7 @@ pub fn flag(name: &str) -> Option<u32> {
     FLAGS.iter().find(|(_, name)| bare(name) == wanted).map(|&(bit, _)| bit)
 }
 
-/// All flags' names, for an error.
+/// The names of all ray flags, for an error message.
 pub fn all_flags() -> String {
     FLAGS.iter().map(|&(_, name)| name).collect::<Vec<_>>().join(", ")
 }
@@ -96,7 +96,7 @@ pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> 
     })
 }
 
-/// Looks names of a scene up.
+/// The names that a scene gives to shaders, records and structures.
 #[derive(Clone, Copy, Debug)]
 pub struct Names<'a> {
     scene: Option<&'a ResolvedScene>,
@@ -104,12 +104,12 @@ pub struct Names<'a> {
 }
 
 impl<'a> Names<'a> {
-    /// For a scene and the pipeline that was assembled from it.
+    /// The names of a scene and of the pipeline that was assembled from it.
     pub fn new(scene: &'a ResolvedScene, pipeline: &'a Pipeline) -> Self {
         Self { scene: Some(scene), pipeline }
     }
 
-    /// For a pipeline without a scene file: nothing but entry points has a name.
+    /// The names of a pipeline without a scene file: only entry points have names.
     pub fn unnamed(pipeline: &'a Pipeline) -> Self {
         Self { scene: None, pipeline }
     }
@@ -136,7 +136,7 @@ impl<'a> Names<'a> {
         found.zip(self.scene).map(|(found, scene)| &scene.shaders[found.module])
     }
 
-    /// A shader.
+    /// The label of a shader.
     pub fn shader(&self, shader: Shader) -> ShaderLabel {
         let program = &self.pipeline.programs[shader.0 as usize];
         let module = self.module(shader);
@@ -149,17 +149,17 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// A record of the miss table.
+    /// The name of a record of the miss table.
     pub fn miss_record(&self, index: u64) -> Option<String> {
         name_of(&self.scene?.sbt.miss, index)
     }
 
-    /// A record of the hit table.
+    /// The name of a record of the hit table.
     pub fn hit_record(&self, index: u64) -> Option<String> {
         name_of(&self.scene?.sbt.hit, index)
     }
 
-    /// An acceleration structure: its name, and where it stands among the scene's.
+    /// The index of an acceleration structure among the scene's, and its name.
     pub fn structure(&self, tlas: &Arc<Tlas>) -> Option<(usize, &'a str)> {
         let structures = &self.scene?.tlas;
         let at = structures.iter().position(|(_, known)| Arc::ptr_eq(known, tlas))?;

@@ -11,52 +11,55 @@ use crate::debug::values::FloatValue;
 use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::program::Program;
 
-/// The queries of a shader that were initialised so far.
-pub(super) struct Queries<'a> {
+/// Reads the ray queries of one shader run.
+pub(super) struct QueryReader<'a> {
     program: Option<&'a Program>,
-    /// The queries by handle.
-    known: HashMap<u32, Known>,
+    /// The queries that were initialised so far, by handle.
+    queries: HashMap<u32, QueryState>,
 }
 
-struct Known {
-    /// The index of its step.
+/// A ray query that was initialised.
+struct QueryState {
+    /// The index of the query's step.
     step: usize,
     tlas: Arc<Tlas>,
     trace: TraceRay,
-    /// The t of the closest hit that traversal knows of.
+    /// The t of the closest committed hit so far.
     closest: Option<f32>,
 }
 
-impl<'a> Queries<'a> {
+impl<'a> QueryReader<'a> {
     pub(super) fn new(program: Option<&'a Program>) -> Self {
-        Self { program, known: HashMap::new() }
+        Self { program, queries: HashMap::new() }
     }
 
-    /// Takes an event: a query that begins is a step of its own, all else belongs to the step of
-    /// its query.
-    pub(super) fn take(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &EventReader<'_>) {
-        let RayQueryEvent { query, op, what } = event;
-        if let RayQueryStep::Initialize(tlas, trace) = what {
+    /// Reads an event: the initialisation of a query adds a step, any other event updates the step
+    /// of its query.
+    pub(super) fn read(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &EventReader<'_>) {
+        let RayQueryEvent { query, op, step } = event;
+        if let RayQueryStep::Initialize(tlas, trace) = step {
             let called_at = self.program.and_then(|program| names::source_line(program, op));
             let traversal = reader.traversal(called_at, &tlas, &trace);
-            let transcript =
+            let report =
                 QueryReport { traversal, candidates: Vec::new(), hit: None, end: QueryEnd::Underway };
-            self.known.insert(query, Known { step: steps.len(), tlas, trace, closest: None });
-            steps.push(Step::RayQuery(Box::new(transcript)));
+            self.queries.insert(query, QueryState { step: steps.len(), tlas, trace, closest: None });
+            steps.push(Step::RayQuery(Box::new(report)));
             return;
         }
-        let Some(known) = self.known.get_mut(&query) else { return };
-        let Some(Step::RayQuery(transcript)) = steps.get_mut(known.step) else { return };
-        match what {
+        let Some(state) = self.queries.get_mut(&query) else { return };
+        let Some(Step::RayQuery(report)) = steps.get_mut(state.step) else { return };
+        match step {
             RayQueryStep::Initialize(..) => {}
-            RayQueryStep::Node(instance) => transcript.traversal.open(instance),
-            RayQueryStep::Instance(instance, verdict) => transcript.traversal.reach(instance, verdict),
-            RayQueryStep::Primitive(place, verdict) => {
-                transcript.traversal.test(place, verdict, &mut known.closest);
+            RayQueryStep::Node(instance) => report.traversal.count_node(instance),
+            RayQueryStep::Instance(instance, verdict) => {
+                report.traversal.set_instance_verdict(instance, verdict)
             }
-            RayQueryStep::Proceed(None) if transcript.end == QueryEnd::Terminated => {}
-            RayQueryStep::Proceed(None) => transcript.end = QueryEnd::Complete,
-            RayQueryStep::Proceed(Some(candidate)) => transcript.candidates.push(QueryCandidate {
+            RayQueryStep::Primitive(hit_primitive, verdict) => {
+                report.traversal.add_tested_primitive(hit_primitive, verdict, &mut state.closest);
+            }
+            RayQueryStep::Proceed(None) if report.end == QueryEnd::Terminated => {}
+            RayQueryStep::Proceed(None) => report.end = QueryEnd::Complete,
+            RayQueryStep::Proceed(Some(candidate)) => report.candidates.push(QueryCandidate {
                 instance: candidate.instance,
                 geometry: candidate.geometry,
                 primitive: candidate.primitive,
@@ -67,19 +70,19 @@ impl<'a> Queries<'a> {
                 generated: Vec::new(),
             }),
             RayQueryStep::Confirm => {
-                if let Some(candidate) = transcript.candidates.last_mut() {
+                if let Some(candidate) = report.candidates.last_mut() {
                     candidate.confirmed = true;
                 }
             }
             RayQueryStep::Generate(t) => {
-                if let Some(candidate) = transcript.candidates.last_mut() {
+                if let Some(candidate) = report.candidates.last_mut() {
                     candidate.generated.push(FloatValue::F32(t));
                 }
             }
-            RayQueryStep::Terminate => transcript.end = QueryEnd::Terminated,
+            RayQueryStep::Terminate => report.end = QueryEnd::Terminated,
             RayQueryStep::Commit(hit) => {
-                known.closest = Some(known.closest.map_or(hit.t, |closest| closest.min(hit.t)));
-                transcript.hit = Some(reader.hit(&known.tlas, &known.trace, &hit));
+                state.closest = Some(state.closest.map_or(hit.t, |closest| closest.min(hit.t)));
+                report.hit = Some(reader.hit(&state.tlas, &state.trace, &hit));
             }
         }
     }

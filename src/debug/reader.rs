@@ -5,14 +5,13 @@ use std::sync::Arc;
 use std::vec::IntoIter;
 
 use crate::accel::{
-    self, Candidate, Committed, HitPrimitive, InstanceVerdict as Seen, PrimitiveVerdict as Tested, Tlas,
-    TraceRay,
+    self, Candidate, Committed, HitPrimitive, InstanceVerdict, PrimitiveVerdict, Tlas, TraceRay,
 };
 use crate::debug::names::{self, Names};
-use crate::debug::query_reader::Queries;
+use crate::debug::query_reader::QueryReader;
 use crate::debug::transcript::{
-    Arithmetic, Decision, Ending, ExitKind, HitReport, InstanceOutcome, InstanceReport, NamedValue,
-    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderRun, Step, Trace, TranscriptLine, Traversal,
+    Arithmetic, Decision, ExitKind, HitReport, InstanceOutcome, InstanceReport, NamedValue, PrimitiveOutcome,
+    PrimitiveReport, RecordChoice, ShaderExit, ShaderRun, Step, Trace, TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 use crate::geometry::{Intersection, Surface};
@@ -32,27 +31,27 @@ pub struct EventReader<'a> {
 }
 
 impl<'a> EventReader<'a> {
-    /// For the events of a pipeline.
+    /// A reader of the events of a pipeline.
     pub fn new(pipeline: &'a Pipeline, names: Names<'a>, events: Vec<Event>) -> Self {
         Self { pipeline, names, events: events.into_iter().peekable() }
     }
 
-    /// What the events begin with: a shader or a ray. `None` where there are none.
+    /// Reads the first step, a shader or a ray; `None` if there are no events.
     pub fn root(&mut self) -> Option<Step> {
         self.steps(None).into_iter().next()
     }
 
-    /// What stands before the end of the shader that is being read.
+    /// Reads the steps up to the end of the current shader.
     fn steps(&mut self, program: Option<&'a Program>) -> Vec<Step> {
         let mut steps = Vec::new();
-        let mut queries = Queries::new(program);
+        let mut queries = QueryReader::new(program);
         loop {
             match self.events.peek() {
                 Some(Event::Enter { .. }) => steps.extend(self.shader().map(Box::new).map(Step::Shader)),
                 Some(Event::Trace { .. }) => steps.extend(self.trace().map(Box::new).map(Step::Trace)),
                 Some(Event::RayQuery(_)) => {
                     if let Some(Event::RayQuery(event)) = self.events.next() {
-                        queries.take(event, &mut steps, self);
+                        queries.read(event, &mut steps, self);
                     }
                 }
                 Some(&Event::Report { t, hit_kind, accepted }) => {
@@ -72,8 +71,8 @@ impl<'a> EventReader<'a> {
         let data = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA]
             .into_iter()
             .find_map(|class| program.interface_registers(class))
-            .map(|rows| rows.ty);
-        let attribute = program.interface_registers(storage::HIT_ATTRIBUTE).map(|rows| rows.ty);
+            .map(|registers| registers.ty);
+        let attribute = program.interface_registers(storage::HIT_ATTRIBUTE).map(|registers| registers.ty);
         let of = |ty: Option<TypeId>, words: &[u32]| Some(TypedValue::of_type(&program.module, ty?, words));
         let steps = self.steps(Some(program));
         let (exit, after) = match self.events.next() {
@@ -93,7 +92,7 @@ impl<'a> EventReader<'a> {
             payload_before: of(data, &payload),
             payload_after: of(data, &after),
             steps,
-            exit: ending(program, exit),
+            exit: shader_exit(program, exit),
         })
     }
 
@@ -120,17 +119,19 @@ impl<'a> EventReader<'a> {
             no_shader: None,
         };
         // The t of the closest hit known so far.
-        let mut known: Option<f32> = None;
+        let mut closest: Option<f32> = None;
         let mut ran = None;
         while let Some(event) = self.events.next() {
             match event {
-                Event::Node(instance) => trace.traversal.open(instance),
-                Event::Instance(instance, verdict) => trace.traversal.reach(instance, verdict),
-                Event::Primitive(place, verdict) => trace.traversal.test(place, verdict, &mut known),
+                Event::Node(instance) => trace.traversal.count_node(instance),
+                Event::Instance(instance, verdict) => trace.traversal.set_instance_verdict(instance, verdict),
+                Event::Primitive(hit_primitive, verdict) => {
+                    trace.traversal.add_tested_primitive(hit_primitive, verdict, &mut closest)
+                }
                 Event::Candidate { candidate, record, shader, .. } => {
-                    let shader = shader.and_then(|_| self.entered());
-                    if let Some(t) = confirmed(&candidate, shader.as_ref()) {
-                        known = Some(known.map_or(t, |known| known.min(t)));
+                    let shader = shader.and_then(|_| self.next_shader());
+                    if let Some(t) = committed_t(&candidate, shader.as_ref()) {
+                        closest = Some(closest.map_or(t, |closest| closest.min(t)));
                     }
                     trace.decisions.push(Decision {
                         instance: candidate.instance,
@@ -142,7 +143,7 @@ impl<'a> EventReader<'a> {
                         shader,
                     });
                 }
-                Event::Traversed { committed, record, shader, kept } => {
+                Event::Traversed { committed, record, shader, to_hit_object } => {
                     trace.hit = committed.map(|committed| self.hit(&tlas, &operands, &committed));
                     trace.record = Some(match &committed {
                         Some(committed) => self.hit_record(&tlas, &committed.candidate, sbt, record),
@@ -150,11 +151,11 @@ impl<'a> EventReader<'a> {
                     });
                     trace.no_shader = match shader {
                         Some(_) => None,
-                        None if kept => Some("the hit object keeps it to be executed later".into()),
+                        None if to_hit_object => Some("the hit object keeps it to be executed later".into()),
                         None => Some(self.no_shader(&trace)),
                     };
                     ran = shader;
-                    trace.shader = shader.and_then(|_| self.entered()).map(Box::new);
+                    trace.shader = shader.and_then(|_| self.next_shader()).map(Box::new);
                 }
                 Event::Traced { payload: after } => {
                     let ty = self.payload_type(caller, ran, after.len());
@@ -171,13 +172,14 @@ impl<'a> EventReader<'a> {
         Some(trace)
     }
 
-    /// The shader that is entered next, if one is.
-    fn entered(&mut self) -> Option<ShaderRun> {
+    /// Reads the next shader, if the next event is the begin of one.
+    fn next_shader(&mut self) -> Option<ShaderRun> {
         self.events.peek().is_some_and(|event| matches!(event, Event::Enter { .. })).then(|| self.shader())?
     }
 
-    /// The type by which a trace's payload is shown: the caller's variable's; for a ray that no
-    /// shader traced, that of the shader that ran at its end, else of any that fits.
+    /// The type by which a trace's payload is shown: that of the caller's variable. For a ray from
+    /// the host it is the type that the last shader declares, otherwise any declared type of that
+    /// size.
     fn payload_type(
         &self,
         caller: Option<Caller>,
@@ -187,24 +189,23 @@ impl<'a> EventReader<'a> {
         let programs = &self.pipeline.programs;
         if let Some(caller) = caller {
             let program = &*programs[caller.shader.0 as usize];
-            let variable = program
-                .interface
-                .iter()
-                .find(|rows| rows.storage_class == storage::RAY_PAYLOAD && rows.first == caller.payload)?;
+            let variable = program.interface.iter().find(|registers| {
+                registers.storage_class == storage::RAY_PAYLOAD && registers.first == caller.payload
+            })?;
             return Some((program, variable.ty));
         }
         let incoming = |program: &'a Program| {
-            program.interface_registers(storage::INCOMING_RAY_PAYLOAD).map(|rows| (program, rows))
+            program.interface_registers(storage::INCOMING_RAY_PAYLOAD).map(|registers| (program, registers))
         };
         let last = ran.and_then(|shader| incoming(&programs[shader.0 as usize]));
         last.or_else(|| {
             let mut all = programs.iter().filter_map(|program| incoming(program));
-            all.find(|(_, rows)| rows.count as usize == words)
+            all.find(|(_, registers)| registers.count as usize == words)
         })
-        .map(|(program, rows)| (program, rows.ty))
+        .map(|(program, registers)| (program, registers.ty))
     }
 
-    /// A ray before its way.
+    /// A ray before its traversal.
     pub(super) fn traversal(
         &self,
         called_at: Option<TranscriptLine>,
@@ -330,34 +331,39 @@ impl<'a> EventReader<'a> {
             position,
             object_ray_origin: origin.map(FloatValue::F32),
             object_ray_direction: direction.map(FloatValue::F32),
-            data: data.map_or_else(Vec::new, numbers),
+            data: data.map_or_else(Vec::new, primitive_data),
         }
     }
 }
 
 impl Traversal {
-    /// A node was opened.
-    pub(super) fn open(&mut self, instance: Option<u32>) {
+    /// Counts an opened node.
+    pub(super) fn count_node(&mut self, instance: Option<u32>) {
         match instance {
             None => self.nodes += 1,
             Some(instance) => self.instances[instance as usize].nodes += 1,
         }
     }
 
-    /// An instance was reached.
-    pub(super) fn reach(&mut self, instance: u32, verdict: Seen) {
+    /// Sets the verdict on an instance that traversal reached.
+    pub(super) fn set_instance_verdict(&mut self, instance: u32, verdict: InstanceVerdict) {
         self.instances[instance as usize].verdict = instance_verdict(verdict);
     }
 
-    /// A primitive was tested; `known` is the t of the closest hit known so far.
-    pub(super) fn test(&mut self, place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) {
-        let tested = primitive(place, verdict, known);
-        self.instances[place.instance as usize].tested.push(tested);
+    /// Adds a tested primitive. `closest` is the t of the closest hit so far, and is updated.
+    pub(super) fn add_tested_primitive(
+        &mut self,
+        hit_primitive: HitPrimitive,
+        verdict: PrimitiveVerdict,
+        closest: &mut Option<f32>,
+    ) {
+        let tested = primitive(hit_primitive, verdict, closest);
+        self.instances[hit_primitive.instance as usize].tested.push(tested);
     }
 }
 
-/// The t that a decision commits, where it does.
-fn confirmed(candidate: &Candidate, shader: Option<&ShaderRun>) -> Option<f32> {
+/// The t that a decision commits, if it commits a hit.
+fn committed_t(candidate: &Candidate, shader: Option<&ShaderRun>) -> Option<f32> {
     if candidate.is_box() {
         let accepted = |step: &Step| match step {
             Step::Report { t: FloatValue::F32(t), accepted: true, .. } => Some(*t),
@@ -369,47 +375,51 @@ fn confirmed(candidate: &Candidate, shader: Option<&ShaderRun>) -> Option<f32> {
     kept.then_some(candidate.intersection.t)
 }
 
-fn ending(program: &Program, exit: Exit) -> Ending {
+fn shader_exit(program: &Program, exit: Exit) -> ShaderExit {
     let (how, trap) = match exit {
         Exit::Returned => (ExitKind::Returned, None),
         Exit::Ignored => (ExitKind::Ignored, None),
         Exit::Terminated => (ExitKind::Terminated, None),
         Exit::Trapped(trap) => (ExitKind::Trapped, Some(trap)),
     };
-    Ending {
+    ShaderExit {
         how,
         message: trap.map(|trap| trap.code.message()),
         at: trap.and_then(|trap| names::source_line(program, trap.op)),
     }
 }
 
-fn instance_verdict(verdict: Seen) -> InstanceOutcome {
+fn instance_verdict(verdict: InstanceVerdict) -> InstanceOutcome {
     match verdict {
-        Seen::Entered => InstanceOutcome::Entered,
-        Seen::Masked => InstanceOutcome::Masked,
-        Seen::Skipped => InstanceOutcome::Skipped,
-        Seen::Missed => InstanceOutcome::MissedBox,
+        InstanceVerdict::Entered => InstanceOutcome::Entered,
+        InstanceVerdict::Masked => InstanceOutcome::Masked,
+        InstanceVerdict::Skipped => InstanceOutcome::Skipped,
+        InstanceVerdict::Missed => InstanceOutcome::MissedBox,
     }
 }
 
-fn primitive(place: HitPrimitive, verdict: Tested, known: &mut Option<f32>) -> PrimitiveReport {
+fn primitive(
+    hit_primitive: HitPrimitive,
+    verdict: PrimitiveVerdict,
+    closest: &mut Option<f32>,
+) -> PrimitiveReport {
     let (verdict, found) = match verdict {
-        Tested::Missed => (PrimitiveOutcome::Missed, None),
-        Tested::OutsideInterval(found) => (PrimitiveOutcome::OutsideInterval, Some(found)),
-        Tested::Transparent(found) => (PrimitiveOutcome::Transparent, Some(found)),
-        Tested::CulledByOpacity(found) => (PrimitiveOutcome::CulledByOpacity, Some(found)),
-        Tested::CulledByFace(found) => (PrimitiveOutcome::CulledByFace, Some(found)),
-        Tested::Behind(found) => (PrimitiveOutcome::Behind, Some(found)),
-        Tested::Opaque(found) => (PrimitiveOutcome::Opaque, Some(found)),
-        Tested::Candidate(found) => (PrimitiveOutcome::Candidate, Some(found)),
+        PrimitiveVerdict::Missed => (PrimitiveOutcome::Missed, None),
+        PrimitiveVerdict::OutsideInterval(found) => (PrimitiveOutcome::OutsideInterval, Some(found)),
+        PrimitiveVerdict::Transparent(found) => (PrimitiveOutcome::Transparent, Some(found)),
+        PrimitiveVerdict::CulledByOpacity(found) => (PrimitiveOutcome::CulledByOpacity, Some(found)),
+        PrimitiveVerdict::CulledByFace(found) => (PrimitiveOutcome::CulledByFace, Some(found)),
+        PrimitiveVerdict::Behind(found) => (PrimitiveOutcome::Behind, Some(found)),
+        PrimitiveVerdict::Opaque(found) => (PrimitiveOutcome::Opaque, Some(found)),
+        PrimitiveVerdict::Candidate(found) => (PrimitiveOutcome::Candidate, Some(found)),
     };
-    let behind = known.filter(|_| verdict == PrimitiveOutcome::Behind).map(FloatValue::F32);
+    let behind = closest.filter(|_| verdict == PrimitiveOutcome::Behind).map(FloatValue::F32);
     if let (PrimitiveOutcome::Opaque, Some(found)) = (verdict, found) {
-        *known = Some(found.t);
+        *closest = Some(found.t);
     }
     PrimitiveReport {
-        geometry: place.geometry,
-        primitive: place.primitive,
+        geometry: hit_primitive.geometry,
+        primitive: hit_primitive.primitive,
         verdict,
         t: found.map(|found| FloatValue::F32(found.t)),
         surface: found.map(|found| names::surface(found.surface)),
@@ -428,8 +438,8 @@ fn attributes(found: &Intersection) -> Vec<NamedValue> {
     }
 }
 
-/// The numbers of a primitive.
-fn numbers(primitive: accel::Primitive) -> Vec<NamedValue> {
+/// The vertices, positions, radii or bounds of a primitive.
+fn primitive_data(primitive: accel::Primitive) -> Vec<NamedValue> {
     match primitive {
         accel::Primitive::Triangle(vertices) => {
             vec![named(

@@ -4,45 +4,45 @@ mod query;
 
 use std::collections::BTreeMap;
 
-use crate::debug::page::{Ink, Page, grouped};
+use crate::debug::page::{Page, TextStyle, with_thousands_separators};
 use crate::debug::transcript::{
-    ChangedPlace, Decision, ExitKind, HitReport, InstanceOutcome, InstanceReport, MemoryChange, NamedValue,
+    ChangeLocation, Decision, ExitKind, HitReport, InstanceOutcome, InstanceReport, MemoryChange, NamedValue,
     PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, Step, Trace, Transcript,
     TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 
-/// Primitives of an instance that are shown one by one, unless all are wanted.
-const NEAREST: usize = 6;
-/// Instances that are shown one by one, unless all are wanted.
-const INSTANCES: usize = 12;
-/// Changes in memory that are shown.
-const WRITES: usize = 16;
+/// The number of an instance's primitives, nearest first, that are shown unless all are wanted.
+const MAX_PRIMITIVES: usize = 6;
+/// The number of instances that are shown unless all are wanted.
+const MAX_INSTANCES: usize = 12;
+/// The number of changes in memory that are shown.
+const MAX_WRITES: usize = 16;
 
-/// Structs whose text has more bytes are shown member by member.
-const LONG: usize = 72;
+/// Structs whose text is longer than this, in bytes, are shown member by member.
+const MAX_VALUE_BYTES: usize = 72;
 
-/// How text is made.
+/// Options of the text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Look {
-    /// With the escapes of a terminal's colours.
+pub struct RenderOptions {
+    /// Whether to write the escapes of a terminal's colours.
     pub colour: bool,
-    /// Every instance and primitive, however many.
+    /// Whether to show every instance and primitive, however many.
     pub all: bool,
 }
 
 /// Renders a transcript as text.
-pub fn text(transcript: &Transcript, look: Look) -> String {
-    let mut writer = Writer { page: Page::new(look.colour), all: look.all };
+pub fn text(transcript: &Transcript, options: RenderOptions) -> String {
+    let mut writer = Writer { page: Page::new(options.colour), all: options.all };
     writer.transcript(transcript);
     writer.page.finish()
 }
 
-/// One step and all within it as text, under a title.
-pub fn step(title: &str, step: &Step, look: Look) -> String {
-    let mut writer = Writer { page: Page::new(look.colour), all: look.all };
+/// Renders one step and all steps within it as text, under a title.
+pub fn step(title: &str, step: &Step, options: RenderOptions) -> String {
+    let mut writer = Writer { page: Page::new(options.colour), all: options.all };
     writer.page.line(title);
-    writer.page.gap();
+    writer.page.blank_line();
     writer.step(step);
     writer.page.finish()
 }
@@ -52,8 +52,8 @@ struct Writer {
     all: bool,
 }
 
-/// A ray's way with what came of it.
-struct Way<'a> {
+/// The traversal of a ray or ray query, with its result.
+struct TraversalView<'a> {
     traversal: &'a Traversal,
     hit: Option<&'a HitReport>,
     /// Instance, geometry and primitive of the candidates that were shown.
@@ -74,12 +74,12 @@ impl Writer {
         }
         let title = title.join(", ");
         self.page.line(title);
-        self.page.gap();
+        self.page.blank_line();
         self.step(&transcript.root);
-        self.page.gap();
+        self.page.blank_line();
         self.result(transcript);
         if !transcript.printed.is_empty() {
-            self.page.gap();
+            self.page.blank_line();
             self.page.line("printed");
             for line in transcript.printed.iter().flat_map(|text| text.lines()) {
                 self.page.line(format!("  {line}"));
@@ -94,10 +94,10 @@ impl Writer {
             Step::Shader(run) => self.shader(run),
             Step::Report { t, hit_kind, accepted } => {
                 let answer = if *accepted {
-                    self.page.ink(Ink::Kept, "accepted")
+                    self.page.styled(TextStyle::Kept, "accepted")
                 } else {
-                    self.page.ink(
-                        Ink::Dim,
+                    self.page.styled(
+                        TextStyle::Dim,
                         "not accepted: outside the interval, behind a known hit, or ignored by any-hit",
                     )
                 };
@@ -107,8 +107,8 @@ impl Writer {
     }
 
     fn trace(&mut self, trace: &Trace) {
-        let head = self.page.ink(Ink::Head, format_args!("ray at depth {}", trace.depth));
-        self.page.line(format_args!("{head}{}", called_at(trace.traversal.called_at.as_ref(), "traced")));
+        let head = self.page.styled(TextStyle::Heading, format_args!("ray at depth {}", trace.depth));
+        self.page.line(format_args!("{head}{}", source_suffix(trace.traversal.called_at.as_ref(), "traced")));
         self.page.nested("│ ", |page| {
             let mut inner = Writer { page: std::mem::replace(page, Page::new(false)), all: self.all };
             inner.trace_body(trace);
@@ -118,20 +118,21 @@ impl Writer {
 
     fn trace_body(&mut self, trace: &Trace) {
         let mut rows = ray(&trace.traversal);
-        rows.extend(trace.payload_before.iter().flat_map(|value| spread("payload", value)));
+        rows.extend(trace.payload_before.iter().flat_map(|value| value_rows("payload", value)));
         self.page.rows(rows);
-        self.page.gap();
+        self.page.blank_line();
         let shown = trace.decisions.iter().map(|one| [one.instance, one.geometry, one.primitive]);
-        let way = Way { traversal: &trace.traversal, hit: trace.hit.as_ref(), shown: shown.collect() };
-        self.instances(&way);
+        let view =
+            TraversalView { traversal: &trace.traversal, hit: trace.hit.as_ref(), shown: shown.collect() };
+        self.instances(&view);
         for decision in &trace.decisions {
-            self.page.gap();
+            self.page.blank_line();
             self.decision(decision);
         }
-        self.page.gap();
+        self.page.blank_line();
         match (&trace.hit, &trace.record) {
             (_, None) => {
-                let text = self.page.ink(Ink::Trap, "a trap ended the ray");
+                let text = self.page.styled(TextStyle::Trap, "a trap ended the ray");
                 self.page.line(text);
                 return;
             }
@@ -140,55 +141,54 @@ impl Writer {
                 self.record(record, trace.shader.as_deref());
             }
             (None, Some(record)) => {
-                let head = self.page.ink(Ink::Head, "miss");
+                let head = self.page.styled(TextStyle::Heading, "miss");
                 self.page.line(head);
                 self.record(record, trace.shader.as_deref());
             }
         }
         match (&trace.shader, &trace.no_shader) {
             (Some(run), _) => {
-                self.page.gap();
+                self.page.blank_line();
                 self.shader(run);
             }
             (None, Some(why)) => self.page.line(format_args!("  no shader runs: {why}")),
             (None, None) => {}
         }
         if let Some(after) = &trace.payload_after {
-            self.page.gap();
-            self.page.rows(spread("payload after the ray", after));
+            self.page.blank_line();
+            self.page.rows(value_rows("payload after the ray", after));
         }
     }
 
-    fn instances(&mut self, way: &Way<'_>) {
-        let Traversal { nodes, instances, .. } = way.traversal;
+    fn instances(&mut self, view: &TraversalView<'_>) {
+        let Traversal { nodes, instances, .. } = view.traversal;
         if *nodes > 0 {
-            let nodes = counted(*nodes, "node");
+            let nodes = with_plural(*nodes, "node");
             self.page.line(format_args!("{nodes} of the tree over the instances opened"));
         }
-        // Where not all are shown, those come first that were entered or have a verdict of their
-        // own.
+        // If there are too many, only those that were entered are shown.
         let mut shown: Vec<&InstanceReport> = instances.iter().collect();
-        if !self.all && shown.len() > INSTANCES {
+        if !self.all && shown.len() > MAX_INSTANCES {
             shown.retain(|one| one.verdict == InstanceOutcome::Entered);
-            shown.truncate(INSTANCES);
+            shown.truncate(MAX_INSTANCES);
         }
         for instance in &shown {
-            self.instance(instance, way);
+            self.instance(instance, view);
         }
         let mut rest: BTreeMap<&'static str, u64> = BTreeMap::new();
         for instance in instances {
             if !shown.iter().any(|one| one.instance == instance.instance) {
-                *rest.entry(instance_word(instance.verdict)).or_default() += 1;
+                *rest.entry(instance_outcome_label(instance.verdict)).or_default() += 1;
             }
         }
         for (what, count) in rest {
-            let line = format!("{} more: {what}", counted(count, "instance"));
-            let line = self.page.ink(Ink::Dim, line);
+            let line = format!("{} more: {what}", with_plural(count, "instance"));
+            let line = self.page.styled(TextStyle::Dim, line);
             self.page.line(line);
         }
     }
 
-    fn instance(&mut self, instance: &InstanceReport, way: &Way<'_>) {
+    fn instance(&mut self, instance: &InstanceReport, view: &TraversalView<'_>) {
         let names = match &instance.geometry[..] {
             [] => String::new(),
             names => format!(" `{}`", names.join("`, `")),
@@ -196,64 +196,68 @@ impl Writer {
         let kind = instance.primitive_kind.as_deref().unwrap_or("no geometry");
         let of = match instance.primitives {
             1 => format!("1 {}", kind.trim_end_matches('s')),
-            count => format!("{} {kind}", grouped(count as u64)),
+            count => format!("{} {kind}", with_thousands_separators(count as u64)),
         };
         let verdict = match instance.verdict {
-            InstanceOutcome::Entered => self.page.ink(Ink::Kept, "entered"),
+            InstanceOutcome::Entered => self.page.styled(TextStyle::Kept, "entered"),
             InstanceOutcome::Masked => {
                 let text = "dropped: its mask and the ray's cull mask share no bit";
-                self.page.ink(Ink::Dim, text)
+                self.page.styled(TextStyle::Dim, text)
             }
             InstanceOutcome::Skipped => {
                 let boxes = instance.primitive_kind.as_deref().is_some_and(|kind| kind.contains("AABB"));
                 let flag = if boxes { "SkipAABBsKHR" } else { "SkipTrianglesKHR" };
-                self.page.ink(Ink::Dim, format_args!("dropped: the ray's flag {flag} skips {kind}"))
+                self.page.styled(TextStyle::Dim, format_args!("dropped: the ray's flag {flag} skips {kind}"))
             }
-            InstanceOutcome::MissedBox => self.page.ink(
-                Ink::Dim,
+            InstanceOutcome::MissedBox => self.page.styled(
+                TextStyle::Dim,
                 "dropped: the ray passes by the box around it, or meets it outside the interval",
             ),
-            InstanceOutcome::NotReached => self.page.ink(
-                Ink::Dim,
+            InstanceOutcome::NotReached => self.page.styled(
+                TextStyle::Dim,
                 "not reached: its box is missed or lies behind a hit, or the search ended before",
             ),
         };
         let moves = if instance.moves { ", moving" } else { "" };
         let head = format!("instance {}{names}: {of}{moves}", instance.instance);
-        self.page
-            .line(format_args!("{head}; mask {}: {verdict}", masks(instance.mask, way.traversal.cull_mask)));
+        self.page.line(format_args!(
+            "{head}; mask {}: {verdict}",
+            mask_bits(instance.mask, view.traversal.cull_mask)
+        ));
         if instance.verdict == InstanceOutcome::Entered {
-            self.tested(instance, way);
+            self.tested(instance, view);
         }
     }
 
-    fn tested(&mut self, instance: &InstanceReport, way: &Way<'_>) {
+    fn tested(&mut self, instance: &InstanceReport, view: &TraversalView<'_>) {
         let tested = &instance.tested;
         let mut counts: BTreeMap<PrimitiveOutcome, u64> = BTreeMap::new();
         for one in tested {
             *counts.entry(one.verdict).or_default() += 1;
         }
-        let words: Vec<String> = counts.iter().map(|(verdict, count)| short(*verdict, *count)).collect();
+        let words: Vec<String> =
+            counts.iter().map(|(verdict, count)| outcome_count(*verdict, *count)).collect();
         let nodes = match instance.nodes {
             0 => String::new(),
-            nodes => format!("{} of its tree opened, ", counted(nodes, "node")),
+            nodes => format!("{} of its tree opened, ", with_plural(nodes, "node")),
         };
         let sum = if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) };
-        let all = grouped(instance.primitives as u64);
+        let all = with_thousands_separators(instance.primitives as u64);
         self.page.line(format_args!("  {nodes}{} of {all} primitives tested{sum}", tested.len()));
         let mut shown: Vec<&PrimitiveReport> =
             tested.iter().filter(|one| self.all || one.verdict != PrimitiveOutcome::Missed).collect();
         shown.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let left = if self.all { 0 } else { shown.len().saturating_sub(NEAREST) };
+        let left = if self.all { 0 } else { shown.len().saturating_sub(MAX_PRIMITIVES) };
         shown.truncate(shown.len() - left);
         for one in shown {
-            let place = [instance.instance, one.geometry, one.primitive];
-            let hit = way.hit.map(|hit| [hit.instance, hit.geometry, hit.primitive]);
-            let is_decided = way.shown.contains(&place);
-            self.primitive(one, hit == Some(place), is_decided);
+            let primitive = [instance.instance, one.geometry, one.primitive];
+            let hit = view.hit.map(|hit| [hit.instance, hit.geometry, hit.primitive]);
+            let is_decided = view.shown.contains(&primitive);
+            self.primitive(one, hit == Some(primitive), is_decided);
         }
         if left > 0 {
-            let text = self.page.ink(Ink::Dim, format_args!("... {left} farther (--all shows them)"));
+            let text =
+                self.page.styled(TextStyle::Dim, format_args!("... {left} farther (--all shows them)"));
             self.page.line(format_args!("    {text}"));
         }
     }
@@ -265,34 +269,42 @@ impl Writer {
             _ => String::new(),
         };
         let verdict = match one.verdict {
-            PrimitiveOutcome::Opaque if is_hit => self.page.ink(Ink::Kept, "opaque hit, the closest"),
-            PrimitiveOutcome::Opaque => self.page.ink(Ink::Dim, "opaque hit, then a closer one was found"),
-            PrimitiveOutcome::Candidate if is_decided => self.page.ink(Ink::Kept, "candidate, see below"),
-            PrimitiveOutcome::Candidate => {
-                self.page.ink(Ink::Dim, "candidate whose turn did not come: a closer hit ended the search")
+            PrimitiveOutcome::Opaque if is_hit => {
+                self.page.styled(TextStyle::Kept, "opaque hit, the closest")
             }
+            PrimitiveOutcome::Opaque => {
+                self.page.styled(TextStyle::Dim, "opaque hit, then a closer one was found")
+            }
+            PrimitiveOutcome::Candidate if is_decided => {
+                self.page.styled(TextStyle::Kept, "candidate, see below")
+            }
+            PrimitiveOutcome::Candidate => self
+                .page
+                .styled(TextStyle::Dim, "candidate whose turn did not come: a closer hit ended the search"),
             PrimitiveOutcome::Behind => {
                 let behind = one.behind.map_or_else(String::new, |t| format!(" at t {t}"));
-                self.page.ink(Ink::Dim, format_args!("dropped: behind a known hit{behind}"))
+                self.page.styled(TextStyle::Dim, format_args!("dropped: behind a known hit{behind}"))
             }
-            PrimitiveOutcome::OutsideInterval => self.page.ink(Ink::Dim, "dropped: outside the interval"),
+            PrimitiveOutcome::OutsideInterval => {
+                self.page.styled(TextStyle::Dim, "dropped: outside the interval")
+            }
             PrimitiveOutcome::Transparent => {
-                self.page.ink(Ink::Dim, "passed through: its opacity micromap is transparent there")
+                self.page.styled(TextStyle::Dim, "passed through: its opacity micromap is transparent there")
             }
             PrimitiveOutcome::CulledByOpacity => {
-                self.page.ink(Ink::Dim, "dropped: the ray's flags cull its opacity")
+                self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull its opacity")
             }
             PrimitiveOutcome::CulledByFace => {
-                self.page.ink(Ink::Dim, "dropped: the ray's flags cull the side that it shows")
+                self.page.styled(TextStyle::Dim, "dropped: the ray's flags cull the side that it shows")
             }
-            PrimitiveOutcome::Missed => self.page.ink(Ink::Dim, "missed"),
+            PrimitiveOutcome::Missed => self.page.styled(TextStyle::Dim, "missed"),
         };
         self.page.line(format_args!("    {place}{met}: {verdict}"));
     }
 
     fn decision(&mut self, decision: &Decision) {
         let Decision { instance, geometry, primitive, t, is_box, record, shader } = decision;
-        let head = self.page.ink(Ink::Head, if *is_box { "box" } else { "candidate" });
+        let head = self.page.styled(TextStyle::Heading, if *is_box { "box" } else { "candidate" });
         let at = if *is_box { "entered at" } else { "at" };
         self.page.line(format_args!(
             "{head}  instance {instance}, geometry {geometry}, primitive {primitive}, {at} t {t}"
@@ -308,7 +320,7 @@ impl Writer {
     }
 
     fn hit(&mut self, hit: &HitReport) {
-        let head = self.page.ink(Ink::Head, "hit");
+        let head = self.page.styled(TextStyle::Heading, "hit");
         let name = hit.geometry_name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         self.page.line(format_args!(
             "{head}  instance {} (custom index {}), geometry {}{name}, primitive {}",
@@ -355,7 +367,7 @@ impl Writer {
     }
 
     fn shader(&mut self, run: &ShaderRun) {
-        let head = self.page.ink(Ink::Head, run.shader.stage);
+        let head = self.page.styled(TextStyle::Heading, run.shader.stage);
         self.page.line(format_args!("{head} {}", label(&run.shader)));
         self.nested(|writer| writer.shader_body(run));
     }
@@ -363,18 +375,18 @@ impl Writer {
     fn shader_body(&mut self, run: &ShaderRun) {
         let builtin = |one: &NamedValue| (one.name.to_owned(), annotated(one.name, &one.value));
         let mut rows: Vec<(String, String)> = run.builtins.iter().map(builtin).collect();
-        rows.extend(run.attributes.iter().flat_map(|value| spread("hit attribute", value)));
-        rows.extend(run.payload_before.iter().flat_map(|value| spread(payload_word(run), value)));
+        rows.extend(run.attributes.iter().flat_map(|value| value_rows("hit attribute", value)));
+        rows.extend(run.payload_before.iter().flat_map(|value| value_rows(payload_label(run), value)));
         self.page.rows(rows);
         for step in &run.steps {
-            self.page.gap();
+            self.page.blank_line();
             self.step(step);
         }
         if !run.steps.is_empty() {
-            self.page.gap();
+            self.page.blank_line();
         }
         if let (Some(before), Some(after)) = (&run.payload_before, &run.payload_after) {
-            self.payload_change(payload_word(run), before, after);
+            self.payload_change(payload_label(run), before, after);
         }
         let ending = match (run.exit.how, run.shader.stage) {
             (ExitKind::Returned, "AnyHitKHR") => "returned: the candidate is accepted".to_owned(),
@@ -385,14 +397,14 @@ impl Writer {
             }
             (ExitKind::Trapped, _) => {
                 let message = run.exit.message.unwrap_or_default();
-                let text = format!("TRAPPED: {message}{}", called_at(run.exit.at.as_ref(), ""));
-                self.page.ink(Ink::Trap, text)
+                let text = format!("TRAPPED: {message}{}", source_suffix(run.exit.at.as_ref(), ""));
+                self.page.styled(TextStyle::Trap, text)
             }
         };
         self.page.line(ending);
     }
 
-    /// The parts of a payload that changed, or that none did.
+    /// Shows the members of a payload that changed, or says that none did.
     fn payload_change(&mut self, word: &str, before: &TypedValue, after: &TypedValue) {
         let pairs = before.parts().into_iter().zip(after.parts());
         let changed: Vec<(String, String)> = pairs
@@ -403,53 +415,53 @@ impl Writer {
             })
             .collect();
         if changed.is_empty() {
-            let text = self.page.ink(Ink::Dim, format_args!("{word} unchanged"));
+            let text = self.page.styled(TextStyle::Dim, format_args!("{word} unchanged"));
             self.page.line(text);
         }
         self.page.rows(changed);
     }
 
     fn result(&mut self, transcript: &Transcript) {
-        let head = self.page.ink(Ink::Head, "result");
+        let head = self.page.styled(TextStyle::Heading, "result");
         self.page.line(head);
-        for write in transcript.writes.iter().take(WRITES) {
+        for write in transcript.writes.iter().take(MAX_WRITES) {
             self.write(write);
         }
-        let more = transcript.writes.len().saturating_sub(WRITES) + transcript.writes_left_out;
+        let more = transcript.writes.len().saturating_sub(MAX_WRITES) + transcript.writes_left_out;
         if more > 0 {
-            self.page.line(format_args!("  ... and {} more", counted(more as u64, "change")));
+            self.page.line(format_args!("  ... and {} more", with_plural(more as u64, "change")));
         }
         let shaders: Vec<String> =
             transcript.counts.shaders.iter().map(|(stage, count)| format!("{count} {stage}")).collect();
         self.page.line(format_args!(
             "  {} traced,{} shaders run: {}",
-            counted(transcript.counts.rays, "ray"),
+            with_plural(transcript.counts.rays, "ray"),
             match transcript.counts.ray_queries {
                 0 => String::new(),
                 1 => " 1 ray query,".to_owned(),
-                count => format!(" {} ray queries,", grouped(count)),
+                count => format!(" {} ray queries,", with_thousands_separators(count)),
             },
             if shaders.is_empty() { "none".to_owned() } else { shaders.join(", ") }
         ));
         if let Some(trap) = &transcript.trap {
-            let text = self.page.ink(Ink::Trap, format_args!("trap: {}", trap.message));
+            let text = self.page.styled(TextStyle::Trap, format_args!("trap: {}", trap.message));
             self.page.line(format_args!("  {text}"));
         }
     }
 
     fn write(&mut self, write: &MemoryChange) {
         let at = match (write.at, &write.member) {
-            (ChangedPlace::Texel([x, y, 0]), _) => format!("texel ({x}, {y})"),
-            (ChangedPlace::Texel([x, y, z]), _) => format!("texel ({x}, {y}, {z})"),
-            (ChangedPlace::Byte(_), Some(member)) => member.clone(),
-            (ChangedPlace::Byte(offset), None) => format!("byte {offset}"),
+            (ChangeLocation::Texel([x, y, 0]), _) => format!("texel ({x}, {y})"),
+            (ChangeLocation::Texel([x, y, z]), _) => format!("texel ({x}, {y}, {z})"),
+            (ChangeLocation::Byte(_), Some(member)) => member.clone(),
+            (ChangeLocation::Byte(offset), None) => format!("byte {offset}"),
         };
         let change = if write.before == write.after {
             format!("{}, unchanged", write.after)
         } else {
             change(&write.before, &write.after)
         };
-        let name = self.page.ink(Ink::Name, &write.resource);
+        let name = self.page.styled(TextStyle::Name, &write.resource);
         let (set, binding) = (write.set, write.binding);
         self.page.line(format_args!("  {name} (set {set}, binding {binding})  {at}  {change}"));
     }
@@ -464,7 +476,7 @@ impl Writer {
     }
 }
 
-/// The operands of a ray.
+/// The rows for the operands of a ray.
 fn ray(ray: &Traversal) -> Vec<(String, String)> {
     let flags = match &ray.flags.names[..] {
         [] => "none".to_owned(),
@@ -483,7 +495,7 @@ fn ray(ray: &Traversal) -> Vec<(String, String)> {
 }
 
 /// ` traced at a.rgen:19: the line's text`
-fn called_at(line: Option<&TranscriptLine>, verb: &str) -> String {
+fn source_suffix(line: Option<&TranscriptLine>, verb: &str) -> String {
     let Some(TranscriptLine { file, line, text }) = line else { return String::new() };
     let text = text.as_ref().map_or_else(String::new, |text| format!(": {text}"));
     let gap = if verb.is_empty() { "" } else { ", " };
@@ -498,11 +510,11 @@ fn label(shader: &ShaderLabel) -> String {
     }
 }
 
-fn payload_word(run: &ShaderRun) -> &'static str {
+fn payload_label(run: &ShaderRun) -> &'static str {
     if run.shader.stage == "CallableKHR" { "callable data" } else { "payload" }
 }
 
-/// A builtin's value with what it means where a number alone says little.
+/// The value of a builtin, with the names of flags and hit kinds.
 fn annotated(name: &str, value: &TypedValue) -> String {
     let ValueContent::Uint(bits) = value.content else { return value.to_string() };
     match name {
@@ -520,10 +532,10 @@ fn annotated(name: &str, value: &TypedValue) -> String {
     }
 }
 
-/// A row for a value, or a row for each of its parts where one would be long.
-fn spread(word: &str, value: &TypedValue) -> Vec<(String, String)> {
+/// A row for a value, or a row for each of its members if one row would be too long.
+fn value_rows(word: &str, value: &TypedValue) -> Vec<(String, String)> {
     let text = value.to_string();
-    if text.len() <= LONG {
+    if text.len() <= MAX_VALUE_BYTES {
         return vec![(word.to_owned(), text)];
     }
     let path = |path: String| if path.is_empty() { word.to_owned() } else { format!("{word}.{path}") };
@@ -539,8 +551,8 @@ fn vector(values: &[FloatValue; 3]) -> String {
     format!("({}, {}, {})", values[0], values[1], values[2])
 }
 
-/// Masks bit by bit, unless all bits are set.
-fn masks(mask: u8, cull_mask: u32) -> String {
+/// An instance's mask and a cull mask in binary, unless all bits are set.
+fn mask_bits(mask: u8, cull_mask: u32) -> String {
     let cull = cull_mask & 0xFF;
     if mask == 0xFF && cull == 0xFF {
         return "0xff & 0xff".into();
@@ -548,14 +560,14 @@ fn masks(mask: u8, cull_mask: u32) -> String {
     format!("{mask:08b} & {cull:08b} = {:08b}", u32::from(mask) & cull)
 }
 
-fn counted(count: u64, what: &str) -> String {
-    format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
+fn with_plural(count: u64, what: &str) -> String {
+    format!("{} {what}{}", with_thousands_separators(count), if count == 1 { "" } else { "s" })
 }
 
-fn short(verdict: PrimitiveOutcome, count: u64) -> String {
+fn outcome_count(verdict: PrimitiveOutcome, count: u64) -> String {
     let what = match verdict {
-        PrimitiveOutcome::Opaque => return counted(count, "opaque hit"),
-        PrimitiveOutcome::Candidate => return counted(count, "candidate"),
+        PrimitiveOutcome::Opaque => return with_plural(count, "opaque hit"),
+        PrimitiveOutcome::Candidate => return with_plural(count, "candidate"),
         PrimitiveOutcome::Behind => "behind a known hit",
         PrimitiveOutcome::OutsideInterval => "outside the interval",
         PrimitiveOutcome::Transparent => "transparent",
@@ -563,10 +575,10 @@ fn short(verdict: PrimitiveOutcome, count: u64) -> String {
         PrimitiveOutcome::CulledByFace => "culled by face",
         PrimitiveOutcome::Missed => "missed",
     };
-    format!("{} {what}", grouped(count))
+    format!("{} {what}", with_thousands_separators(count))
 }
 
-fn instance_word(verdict: InstanceOutcome) -> &'static str {
+fn instance_outcome_label(verdict: InstanceOutcome) -> &'static str {
     match verdict {
         InstanceOutcome::Entered => "entered",
         InstanceOutcome::Masked => "dropped by mask",

@@ -1,4 +1,4 @@
-//! A scene whose rays and invocations are explained: requests in, transcripts out, no files, no
+//! Runs one ray or invocation of a scene and returns its transcript. It uses neither files nor the
 //! terminal.
 
 use std::sync::Arc;
@@ -14,20 +14,20 @@ use crate::pipeline::{Event, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
 use crate::scene::{Assembled, ResolvedScene, assemble};
 
-/// Which ray or invocation is explained.
+/// The ray or invocation to explain.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// The scene's first `[[ray]]`; without one, the centre of the launch.
+    /// The scene's first `[[ray]]`; if there is none, the centre of the launch.
     Default,
     /// The scene's `[[ray]]` of this name.
     Named(String),
-    /// What the ray generation shader does at a launch index.
+    /// The invocation of the ray generation shader at a launch index.
     Pixel([u32; 3]),
-    /// A ray by its numbers, without ray generation.
+    /// A given ray, without ray generation.
     Ray(GivenRay),
 }
 
-/// A scene, assembled.
+/// An assembled scene.
 #[derive(Debug)]
 pub struct Session {
     scene: ResolvedScene,
@@ -46,28 +46,28 @@ impl Session {
     }
 
     /// Runs a ray or an invocation and returns its transcript. A trap is part of the transcript,
-    /// and is returned as an error beside it.
+    /// and is also returned as an error.
     ///
     /// # Errors
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
     pub fn run(&self, request: &Request) -> Result<(Transcript, Option<Error>)> {
-        let (ray_name, request) = self.settle(request)?;
+        let (ray_name, request) = self.resolve(request)?;
         let snapshot = Snapshot::take(&self.assembled.resources);
         let mut events: Vec<Event> = Vec::new();
         let (launch, outcome) = match request {
-            SettledRequest::Pixel(id) => {
+            ResolvedRequest::Pixel(id) => {
                 let size = self.assembled.size;
                 let run = self.assembled.launch().run_one(id, size, &mut events, &mut ());
                 (Some(LaunchIndex { id, size }), run)
             }
-            SettledRequest::Ray(ray) => (None, self.trace(&ray, &mut events)),
+            ResolvedRequest::Ray(ray) => (None, self.trace(&ray, &mut events)),
         };
         let (stats, trap) = match outcome {
-            // What the other invocations of a subgroup did is not part of the transcript.
-            Ok(_) if self.assembled.pipeline.uses_subgroups() => (counted(&events), None),
+            // The other invocations of the subgroup are not part of the transcript.
+            Ok(_) if self.assembled.pipeline.uses_subgroups() => (count_events(&events), None),
             Ok(stats) => (stats, None),
-            Err(error) if error.kind() == ErrorKind::Trap => (counted(&events), Some(error)),
+            Err(error) if error.kind() == ErrorKind::Trap => (count_events(&events), Some(error)),
             Err(error) => return Err(error),
         };
         let printed = self.assembled.resources.printed.as_ref().map_or_else(Vec::new, |all| all.take());
@@ -89,7 +89,7 @@ impl Session {
             writes,
             writes_left_out,
             printed: printed.into_iter().map(|line| line.text).collect(),
-            counts: counts(&stats),
+            counts: run_counts(&stats),
             trap: trap.as_ref().map(|error| TrapReport {
                 message: error.message().to_owned(),
                 notes: error.notes().to_vec(),
@@ -104,34 +104,34 @@ impl Session {
         &self.scene
     }
 
-    /// Its pipeline and resources.
+    /// The scene's pipeline and resources.
     pub fn assembled(&self) -> &Assembled {
         &self.assembled
     }
 
-    /// Turns a request into a launch index or a ray that can be traced, with its name.
+    /// Resolves a request to a launch index or a valid ray, and returns it with the ray's name.
     ///
     /// # Errors
     /// As [`Session::run`].
-    pub fn settle(&self, request: &Request) -> Result<(Option<String>, SettledRequest)> {
+    pub fn resolve(&self, request: &Request) -> Result<(Option<String>, ResolvedRequest)> {
         let entry = match request {
-            Request::Pixel(id) => return Ok((None, SettledRequest::Pixel(self.inside(*id)?))),
-            Request::Ray(ray) => return Ok((None, SettledRequest::Ray(check(ray)?))),
+            Request::Pixel(id) => return Ok((None, ResolvedRequest::Pixel(self.check_launch_index(*id)?))),
+            Request::Ray(ray) => return Ok((None, ResolvedRequest::Ray(check(ray)?))),
             Request::Named(name) => self.named(name)?,
             Request::Default => match self.scene.rays.first() {
                 Some(entry) => entry,
                 None => {
                     let centre = self.assembled.size.map(|side| side / 2);
-                    return Ok((None, SettledRequest::Pixel(self.inside(centre)?)));
+                    return Ok((None, ResolvedRequest::Pixel(self.check_launch_index(centre)?)));
                 }
             },
         };
         match entry {
             RayEntry::Pixel { name, pixel } => {
                 let [x, y] = pixel.value;
-                Ok((name.clone(), SettledRequest::Pixel(self.inside([x, y, 0])?)))
+                Ok((name.clone(), ResolvedRequest::Pixel(self.check_launch_index([x, y, 0])?)))
             }
-            RayEntry::Given(ray) => Ok((ray.name.clone(), SettledRequest::Ray(check(ray)?))),
+            RayEntry::Given(ray) => Ok((ray.name.clone(), ResolvedRequest::Ray(check(ray)?))),
         }
     }
 
@@ -148,8 +148,8 @@ impl Session {
         })
     }
 
-    /// A launch index, checked against the launch.
-    fn inside(&self, id: [u32; 3]) -> Result<[u32; 3]> {
+    /// Checks that a launch index is inside the launch, and returns it.
+    fn check_launch_index(&self, id: [u32; 3]) -> Result<[u32; 3]> {
         if self.assembled.pipeline.sbt.ray_generation.is_none() {
             let message = "the scene has no ray generation shader, so there is no pixel to look at";
             return Err(invalid(message).note("give a ray by its numbers: --ray \"0,0,5 0,0,-1\""));
@@ -180,17 +180,17 @@ impl Session {
     }
 }
 
-/// A request that fits its scene.
+/// A request that was checked against its scene.
 #[derive(Clone, Debug, PartialEq)]
-pub enum SettledRequest {
+pub enum ResolvedRequest {
     /// A launch index.
     Pixel([u32; 3]),
-    /// A ray that breaks no rule.
+    /// A valid ray.
     Ray(GivenRay),
 }
 
-impl SettledRequest {
-    /// An entry of a scene.
+impl ResolvedRequest {
+    /// Resolves a `[[ray]]` of a scene.
     ///
     /// # Errors
     /// As `check`.
@@ -202,7 +202,8 @@ impl SettledRequest {
     }
 }
 
-/// Holds a ray against the rules of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to 06358).
+/// Checks a ray against the valid usage of a trace (VUID-RuntimeSpirv-OpTraceRayKHR-06355 to
+/// 06358).
 pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
     let finite = |what: &str, values: &[f32; 3]| match values.iter().position(|value| !value.is_finite()) {
         Some(at) => {
@@ -240,13 +241,13 @@ fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
 }
 
-/// What a run did that a trap ended.
-fn counted(events: &[Event]) -> Stats {
+/// Counts rays and shaders of a run from its events, for a run that returned no counts.
+fn count_events(events: &[Event]) -> Stats {
     let mut stats = Stats::default();
     for event in events {
         match event {
             Event::Trace { .. } => stats.rays += 1,
-            Event::RayQuery(RayQueryEvent { what: RayQueryStep::Initialize(..), .. }) => {
+            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Initialize(..), .. }) => {
                 stats.ray_queries += 1;
             }
             Event::Enter { stage, .. } => {
@@ -260,7 +261,7 @@ fn counted(events: &[Event]) -> Stats {
     stats
 }
 
-fn counts(stats: &Stats) -> RunCounts {
+fn run_counts(stats: &Stats) -> RunCounts {
     RunCounts {
         rays: stats.rays,
         ray_queries: stats.ray_queries,

@@ -13,33 +13,33 @@ use crate::debug::values::{FloatValue, TypedValue};
 /// The version of the JSON.
 pub const VERSION: u32 = 1;
 
-/// One launch invocation or one ray, with all that followed from it.
+/// One launch invocation or one ray, with all rays and shaders that followed from it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Transcript {
     /// [`VERSION`].
     pub version: u32,
     /// The scene's file.
     pub scene: String,
-    /// The name of the scene's `[[ray]]`, where it was one with a name.
+    /// The name of the scene's `[[ray]]`, if it has one.
     pub ray_name: Option<String>,
-    /// The launch index; `None` for a ray that no shader traced.
+    /// The launch index; `None` for a ray from the host.
     pub launch: Option<LaunchIndex>,
-    /// What ran: the ray generation shader, or the ray.
+    /// The ray generation shader, or the ray.
     pub root: Step,
-    /// What changed in buffers and images.
+    /// Changes in buffers and images.
     pub writes: Vec<MemoryChange>,
-    /// Writes beyond those listed.
+    /// The number of changes that are not listed.
     pub writes_left_out: usize,
-    /// What shaders printed (`NonSemantic.DebugPrintf`); left out where that is nothing.
+    /// What shaders printed (`NonSemantic.DebugPrintf`); omitted if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub printed: Vec<String>,
     /// Rays and shaders counted.
     pub counts: RunCounts,
-    /// The trap that ended it, where one did.
+    /// The trap that ended the run, if one did.
     pub trap: Option<TrapReport>,
 }
 
-/// Which invocation of a launch.
+/// An invocation of a launch.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct LaunchIndex {
     /// `LaunchIdKHR`
@@ -48,7 +48,7 @@ pub struct LaunchIndex {
     pub size: [u32; 3],
 }
 
-/// How much was done.
+/// Counts of rays and shaders.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunCounts {
     /// Rays traced.
@@ -62,15 +62,15 @@ pub struct RunCounts {
 /// The report of a trap.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrapReport {
-    /// One line.
+    /// The message, one line.
     pub message: String,
-    /// Where and by whom called.
+    /// Notes: the shader, the values and the callers.
     pub notes: Vec<String>,
     /// The whole report as the terminal shows it.
     pub report: String,
 }
 
-/// Something that a shader did, in order.
+/// An observed action of a shader.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Step {
@@ -79,8 +79,8 @@ pub enum Step {
     /// A ray query, from `OpRayQueryInitializeKHR` on: all that it did until the shader ended or
     /// initialised it again.
     RayQuery(Box<QueryReport>),
-    /// A shader that it called: a callable one, any-hit for a report, closest-hit or miss of a hit
-    /// object.
+    /// A shader that it called: a callable shader, any-hit for a report, or closest-hit or miss of
+    /// a hit object.
     Shader(Box<ShaderRun>),
     /// `OpReportIntersectionKHR`
     Report {
@@ -102,14 +102,14 @@ pub struct ShaderRun {
     pub builtins: Vec<NamedValue>,
     /// The hit attributes that it declares.
     pub attributes: Option<TypedValue>,
-    /// The payload (or callable data) that it declares, as it was given.
+    /// The payload (or callable data) that it declares, before the run.
     pub payload_before: Option<TypedValue>,
-    /// The payload (or callable data) that the shader left.
+    /// The payload (or callable data) after the run.
     pub payload_after: Option<TypedValue>,
-    /// What the shader did, in order.
+    /// The shader's actions, in order.
     pub steps: Vec<Step>,
     /// How the shader ended.
-    pub exit: Ending,
+    pub exit: ShaderExit,
 }
 
 /// A builtin with its value.
@@ -122,7 +122,7 @@ pub struct NamedValue {
     pub value: TypedValue,
 }
 
-/// Which shader.
+/// Names of a shader.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShaderLabel {
     /// The execution model.
@@ -137,16 +137,16 @@ pub struct ShaderLabel {
 
 /// How a shader ended.
 #[derive(Clone, Debug, Serialize)]
-pub struct Ending {
+pub struct ShaderExit {
     /// The kind of ending.
     pub how: ExitKind,
-    /// What went wrong, for a trap.
+    /// The message of a trap.
     pub message: Option<&'static str>,
-    /// Where, for a trap.
+    /// The source line of a trap.
     pub at: Option<TranscriptLine>,
 }
 
-/// How a shader ended, in a word.
+/// The way in which a shader ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExitKind {
@@ -160,21 +160,21 @@ pub enum ExitKind {
     Trapped,
 }
 
-/// A line of a source.
+/// A line of a shader's source.
 #[derive(Clone, Debug, Serialize)]
 pub struct TranscriptLine {
     /// The file's name as the compiler wrote it.
     pub file: String,
-    /// From 1.
+    /// The line's number, from 1.
     pub line: u32,
-    /// The line without its indent, where the module holds the source.
+    /// The line's text without its indent, if the module holds the source.
     pub text: Option<String>,
 }
 
-/// One ray.
+/// A traced ray.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trace {
-    /// 1 for a ray of ray generation, or from the host.
+    /// The recursion depth: 1 for a ray of ray generation, or from the host.
     pub depth: u32,
     /// The ray and what it met.
     #[serde(flatten)]
@@ -189,29 +189,29 @@ pub struct Trace {
     pub payload_before: Option<TypedValue>,
     /// The caller's payload after the trace.
     pub payload_after: Option<TypedValue>,
-    /// What shaders decided, in order.
+    /// The shaders' decisions on candidates, in order.
     pub decisions: Vec<Decision>,
     /// The closest hit; `None` for a miss.
     pub hit: Option<HitReport>,
-    /// The record of the hit or miss table; `None` where a trap came first.
+    /// The record of the hit or miss table; `None` if a trap ended the ray before.
     pub record: Option<RecordChoice>,
     /// The closest-hit or miss shader.
     pub shader: Option<Box<ShaderRun>>,
-    /// Why none ran.
+    /// Why no closest-hit or miss shader ran.
     pub no_shader: Option<String>,
 }
 
-/// One ray query.
+/// A ray query.
 #[derive(Clone, Debug, Serialize)]
 pub struct QueryReport {
     /// The ray and what it met.
     #[serde(flatten)]
     pub traversal: Traversal,
-    /// What `OpRayQueryProceedKHR` showed, in order.
+    /// The candidates at which `OpRayQueryProceedKHR` stopped, in order.
     pub candidates: Vec<QueryCandidate>,
-    /// The committed hit; `None` where nothing was committed.
+    /// The committed hit, if there is one.
     pub hit: Option<HitReport>,
-    /// How far it came.
+    /// How the query ended.
     pub end: QueryEnd,
 }
 
@@ -224,9 +224,9 @@ pub struct QueryCandidate {
     pub geometry: u32,
     /// `PrimitiveId`
     pub primitive: u32,
-    /// Where; for a box its entry.
+    /// The hit distance; for a box the distance at which the ray enters it.
     pub t: FloatValue,
-    /// Whether it is a box.
+    /// Whether the primitive is a box.
     pub is_box: bool,
     /// Whether a hit of it is opaque.
     pub opaque: bool,
@@ -236,11 +236,11 @@ pub struct QueryCandidate {
     pub generated: Vec<FloatValue>,
 }
 
-/// How far a ray query came.
+/// How a ray query ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum QueryEnd {
-    /// The shader left it before its end.
+    /// The shader ended before the traversal was complete.
     Underway,
     /// `OpRayQueryTerminateKHR`
     Terminated,
@@ -248,12 +248,12 @@ pub enum QueryEnd {
     Complete,
 }
 
-/// A ray and what traversal saw of its way.
+/// A ray, and the instances and primitives that its traversal tested.
 #[derive(Clone, Debug, Serialize)]
 pub struct Traversal {
     /// The acceleration structure's name.
     pub structure: Option<String>,
-    /// Where a shader traced it.
+    /// The source line of the instruction that traces it.
     pub called_at: Option<TranscriptLine>,
     /// The ray's origin.
     pub origin: [FloatValue; 3],
@@ -269,11 +269,11 @@ pub struct Traversal {
     pub flags: Flags,
     /// The cull mask.
     pub cull_mask: u32,
-    /// `CurrentRayTimeNV`; `None` where nothing moves and the ray names no time.
+    /// `CurrentRayTimeNV`; `None` if nothing moves and the ray has no time.
     pub time: Option<FloatValue>,
-    /// Nodes opened of the tree over the instances.
+    /// The number of nodes of the TLAS that were opened.
     pub nodes: u64,
-    /// Every instance: what became of it.
+    /// The verdict on every instance.
     pub instances: Vec<InstanceReport>,
 }
 
@@ -286,14 +286,14 @@ pub struct Flags {
     pub names: Vec<String>,
 }
 
-/// What became of an instance.
+/// The verdict on an instance and on its primitives.
 #[derive(Clone, Debug, Serialize)]
 pub struct InstanceReport {
     /// `InstanceId`
     pub instance: u32,
     /// Names of its geometries in the scene.
     pub geometry: Vec<String>,
-    /// What it is made of.
+    /// The kind of its primitives.
     pub primitive_kind: Option<String>,
     /// How many primitives it has.
     pub primitives: usize,
@@ -307,17 +307,17 @@ pub struct InstanceReport {
     pub moves: bool,
     /// The decision.
     pub verdict: InstanceOutcome,
-    /// Nodes opened of its tree.
+    /// The number of nodes of its BVH that were opened.
     pub nodes: u64,
-    /// Primitives that were tested, in that order.
+    /// The primitives that were tested, in order.
     pub tested: Vec<PrimitiveReport>,
 }
 
-/// Why an instance was kept or dropped.
+/// Why an instance was entered or rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InstanceOutcome {
-    /// Its primitives are looked at.
+    /// Its primitives are tested.
     Entered,
     /// Its mask and the ray's cull mask share no bit.
     Masked,
@@ -325,12 +325,12 @@ pub enum InstanceOutcome {
     Skipped,
     /// The ray passes by the box around all its primitives.
     MissedBox,
-    /// Traversal did not come to it: its box in the tree over the instances was missed or lies
-    /// behind a hit, or a hit ended the traversal.
+    /// Traversal did not reach it: the ray misses its box in the TLAS, the box lies behind a hit,
+    /// or a hit ended the traversal.
     NotReached,
 }
 
-/// What became of a primitive.
+/// The verdict on a primitive.
 #[derive(Clone, Debug, Serialize)]
 pub struct PrimitiveReport {
     /// `RayGeometryIndexKHR`
@@ -339,15 +339,15 @@ pub struct PrimitiveReport {
     pub primitive: u32,
     /// The decision.
     pub verdict: PrimitiveOutcome,
-    /// Where the ray meets it, where it does.
+    /// The t at which the ray hits it, if it does.
     pub t: Option<FloatValue>,
-    /// Which surface.
+    /// The surface that the ray hits.
     pub surface: Option<&'static str>,
-    /// The t of the hit that it lies behind.
+    /// The t of the closer hit that it lies behind.
     pub behind: Option<FloatValue>,
 }
 
-/// Why a primitive was kept or dropped.
+/// Why a primitive was accepted or rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PrimitiveOutcome {
@@ -355,9 +355,9 @@ pub enum PrimitiveOutcome {
     Opaque,
     /// A candidate for the shaders.
     Candidate,
-    /// Behind a hit that was known already.
+    /// Behind a hit that was found before.
     Behind,
-    /// The ray meets it before t_min or after t_max.
+    /// The ray hits it before t_min or after t_max.
     OutsideInterval,
     /// The opacity micromap is transparent there.
     Transparent,
@@ -365,7 +365,7 @@ pub enum PrimitiveOutcome {
     CulledByOpacity,
     /// The ray's flags cull the side that it shows.
     CulledByFace,
-    /// The ray does not meet it.
+    /// The ray misses it.
     Missed,
 }
 
@@ -378,34 +378,34 @@ pub struct Decision {
     pub geometry: u32,
     /// `PrimitiveId`
     pub primitive: u32,
-    /// Where; for a box its entry.
+    /// The hit distance; for a box the distance at which the ray enters it.
     pub t: FloatValue,
-    /// Whether it is a box.
+    /// Whether the primitive is a box.
     pub is_box: bool,
     /// The hit record.
     pub record: RecordChoice,
-    /// The any-hit or intersection shader; `None` where the record has none.
+    /// The any-hit or intersection shader; `None` if the record has none.
     pub shader: Option<ShaderRun>,
 }
 
-/// A record of the shader binding table and how it was found.
+/// A record of the shader binding table, and how its index was computed.
 #[derive(Clone, Debug, Serialize)]
 pub struct RecordChoice {
-    /// `hit` or `miss`.
+    /// The table: `hit` or `miss`.
     pub table: &'static str,
-    /// Its index.
+    /// The record's index.
     pub index: u64,
-    /// How the index of a hit record comes about.
+    /// The terms of the index of a hit record.
     pub arithmetic: Option<Arithmetic>,
-    /// How many records the table has.
+    /// The number of records of the table.
     pub records: usize,
-    /// The scene's name for it.
+    /// The record's name in the scene.
     pub name: Option<String>,
     /// The index of its group; `None` for a null handle, or no record.
     pub group: Option<u32>,
 }
 
-/// instance offset + geometry * stride + offset
+/// The terms of instance offset + geometry * stride + offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Arithmetic {
     /// `instanceShaderBindingTableRecordOffset`
@@ -460,9 +460,9 @@ pub struct MemoryChange {
     pub set: u32,
     /// The binding number in the set.
     pub binding: u32,
-    /// Where in it.
-    pub at: ChangedPlace,
-    /// The path of what changed in a buffer's type, where that is known.
+    /// The location of the change in the resource.
+    pub at: ChangeLocation,
+    /// The path of the member that changed, if the buffer's type is known.
     pub member: Option<String>,
     /// The value before the run.
     pub before: TypedValue,
@@ -470,10 +470,10 @@ pub struct MemoryChange {
     pub after: TypedValue,
 }
 
-/// Where in a resource.
+/// A location in a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum ChangedPlace {
+pub enum ChangeLocation {
     /// x, y, and the depth or layer.
     Texel([u32; 3]),
     /// The offset of the first byte.

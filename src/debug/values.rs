@@ -1,4 +1,4 @@
-//! Words of a shader's memory as typed values, by reflection.
+//! Typed values from the words of a shader's memory, by reflection.
 
 use std::fmt;
 
@@ -10,21 +10,21 @@ use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::builtin::{Builtin, ValueShape};
 
-/// Longer lists are cut in text.
-const SHOWN: usize = 16;
+/// The number of elements that text shows of a list.
+const MAX_ELEMENTS: usize = 16;
 
 /// A value with its type.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct TypedValue {
-    /// The type in GLSL's words.
+    /// The type, as GLSL names it.
     #[serde(rename = "type")]
     pub ty: String,
-    /// What it is.
+    /// The value without its type.
     #[serde(rename = "value")]
     pub content: ValueContent,
 }
 
-/// What a value is made of.
+/// A value without its type.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(untagged)]
 pub enum ValueContent {
@@ -52,9 +52,9 @@ pub struct ValueMember {
     pub value: TypedValue,
 }
 
-/// A float of any width, shown with as few digits as name it.
+/// A float of any width, shown with the fewest digits that read back as the same number.
 ///
-/// JSON knows neither infinities nor NaN: they are the strings `"inf"`, `"-inf"` and `"NaN"`.
+/// JSON has neither infinities nor NaN: they are the strings `"inf"`, `"-inf"` and `"NaN"`.
 #[derive(Clone, Copy, Debug)]
 pub enum FloatValue {
     /// `binary16`
@@ -68,14 +68,14 @@ pub enum FloatValue {
 }
 
 impl TypedValue {
-    /// A value of a module's type from its words (see [`crate::pipeline::Event`]); words that lack
+    /// A value of a module's type from its words (see [`crate::pipeline::Event`]); missing words
     /// are 0.
     pub fn of_type(module: &Module, ty: TypeId, words: &[u32]) -> Self {
         let mut words = words.iter().copied();
         Self { ty: type_name(module, ty), content: content(module, ty, &mut words) }
     }
 
-    /// A builtin from its words.
+    /// The value of a builtin from its words.
     pub fn of_builtin(builtin: &Builtin, words: &[u32]) -> Self {
         let (ty, content) = match builtin.shape {
             ValueShape::Bool => ("bool", ValueContent::Bool(words.first().is_some_and(|&word| word != 0))),
@@ -88,16 +88,16 @@ impl TypedValue {
             }
             ValueShape::Float2 => ("vec2", floats(words)),
             ValueShape::Float3 => ("vec3", floats(words)),
-            ValueShape::Matrix4x3 => ("mat4x3", lists(words)),
+            ValueShape::Matrix4x3 => ("mat4x3", vec3s(words)),
             ValueShape::FloatArray2 => ("float[2]", floats(words)),
-            ValueShape::Float3Array2 => ("vec3[2]", lists(words)),
-            ValueShape::Float3Array3 => ("vec3[3]", lists(words)),
+            ValueShape::Float3Array2 => ("vec3[2]", vec3s(words)),
+            ValueShape::Float3Array3 => ("vec3[3]", vec3s(words)),
         };
         Self { ty: ty.to_owned(), content }
     }
 
-    /// Its parts that are no structs, each with its path (`hit.t`); one part without a path where
-    /// it is no struct itself.
+    /// The members that are no structs, each with its path (`hit.t`); the value itself, with an
+    /// empty path, if it is no struct.
     pub fn parts(&self) -> Vec<(String, &TypedValue)> {
         let mut parts = Vec::new();
         self.collect_parts(String::new(), &mut parts);
@@ -147,10 +147,10 @@ impl fmt::Display for ValueContent {
             Self::Float(value) => write!(f, "{value}"),
             Self::List(items) => {
                 f.write_str("(")?;
-                for (at, item) in items.iter().take(SHOWN).enumerate() {
+                for (at, item) in items.iter().take(MAX_ELEMENTS).enumerate() {
                     write!(f, "{}{item}", if at == 0 { "" } else { ", " })?;
                 }
-                if items.len() > SHOWN {
+                if items.len() > MAX_ELEMENTS {
                     write!(f, ", ... {} in all", items.len())?;
                 }
                 f.write_str(")")
@@ -166,7 +166,8 @@ impl fmt::Display for ValueContent {
     }
 }
 
-/// The shortest digits that read back as the same number; an exponent where they would be many.
+/// The shortest digits that read back as the same number, with an exponent for very small and very
+/// large numbers.
 impl fmt::Display for FloatValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plain = |size: f64| size == 0.0 || !size.is_finite() || (1e-4..1e9).contains(&size);
@@ -181,7 +182,7 @@ impl fmt::Display for FloatValue {
     }
 }
 
-/// Bit for bit, so that NaN equals itself and 0 differs from -0.
+/// Compares bit for bit, so that NaN equals itself and 0 differs from -0.
 impl PartialEq for FloatValue {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
@@ -221,7 +222,7 @@ fn shortest(format: FloatFormat, value: f32) -> String {
     FloatValue::F32(near).to_string()
 }
 
-/// The name of a type: a struct's own where it has one.
+/// The name of a type, for a struct without the word `struct`.
 fn type_name(module: &Module, ty: TypeId) -> String {
     let described = module.describe_type(ty);
     described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
@@ -278,7 +279,7 @@ fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -
     }
 }
 
-/// Elements of one type, at most as many as there can be words.
+/// A list of `count` values of one type, at most 2^20.
 fn repeated(
     module: &Module,
     element: TypeId,
@@ -298,8 +299,8 @@ fn floats(words: &[u32]) -> ValueContent {
     ValueContent::List(words.iter().map(|&word| ValueContent::f32(f32::from_bits(word))).collect())
 }
 
-/// Vectors of three.
-fn lists(words: &[u32]) -> ValueContent {
+/// A list of vectors of three components.
+fn vec3s(words: &[u32]) -> ValueContent {
     ValueContent::List(words.chunks(3).map(floats).collect())
 }
 

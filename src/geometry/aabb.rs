@@ -21,7 +21,7 @@
 use std::cmp::Ordering;
 
 use crate::geometry::object_ray::ObjectRay;
-use crate::geometry::verdict::{Verdict, representable, rounded, when};
+use crate::geometry::verdict::{Verdict, error_or_zero, representable, rounded};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
 use crate::math::error_bound::{quotient_error, two_units};
 use crate::math::exact::Dyadic;
@@ -40,8 +40,8 @@ pub fn intersect(
         return None;
     }
     let t = match precision {
-        Precision::Float => filtered::<f32, false>(ray, min, max).found()?,
-        Precision::Double => filtered::<f64, false>(ray, min, max).found()?,
+        Precision::Float => filtered::<f32, false>(ray, min, max).into_hit()?,
+        Precision::Double => filtered::<f64, false>(ray, min, max).into_hit()?,
         Precision::Exact => match filtered::<f64, true>(ray, min, max) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return None,
@@ -69,7 +69,7 @@ fn holds_points(min: [f32; 3], max: [f32; 3]) -> bool {
 
 #[inline(always)]
 fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [f32; 3]) -> Verdict<f32> {
-    let view = ray.view::<R>();
+    let view = ray.bounded::<R>();
     let u2 = two_units::<R>();
     let infinite = R::ONE / R::ZERO;
     let t_min = view.t_min;
@@ -86,7 +86,7 @@ fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
         let ed = R::from_f64(ray.direction_error[i]) + u2 * d.abs();
         let (low, high) = (R::from_f32(min[i]), R::from_f32(max[i]));
         if d == R::ZERO && (!BOUNDED || ray.direction_error[i] == 0.0) {
-            let eo = when::<R, BOUNDED>(eo);
+            let eo = error_or_zero::<R, BOUNDED>(eo);
             if o + eo < low || o - eo > high {
                 return Verdict::Miss;
             }
@@ -101,7 +101,7 @@ fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
             let difference = side - o;
             let t = difference / d;
             let error = quotient_error(t, eo + u2 * difference.abs(), d, ed);
-            let error = when::<R, BOUNDED>(error);
+            let error = error_or_zero::<R, BOUNDED>(error);
             // An uncertain direction gives an infinite error beside an infinite t.
             if BOUNDED && !(error < infinite) { (-infinite, infinite) } else { (t - error, t + error) }
         };
@@ -113,7 +113,7 @@ fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
             far[i] = slab_t(leaving);
         }
     }
-    let mut surely = true;
+    let mut is_certain = true;
     for (i, far) in far.iter().enumerate() {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let first = near[j].0.max(near[k].0).max(t_min);
@@ -121,13 +121,13 @@ fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, min: [f32; 3], max: [
         if first > far.1 {
             return Verdict::Miss;
         }
-        surely &= last <= far.0;
+        is_certain &= last <= far.0;
     }
     if enter.0 > view.t_max {
         return Verdict::Miss;
     }
-    surely &= enter.1 <= view.t_max;
-    if !surely {
+    is_certain &= enter.1 <= view.t_max;
+    if !is_certain {
         return if BOUNDED { Verdict::Undecided } else { Verdict::Miss };
     }
     representable(rounded(enter.0, enter.1))

@@ -23,13 +23,12 @@
 //! the primitives has e = 0.
 //!
 //! # The bounds
-//! The table at `object_ray::View` holds with u = 2^-24, `origin_error` e, c = κ + 12u. Each test
-//! lists what it uses. Spheres and swept spheres take one bound for all primitives, |E| (e + c x):
-//! x is at least the 1-norm of the vector from o' to any point of the box around all, and so at
-//! least
-//! |o' - p| + r for a centre p and a radius r. The bounds are evaluated in f32 by sums, products
-//! and square roots of non-negative terms, which lose at most 2^-24 relatively each; `margin` = 1 +
-//! 2^-18 on every source outweighs 60 of those.
+//! The table at `object_ray::BoundedRay` holds with u = 2^-24, `origin_error` e, c = κ + 12u. Each
+//! test lists what it uses. Spheres and swept spheres take one bound for all primitives, |E| (e + c
+//! x): x is at least the 1-norm of the vector from o' to any point of the box around all, and so at
+//! least |o' - p| + r for a centre p and a radius r. The bounds are evaluated in f32 by sums,
+//! products and square roots of non-negative terms, which lose at most 2^-24 relatively each;
+//! `margin` = 1 + 2^-18 on every source outweighs 60 of those.
 //!
 //! *Underflow* costs at most 2^-150 per operation. e is raised by 2^-60, so that each bound's
 //! square is at least 2^-120 and its margin, 2^-138, outweighs the few such losses of any formula
@@ -55,10 +54,10 @@ use crate::math::f32x4::F32x4;
 use crate::math::real::Real;
 
 /// The mask of all lanes.
-const ALL: u32 = (1 << LANES) - 1;
+const ALL_LANES: u32 = (1 << LANES) - 1;
 
 /// The greatest coordinate for which the bounds hold: 2^60.
-const MOST: f32 = (1u64 << 60) as f32;
+const MAX_COORDINATE: f32 = (1u64 << 60) as f32;
 
 /// The unit roundoff of f32.
 const UNIT: f64 = 1.0 / 16_777_216.0;
@@ -81,15 +80,15 @@ pub struct CullRay {
     /// |E| (e + c x), with margin, x being the greatest distance of all primitives and their radii.
     error_bound: f32,
     /// `error_bound`, but infinite if hits behind the origin count.
-    behind: f32,
+    behind_error_bound: f32,
     /// An upper bound of the 2-norm of D.
     length: f32,
     /// 5.5 |E| ρ, 10 |E|^2 c and |E|^2, with `error_bound` for ρ, for the cones of swept spheres.
-    cone: [f32; 3],
+    cone_terms: [f32; 3],
 }
 
 /// The error bounds that [`CullRay::prepare`] also computes.
-struct Errors {
+struct CullErrors {
     /// For each component of the origin.
     origin: [f64; 3],
     direction: [f64; 3],
@@ -97,7 +96,7 @@ struct Errors {
 }
 
 impl CullRay {
-    /// Placeholder value, which culls nothing.
+    /// Placeholder value that culls nothing.
     pub const EMPTY: Self = Self {
         origin: [0.0; 3],
         direction: [0.0; 3],
@@ -105,9 +104,9 @@ impl CullRay {
         absolute_error: f32::INFINITY,
         relative_error: f32::INFINITY,
         error_bound: f32::INFINITY,
-        behind: f32::INFINITY,
+        behind_error_bound: f32::INFINITY,
         length: f32::INFINITY,
-        cone: [f32::INFINITY; 3],
+        cone_terms: [f32::INFINITY; 3],
     };
 
     /// Prepares a ray for primitives that lie within the given box (object space); for boxes there
@@ -127,29 +126,29 @@ impl CullRay {
     /// covers 12u and the roundings here.
     #[inline(always)]
     pub fn world_space(ray: &Ray, around: &Bounds) -> Option<Self> {
-        let far = farthest(three(ray.origin), around);
-        let (axis, most) = greatest(ray.direction);
+        let far = max_distance(xyz0(ray.origin), around);
+        let (axis, most) = max_component(ray.direction);
         // Written so that a NaN does not fit.
-        let near = far <= 64.0 * sum(three(around.max) - three(around.min)) && far <= MOST;
-        if !(near && most <= MOST && most * MOST >= 1.0) {
+        let near = far <= 64.0 * sum_xyz(xyz0(around.max) - xyz0(around.min)) && far <= MAX_COORDINATE;
+        if !(near && most <= MAX_COORDINATE && most * MAX_COORDINATE >= 1.0) {
             return None;
         }
-        let along = three(ray.direction) * F32x4::splat(power_below(most));
-        let norm = sum(along.abs());
+        let along = xyz0(ray.direction) * F32x4::splat(inverse_power_of_two(most));
+        let norm = sum_xyz(along.abs());
         let absolute_error = norm * (TINY * MARGIN * MARGIN) as f32;
         let relative_error = norm * (16.0 * UNIT) as f32;
         let error_bound = absolute_error + relative_error * far;
-        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
+        let length = sum_xyz(along * along).sqrt() * (1.0 + 1.0 / 65_536.0);
         Some(Self {
             origin: ray.origin,
-            direction: triple(along),
+            direction: xyz(along),
             axis,
             absolute_error,
             relative_error,
             error_bound,
-            behind: if ray.t_min >= 0.0 { error_bound } else { f32::INFINITY },
+            behind_error_bound: if ray.t_min >= 0.0 { error_bound } else { f32::INFINITY },
             length,
-            cone: cone(relative_error, error_bound, length),
+            cone_terms: cone_terms(relative_error, error_bound, length),
         })
     }
 
@@ -159,33 +158,33 @@ impl CullRay {
     /// The error sums of o' and of d, scaled like d, are e and κ |E|.
     #[inline(always)]
     pub fn approximate(ray: &ApproximateRay, around: &Bounds) -> Option<Self> {
-        let far = farthest(ray.origin, around);
-        let (axis, most) = greatest(triple(ray.direction));
-        let inverse = power_below(most);
+        let far = max_distance(ray.origin, around);
+        let (axis, most) = max_component(xyz(ray.direction));
+        let inverse = inverse_power_of_two(most);
         let along = ray.direction * F32x4::splat(inverse);
-        let norm = sum(along.abs());
-        let total = |errors: F32x4| sum(errors) * (MARGIN * MARGIN) as f32;
-        let turn = total(ray.direction_error) * inverse;
-        let fits = far <= MOST && turn <= 0.5 && most.is_normal();
+        let norm = sum_xyz(along.abs());
+        let total = |errors: F32x4| sum_xyz(errors) * (MARGIN * MARGIN) as f32;
+        let direction_error = total(ray.direction_error) * inverse;
+        let fits = far <= MAX_COORDINATE && direction_error <= 0.5 && most.is_normal();
         let absolute_error = norm * (total(ray.origin_error) + (TINY * MARGIN * MARGIN) as f32);
-        let relative_error = turn + norm * (16.0 * UNIT) as f32;
+        let relative_error = direction_error + norm * (16.0 * UNIT) as f32;
         let error_bound = absolute_error + relative_error * far;
-        let length = sum(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + turn;
+        let length = sum_xyz(along * along).sqrt() * (1.0 + 1.0 / 65_536.0) + direction_error;
         fits.then(|| Self {
-            origin: triple(ray.origin),
-            direction: triple(along),
+            origin: xyz(ray.origin),
+            direction: xyz(along),
             axis,
             absolute_error,
             relative_error,
             error_bound,
-            behind: f32::INFINITY,
+            behind_error_bound: f32::INFINITY,
             length,
-            cone: cone(relative_error, error_bound, length),
+            cone_terms: cone_terms(relative_error, error_bound, length),
         })
     }
 
     #[inline(always)]
-    fn prepare(ray: &ObjectRay, around: &Bounds) -> (Self, Option<Errors>) {
+    fn prepare(ray: &ObjectRay, around: &Bounds) -> (Self, Option<CullErrors>) {
         let (o, o_error) = ray.origin_bounded();
         let (d, d_error) = ray.direction_bounded();
         let size = around.min.iter().chain(&around.max).fold(0.0f32, |a, x| a.max(x.abs()));
@@ -193,7 +192,7 @@ impl CullRay {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let t0 = if far > 4.0 * size { t_near_bounds(o, d, around, size) } else { 0.0 };
 
-        let (axis, most) = greatest(d);
+        let (axis, most) = max_component(d);
         let inverse = 1.0 / most;
         let mut out = Self { axis, ..Self::EMPTY };
         const U: f64 = f64::EPSILON;
@@ -226,9 +225,9 @@ impl CullRay {
         out.absolute_error = (norm * e * MARGIN) as f32;
         out.relative_error = ((kappa + norm * (12.0 * UNIT)) * MARGIN) as f32;
         out.length = ((square.sqrt() + kappa) * MARGIN) as f32;
-        out.error_bound = out.absolute_error + out.relative_error * farthest(three(out.origin), around);
-        out.cone = cone(out.relative_error, out.error_bound, out.length);
-        (out, Some(Errors { origin: origin_error, direction: direction_error, t0 }))
+        out.error_bound = out.absolute_error + out.relative_error * max_distance(xyz0(out.origin), around);
+        out.cone_terms = cone_terms(out.relative_error, out.error_bound, out.length);
+        (out, Some(CullErrors { origin: origin_error, direction: direction_error, t0 }))
     }
 
     #[inline(always)]
@@ -244,7 +243,7 @@ impl CullRay {
 
 /// Computes [`CullRay::cone`] from the other terms.
 #[inline(always)]
-fn cone(relative_error: f32, error_bound: f32, length: f32) -> [f32; 3] {
+fn cone_terms(relative_error: f32, error_bound: f32, length: f32) -> [f32; 3] {
     [5.5 * error_bound * length, 10.0 * relative_error * length, length * length]
 }
 
@@ -265,7 +264,7 @@ fn t_near_bounds(o: [f64; 3], d: [f64; 3], around: &Bounds, size: f64) -> f64 {
 
 /// The axis of the component of greatest magnitude, and that magnitude.
 #[inline(always)]
-fn greatest<R: Real>(v: [R; 3]) -> (usize, R) {
+fn max_component<R: Real>(v: [R; 3]) -> (usize, R) {
     let [x, y, z] = v.map(R::abs);
     let (axis, most) = (usize::from(y > x), if y > x { y } else { x });
     (if z > most { 2 } else { axis }, if z > most { z } else { most })
@@ -273,25 +272,25 @@ fn greatest<R: Real>(v: [R; 3]) -> (usize, R) {
 
 /// The power of two that brings a normal number to a magnitude from 1 to 2.
 #[inline(always)]
-fn power_below(x: f32) -> f32 {
+fn inverse_power_of_two(x: f32) -> f32 {
     const EXPONENT: u32 = 0xFF << 23;
     f32::from_bits((254 << 23) - (x.to_bits() & EXPONENT))
 }
 
 #[inline(always)]
-fn three([x, y, z]: [f32; 3]) -> F32x4 {
+fn xyz0([x, y, z]: [f32; 3]) -> F32x4 {
     F32x4::new([x, y, z, 0.0])
 }
 
 #[inline(always)]
-fn triple(v: F32x4) -> [f32; 3] {
+fn xyz(v: F32x4) -> [f32; 3] {
     let [x, y, z, _] = v.to_array();
     [x, y, z]
 }
 
 /// The sum of the first three lanes.
 #[inline(always)]
-fn sum(v: F32x4) -> f32 {
+fn sum_xyz(v: F32x4) -> f32 {
     let [x, y, z, _] = v.to_array();
     x + y + z
 }
@@ -299,16 +298,16 @@ fn sum(v: F32x4) -> f32 {
 /// An upper bound of the 1-norm of the vector from an origin to any point of a box. For a ball
 /// within the box it bounds that to the centre plus the radius.
 #[inline(always)]
-fn farthest(origin: F32x4, around: &Bounds) -> f32 {
-    let (below, above) = (origin - three(around.min), three(around.max) - origin);
-    sum(below.abs().relaxed_max(above.abs())) * MARGIN as f32
+fn max_distance(origin: F32x4, around: &Bounds) -> f32 {
+    let (below, above) = (origin - xyz0(around.min), xyz0(around.max) - origin);
+    sum_xyz(below.abs().relaxed_max(above.abs())) * MARGIN as f32
 }
 
 /// One number for each of four primitives.
-type Row = [f32; LANES];
+type PerLane = [f32; LANES];
 
 #[inline(always)]
-fn load<const N: usize>(rows: &[Row; N]) -> [F32x4; N] {
+fn load<const N: usize>(rows: &[PerLane; N]) -> [F32x4; N] {
     rows.map(F32x4::new)
 }
 

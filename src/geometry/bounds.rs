@@ -15,7 +15,7 @@ impl Bounds {
     /// The box that holds nothing: the neutral element of [`Bounds::union`].
     pub const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
-    /// The least box around points; empty for none. NaNs are passed over.
+    /// The least box around points; empty for none. NaNs are ignored.
     pub fn of_points(points: &[[f32; 3]]) -> Self {
         let mut out = Self::EMPTY;
         for point in points {

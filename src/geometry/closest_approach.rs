@@ -32,12 +32,12 @@
 //!
 //! # Spheres
 //! A sphere of radius r about the centre is entered at t = -(σ* + sqrt((r^2 - w*.w*) / d.d)). With
-//! ρ = error_bound(r) and |l| <= r the computed room r^2 - l.l is off by at most (7/3 r + ρ) ρ; it
-//! has to be at least (r / 8 + 16 ρ)^2, so that it is off by less than 19 ρ times its own root.
-//! That root is then off by at most 11.5 ρ, the half chord by as much over |d|, with ρ / 4 for the
-//! inverse and the rounding of the root, and t, with σ's ρ / |d| and the last rounding, by less
-//! than 16 ρ / |d|. (Undecided is what grazes: where less than a 64th of r^2 is left.) The line
-//! passes by where |l| > r + error_bound(|l|), that is |l| (1 - c) > r + ρ.
+//! ρ = error_bound(r) and |l| <= r the computed squared half chord r^2 - l.l is off by at most (7/3
+//! r + ρ) ρ; it has to be at least (r / 8 + 16 ρ)^2, so that it is off by less than 19 ρ times its
+//! own root. That root is then off by at most 11.5 ρ, the half chord by as much over |d|, with ρ /
+//! 4 for the inverse and the rounding of the root, and t, with σ's ρ / |d| and the last rounding,
+//! by less than 16 ρ / |d|. (Rays that graze the sphere, with less than a 64th of r^2 left, stay
+//! undecided.) The line passes by where |l| > r + error_bound(|l|), that is |l| (1 - c) > r + ρ.
 
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
@@ -45,7 +45,7 @@ use crate::math::real::{dot, from_f32, scale, sub};
 
 /// Decides whether a t with an error of at most `error` is in the interval, and rounds it.
 #[inline(always)]
-pub(super) fn settle(ray: &ObjectRay, t: f64, error: f64) -> Verdict<f32> {
+pub(super) fn round_within(ray: &ObjectRay, t: f64, error: f64) -> Verdict<f32> {
     let (t_min, t_max) = ray.approach_terms.interval;
     let (below, above) = (t - error, t + error);
     if below >= t_min && above <= t_max {
@@ -94,33 +94,33 @@ impl ClosestApproachTerms {
     pub const RANGE: (f64, f64) = (1.0 / 18_446_744_073_709_551_616.0, 18_446_744_073_709_551_616.0);
 
     /// Makes the terms from a direction with its 1-norm, the error bounds of `ObjectRay` and the
-    /// interval. The caller [gives them up](Self::give_up) if the norm is outside of
+    /// interval. The caller [disables](Self::disable) them if the norm is outside of
     /// [`Self::RANGE`].
     #[inline(always)]
     pub fn new(
         direction: [f64; 3],
         norm: f64,
-        (origin_slack, direction_slack): (f64, f64),
+        (origin_error_norm, direction_relative_error): (f64, f64),
         (t_min, t_max): (f32, f32),
     ) -> Self {
         let inverse = 1.0 / dot(direction, direction);
         Self {
             inverse,
             inv_length: norm * inverse,
-            relative_error: 8.0 * f64::EPSILON + 8.0 * direction_slack,
-            absolute_error: 2.25 * origin_slack + TINY,
-            interval: (t_min.into(), f64::from(t_max).min(GREATEST)),
+            relative_error: 8.0 * f64::EPSILON + 8.0 * direction_relative_error,
+            absolute_error: 2.25 * origin_error_norm + TINY,
+            interval: (t_min.into(), f64::from(t_max).min(MAX_T)),
         }
     }
 
     /// Makes the error bounds infinite, so that nothing is decided.
-    pub fn give_up(&mut self) {
+    pub fn disable(&mut self) {
         (self.relative_error, self.absolute_error) = (f64::INFINITY, f64::INFINITY);
     }
 }
 
 /// Just below the middle of the greatest f32 and 2^128, from which on numbers round to infinity.
-const GREATEST: f64 = (f32::MAX as f64 + (1u128 << 103) as f64).next_down();
+const MAX_T: f64 = (f32::MAX as f64 + (1u128 << 103) as f64).next_down();
 
 /// 2^-100, which outweighs underflow.
 const TINY: f64 = 1.0 / ((1u128 << 100) as f64);
@@ -148,13 +148,13 @@ impl ClosestApproach {
     pub fn entry(&self, ray: &ObjectRay, radius: f64, error_bound: f64) -> Verdict<(f64, f64)> {
         let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;
         let square = dot(self.offset, self.offset);
-        let room = radius * radius - square;
-        let sure = 0.125 * radius + 16.0 * error_bound;
-        if room >= sure * sure && radius > 0.0 {
-            let half = (room * inverse).sqrt();
-            return Verdict::Hit((-self.sigma - half, 16.0 * inv_length * error_bound));
+        let half_chord2 = radius * radius - square;
+        let threshold = 0.125 * radius + 16.0 * error_bound;
+        if half_chord2 >= threshold * threshold && radius > 0.0 {
+            let half_chord = (half_chord2 * inverse).sqrt();
+            return Verdict::Hit((-self.sigma - half_chord, 16.0 * inv_length * error_bound));
         }
-        let near = radius + error_bound;
-        if square * (1.0 - 3.0 * relative_error) > near * near { Verdict::Miss } else { Verdict::Undecided }
+        let outer = radius + error_bound;
+        if square * (1.0 - 3.0 * relative_error) > outer * outer { Verdict::Miss } else { Verdict::Undecided }
     }
 }

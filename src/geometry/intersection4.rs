@@ -15,8 +15,8 @@ pub struct Intersection4 {
     pub(super) hits: u32,
     /// A mask of the primitives that the error bounds do not decide.
     pub(super) undecided: u32,
-    /// A mask of the primitives that are hit on the second surface.
-    pub(super) marked: u32,
+    /// A mask of the primitives that are hit on the second of the two surfaces.
+    pub(super) second_surface: u32,
     /// The first and the second surface.
     pub(super) surfaces: [Surface; 2],
     pub(super) t: [f32; 4],
@@ -28,7 +28,7 @@ impl Intersection4 {
     pub const MISSED: Self = Self {
         hits: 0,
         undecided: 0,
-        marked: 0,
+        second_surface: 0,
         surfaces: [Surface::Sphere; 2],
         t: [0.0; 4],
         attributes: [[0.0; 4]; 2],
@@ -48,44 +48,45 @@ impl Intersection4 {
         (self.hits >> lane & 1 != 0).then(|| Intersection {
             t: self.t[lane],
             attributes: [first[lane], second[lane]],
-            surface: self.surfaces[(self.marked >> lane & 1) as usize],
+            surface: self.surfaces[(self.second_surface >> lane & 1) as usize],
         })
     }
 }
 
-/// Computed numbers with lower and upper bounds of the exact ones.
+/// Computed values with lower and upper bounds of the exact ones.
 #[derive(Clone, Copy)]
-pub(super) struct Ends<D: F64x4Ops> {
-    pub middle: D::F64x4,
-    pub below: D::F64x4,
-    pub above: D::F64x4,
+pub(super) struct Interval4<D: F64x4Ops> {
+    pub value: D::F64x4,
+    pub low: D::F64x4,
+    pub high: D::F64x4,
 }
 
-impl<D: F64x4Ops> Ends<D> {
+impl<D: F64x4Ops> Interval4<D> {
     /// Makes bounds from computed numbers and their errors.
     #[inline(always)]
-    pub fn around(simd: D, middle: D::F64x4, error: D::F64x4) -> Self {
-        Self { middle, below: simd.sub(middle, error), above: simd.add(middle, error) }
+    pub fn new(simd: D, value: D::F64x4, error: D::F64x4) -> Self {
+        Self { value, low: simd.sub(value, error), high: simd.add(value, error) }
     }
 
-    /// A bit for each lane where both ends round to one `f32`, and those: made of what lies between
-    /// them, so that code that takes them waits for no bound.
+    /// A mask of the lanes in which both bounds round to one `f32`, and the rounded numbers. These
+    /// are made of the computed values, so that code that uses them does not wait for the bounds.
     #[inline(always)]
     pub fn rounded(&self, simd: D) -> (u32, F32x4) {
-        let [first, last] = self.rounded_ends(simd);
-        (first.cmp_ge(last), self.rounded_middle(simd))
+        let [first, last] = self.rounded_bounds(simd);
+        (first.cmp_ge(last), self.rounded_value(simd))
     }
 
-    /// Both ends, rounded; of `f32`, those above them or below are of what lies between them, too.
+    /// Both bounds, rounded. An `f32` that is above or below both of them is so for the exact
+    /// number, too.
     #[inline(always)]
-    pub fn rounded_ends(&self, simd: D) -> [F32x4; 2] {
-        [self.below, self.above].map(|end| F32x4::new(simd.to_f32(end)))
+    pub fn rounded_bounds(&self, simd: D) -> [F32x4; 2] {
+        [self.low, self.high].map(|end| F32x4::new(simd.to_f32(end)))
     }
 
-    /// What lies between the ends, rounded, with no sign where it is 0.
+    /// The computed values, rounded; without a sign where they are 0.
     #[inline(always)]
-    pub fn rounded_middle(&self, simd: D) -> F32x4 {
-        F32x4::new(simd.to_f32(self.middle)) + F32x4::ZERO
+    pub fn rounded_value(&self, simd: D) -> F32x4 {
+        F32x4::new(simd.to_f32(self.value)) + F32x4::ZERO
     }
 }
 
@@ -95,8 +96,8 @@ pub(super) struct Divisor4<D: F64x4Ops> {
     simd: D,
     inverse: D::F64x4,
     /// Twice its own relative error, and the roundings of a quotient.
-    relative: D::F64x4,
-    most: D::F64x4,
+    relative_error: D::F64x4,
+    max_inverse: D::F64x4,
     /// A mask of the lanes in which the relative error of the denominator is at most 1/2.
     pub is_certain: u32,
 }
@@ -108,24 +109,24 @@ impl<D: F64x4Ops> Divisor4<D> {
         let one = simd.splat(1.0);
         let inverse = simd.div(one, denominator);
         let size = simd.abs(inverse);
-        let relative = simd.mul(error, size);
-        let twice = simd.add(relative, relative);
+        let relative_error = simd.mul(error, size);
+        let twice = simd.add(relative_error, relative_error);
         Self {
             simd,
             inverse,
-            relative: simd.add(twice, simd.splat(four_units::<f64>())),
-            most: simd.mul_add(twice, size, size),
+            relative_error: simd.add(twice, simd.splat(four_units::<f64>())),
+            max_inverse: simd.mul_add(twice, size, size),
             is_certain: simd.cmp_ge(one, twice),
         }
     }
 
     /// Divides computed numerators with their errors by the denominators.
     #[inline(always)]
-    pub fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Ends<D> {
+    pub fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Interval4<D> {
         let simd = self.simd;
         let quotient = simd.mul(numerator, self.inverse);
-        let own = simd.mul(simd.abs(quotient), self.relative);
-        let error = simd.mul_add(error, self.most, own);
-        Ends::around(simd, quotient, error)
+        let own = simd.mul(simd.abs(quotient), self.relative_error);
+        let error = simd.mul_add(error, self.max_inverse, own);
+        Interval4::new(simd, quotient, error)
     }
 }

@@ -27,7 +27,7 @@
 //! and that point counts as side. Such shapes (invalid usage in Vulkan) always take the exact step.
 //!
 //! # Error
-//! Products with d or w have the bounds of the table at `object_ray::View`. A product of two
+//! Products with d or w have the bounds of the table at `object_ray::BoundedRay`. A product of two
 //! computed values has `math::error_bound::product_error`, a quotient `Divisor`; a root sqrt(g)
 //! sqrt(G) of values known to e_g < g and e_G < G is off by at most (e_g / g + e_G / G + 3u) of
 //! itself. The derivation, with the proof that one cap at most need be tested for A > 0, is in
@@ -36,8 +36,8 @@
 mod exact;
 mod f64_filter;
 
-use crate::geometry::object_ray::{ObjectRay, View};
-use crate::geometry::verdict::{Verdict, rounded, settle_closed, when};
+use crate::geometry::object_ray::{BoundedRay, ObjectRay};
+use crate::geometry::verdict::{Verdict, error_or_zero, round_within_closed, rounded};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
 use crate::math::error_bound::{Divisor, product_error, two_units};
 use crate::math::f32x4::F32x4;
@@ -58,7 +58,7 @@ pub fn intersect(
         Precision::Exact => match f64_filter::entry(ray, positions, radii, caps) {
             Verdict::Hit(hit) => Some(hit),
             Verdict::Miss => None,
-            Verdict::Undecided => intersect_closely(ray, positions, radii, caps),
+            Verdict::Undecided => intersect_with_running_bound(ray, positions, radii, caps),
         },
         Precision::Float => intersect_in::<f32>(ray, positions, radii, caps),
         Precision::Double => intersect_in::<f64>(ray, positions, radii, caps),
@@ -75,8 +75,8 @@ fn intersect_in<R: Real>(
 ) -> Option<Intersection> {
     if !is_solid(positions, radii) {
         None
-    } else if is_whole(radii) {
-        filtered::<R, false>(ray, positions, radii, caps).found()
+    } else if has_no_apex(radii) {
+        filtered::<R, false>(ray, positions, radii, caps).into_hit()
     } else {
         exact::intersect(ray, positions, radii, caps)
     }
@@ -85,7 +85,7 @@ fn intersect_in<R: Real>(
 /// The test of rays that the filter leaves undecided.
 #[cold]
 #[inline(never)]
-fn intersect_closely(
+fn intersect_with_running_bound(
     ray: &ObjectRay,
     positions: [[f32; 3]; 2],
     radii: [f32; 2],
@@ -94,7 +94,7 @@ fn intersect_closely(
     if !is_solid(positions, radii) {
         return None;
     }
-    if is_whole(radii) {
+    if has_no_apex(radii) {
         match filtered::<f64, true>(ray, positions, radii, caps) {
             Verdict::Hit(hit) => return Some(hit),
             Verdict::Miss => return None,
@@ -113,7 +113,7 @@ pub fn is_decided_in_f64(
 ) -> bool {
     !is_solid(positions, radii)
         || f64_filter::entry(ray, positions, radii, caps) != Verdict::Undecided
-        || is_whole(radii) && filtered::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
+        || has_no_apex(radii) && filtered::<f64, true>(ray, positions, radii, caps) != Verdict::Undecided
 }
 
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
@@ -175,7 +175,7 @@ fn is_solid(positions: [[f32; 3]; 2], radii: [f32; 2]) -> bool {
 
 /// Whether the shape does not end in an apex.
 #[inline(always)]
-fn is_whole(radii: [f32; 2]) -> bool {
+fn has_no_apex(radii: [f32; 2]) -> bool {
     radii[0] >= 0.0 && radii[1] >= 0.0
 }
 
@@ -197,12 +197,12 @@ fn filtered<R: Real, const BOUNDED: bool>(
     radii: [f32; 2],
     caps: [bool; 2],
 ) -> Verdict<Intersection> {
-    let ray = &ray.view::<R>();
+    let ray = &ray.bounded::<R>();
     let u2 = two_units::<R>();
     let ends: [[R; 3]; 2] = positions.map(from_f32);
     let [r0, r1] = radii.map(R::from_f32);
 
-    let (d, dn, slack) = (ray.direction, ray.direction_norm, ray.slack);
+    let (d, dn, relative_error) = (ray.direction, ray.direction_norm, ray.relative_error);
     let axis = sub(ends[1], ends[0]);
     let axis_n = norm1(axis);
     let delta = r1 - r0;
@@ -214,18 +214,18 @@ fn filtered<R: Real, const BOUNDED: bool>(
     // 2u for each rounded difference, 4u for its square and sum.
     let axis2 = dot(axis, axis);
     let g = axis2 - delta * delta;
-    let e_g = when::<R, BOUNDED>(u2 * R::from_f32(6.0) * (axis2 + delta * delta));
+    let e_g = error_or_zero::<R, BOUNDED>(u2 * R::from_f32(6.0) * (axis2 + delta * delta));
     if !(g > e_g) {
         // If the ends coincide, g = -δ^2 exactly.
         if BOUNDED && !(g < -e_g) && axis_n > R::ZERO {
             return Verdict::Undecided;
         }
         let outer = usize::from(r1 > r0);
-        return whole_sphere::<R, BOUNDED>(ray, ends[outer], [r0, r1][outer], outer, caps);
+        return single_sphere::<R, BOUNDED>(ray, ends[outer], [r0, r1][outer], outer, caps);
     }
 
     // This bounds the error of r0 D + δ w; |d| times this bounds N's error.
-    let e_y = slack * (r0 * axis_n) + slope * error_bound;
+    let e_y = relative_error * (r0 * axis_n) + slope * error_bound;
     let c1 = cross(d, axis);
     let n = add(scale(r0, c1), scale(delta, cross(d, w)));
     let (nn, e_n) = (norm1(n), dn * e_y);
@@ -234,7 +234,7 @@ fn filtered<R: Real, const BOUNDED: bool>(
     let (n2, m2) = (dot(n, n), m * m);
     let gram = n2 - m2;
     let e_gram = product_error(nn, e_n, nn, e_n) + product_error(mn, e_m, mn, e_m) + u2 * (n2 + m2);
-    let e_gram = when::<R, BOUNDED>(e_gram);
+    let e_gram = error_or_zero::<R, BOUNDED>(e_gram);
     if gram < -e_gram {
         return Verdict::Miss;
     }
@@ -249,8 +249,8 @@ fn filtered<R: Real, const BOUNDED: bool>(
     let y = add(scale(r0, axis), scale(delta, w));
     let yn = norm1(y);
     let z = scale(delta, d);
-    let (zn, e_z) = (slope * dn, slack * (slope * dn));
-    let (c1n, e_c1) = (norm1(c1), slack * (dn * axis_n));
+    let (zn, e_z) = (slope * dn, relative_error * (slope * dn));
+    let (c1n, e_c1) = (norm1(c1), relative_error * (dn * axis_n));
     let (c1c1, zz) = (dot(c1, c1), dot(z, z));
     let qa = c1c1 - zz;
     let e_qa = product_error(c1n, e_c1, c1n, e_c1) + product_error(zn, e_z, zn, e_z) + u2 * (c1c1 + zz);
@@ -269,18 +269,18 @@ fn filtered<R: Real, const BOUNDED: bool>(
     };
     let (t, e_t) = quotient::<R, BOUNDED>((numerator, e_numerator), (denominator, e_denominator));
 
-    let sweep = Sweep {
+    let sweep = SweepParameter {
         a: dot(w, axis) + r0 * delta,
-        e_a: axis_n * error_bound + slack * (r0 * slope),
+        e_a: axis_n * error_bound + relative_error * (r0 * slope),
         b: dot(d, axis),
-        e_b: slack * (dn * axis_n),
+        e_b: relative_error * (dn * axis_n),
         g,
         e_g,
     };
     let (v, e_v) = sweep.at::<BOUNDED>(t, e_t);
     let below_one = sweep.below_one::<BOUNDED>(v, e_v);
     if v > e_v && below_one == Some(true) {
-        let t = match settle_closed::<R, BOUNDED>(ray, t, e_t) {
+        let t = match round_within_closed::<R, BOUNDED>(ray, t, e_t) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
@@ -291,7 +291,7 @@ fn filtered<R: Real, const BOUNDED: bool>(
             _ => Verdict::Undecided,
         };
     }
-    if qa > when::<R, BOUNDED>(e_qa) {
+    if qa > error_or_zero::<R, BOUNDED>(e_qa) {
         let end = if v < -e_v || (!BOUNDED && v <= R::ZERO) {
             0
         } else if below_one == Some(false) {
@@ -311,8 +311,8 @@ fn filtered<R: Real, const BOUNDED: bool>(
     let end_1 = end_entry::<R, BOUNDED>(ray, &sweep, ends[1], r1, 1, caps);
     // The ray enters neither end sphere. It may enter the side, unless u* is certainly outside (0,
     // 1).
-    let beside = v < -e_v || below_one == Some(false);
-    if BOUNDED && end_1 == Verdict::Miss && !beside { Verdict::Undecided } else { end_1 }
+    let is_outside = v < -e_v || below_one == Some(false);
+    if BOUNDED && end_1 == Verdict::Miss && !is_outside { Verdict::Undecided } else { end_1 }
 }
 
 /// A quotient of two values, with its error bound if `BOUNDED`.
@@ -326,7 +326,7 @@ fn quotient<R: Real, const BOUNDED: bool>(numerator: (R, R), denominator: (R, R)
 }
 
 /// u* g = a + b t along the line, with error bounds.
-struct Sweep<R> {
+struct SweepParameter<R> {
     a: R,
     e_a: R,
     b: R,
@@ -335,7 +335,7 @@ struct Sweep<R> {
     e_g: R,
 }
 
-impl<R: Real> Sweep<R> {
+impl<R: Real> SweepParameter<R> {
     /// a + b t and its error.
     #[inline(always)]
     fn at<const BOUNDED: bool>(&self, t: R, e_t: R) -> (R, R) {
@@ -343,14 +343,14 @@ impl<R: Real> Sweep<R> {
         let e = self.e_a
             + product_error(self.b.abs(), self.e_b, t.abs(), e_t)
             + two_units::<R>() * (self.a.abs() + bt.abs());
-        (self.a + bt, when::<R, BOUNDED>(e))
+        (self.a + bt, error_or_zero::<R, BOUNDED>(e))
     }
 
     /// Whether u* < 1; `None` only if the bound leaves it undecided.
     #[inline(always)]
     fn below_one<const BOUNDED: bool>(&self, v: R, e_v: R) -> Option<bool> {
         let rest = self.g - v;
-        let e = when::<R, BOUNDED>(e_v + self.e_g + two_units::<R>() * (self.g + v.abs()));
+        let e = error_or_zero::<R, BOUNDED>(e_v + self.e_g + two_units::<R>() * (self.g + v.abs()));
         if rest > e {
             Some(true)
         } else if rest < -e || !BOUNDED {
@@ -364,8 +364,8 @@ impl<R: Real> Sweep<R> {
 /// The hull's entry if it lies on the sphere of one end; otherwise a miss.
 #[inline(always)]
 fn end_entry<R: Real, const BOUNDED: bool>(
-    ray: &View<R>,
-    sweep: &Sweep<R>,
+    ray: &BoundedRay<R>,
+    sweep: &SweepParameter<R>,
     center: [R; 3],
     radius: R,
     end: usize,
@@ -377,7 +377,7 @@ fn end_entry<R: Real, const BOUNDED: bool>(
         Verdict::Undecided => return Verdict::Undecided,
     };
     let (v, e_v) = sweep.at::<BOUNDED>(t, e_t);
-    let owned = if end == 0 {
+    let is_owned = if end == 0 {
         if v > e_v {
             Some(false)
         } else if v < -e_v || !BOUNDED {
@@ -388,7 +388,7 @@ fn end_entry<R: Real, const BOUNDED: bool>(
     } else {
         sweep.below_one::<BOUNDED>(v, e_v).map(|below| !below)
     };
-    match owned {
+    match is_owned {
         Some(true) => on_cap::<R, BOUNDED>(ray, t, e_t, end, caps),
         Some(false) => Verdict::Miss,
         None => Verdict::Undecided,
@@ -396,8 +396,8 @@ fn end_entry<R: Real, const BOUNDED: bool>(
 }
 
 #[inline(always)]
-fn whole_sphere<R: Real, const BOUNDED: bool>(
-    ray: &View<R>,
+fn single_sphere<R: Real, const BOUNDED: bool>(
+    ray: &BoundedRay<R>,
     center: [R; 3],
     radius: R,
     end: usize,
@@ -412,7 +412,7 @@ fn whole_sphere<R: Real, const BOUNDED: bool>(
 
 #[inline(always)]
 fn on_cap<R: Real, const BOUNDED: bool>(
-    ray: &View<R>,
+    ray: &BoundedRay<R>,
     t: R,
     e_t: R,
     end: usize,
@@ -421,7 +421,7 @@ fn on_cap<R: Real, const BOUNDED: bool>(
     if !caps[end] {
         return Verdict::Miss;
     }
-    match settle_closed::<R, BOUNDED>(ray, t, e_t) {
+    match round_within_closed::<R, BOUNDED>(ray, t, e_t) {
         Verdict::Hit(t) => Verdict::Hit(cap(t, end)),
         Verdict::Miss => Verdict::Miss,
         Verdict::Undecided => Verdict::Undecided,

@@ -1,11 +1,10 @@
-//! Primitives and their intersection with a ray, one file a primitive.
+//! Primitives and their intersection with a ray, one file for each primitive.
 //!
 //! Every `intersect` takes an [`ObjectRay`] and the primitive's `f32` data and answers *exactly*
 //! for those inputs: whether the ray meets it, on which surface, and within the interval or not; t
 //! and the attributes are the correctly rounded values of the real numbers. An f64 attempt with a
-//! proven error bound decides nearly always; what it leaves undecided goes to exact arithmetic.
-//! [`Precision`] trades that away. A t beyond the range of `f32` is no hit: no shader could be
-//! told.
+//! proven error bound decides nearly always; exact arithmetic decides the rest. [`Precision`]
+//! trades that away. A t beyond the range of `f32` is no hit, as no shader could read it.
 //!
 //! Before that, [`block`] culls primitives that a ray certainly misses, four at a time, or tests
 //! four at once in f64 ([`Intersection4`]).
@@ -51,7 +50,7 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// All of them, from the least.
+    /// All precisions, from the lowest.
     pub const ALL: [Self; 3] = [Self::Float, Self::Double, Self::Exact];
 
     /// Its name in scene files and on the command line.

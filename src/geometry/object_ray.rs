@@ -38,11 +38,11 @@ const UNIT: f64 = f64::EPSILON / 2.0;
 
 /// 2^130 and 2^-150: the greatest 1-norms of a ray's origin and direction, and the least of a
 /// direction, that the intersectors' bounds assume.
-const RANGE: f64 = (1u128 << 65) as f64 * (1u128 << 65) as f64;
-const SHORTEST: f64 = 1.0 / ((1u128 << 75) as f64 * (1u128 << 75) as f64);
+const MAX_NORM: f64 = (1u128 << 65) as f64 * (1u128 << 65) as f64;
+const MIN_DIRECTION_NORM: f64 = 1.0 / ((1u128 << 75) as f64 * (1u128 << 75) as f64);
 
 /// The greatest relative error of a direction that they assume: 2^-10.
-const MOST_SLACK: f64 = 1.0 / 1024.0;
+const MAX_DIRECTION_ERROR: f64 = 1.0 / 1024.0;
 
 /// An instance's object-to-world transform, inverted once for all its rays.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +77,7 @@ impl Transform {
         }
         let a = m.map(|row| [row[0], row[1], row[2]].map(f64::from));
         let adjugate: [[f64; 3]; 3] = std::array::from_fn(|i| {
-            std::array::from_fn(|j| minor(j, i, |r, c| a[r][c], |x, y| x * y, |x, y| x - y))
+            std::array::from_fn(|j| cofactor(j, i, |r, c| a[r][c], |x, y| x * y, |x, y| x - y))
         });
         let terms: [f64; 3] = std::array::from_fn(|j| a[0][j] * adjugate[j][0]);
         let determinant = terms[0] + terms[1] + terms[2];
@@ -148,7 +148,7 @@ impl Transform {
     }
 
     /// `A^-1 v` and a bound of each component's error, v known but for `v_error`, componentwise,
-    /// which an inexact transform has accounted for.
+    /// which the bound of an inexact transform includes.
     fn apply(&self, v: [f64; 3], v_error: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let terms = self.inverse.map(|row| [row[0] * v[0], row[1] * v[1], row[2] * v[2]]);
         let sums = terms.map(|[x, y, z]| x + y + z);
@@ -218,12 +218,12 @@ impl ApproximateInverse {
 pub struct ApproximateRay {
     /// Where t is 0.
     pub origin: F32x4,
-    /// The way per unit of t. A component is off by nothing where its bound is 0, and by at most
-    /// half of what the bound says elsewhere.
+    /// The displacement per unit of t. A component is exact where its bound is 0, and off by at
+    /// most half of the bound elsewhere.
     pub direction: F32x4,
-    /// Of the origin, per component.
+    /// A bound of the error of each component of the origin.
     pub origin_error: F32x4,
-    /// Of the direction, per component.
+    /// A bound of the error of each component of the direction.
     pub direction_error: F32x4,
 }
 
@@ -253,8 +253,8 @@ pub struct ObjectRay {
     pub(super) origin_error: [f64; 3],
     pub(super) direction_error: [f64; 3],
     /// The 1-norms of the two errors and of the direction, the direction's relative.
-    origin_slack: f64,
-    direction_slack: f64,
+    origin_error_norm: f64,
+    direction_relative_error: f64,
     pub(super) direction_norm: f64,
     pub(super) approach_terms: ClosestApproachTerms,
 }
@@ -293,27 +293,27 @@ impl ObjectRay {
         direction: [0.0; 3],
         origin_error: [0.0; 3],
         direction_error: [0.0; 3],
-        origin_slack: 0.0,
-        direction_slack: 0.0,
+        origin_error_norm: 0.0,
+        direction_relative_error: 0.0,
         direction_norm: 0.0,
         approach_terms: ClosestApproachTerms::EMPTY,
     };
 
-    /// [`ObjectRay::in_world`] in the memory of this one; says whether there is one.
+    /// [`ObjectRay::in_world`], written to `self`; returns whether there is one.
     #[inline(always)]
     pub fn set_in_world(&mut self, ray: &Ray) -> bool {
         let (origin, direction) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
         self.set(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]), 0.0)
     }
 
-    /// [`ObjectRay::in_instance`] in the memory of this one; says whether there is one.
+    /// [`ObjectRay::in_instance`], written to `self`; returns whether there is one.
     #[inline]
     pub fn set_in_instance(&mut self, ray: &Ray, transform: &Transform) -> bool {
         let offset = [0, 1, 2].map(|i| difference(ray.origin[i], transform.matrix[i][3]));
         let origin = transform.apply(offset.map(|(sum, _)| sum), offset.map(|(_, error)| error));
         let direction = transform.apply(ray.direction.map(f64::from), [0.0; 3]);
-        let direction_slack = norm1(direction.1) / norm1(direction.0);
-        self.set(ray, Some(transform.matrix), origin, direction, direction_slack)
+        let direction_relative_error = norm1(direction.1) / norm1(direction.0);
+        self.set(ray, Some(transform.matrix), origin, direction, direction_relative_error)
     }
 
     #[inline(always)]
@@ -323,9 +323,9 @@ impl ObjectRay {
         matrix: Option<[[f32; 4]; 3]>,
         (origin, origin_error): ([f64; 3], [f64; 3]),
         (direction, direction_error): ([f64; 3], [f64; 3]),
-        direction_slack: f64,
+        direction_relative_error: f64,
     ) -> bool {
-        let origin_slack = norm1(origin_error);
+        let origin_error_norm = norm1(origin_error);
         let direction_norm = norm1(direction);
         *self = Self {
             world: *ray,
@@ -334,42 +334,43 @@ impl ObjectRay {
             direction,
             origin_error,
             direction_error,
-            origin_slack,
-            direction_slack,
+            origin_error_norm,
+            direction_relative_error,
             direction_norm,
             approach_terms: ClosestApproachTerms::new(
                 direction,
                 direction_norm,
-                (origin_slack, direction_slack),
+                (origin_error_norm, direction_relative_error),
                 (ray.t_min, ray.t_max),
             ),
         };
-        // What a NaN is in is none of these.
+        // A NaN fails each of these comparisons.
         let (least, most) = ClosestApproachTerms::RANGE;
         let is_common = norm1(origin) + direction_norm <= most
             && direction_norm >= least
-            && direction_slack <= MOST_SLACK
+            && direction_relative_error <= MAX_DIRECTION_ERROR
             && ray.t_min <= ray.t_max;
-        is_common || self.doubt()
+        is_common || self.require_exact()
     }
 
-    /// Leaves to exact arithmetic what only that can do; says whether there is a ray.
+    /// Makes the error bounds infinite where they do not hold, so that exact arithmetic decides;
+    /// returns whether there is a ray.
     #[cold]
     #[inline(never)]
-    fn doubt(&mut self) -> bool {
+    fn require_exact(&mut self) -> bool {
         let (least, most) = ClosestApproachTerms::RANGE;
         if !(least..=most).contains(&self.direction_norm) {
-            self.approach_terms.give_up();
+            self.approach_terms.disable();
         }
-        let is_sure = norm1(self.origin) <= RANGE
-            && (SHORTEST..=RANGE).contains(&self.direction_norm)
-            && self.direction_slack <= MOST_SLACK;
+        let is_sure = norm1(self.origin) <= MAX_NORM
+            && (MIN_DIRECTION_NORM..=MAX_NORM).contains(&self.direction_norm)
+            && self.direction_relative_error <= MAX_DIRECTION_ERROR;
         if !is_sure {
             self.origin_error = [f64::INFINITY; 3];
             self.direction_error = [f64::INFINITY; 3];
-            self.origin_slack = f64::INFINITY;
-            self.direction_slack = f64::INFINITY;
-            self.approach_terms.give_up();
+            self.origin_error_norm = f64::INFINITY;
+            self.direction_relative_error = f64::INFINITY;
+            self.approach_terms.disable();
         }
         self.world.is_finite()
     }
@@ -419,7 +420,7 @@ impl ObjectRay {
     }
 
     /// The object-space origin in f64 and a bound of each component's error (infinite where nothing
-    /// is known): what a node test needs.
+    /// is known): the input of the node test.
     #[inline]
     pub fn origin_bounded(&self) -> ([f64; 3], [f64; 3]) {
         (self.origin, self.origin_error)
@@ -432,18 +433,20 @@ impl ObjectRay {
         (self.direction, self.direction_error)
     }
 
-    /// The ray in another format, errors as 1-norms.
+    /// The ray in another format, with its error bounds as 1-norms.
     #[inline(always)]
-    pub(super) fn view<R: Real>(&self) -> View<R> {
+    pub(super) fn bounded<R: Real>(&self) -> BoundedRay<R> {
         let origin = self.origin.map(R::from_f64);
         let direction = self.direction.map(R::from_f64);
         // Rounding to f32 costs up to its u again.
         let rounding = if size_of::<R>() == 4 { R::UNIT + R::UNIT } else { R::ZERO };
-        View {
+        BoundedRay {
             origin,
             direction,
-            origin_error: R::from_f64(self.origin_slack) + rounding * norm1(origin),
-            slack: R::from_f64(self.direction_slack) + rounding + R::from_f32(12.0) * R::UNIT,
+            origin_error: R::from_f64(self.origin_error_norm) + rounding * norm1(origin),
+            relative_error: R::from_f64(self.direction_relative_error)
+                + rounding
+                + R::from_f32(12.0) * R::UNIT,
             direction_norm: R::from_f64(self.direction_norm),
             t_min: R::from_f32(self.world.t_min),
             t_max: R::from_f32(self.world.t_max),
@@ -468,29 +471,29 @@ impl ObjectRay {
         ExactRay { origin: apply(&offset), direction: apply(&direction), weight }
     }
 
-    /// Where an exact parameter stands to the closed interval: `None` outside, and where it rounds
-    /// to infinity.
-    pub(super) fn settle_closed(&self, t: &Surd) -> Option<f32> {
+    /// Rounds an exact parameter if it lies in the closed interval: `None` outside, and where it
+    /// rounds to infinity.
+    pub(super) fn round_within_closed(&self, t: &Surd) -> Option<f32> {
         let inside = t.compare_f32(self.world.t_min) != Ordering::Less
             && t.compare_f32(self.world.t_max) != Ordering::Greater;
         inside.then(|| t.to_f32()).filter(|t| t.is_finite())
     }
 
-    /// Where an exact parameter stands to the open interval: `None` outside or at its ends, and
-    /// where it rounds to infinity.
-    pub(super) fn settle_open(&self, t: &Surd) -> Option<f32> {
+    /// Rounds an exact parameter if it lies in the open interval: `None` outside or at its ends,
+    /// and where it rounds to infinity.
+    pub(super) fn round_within_open(&self, t: &Surd) -> Option<f32> {
         let inside = t.compare_f32(self.world.t_min) == Ordering::Greater
             && t.compare_f32(self.world.t_max) == Ordering::Less;
         inside.then(|| t.to_f32()).filter(|t| t.is_finite())
     }
 }
 
-/// What a bounded attempt in the format R reads.
+/// The ray in the format R with error bounds, as a filter reads it.
 ///
 /// Its two errors are made so that short formulas hold. With κ the direction's relative error
-/// (1-norm, at most 2^-10) `slack` is c = κ + 12u, and for a point p known exactly, w = origin - p
-/// computed with one rounding, ρ = `error_bound(|w|)` is `origin_error` + c |w|. Then, |.| the
-/// 1-norm and v a difference of two given vectors (one rounding), up to the slack that
+/// (1-norm, at most 2^-10) `relative_error` is c = κ + 12u, and for a point p known exactly, w =
+/// origin - p computed with one rounding, ρ = `error_bound(|w|)` is `origin_error` + c |w|. Then,
+/// |.| the 1-norm and v a difference of two given vectors (one rounding), up to the slack that
 /// `math::error_bound` asks for:
 ///
 /// ```text
@@ -507,24 +510,24 @@ impl ObjectRay {
 ///
 /// each at most 9u of its rounding share, where c has 12u.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View<R> {
+pub(super) struct BoundedRay<R> {
     pub origin: [R; 3],
     pub direction: [R; 3],
     /// A bound of the 1-norm of the origin's error.
     pub origin_error: R,
     /// The relative error c above.
-    pub slack: R,
+    pub relative_error: R,
     /// The 1-norm of the direction.
     pub direction_norm: R,
     pub t_min: R,
     pub t_max: R,
 }
 
-impl<R: Real> View<R> {
+impl<R: Real> BoundedRay<R> {
     /// The bound that stands for |w| in the error of a product with w = origin - p.
     #[inline(always)]
     pub fn error_bound(&self, norm: R) -> R {
-        self.origin_error + self.slack * norm
+        self.origin_error + self.relative_error * norm
     }
 }
 
@@ -534,9 +537,9 @@ pub struct DoubleRay<D: F64x4Ops> {
     /// (x, y, z, 0), and so the direction.
     pub(super) origin: D::F64x4,
     pub(super) direction: D::F64x4,
-    /// As [`View`] has them, in all lanes.
+    /// As [`BoundedRay`] has them, in all lanes.
     pub(super) origin_error: D::F64x4,
-    pub(super) slack: D::F64x4,
+    pub(super) relative_error: D::F64x4,
     pub(super) direction_norm: D::F64x4,
     pub(super) t_min: f32,
     pub(super) t_max: f32,
@@ -546,13 +549,14 @@ impl<D: F64x4Ops> DoubleRay<D> {
     /// The ray as an instance's primitives see it.
     #[inline(always)]
     pub fn of(simd: D, ray: &ObjectRay) -> Self {
-        let View { origin, direction, origin_error, slack, direction_norm, .. } = ray.view::<f64>();
+        let BoundedRay { origin, direction, origin_error, relative_error, direction_norm, .. } =
+            ray.bounded::<f64>();
         let three = |[x, y, z]: [f64; 3]| simd.load_f64([x, y, z, 0.0]);
         Self {
             origin: three(origin),
             direction: three(direction),
             origin_error: simd.splat(origin_error),
-            slack: simd.splat(slack),
+            relative_error: simd.splat(relative_error),
             direction_norm: simd.splat(direction_norm),
             t_min: ray.t_min(),
             t_max: ray.t_max(),
@@ -562,7 +566,7 @@ impl<D: F64x4Ops> DoubleRay<D> {
     /// A finite ray in world space.
     #[inline(always)]
     pub fn in_world(simd: D, ray: &Ray) -> Self {
-        // With what stands next to them, as that is one load.
+        // Each is loaded together with the number that follows it, as that is one load.
         let numbers: &[f32; 8] = bytemuck::cast_ref(ray);
         let three = |four: Option<&[f32; 4]>| simd.xyz0(simd.load_f32(four.expect("four of eight")));
         let (origin, direction) = (three(numbers.first_chunk()), three(numbers[3..].first_chunk()));
@@ -570,7 +574,7 @@ impl<D: F64x4Ops> DoubleRay<D> {
             origin,
             direction,
             origin_error: simd.splat(0.0),
-            slack: simd.splat(12.0 * UNIT),
+            relative_error: simd.splat(12.0 * UNIT),
             direction_norm: simd.reduce_sum(simd.abs(direction)),
             t_min: ray.t_min,
             t_max: ray.t_max,
@@ -608,7 +612,7 @@ fn round(value: [f64; 3], error: [f64; 3], exact: impl FnOnce() -> (Vector, Dyad
 fn exact_inverse(matrix: &[[f32; 4]; 3]) -> ([Vector; 3], Dyadic) {
     let a = matrix.map(|row| [row[0], row[1], row[2]].map(Dyadic::from_f32));
     let adjugate: [Vector; 3] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| minor(j, i, |r, c| a[r][c].clone(), |x, y| &x * &y, |x, y| &x - &y))
+        std::array::from_fn(|j| cofactor(j, i, |r, c| a[r][c].clone(), |x, y| &x * &y, |x, y| &x - &y))
     });
     let column = std::array::from_fn(|j| adjugate[j][0].clone());
     let determinant = exact::dot(&a[0], &column);
@@ -616,7 +620,7 @@ fn exact_inverse(matrix: &[[f32; 4]; 3]) -> ([Vector; 3], Dyadic) {
 }
 
 /// The cofactor of row `r` and column `c`, in whatever numbers `at` gives.
-fn minor<T>(
+fn cofactor<T>(
     r: usize,
     c: usize,
     at: impl Fn(usize, usize) -> T,
@@ -650,7 +654,7 @@ mod tests {
         let (origin, error) = placed.origin_bounded();
         assert_eq!(origin[2], 35.0);
         assert!(error[2] >= 8.0 / (1u64 << 60) as f64 && error[2] < 8.1 / (1u64 << 60) as f64);
-        // Neither is a third, nor a sum of two columns.
+        // A factor of 3 is not exact, and neither is a shear.
         assert!(is_monomial(&tile) && !is_monomial(&SHEAR));
         assert!(!is_monomial(&[[3.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]));
         assert!(!is_monomial(&[[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]));

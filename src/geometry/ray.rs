@@ -1,4 +1,4 @@
-//! What every intersector takes and gives.
+//! The input and the result of every intersector.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,7 +11,7 @@ use crate::math::f32x4::F32x4;
 pub struct Ray {
     /// Where t is 0.
     pub origin: [f32; 3],
-    /// The way per unit of t; of any length but 0.
+    /// The displacement per unit of t; of any length but 0.
     pub direction: [f32; 3],
     /// The lower end of the interval.
     pub t_min: f32,
@@ -22,9 +22,9 @@ pub struct Ray {
 impl Ray {
     /// The least nonzero magnitude of the components of a [well-scaled](Self::is_well_scaled) ray:
     /// 2^-60.
-    pub const LEAST: f32 = 1.0 / (1u64 << 60) as f32;
+    pub const MIN_MAGNITUDE: f32 = 1.0 / (1u64 << 60) as f32;
     /// The greatest magnitude of the components of a [well-scaled](Self::is_well_scaled) ray: 2^60.
-    pub const MOST: f32 = (1u64 << 60) as f32;
+    pub const MAX_MAGNITUDE: f32 = (1u64 << 60) as f32;
 
     /// A ray over the whole half-line: `t_min` 0, `t_max` infinity.
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
@@ -49,8 +49,8 @@ impl Ray {
         let origin = F32x4::new([ox, oy, oz, 0.0]).abs();
         let direction = F32x4::new([dx, dy, dz, 0.0]).abs();
         let within = |magnitudes: F32x4| {
-            let some = magnitudes.cmp_ge(F32x4::splat(Self::LEAST)) | zero.cmp_ge(magnitudes);
-            some & F32x4::splat(Self::MOST).cmp_ge(magnitudes)
+            let some = magnitudes.cmp_ge(F32x4::splat(Self::MIN_MAGNITUDE)) | zero.cmp_ge(magnitudes);
+            some & F32x4::splat(Self::MAX_MAGNITUDE).cmp_ge(magnitudes)
         };
         within(origin) & within(direction) == 0b1111
             && zero.cmp_ge(direction) != 0b1111

@@ -14,9 +14,9 @@
 //! with the minus sign.
 //!
 //! **First** a filter starts from the closest approach to the centre
-//! (`geometry::closest_approach`), one square root and no division, with a bound that hardly costs
-//! anything; it leaves open what grazes, starts very near, or lies within some units of 2^-45 of
-//! the middle between two f32.
+//! (`geometry::closest_approach`), one square root and no division, with a bound that is nearly
+//! free; it leaves undecided rays that graze the sphere or start very near, and a t within some
+//! units of 2^-45 of the middle between two f32.
 //!
 //! **Then** with a running bound: with s = sqrt(discriminant) the entry, written without
 //! cancellation, is
@@ -30,7 +30,7 @@
 //!
 //! # Error of the running bound
 //! Norms are 1-norms, which bound the length from above. d x m and d.m have the bounds of the table
-//! at `object_ray::View`, d.d that of d.v with κ twice; a product of two such values has
+//! at `object_ray::BoundedRay`, d.d that of d.v with κ twice; a product of two such values has
 //! `math::error_bound::product_error`, a quotient `Divisor`; sqrt(x) for x > e is off by at most (e
 //! / x + u) sqrt(x). Nothing over- or underflows for f32-sized centres and radii and the rays that
 //! `ObjectRay` lets into f64: the greatest product is r^2 d.d <= 2^516, the least r^2 d.d >=
@@ -41,8 +41,8 @@ mod four;
 pub(super) use four::intersect4;
 
 use crate::geometry::closest_approach::{self, ClosestApproach};
-use crate::geometry::object_ray::{ObjectRay, View};
-use crate::geometry::verdict::{Verdict, settle_closed, when};
+use crate::geometry::object_ray::{BoundedRay, ObjectRay};
+use crate::geometry::verdict::{Verdict, error_or_zero, round_within_closed};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
 use crate::math::error_bound::{Divisor, product_error, two_units};
 use crate::math::exact::{self, Dyadic, Vector};
@@ -62,7 +62,7 @@ pub fn intersect(
         Precision::Exact => match f64_filter(ray, center, radius) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return None,
-            Verdict::Undecided => intersect_closely(ray, center, radius)?,
+            Verdict::Undecided => intersect_with_running_bound(ray, center, radius)?,
         },
         Precision::Float => intersect_in::<f32>(ray, center, radius)?,
         Precision::Double => intersect_in::<f64>(ray, center, radius)?,
@@ -73,13 +73,13 @@ pub fn intersect(
 /// The test without bounds.
 #[inline(always)]
 fn intersect_in<R: Real>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
-    if is_solid(center, radius) { filtered::<R, false>(ray, center, radius).found() } else { None }
+    if is_solid(center, radius) { filtered::<R, false>(ray, center, radius).into_hit() } else { None }
 }
 
-/// The test of what the filter leaves undecided.
+/// The test of rays that the filter leaves undecided.
 #[cold]
 #[inline(never)]
-fn intersect_closely(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
+fn intersect_with_running_bound(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f32> {
     if !is_solid(center, radius) {
         return None;
     }
@@ -114,7 +114,7 @@ fn f64_filter(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
     let radius = f64::from(radius);
     let error_bound = approach.error_bound(ray, radius);
     match approach.entry(ray, radius, error_bound) {
-        Verdict::Hit((t, error)) => closest_approach::settle(ray, t, error),
+        Verdict::Hit((t, error)) => closest_approach::round_within(ray, t, error),
         Verdict::Miss => Verdict::Miss,
         Verdict::Undecided => Verdict::Undecided,
     }
@@ -122,9 +122,9 @@ fn f64_filter(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
 
 #[inline(always)]
 fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Verdict<f32> {
-    let view = ray.view::<R>();
+    let view = ray.bounded::<R>();
     match entry::<R, BOUNDED>(&view, from_f32(center), R::from_f32(radius)) {
-        Verdict::Hit((t, error)) => settle_closed::<R, BOUNDED>(&view, t, error),
+        Verdict::Hit((t, error)) => round_within_closed::<R, BOUNDED>(&view, t, error),
         Verdict::Miss => Verdict::Miss,
         Verdict::Undecided => Verdict::Undecided,
     }
@@ -134,7 +134,7 @@ fn filtered<R: Real, const BOUNDED: bool>(ray: &ObjectRay, center: [f32; 3], rad
 /// passes by.
 #[inline(always)]
 pub(super) fn entry<R: Real, const BOUNDED: bool>(
-    ray: &View<R>,
+    ray: &BoundedRay<R>,
     center: [R; 3],
     radius: R,
 ) -> Verdict<(R, R)> {
@@ -144,7 +144,7 @@ pub(super) fn entry<R: Real, const BOUNDED: bool>(
     let mn = norm1(m);
 
     let dd = dot(d, d);
-    let e_dd = (ray.slack + ray.slack) * (dn * dn);
+    let e_dd = (ray.relative_error + ray.relative_error) * (dn * dn);
     let q = cross(d, m);
     let e_dm = dn * ray.error_bound(mn);
     let qn = norm1(q);
@@ -153,7 +153,7 @@ pub(super) fn entry<R: Real, const BOUNDED: bool>(
     let span = rr * dd;
     let discriminant = span - qq;
     let e_discriminant =
-        when::<R, BOUNDED>(rr * e_dd + product_error(qn, e_dm, qn, e_dm) + u2 * (span + span + qq));
+        error_or_zero::<R, BOUNDED>(rr * e_dd + product_error(qn, e_dm, qn, e_dm) + u2 * (span + span + qq));
     if discriminant < -e_discriminant {
         return Verdict::Miss;
     }
@@ -185,7 +185,7 @@ fn intersect_exactly(ray: &ObjectRay, center: [f32; 3], radius: f32) -> Option<f
     let exact = ray.exact();
     let m = exact.origin_from(&exact::vector(center));
     let radius = &exact.weight * &Dyadic::from_f32(radius);
-    ray.settle_closed(&entry_exactly(&m, &exact.direction, &radius)?)
+    ray.round_within_closed(&entry_exactly(&m, &exact.direction, &radius)?)
 }
 
 /// The parameter at which the line `m + t d` enters the sphere of a radius around 0; `None` where

@@ -28,7 +28,7 @@
 //!
 //! # Steps
 //! The f64 filter takes one triangle (`one`) or the four of a block (`four`). The bounds of det,
-//! beta, gamma and e2.q are rows of the table at `object_ray::View`, quotients have
+//! beta, gamma and e2.q are rows of the table at `object_ray::BoundedRay`, quotients have
 //! `math::error_bound::Divisor`. Products stay within 2^-450 and 2^520. What it leaves undecided is
 //! decided exactly.
 
@@ -53,7 +53,7 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
     match precision {
         Precision::Float => intersect_in::<f32>(ray, vertices),
         Precision::Double => intersect_in::<f64>(ray, vertices),
-        Precision::Exact => match in_f64(ray, vertices) {
+        Precision::Exact => match f64_filter(ray, vertices) {
             Verdict::Hit(hit) => Some(hit),
             Verdict::Miss => None,
             Verdict::Undecided => intersect_exactly(ray, vertices),
@@ -62,13 +62,13 @@ pub fn intersect(ray: &ObjectRay, vertices: [[f32; 3]; 3], precision: Precision)
 }
 
 #[inline(always)]
-fn in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
+fn f64_filter(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Verdict<Intersection> {
     intersect_simd(BaselineSimd, &DoubleRay::of(BaselineSimd, ray), vertices)
 }
 
 /// Whether f64 decides this test, so that exact arithmetic is not needed (for statistics).
 pub fn is_decided_in_f64(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> bool {
-    in_f64(ray, vertices) != Verdict::Undecided
+    f64_filter(ray, vertices) != Verdict::Undecided
 }
 
 /// The box around a triangle; `None` where it is inactive (a NaN in the X of a vertex, SEMANTICS
@@ -84,7 +84,7 @@ fn is_finite(vertices: [[f32; 3]; 3]) -> bool {
 /// The test without bounds. It is not inlined, so that callers contain only the exact test.
 #[inline(never)]
 fn intersect_in<R: Real>(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Intersection> {
-    let ray = &ray.view::<R>();
+    let ray = &ray.bounded::<R>();
     let [v0, v1, v2] = vertices.map(from_f32::<R>);
     let d = ray.direction;
     let (e1, e2, w) = (sub(v1, v0), sub(v2, v0), sub(ray.origin, v0));
@@ -133,9 +133,9 @@ fn intersect_exactly(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Interse
     let alpha = &(&det - &beta) - &gamma;
 
     let across = exact::cross(&e1, d);
-    let moves = axes_across(d);
+    let perturbed = axes_across(d);
     let sign = |value: &Dyadic, change: &dyn Fn(usize) -> i32| {
-        [value.sign(), change(moves[0]), change(moves[1])].into_iter().find(|&sign| sign != 0)
+        [value.sign(), change(perturbed[0]), change(perturbed[1])].into_iter().find(|&sign| sign != 0)
     };
     let side = Some(det.sign());
     let inside = sign(&beta, &|i| p[i].sign()) == side
@@ -144,7 +144,7 @@ fn intersect_exactly(ray: &ObjectRay, vertices: [[f32; 3]; 3]) -> Option<Interse
     if !inside {
         return None;
     }
-    let t = ray.settle_open(&Surd::ratio(exact::dot(&e2, &q), det.clone()))?;
+    let t = ray.round_within_open(&Surd::ratio(exact::dot(&e2, &q), det.clone()))?;
     let attributes = [beta, gamma].map(|numerator| Surd::ratio(numerator, det.clone()).to_f32());
     Some(Intersection { t, attributes, surface: facing(det.sign() > 0) })
 }

@@ -1,6 +1,6 @@
-//! What a bounded attempt can say, and how its last step is taken.
+//! The verdict of a filter, and the test of its t against the interval.
 
-use crate::geometry::object_ray::View;
+use crate::geometry::object_ray::BoundedRay;
 use crate::math::real::Real;
 
 /// The outcome of a filter: a floating-point test with an error bound.
@@ -15,9 +15,9 @@ pub enum Verdict<T> {
 }
 
 impl<T> Verdict<T> {
-    /// The answer of an attempt without bounds, which leaves nothing undecided.
+    /// The result of a test without error bounds, which leaves nothing undecided.
     #[inline(always)]
-    pub(super) fn found(self) -> Option<T> {
+    pub(super) fn into_hit(self) -> Option<T> {
         match self {
             Self::Hit(found) => Some(found),
             Self::Miss | Self::Undecided => None,
@@ -25,19 +25,23 @@ impl<T> Verdict<T> {
     }
 }
 
-/// An error bound, or 0 in an attempt without bounds (all that it was made from falls away then).
+/// An error bound, or 0 in a test without bounds, which the compiler then does not compute.
 #[inline(always)]
-pub(super) fn when<R: Real, const BOUNDED: bool>(error: R) -> R {
+pub(super) fn error_or_zero<R: Real, const BOUNDED: bool>(error: R) -> R {
     if BOUNDED { error } else { R::ZERO }
 }
 
 /// Tests a parameter against the closed interval and rounds it.
 #[inline(always)]
-pub(super) fn settle_closed<R: Real, const BOUNDED: bool>(ray: &View<R>, t: R, error: R) -> Verdict<f32> {
+pub(super) fn round_within_closed<R: Real, const BOUNDED: bool>(
+    ray: &BoundedRay<R>,
+    t: R,
+    error: R,
+) -> Verdict<f32> {
     if !BOUNDED && !is_finite(t) {
         return Verdict::Miss;
     }
-    let error = when::<R, BOUNDED>(error);
+    let error = error_or_zero::<R, BOUNDED>(error);
     let (below, above) = (t - error, t + error);
     if above < ray.t_min || below > ray.t_max {
         return Verdict::Miss;
@@ -48,7 +52,7 @@ pub(super) fn settle_closed<R: Real, const BOUNDED: bool>(ray: &View<R>, t: R, e
     if BOUNDED { Verdict::Undecided } else { Verdict::Miss }
 }
 
-/// A t that rounds to infinity is none that a shader could be told: no hit.
+/// Turns a hit whose t rounds to infinity into a miss, as no shader could read such a t.
 #[inline(always)]
 pub(super) fn representable(t: Verdict<f32>) -> Verdict<f32> {
     match t {
@@ -57,14 +61,14 @@ pub(super) fn representable(t: Verdict<f32>) -> Verdict<f32> {
     }
 }
 
-/// The one `f32` to which all of an interval rounds; undecided where there are two.
+/// The `f32` to which the whole interval rounds; undecided if its ends round to different ones.
 #[inline(always)]
 pub(super) fn rounded<R: Real>(below: R, above: R) -> Verdict<f32> {
     let nearest = below.to_f32();
     if nearest == above.to_f32() { Verdict::Hit(nearest + 0.0) } else { Verdict::Undecided }
 }
 
-/// Whether a parameter without a bound means anything.
+/// Whether a parameter is finite.
 #[inline(always)]
 fn is_finite<R: Real>(t: R) -> bool {
     t.abs() < R::ONE / R::ZERO

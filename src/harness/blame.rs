@@ -6,7 +6,7 @@ use crate::debug::names;
 use crate::debug::transcript::TranscriptLine;
 use crate::harness::case::Loaded;
 use crate::harness::expect::Subject;
-use crate::harness::run::{fresh, trace};
+use crate::harness::run::{fresh_resources, trace};
 use crate::machine::image::Image;
 use crate::machine::{Batch, Binding, Buffer, Descriptor, Observer, Reg, Resources};
 use crate::ops::pointer::storage;
@@ -37,7 +37,7 @@ impl Writer {
 /// Finds who wrote the word that a difference is about; `ray` is the place of the ray that was
 /// tested by itself.
 pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<Writer> {
-    let resources = fresh(&loaded.assembled.resources);
+    let resources = fresh_resources(&loaded.assembled.resources);
     let target = match subject {
         Subject::Payload(word) | Subject::Ray(_, Some(word)) => Target::Payload(*word as u32),
         Subject::Buffer(at, byte) => match descriptor(&resources, *at)? {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
-use crate::harness::run::{RayMeasurements, one_ray, run};
+use crate::harness::run::{RayMeasurements, run, run_ray};
 use crate::harness::stability::perturb;
 use crate::input::InputLimit;
 use crate::scene::file::SceneFile;
@@ -168,7 +168,7 @@ impl Case {
             let Some(expect) = expect else { continue };
             let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
             let mut watch = RayMeasurements { costs, stable, ..RayMeasurements::default() };
-            differences.extend(expect.differences(&one_ray(
+            differences.extend(expect.differences(&run_ray(
                 &loaded.scene,
                 &loaded.assembled,
                 at,
@@ -191,7 +191,7 @@ impl Case {
         let loaded = self.load()?;
         loaded.check_launch(&run::<64>(&loaded.scene, &loaded.assembled))?;
         for at in (0..loaded.rays.len()).filter(|&at| loaded.rays[at].is_some()) {
-            let found = one_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default());
+            let found = run_ray(&loaded.scene, &loaded.assembled, at, &mut RayMeasurements::default());
             loaded.check_ray(at, &found)?;
         }
         Ok(())

@@ -9,7 +9,7 @@
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::case::{Counts, Loaded, difference};
 use crate::harness::expect::Observed;
-use crate::harness::run::{RayMeasurements, one_ray, run};
+use crate::harness::run::{RayMeasurements, run, run_ray};
 
 impl Loaded {
     /// Compares what the launch left behind, all of it, with runs of the reference at 1, 64 and
@@ -32,7 +32,7 @@ impl Loaded {
     /// `Expectation` with the first difference.
     pub fn check_ray(&self, at: usize, optimized: &Observed) -> Result<()> {
         let reference = self.assembled.unoptimized()?;
-        self.same(1, optimized, &one_ray(&self.scene, &reference, at, &mut RayMeasurements::default()))
+        self.same(1, optimized, &run_ray(&self.scene, &reference, at, &mut RayMeasurements::default()))
     }
 
     fn same(&self, lanes: u32, optimized: &Observed, reference: &Observed) -> Result<()> {

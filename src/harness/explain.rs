@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
-use crate::debug::render::{self, Look};
+use crate::debug::render::{self, RenderOptions};
 use crate::harness::memory;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::machine::Resources;
@@ -86,7 +86,7 @@ impl Explanation {
         };
         let names = Names::unnamed(&self.pipeline);
         let Some(root) = EventReader::new(&self.pipeline, names, events).root() else { return String::new() };
-        let mut text = render::step(title, &root, Look::default());
+        let mut text = render::step(title, &root, RenderOptions::default());
         for call in calls {
             text.push_str(call);
             text.push('\n');

@@ -12,7 +12,7 @@ use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::hit::first_hit;
 use crate::harness::instance::Instance;
 use crate::harness::value::Value;
-use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};
+use crate::machine::hit_object::{EncodedHit, EncodedRay, HitObject};
 
 /// `OpTraceRayKHR`, or `OpHitObjectTraceRayEXT`, as the tested shader executes it.
 #[derive(Clone, Debug)]
@@ -98,7 +98,7 @@ impl TraceCall {
     /// # Errors
     /// `InvalidScene` for an instance that cannot be.
     pub(super) fn hit_object(&self) -> Result<HitObject> {
-        let miss = Encoded { trace: self.trace, record: u64::from(self.miss_index & 0xFFFF) };
+        let miss = EncodedRay { trace: self.trace, record: u64::from(self.miss_index & 0xFFFF) };
         let Some(instance) = &self.found else { return Ok(HitObject::Miss(miss)) };
         let tlas = Tlas::new(vec![instance.as_ref().clone().make()?])?;
         Ok(match first_hit(&tlas, self.trace) {
@@ -108,8 +108,8 @@ impl TraceCall {
                 let record =
                     hit_record_index(sbt.sbt_record_offset, geometry, self.sbt_stride, self.sbt_offset);
                 let attributes = committed.candidate.intersection.attributes.map(f32::to_bits);
-                let hit = HitEncoded { tlas, committed, attributes: attributes.into_iter().collect() };
-                HitObject::Hit(Encoded { trace: self.trace, record }, hit)
+                let hit = EncodedHit { tlas, committed, attributes: attributes.into_iter().collect() };
+                HitObject::Hit(EncodedRay { trace: self.trace, record }, hit)
             }
         })
     }

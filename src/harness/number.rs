@@ -2,7 +2,7 @@
 
 use crate::math::float_format::FloatFormat;
 use crate::math::ulp;
-use crate::scene::read::{At, Parse, Table, TomlValue};
+use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// A type that memory is looked at by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -156,12 +156,12 @@ pub enum ExpectedNumber {
 
 impl ExpectedNumber {
     /// Reads a number of a type, or `"any"`.
-    pub fn parse(value: TomlValue<'_>, scalar: NumberType) -> Option<At<Self>> {
+    pub fn parse(value: TomlValue<'_>, scalar: NumberType) -> Option<Spanned<Self>> {
         let expected = match value.text() {
             Some("any") => Self::Any,
             _ => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
         };
-        Some(At { value: expected, span: value.span() })
+        Some(Spanned { value: expected, span: value.span() })
     }
 }
 
@@ -171,7 +171,7 @@ pub struct TypedNumbers {
     /// The scalar type of the numbers.
     pub scalar: NumberType,
     /// Inner arrays are flattened.
-    pub elements: Vec<Vec<At<ExpectedNumber>>>,
+    pub elements: Vec<Vec<Spanned<ExpectedNumber>>>,
 }
 
 impl TypedNumbers {
@@ -191,7 +191,7 @@ impl TypedNumbers {
     }
 }
 
-fn flatten(value: TomlValue<'_>, scalar: NumberType) -> Option<Vec<At<ExpectedNumber>>> {
+fn flatten(value: TomlValue<'_>, scalar: NumberType) -> Option<Vec<Spanned<ExpectedNumber>>> {
     match value.elements() {
         Some(elements) => {
             let parts: Option<Vec<_>> = elements.map(|element| flatten(element, scalar)).collect();
@@ -218,7 +218,7 @@ pub enum Tolerance {
 impl Tolerance {
     /// Reads `ulp`, `absolute` or `relative`; exact without.
     pub fn of(table: &Table<'_>) -> Option<Self> {
-        let given: Vec<(At<f64>, &str)> = ["ulp", "absolute", "relative"]
+        let given: Vec<(Spanned<f64>, &str)> = ["ulp", "absolute", "relative"]
             .into_iter()
             .filter_map(|key| Some((table.optional(key)?, key)))
             .collect();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::accel::Tlas;
-use crate::debug::session::{self, SettledRequest};
+use crate::debug::session::{self, ResolvedRequest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::{Costs, Counter, Meter};
 use crate::harness::coverage::{Counts, Recorder};
@@ -34,8 +34,8 @@ where
     observed
 }
 
-/// Runs a scene's launch and dispatches at the width that suits their size: the results are the
-/// same at each.
+/// Runs a scene's launch and dispatches at the batch width for their size; results do not depend on
+/// the width.
 pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
     launch(scene, assembled, |resources| match assembled.invocations() {
         0..=1 => assembled.run::<1>(resources, &|_| ()),
@@ -43,13 +43,13 @@ pub fn run_launch(scene: &ResolvedScene, assembled: &Assembled) -> Observed {
     })
 }
 
-/// What became of each ray of a scene. Each sees the resources as the scene describes them.
+/// Traces each ray of a scene, on resources as the scene describes them.
 pub fn rays(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    watch: &mut RayMeasurements<'_>,
+    measurements: &mut RayMeasurements<'_>,
 ) -> Vec<(Option<String>, Result<RayFound>)> {
-    (0..scene.rays.len()).flat_map(|at| one_ray(scene, assembled, at, watch).rays).collect()
+    (0..scene.rays.len()).flat_map(|at| run_ray(scene, assembled, at, measurements).rays).collect()
 }
 
 /// Runs a scene as [`run`] does and records the coverage of its launch and dispatches.
@@ -78,7 +78,7 @@ fn launch(
     assembled: &Assembled,
     run: impl FnOnce(&Resources) -> Result<Stats>,
 ) -> Observed {
-    let resources = fresh(&assembled.resources);
+    let resources = fresh_resources(&assembled.resources);
     let mut observed = Observed::default();
     if assembled.pipeline.sbt.ray_generation.is_some() || !assembled.dispatches.is_empty() {
         match run(&resources) {
@@ -86,17 +86,17 @@ fn launch(
             Err(trap) => observed.trap = Some(trap),
         }
     }
-    look(scene, &resources, &mut observed);
+    read_resources(scene, &resources, &mut observed);
     observed
 }
 
 /// A copy of resources that collects what shaders print.
-pub(super) fn fresh(resources: &Resources) -> Resources {
+pub(super) fn fresh_resources(resources: &Resources) -> Resources {
     Resources { printed: Some(Arc::<Printed>::default()), ..memory::copied(resources) }
 }
 
 /// Reads buffers, images and printed lines.
-pub(super) fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
+pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
     for line in resources.printed.iter().flat_map(|printed| printed.take()) {
         observed.printed += &line.text;
         if !line.text.ends_with('\n') {
@@ -124,7 +124,7 @@ pub(super) fn look(scene: &ResolvedScene, resources: &Resources, observed: &mut 
     }
 }
 
-/// What costs are counted for every ray of a launch: each invocation runs by itself.
+/// Counts the cost of every ray of a launch. Each invocation runs by itself.
 ///
 /// # Errors
 /// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot
@@ -135,7 +135,7 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
             .note("set the subgroup size to 1 to count each invocation by itself"));
     }
-    let resources = fresh(&assembled.resources);
+    let resources = fresh_resources(&assembled.resources);
     let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
     let run = |meter: &mut Meter, id: [u32; 3]| {
         meter.begin(Some(id));
@@ -179,39 +179,39 @@ pub(super) fn in_tasks<T: Send>(
     tasks.map(|number| task(number, &mut range(number).map(id))).collect()
 }
 
-/// What is counted while a ray runs.
+/// What is measured while a ray runs.
 #[derive(Debug, Default)]
 pub struct RayMeasurements<'a> {
-    /// The recorder of coverage, where it is wanted.
+    /// The recorder of coverage, if coverage is wanted.
     pub recorder: Option<&'a mut Recorder>,
-    /// Whether to count what it costs.
+    /// Whether to count the ray's cost.
     pub costs: bool,
-    /// How to find what depends on rounding, where that is wanted.
+    /// The stability expectation to check, if there is one.
     pub stable: Option<&'a StableExpectation>,
 }
 
-/// One ray of a scene: what it found, as the only entry of [`Observed::rays`], and what its shaders
-/// left behind.
-pub fn one_ray(
+/// Runs one ray of a scene: returns its result, as the only entry of [`Observed::rays`], and what
+/// its shaders wrote.
+pub fn run_ray(
     scene: &ResolvedScene,
     assembled: &Assembled,
     at: usize,
-    watch: &mut RayMeasurements<'_>,
+    measurements: &mut RayMeasurements<'_>,
 ) -> Observed {
     let entry = &scene.rays[at];
-    let resources = fresh(&assembled.resources);
+    let resources = fresh_resources(&assembled.resources);
     let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
     let mut observed = Observed::default();
     let mut events: Vec<Event> = Vec::new();
-    let outcome = if watch.recorder.is_none() && !watch.costs {
+    let outcome = if measurements.recorder.is_none() && !measurements.costs {
         trace(scene, &launch, assembled.size, entry, &mut events, &mut ())
     } else {
         let mut meter = Meter::new(launch.pipeline);
         meter.begin(None);
         let mut unused = Recorder::default();
-        let recorder = watch.recorder.as_deref_mut().unwrap_or(&mut unused);
+        let recorder = measurements.recorder.as_deref_mut().unwrap_or(&mut unused);
         let (mut sink, counts) = recorder.parts();
-        let mut both = Both(counts, meter.counter());
+        let mut both = CoverageAndCost(counts, meter.counter());
         let mut sink = |event: Event| {
             meter.event(&event);
             sink.event(&event);
@@ -230,7 +230,7 @@ pub fn one_ray(
     match outcome {
         Ok(stats) => {
             observed.stats = Some(stats);
-            observed.rays.push((name.clone(), Ok(found(launch.pipeline, &events))));
+            observed.rays.push((name.clone(), Ok(first_ray(launch.pipeline, &events))));
         }
         Err(error) => {
             if error.kind() == ErrorKind::Trap {
@@ -239,18 +239,18 @@ pub fn one_ray(
             observed.rays.push((name.clone(), Err(error)));
         }
     }
-    look(scene, &resources, &mut observed);
-    if let Some(stable) = watch.stable.filter(|_| observed.trap.is_none()) {
+    read_resources(scene, &resources, &mut observed);
+    if let Some(stable) = measurements.stable.filter(|_| observed.trap.is_none()) {
         let found = |which| perturb_one(scene, assembled, &which, &stable.perturbation);
-        observed.stability = Some(SettledRequest::of(entry).and_then(found));
+        observed.stability = Some(ResolvedRequest::of(entry).and_then(found));
     }
     observed
 }
 
-/// Coverage and costs by one observer.
-struct Both<'a>(&'a mut Counts, Counter<'a>);
+/// An observer that records coverage and counts cost.
+struct CoverageAndCost<'a>(&'a mut Counts, Counter<'a>);
 
-impl Observer<1> for Both<'_> {
+impl Observer<1> for CoverageAndCost<'_> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
         self.0.resumed(shader, batch);
         self.1.resumed(shader, batch);
@@ -284,14 +284,15 @@ pub(super) fn trace<T: PipelineObserver, O: Observer<1>>(
             let tlas = if let Some((_, tlas)) = scene.tlas.first() { tlas } else { Tlas::empty() };
             let operands = session::check(given)?
                 .operands(launch.pipeline)
-                .map_err(|error| declared(launch.pipeline).into_iter().fold(error, Error::note))?;
+                .map_err(|error| describe_payload(launch.pipeline).into_iter().fold(error, Error::note))?;
             launch.trace_observed(tlas, operands, pipeline_observer, observer).map(|outcome| outcome.stats)
         }
     }
 }
 
-/// The largest payload that a pipeline's shaders declare, a line for each member and its offset.
-fn declared(pipeline: &Pipeline) -> Vec<String> {
+/// Describes the largest payload that a pipeline's shaders declare: a line for each member, with
+/// its offset.
+fn describe_payload(pipeline: &Pipeline) -> Vec<String> {
     let registers = |program: &Arc<Program>| {
         let registers = program.interface_registers(storage::INCOMING_RAY_PAYLOAD)?;
         Some((program.clone(), registers.ty, registers.count))
@@ -305,8 +306,8 @@ fn declared(pipeline: &Pipeline) -> Vec<String> {
     })
 }
 
-/// What the first ray of a run found.
-pub(super) fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
+/// The result of the first ray of a run.
+pub(super) fn first_ray(pipeline: &Pipeline, events: &[Event]) -> RayFound {
     // Traversal ends before a closest-hit shader traces on: the first to end is the first ray.
     let traversed = events.iter().find_map(|event| match event {
         Event::Traversed { committed, shader, .. } => Some((*committed, *shader)),
@@ -337,7 +338,7 @@ pub(super) fn found(pipeline: &Pipeline, events: &[Event]) -> RayFound {
     RayFound { committed, custom_index, payload }
 }
 
-/// A payload by the type that the shader which ran last declares, or the largest one.
+/// A payload, typed as the last shader declares it, or as the largest declared payload.
 fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
     let registers = |program: &Arc<Program>| {
         program

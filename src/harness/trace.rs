@@ -18,7 +18,9 @@ use crate::harness::value::Value;
 use crate::machine::printed::PrintedLine;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
-use crate::pipeline::{Band, Bands, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, Streamed};
+use crate::pipeline::{
+    Band, BandedLaunch, Event, Launch, Pipeline, PipelineObserver, RayOperands, Stats, StreamedImage,
+};
 use crate::program::Program;
 
 /// A ray without flags, seen by all masks, with SBT offset 0, SBT stride 1 and miss index 0; its
@@ -228,13 +230,15 @@ impl Pipeline {
         &self,
         scene: &Scene,
         [width, height]: [u32; 2],
-        image: &Streamed,
+        image: &StreamedImage,
         take: impl FnMut(Band<'_>) -> Result<()> + Send,
     ) -> Result<Launched> {
         self.check_launch(scene, [width, height, 1])?;
         let resources = scene.resources();
         let launch = Launch { pipeline: self, resources };
-        let bands = launch.bands([width, height, 1], image).map_err(|why| Bands::refused(image, &why))?;
+        let bands = launch
+            .bands([width, height, 1], image)
+            .map_err(|why| BandedLaunch::cannot_stream(image, &why))?;
         let stats = bands.run::<64>(&|_| (), take)?;
         Ok(self.launched(scene, stats))
     }

@@ -1,7 +1,7 @@
-//! The interpreter: one loop, at every width, with or without an observer.
+//! The interpreter: one loop for every batch width, with or without an observer.
 //!
-//! It stops, it never calls the host: what a shader asks of the pipeline comes back as a
-//! [`Stop`](crate::machine::Stop), and running the batch again goes on behind it.
+//! It never calls the pipeline: at an instruction that needs it, such as a trace, the loop returns
+//! a [`Stop`](crate::machine::Stop). Running the batch again continues after that instruction.
 
 mod run;
 

@@ -22,7 +22,7 @@ where
     let supercode = supercode.as_ref().filter(|_| !O::active() && LaneKernel::has_superops(&batch.registers));
     loop {
         let block = &program.blocks[batch.block as usize];
-        // After a stop a block continues, it is not entered.
+        // After a stop the block is continued, not entered again.
         if O::active() && batch.op == block.first && !batch.paused {
             observer.block(batch);
         }
@@ -51,7 +51,7 @@ where
             }
             let op = &ops[batch.op as usize];
             if let Op::LaneKernel { kernel, to, from } = op {
-                // Most operations are kernels, and those never stop.
+                // Most operations are kernels, which never stop.
                 Width::<W>::run(*kernel, &mut batch.registers, *to, from);
                 if O::active() {
                     observer.after(batch, bindings, batch.op);
@@ -69,7 +69,7 @@ where
             }
             batch.silent = program.silent.get(batch.op as usize) == Some(&true);
             op.eval(batch, bindings);
-            // Traps at the block's end, or by the pipeline, are not of such an operation.
+            // Terminators and the pipeline, which may trap too, are never silent.
             batch.silent = false;
             if batch.mask.is_empty() {
                 break;
@@ -80,26 +80,27 @@ where
             batch.op += 1;
         }
         batch.block = superblock.last;
-        if !leave(batch, program, &program.blocks[superblock.last as usize].terminator, observer) {
+        if !execute_terminator(batch, program, &program.blocks[superblock.last as usize].terminator, observer)
+        {
             return Stop::Done;
         }
     }
 }
 
-/// Leaves a block; `false` when nothing is left to run.
-fn leave<const W: usize, O: Observer<W>>(
+/// Executes the terminator of a block; `false` when no lane is left to run.
+fn execute_terminator<const W: usize, O: Observer<W>>(
     batch: &mut Batch<W>,
     program: &Program,
-    end: &Terminator,
+    terminator: &Terminator,
     observer: &mut O,
 ) -> bool {
     let mask = batch.mask;
     let from = batch.block;
-    let going = if mask.is_empty() {
+    let continues = if mask.is_empty() {
         batch.follow([])
     } else {
-        match end {
-            Terminator::Branch(target) => go(batch, program, *target),
+        match terminator {
+            Terminator::Branch(target) => branch_to(batch, program, *target),
             Terminator::BranchConditional { condition, then, other } => {
                 let taken = batch.registers.mask(*condition) & mask;
                 if O::active() {
@@ -107,11 +108,11 @@ fn leave<const W: usize, O: Observer<W>>(
                     observer.edge(from, 1, mask.without(taken).count());
                 }
                 if taken == mask {
-                    go(batch, program, *then)
+                    branch_to(batch, program, *then)
                 } else if taken.is_empty() {
-                    go(batch, program, *other)
+                    branch_to(batch, program, *other)
                 } else {
-                    split(batch, program, &[(*then, taken), (*other, mask.without(taken))])
+                    diverge(batch, program, &[(*then, taken), (*other, mask.without(taken))])
                 }
             }
             Terminator::Switch { selector, wide, cases, default } => {
@@ -130,10 +131,10 @@ fn leave<const W: usize, O: Observer<W>>(
                         None => edges.push((target, Mask::lane(lane))),
                     }
                 }
-                split(batch, program, &edges)
+                diverge(batch, program, &edges)
             }
             Terminator::Call { function, return_to } => {
-                batch.spend(mask, 1, terminator(program, from));
+                batch.consume_fuel(mask, 1, terminator_index(program, from));
                 if batch.mask.is_empty() {
                     batch.follow([])
                 } else {
@@ -147,43 +148,43 @@ fn leave<const W: usize, O: Observer<W>>(
                 batch.follow([])
             }
             Terminator::Unreachable => {
-                batch.trap(mask, TrapCode::Unreachable, terminator(program, from));
+                batch.trap(mask, TrapCode::Unreachable, terminator_index(program, from));
                 batch.follow([])
             }
         }
     };
-    if going {
+    if continues {
         batch.op = program.blocks[batch.block as usize].first;
     }
-    going
+    continues
 }
 
-/// All running lanes continue at one block.
-fn go<const W: usize>(batch: &mut Batch<W>, program: &Program, target: u32) -> bool {
-    charge(batch, program, target, batch.mask);
+/// Continues all running lanes at one block.
+fn branch_to<const W: usize>(batch: &mut Batch<W>, program: &Program, target: u32) -> bool {
+    consume_fuel(batch, program, target, batch.mask);
     batch.jump(target)
 }
 
-/// The running lanes continue at several blocks.
-fn split<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32, Mask<W>)]) -> bool {
+/// Continues the running lanes at several blocks: control flow diverges.
+fn diverge<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32, Mask<W>)]) -> bool {
     for &(target, mask) in edges {
-        charge(batch, program, target, mask);
+        consume_fuel(batch, program, target, mask);
     }
     let live = batch.mask;
     batch.follow(edges.iter().map(|&(target, mask)| (target, mask & live)))
 }
 
-/// Consumes fuel of lanes at a back edge: as much as the loop has instructions, so that a lane's
-/// limit depends neither on its neighbours nor on the width of its batch nor on the optimizer.
-fn charge<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
+/// Consumes fuel of lanes at a back edge: the number of instructions of the loop, so that a lane's
+/// limit depends neither on other lanes, nor on the batch width, nor on the optimizer.
+fn consume_fuel<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
     if to <= batch.block {
         let before = to.checked_sub(1).map_or(0, |before| program.blocks[before as usize].instructions);
         let cost = program.blocks[batch.block as usize].instructions - before;
-        batch.spend(mask, cost.max(1), terminator(program, batch.block));
+        batch.consume_fuel(mask, cost.max(1), terminator_index(program, batch.block));
     }
 }
 
 /// The index of the origin of a block's terminator, for the traps that it raises.
-fn terminator(program: &Program, block: u32) -> u32 {
+fn terminator_index(program: &Program, block: u32) -> u32 {
     program.ops.len() as u32 + block
 }

@@ -1,16 +1,16 @@
-//! A batch: up to W invocations of one entry point, and where each of them is.
+//! A batch: up to W invocations of one entry point, and the block in which each of them is.
 //!
-//! Lanes that stand in different blocks wait for each other by the blocks' order: the batch always
-//! runs the lowest block in which a lane waits. As a program's blocks are in structured order
-//! (a merge block after everything that it merges, a loop's merge after the loop), lanes meet again
-//! at the merge block, and no stack of masks is needed.
+//! Lanes diverge at branches: the batch always runs the lowest block in which a lane waits. As a
+//! program's blocks are in structured order (a merge block after everything that it merges, a
+//! loop's merge after the loop), lanes reconverge at the merge block, and no stack of masks is
+//! needed.
 
 use crate::machine::hit_object::HitObjects;
 use crate::machine::invocation::Invocations;
 use crate::machine::lanes::{Mask, Registers};
-use crate::machine::missed::MissedIndices;
+use crate::machine::out_of_bounds::OutOfBoundsIndices;
 use crate::machine::ray_query::RayQueries;
-use crate::machine::trap::{Accessed, Exit, Trap, TrapCode};
+use crate::machine::trap::{AccessFault, Exit, Trap, TrapCode};
 
 /// Lanes that wait at the beginning of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,11 +22,11 @@ struct Waiting<const W: usize> {
 /// A call in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<const W: usize> {
-    /// The block to go on with when every lane has returned.
+    /// The block that runs when every lane has returned.
     pub return_to: u32,
     /// The lanes that called.
     pub mask: Mask<W>,
-    /// How many entries of the waiting list belong to callers.
+    /// The number of entries of the waiting list that belong to callers.
     base: usize,
 }
 
@@ -35,7 +35,7 @@ pub struct Frame<const W: usize> {
 pub struct Batch<const W: usize> {
     /// The register file.
     pub registers: Registers<W>,
-    /// What builtins read.
+    /// The state that builtins read.
     pub invocations: Box<Invocations<W>>,
     /// The lanes that run now.
     pub mask: Mask<W>,
@@ -50,28 +50,28 @@ pub struct Batch<const W: usize> {
     pub silent: bool,
     /// How each lane ended, meaningful once it has.
     pub exits: [Exit; W],
-    /// The byte offset or device address that a lane asked for, meaningful once the access has
-    /// stopped it.
+    /// The byte offset or device address of the access at which a lane trapped; for a trace, the
+    /// rule that its ray breaks. Meaningful once the lane has trapped.
     pub fault_value: [u64; W],
-    /// The indices that were outside their arrays, whether or not an access follows them.
-    pub missed: MissedIndices<W>,
+    /// The indices that were outside their arrays, whether or not an access through them follows.
+    pub out_of_bounds_indices: OutOfBoundsIndices<W>,
     /// The ray queries that variables hold.
     pub queries: RayQueries,
     /// The hit objects that variables hold.
     pub hit_objects: HitObjects,
-    /// How many instructions that reorder were executed, counted by lanes.
+    /// The number of reorder instructions that were executed, summed over lanes.
     pub reorders: u64,
-    /// What accesses that trapped meant, by lane; see [`Batch::accessed`].
-    accessed: Vec<(usize, Accessed)>,
+    /// Details of accesses that trapped, with their lanes; see [`Batch::access_fault`].
+    access_faults: Vec<(usize, AccessFault)>,
     /// The lanes that have not been stopped.
     live: Mask<W>,
-    /// Operations that each lane may spend at back edges and calls, less what it has spent without
-    /// the others.
+    /// The fuel of each lane, less what it has consumed without the others. Fuel is consumed at
+    /// back edges and calls.
     fuel: [u64; W],
-    /// What every running lane has spent together with all others.
-    spent: u64,
-    /// No live lane's fuel is less.
-    least: u64,
+    /// The fuel that every live lane has consumed together with all others.
+    consumed_together: u64,
+    /// A lower bound of the live lanes' `fuel`.
+    min_fuel: u64,
     /// Lanes that wait at later blocks, the lowest block last.
     waiting: Vec<Waiting<W>>,
     frames: Vec<Frame<W>>,
@@ -90,15 +90,15 @@ impl<const W: usize> Batch<W> {
             silent: false,
             exits: [Exit::Returned; W],
             fault_value: [0; W],
-            accessed: Vec::new(),
-            missed: MissedIndices::default(),
+            access_faults: Vec::new(),
+            out_of_bounds_indices: OutOfBoundsIndices::default(),
             queries: RayQueries::default(),
             hit_objects: HitObjects::default(),
             reorders: 0,
             live: Mask::NONE,
             fuel: [0; W],
-            spent: 0,
-            least: 0,
+            consumed_together: 0,
+            min_fuel: 0,
             waiting: Vec::new(),
             frames: Vec::new(),
         }
@@ -113,12 +113,12 @@ impl<const W: usize> Batch<W> {
         self.op = op;
         self.paused = false;
         self.silent = false;
-        self.accessed.clear();
-        self.missed.clear();
+        self.access_faults.clear();
+        self.out_of_bounds_indices.clear();
         self.exits = [Exit::Returned; W];
         self.fuel = [fuel; W];
-        self.spent = 0;
-        self.least = fuel;
+        self.consumed_together = 0;
+        self.min_fuel = fuel;
         self.waiting.clear();
         self.frames.clear();
         self.queries.clear();
@@ -168,7 +168,7 @@ impl<const W: usize> Batch<W> {
         self.block = block;
     }
 
-    /// Ends lanes for good.
+    /// Ends lanes.
     pub fn exit(&mut self, mask: Mask<W>, exit: Exit) {
         for lane in mask.lanes() {
             self.exits[lane] = exit;
@@ -186,45 +186,45 @@ impl<const W: usize> Batch<W> {
         self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
     }
 
-    /// Remembers what the access meant that a lane traps at, as its registers may change later.
+    /// Records the details of an access at which a lane traps, as its registers may change later.
     #[cold]
-    pub fn remember_access(&mut self, lane: usize, accessed: Accessed) {
+    pub fn record_access_fault(&mut self, lane: usize, fault: AccessFault) {
         if !self.silent {
-            self.accessed.push((lane, accessed));
+            self.access_faults.push((lane, fault));
         }
     }
 
-    /// What the access meant that a lane trapped at.
-    pub fn accessed(&self, lane: usize) -> Option<&Accessed> {
-        self.accessed.iter().find(|(of, _)| *of == lane).map(|(_, accessed)| accessed)
+    /// The details of the access at which a lane trapped.
+    pub fn access_fault(&self, lane: usize) -> Option<&AccessFault> {
+        self.access_faults.iter().find(|(of, _)| *of == lane).map(|(_, fault)| fault)
     }
 
-    /// Charges lanes; those that cannot pay are stopped.
+    /// Consumes fuel of lanes; those that have too little are stopped.
     #[inline]
-    pub fn spend(&mut self, mask: Mask<W>, cost: u32, op: u32) {
+    pub fn consume_fuel(&mut self, mask: Mask<W>, cost: u32, op: u32) {
         let cost = u64::from(cost);
-        if self.least - self.spent < cost {
-            self.spend_the_last(mask, cost, op);
+        if self.min_fuel - self.consumed_together < cost {
+            self.consume_last_fuel(mask, cost, op);
         } else if mask == self.live {
-            self.spent += cost;
+            self.consumed_together += cost;
         } else {
             mask.lanes().for_each(|lane| self.fuel[lane] -= cost);
-            self.least -= cost;
+            self.min_fuel -= cost;
         }
     }
 
-    /// As [`Batch::spend`], where the fuel of some lane may not cover the cost.
+    /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost.
     #[cold]
-    fn spend_the_last(&mut self, mask: Mask<W>, cost: u64, op: u32) {
-        let broke = Mask::from_fn(|lane| {
-            let left = self.fuel[lane].saturating_sub(self.spent);
+    fn consume_last_fuel(&mut self, mask: Mask<W>, cost: u64, op: u32) {
+        let exhausted = Mask::from_fn(|lane| {
+            let left = self.fuel[lane].saturating_sub(self.consumed_together);
             let charge = if mask.contains(lane) { cost } else { 0 };
             self.fuel[lane] = left.saturating_sub(charge);
             left < charge
         });
-        self.spent = 0;
-        self.trap(broke, TrapCode::OutOfFuel, op);
-        self.least = self.live.lanes().map(|lane| self.fuel[lane]).min().unwrap_or(0);
+        self.consumed_together = 0;
+        self.trap(exhausted, TrapCode::OutOfFuel, op);
+        self.min_fuel = self.live.lanes().map(|lane| self.fuel[lane]).min().unwrap_or(0);
     }
 
     fn wait(&mut self, block: u32, mask: Mask<W>) {
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_meet_again_at_the_merge_block() {
+    fn lanes_reconverge_at_the_merge_block() {
         let mut batch = batch();
         assert!(batch.follow([(1, Mask::first(1)), (2, !Mask::first(1))]));
         assert_eq!((batch.block, batch.mask.count()), (1, 1));
@@ -308,9 +308,9 @@ mod tests {
     #[test]
     fn a_lane_without_fuel_is_stopped() {
         let mut batch = batch();
-        batch.spend(Mask::ALL, 10, 0);
+        batch.consume_fuel(Mask::ALL, 10, 0);
         assert_eq!(batch.mask.count(), 4);
-        batch.spend(Mask::first(3), 1, 0);
+        batch.consume_fuel(Mask::first(3), 1, 0);
         assert_eq!(batch.mask, Mask::lane(3));
     }
 }

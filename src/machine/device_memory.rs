@@ -2,8 +2,8 @@
 //!
 //! Each allocation begins a region of 4 GiB of its own, in the order in which they are made: the
 //! upper half of an address names the allocation (from 1 on), the lower half is the offset in it.
-//! So addresses are the same on every machine and in every run, the null pointer leads nowhere,
-//! and what runs past the end of a buffer meets a gap instead of its neighbour.
+//! So addresses are the same on every machine and in every run, no allocation is at the null
+//! pointer, and an access past the end of a buffer hits a guard gap instead of the next buffer.
 
 use std::sync::Arc;
 
@@ -13,10 +13,10 @@ use crate::machine::resource::Buffer;
 /// Bits of an address that count bytes in a region.
 const REGION_BITS: u32 = 32;
 
-/// What can be reached through a device address.
+/// The allocations that device addresses reach.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceMemory {
-    /// By base address, ascending.
+    /// Allocations with their base addresses, ascending.
     allocations: Vec<(u64, Allocation)>,
     /// The regions used so far.
     regions: u64,
@@ -46,7 +46,7 @@ impl DeviceMemory {
         known.unwrap_or_else(|| self.allocate(0, Allocation::Structure(tlas.clone())))
     }
 
-    /// Returns a copy of the address space in which other buffers stand at the addresses.
+    /// Returns a copy of the address space with other buffers at the same addresses.
     #[must_use]
     pub fn with_buffers(&self, mut other: impl FnMut(&Arc<Buffer>) -> Arc<Buffer>) -> Self {
         let mut copy = self.clone();
@@ -88,9 +88,9 @@ impl DeviceMemory {
         })
     }
 
-    /// Whether an address is the null pointer, or one that leads a little further.
+    /// Whether an address is the null pointer, or a small offset from it.
     pub fn is_null(address: u64) -> bool {
-        /// What systems leave free around address 0, for this very purpose.
+        /// Bytes that operating systems leave unmapped at address 0, for the same purpose.
         const GUARD: u64 = 1 << 16;
         address < GUARD
     }

@@ -2,7 +2,7 @@
 //!
 //! Conversions follow Vulkan, "Fixed-Point Data Conversion", "Floating-Point Format Conversions"
 //! and "Shared Exponent to RGB". Where these leave a choice, this crate rounds to nearest even (a
-//! half to the even neighbour), takes not-a-number to 0 in fixed-point formats, overflows of 16-,
+//! half to the even neighbour), takes NaN to 0 in fixed-point formats, overflows of 16-,
 //! 11- and 10-bit floats to infinity, and clamps integers that a format cannot hold to its range.
 
 use std::sync::LazyLock;
@@ -11,7 +11,7 @@ use half::f16;
 
 use crate::math::srgb;
 
-/// How a component is stored; the packed kinds tell of all components of a texel at once.
+/// How a component is stored; the packed kinds describe all components of a texel at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Component {
     /// 8 bits, 0 to 1.
@@ -53,7 +53,7 @@ pub enum Component {
     SharedExponent,
 }
 
-/// What kind of number a shader reads from a format.
+/// The class of numbers that a shader reads from a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Class {
     /// A float, binary32 of IEEE 754.
@@ -67,9 +67,9 @@ pub enum Class {
 /// A texel format: one kind of component, one to four times, in the order R G B A.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Format {
-    /// Of every component.
+    /// The kind of every component.
     pub component: Component,
-    /// 1 to 4.
+    /// The number of channels, 1 to 4.
     pub channels: u8,
     /// Whether R, G and B are stored sRGB-encoded; `Unorm8` only.
     pub srgb: bool,
@@ -148,7 +148,7 @@ impl Format {
         }
     }
 
-    /// What a shader reads from it.
+    /// The class of numbers that a shader reads from it.
     pub fn class(self) -> Class {
         use Component::*;
         match self.component {
@@ -193,7 +193,7 @@ impl Format {
     pub fn encode(self, texel: [u64; 4], signed: bool) -> u128 {
         if self.class() == Class::Float {
             let floats = texel.map(|bits| f32::from_bits(bits as u32));
-            // Its bits are kept: a conversion would quieten a signalling not-a-number.
+            // The bits are kept: a conversion would quieten a signalling NaN.
             if self.component == Component::Float32 {
                 return self.join(texel.map(|bits| bits & 0xffff_ffff));
             }
@@ -290,7 +290,7 @@ fn encode_number(component: Component, width: u32, value: f64) -> u64 {
             let most = (u64::MAX >> (65 - width)) as f64;
             (number.clamp(-1.0, 1.0) * most).round_ties_even() as i64 as u64
         }
-        Float16 => u64::from(crate::math::float::half_of(value).to_bits()),
+        Float16 => u64::from(crate::math::float::f64_to_f16(value).to_bits()),
         Float32 => u64::from((value as f32).to_bits()),
         Float11B10 => unsigned_float(value, width - 5),
         // `as` saturates.
@@ -305,7 +305,7 @@ fn encode_number(component: Component, width: u32, value: f64) -> u64 {
     }
 }
 
-/// What an integer component can hold.
+/// The range of an integer component.
 fn integer_range(component: Component) -> (i128, i128) {
     let signed = |width: u32| (-(1 << (width - 1)), (1 << (width - 1)) - 1);
     match component {

@@ -1,4 +1,4 @@
-//! Hit objects: what a traversal found, or what a shader says it found, to be read and executed
+//! Hit objects: the result of a traversal, or one that a shader records, to be read and executed
 //! later (`SPV_EXT_shader_invocation_reorder`, `SPV_NV_shader_invocation_reorder`).
 //!
 //! As with ray queries, a variable is one register with a handle into the batch's list.
@@ -8,13 +8,13 @@ use std::sync::Arc;
 use smallvec::SmallVec;
 
 use crate::accel::{Committed, Tlas, TraceRay};
-use crate::machine::object::Objects;
+use crate::machine::object::ObjectPool;
 use crate::machine::trap::TrapCode;
 
 /// Words of hit attributes.
 pub type Attributes = SmallVec<[u32; 8]>;
 
-/// What a hit object encodes. What the specifications leave undefined is a [`TrapCode`] here.
+/// A hit object. Uses that the specifications leave undefined give a [`TrapCode`].
 #[derive(Clone, Debug, Default)]
 pub enum HitObject {
     /// Nothing was recorded yet.
@@ -23,23 +23,23 @@ pub enum HitObject {
     /// Neither a hit nor a miss: executing it does nothing.
     Empty,
     /// A miss.
-    Miss(Encoded),
+    Miss(EncodedRay),
     /// A hit.
-    Hit(Encoded, HitEncoded),
+    Hit(EncodedRay, EncodedHit),
 }
 
-/// What hits and misses have.
+/// The ray and the shader record of a hit or miss.
 #[derive(Clone, Debug)]
-pub struct Encoded {
+pub struct EncodedRay {
     /// The ray; `t_max` is the trace's.
     pub trace: TraceRay,
     /// The index into the miss or the hit table.
     pub record: u64,
 }
 
-/// What hits have beside.
+/// The hit of a hit object, beside its ray.
 #[derive(Clone, Debug)]
-pub struct HitEncoded {
+pub struct EncodedHit {
     /// The acceleration structure.
     pub tlas: Arc<Tlas>,
     /// Primitive, t and hit kind.
@@ -62,11 +62,11 @@ impl HitObject {
         }
     }
 
-    /// What hits and misses have.
+    /// The ray and the shader record of a hit or miss.
     ///
     /// # Errors
     /// `HitObjectUnrecorded`, `HitObjectEmpty`
-    pub fn encoded(&self) -> Result<&Encoded, TrapCode> {
+    pub fn encoded(&self) -> Result<&EncodedRay, TrapCode> {
         match self {
             Self::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
             Self::Empty => Err(TrapCode::HitObjectEmpty),
@@ -86,11 +86,11 @@ impl HitObject {
         Ok(())
     }
 
-    /// What hits have.
+    /// The ray and the hit of a hit.
     ///
     /// # Errors
     /// `HitObjectUnrecorded`, `HitObjectNotHit`
-    pub fn hit(&self) -> Result<(&Encoded, &HitEncoded), TrapCode> {
+    pub fn hit(&self) -> Result<(&EncodedRay, &EncodedHit), TrapCode> {
         match self {
             Self::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
             Self::Empty | Self::Miss(_) => Err(TrapCode::HitObjectNotHit),
@@ -111,4 +111,4 @@ impl HitObject {
 }
 
 /// The hit objects of a batch, by handle.
-pub type HitObjects = Objects<HitObject>;
+pub type HitObjects = ObjectPool<HitObject>;

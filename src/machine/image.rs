@@ -9,22 +9,22 @@ use smallvec::SmallVec;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
 
-/// `VkImageViewType`, and the texel buffer beside.
+/// `VkImageViewType`, and texel buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Dimension {
-    /// A line.
+    /// A one-dimensional image.
     D1,
-    /// A plane.
+    /// A two-dimensional image.
     D2,
-    /// A volume.
+    /// A three-dimensional image.
     D3,
-    /// Six planes.
+    /// A cube map of six two-dimensional faces.
     Cube,
-    /// Several lines.
+    /// An array of one-dimensional images.
     D1Array,
-    /// Several planes.
+    /// An array of two-dimensional images.
     D2Array,
-    /// Several times six planes.
+    /// An array of cube maps.
     CubeArray,
     /// A buffer whose elements are texels.
     Buffer,
@@ -54,7 +54,7 @@ impl Dimension {
 /// The shape of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageShape {
-    /// What its coordinates are.
+    /// The dimension: what its coordinates are.
     pub dimension: Dimension,
     /// Width, height, depth of level 0; 1 where the dimension has none.
     pub extent: [u32; 3],
@@ -91,7 +91,7 @@ impl ImageShape {
     }
 
     /// The number of levels down to a single texel.
-    pub fn full_levels(&self) -> u32 {
+    pub fn max_levels(&self) -> u32 {
         self.extent.iter().max().map_or(1, |&side| side.max(1).ilog2() + 1)
     }
 
@@ -108,7 +108,7 @@ impl ImageShape {
             "a cube needs six square layers (VUID-VkImageCreateInfo-flags-08865 and 08866)"
         } else if !dimension.is_arrayed() && self.layers != if dimension.is_cube() { 6 } else { 1 } {
             "layers of an image that is no array"
-        } else if self.levels > self.full_levels() || dimension == Dimension::Buffer && self.levels > 1 {
+        } else if self.levels > self.max_levels() || dimension == Dimension::Buffer && self.levels > 1 {
             "more levels than halving the extent gives (VUID-VkImageCreateInfo-mipLevels-00958)"
         } else if !self.samples.is_power_of_two() || self.samples > 64 {
             "samples are 1, 2, 4, 8, 16, 32 or 64"
@@ -123,7 +123,7 @@ impl ImageShape {
     }
 }
 
-/// Where a texel is.
+/// The position of a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Position {
     /// Column, row, slice; may be outside.
@@ -165,8 +165,8 @@ pub struct Image {
     format: Format,
     shape: ImageShape,
     levels: SmallVec<[Level; 1]>,
-    /// The texels that are there: all of them, but in a band.
-    held: Range<usize>,
+    /// The resident texels: all of them, except in a band.
+    resident: Range<usize>,
     words: Box<[AtomicU64]>,
     sample_weight: OnceLock<SampleWeight>,
 }
@@ -203,11 +203,11 @@ impl Image {
     /// # Errors
     /// As [`Image::new`].
     pub fn filled(format: Format, shape: ImageShape, texel: &[u8]) -> Result<Arc<Self>> {
-        Self::of_one_texel(format, shape, whole(&shape), texel)
+        Self::filled_with(format, shape, whole(&shape), texel)
     }
 
-    /// Some rows of a plane with one level and sample, whose texels are all the same. Whatever its
-    /// shape says, no other row is there: an access to one traps, robust or not.
+    /// A band: some rows of a plane with one level and sample, whose texels are all the same. No
+    /// other row of the shape is resident: an access to one traps, robust or not.
     ///
     /// # Errors
     /// As [`Image::filled`], and `InvalidImage` for another shape, or rows that it does not have.
@@ -223,13 +223,13 @@ impl Image {
             return Err(Error::new(ErrorKind::InvalidImage, message));
         }
         let [first, end] = [rows.start, rows.end].map(|row| row as usize * width as usize);
-        Self::of_one_texel(format, ImageShape::plane(width, height), first..end, texel)
+        Self::filled_with(format, ImageShape::plane(width, height), first..end, texel)
     }
 
-    fn of_one_texel(
+    fn filled_with(
         format: Format,
         shape: ImageShape,
-        held: Range<usize>,
+        resident: Range<usize>,
         texel: &[u8],
     ) -> Result<Arc<Self>> {
         let each = format.texel_size() as usize;
@@ -242,15 +242,15 @@ impl Image {
         let pattern = [0, 8].map(|first: usize| {
             pattern[first..first + 8].iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
         });
-        let size = (held.end - held.start).saturating_mul(each);
+        let size = (resident.end - resident.start).saturating_mul(each);
         let words = (0..size.div_ceil(8)).map(|at| AtomicU64::new(pattern[at % 2]));
-        Self::from_words(format, shape, held, words)
+        Self::from_words(format, shape, resident, words)
     }
 
     fn from_words(
         format: Format,
         shape: ImageShape,
-        held: Range<usize>,
+        resident: Range<usize>,
         words: impl Iterator<Item = AtomicU64>,
     ) -> Result<Arc<Self>> {
         shape.check()?;
@@ -261,7 +261,7 @@ impl Image {
             first += shape.level_texels(level) as usize;
         }
         let sample_weight = OnceLock::new();
-        Ok(Arc::new(Self { format, shape, levels, held, words: words.collect(), sample_weight }))
+        Ok(Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight }))
     }
 
     /// How texels are stored.
@@ -269,8 +269,8 @@ impl Image {
         self.format
     }
 
-    /// Says that its texels are weights; what was said first counts.
-    pub fn weights(&self, filter: SampleWeight) {
+    /// Sets how its texels weight those of another image; only the first call has an effect.
+    pub fn set_sample_weight(&self, filter: SampleWeight) {
         let _ = self.sample_weight.set(filter);
     }
 
@@ -289,29 +289,31 @@ impl Image {
         self.levels[level as usize].extent
     }
 
-    /// The rows of level 0 that are there: all of them, but in a band of an image.
+    /// The resident rows of level 0: all of them, except in a band.
     pub fn rows(&self) -> Range<u32> {
         let [width, height, _] = self.shape.extent;
         let texels = self.shape.texels() as usize;
-        match self.held == (0..texels) {
+        match self.resident == (0..texels) {
             true => 0..height,
-            false => (self.held.start / width as usize) as u32..(self.held.end / width as usize) as u32,
+            false => {
+                (self.resident.start / width as usize) as u32..(self.resident.end / width as usize) as u32
+            }
         }
     }
 
-    /// The index of a texel; `None` outside the image, or in a row that is not there.
+    /// The index of a resident texel; `None` outside the image, or in a row that is not resident.
     pub fn index(&self, position: &Position) -> Option<usize> {
-        let index = self.place(position)?;
-        self.held.contains(&index).then(|| index - self.held.start)
+        let index = self.texel_index(position)?;
+        self.resident.contains(&index).then(|| index - self.resident.start)
     }
 
-    /// Whether the image has a texel, be it there or not.
-    pub fn has(&self, position: &Position) -> bool {
-        self.place(position).is_some()
+    /// Whether a texel is inside the image, resident or not.
+    pub fn contains(&self, position: &Position) -> bool {
+        self.texel_index(position).is_some()
     }
 
-    /// The place of a texel among all.
-    fn place(&self, position: &Position) -> Option<usize> {
+    /// The index of a texel among all of the shape.
+    fn texel_index(&self, position: &Position) -> Option<usize> {
         let level = self.levels.get(position.level as usize)?;
         let [width, height, depth] = level.extent.map(i64::from);
         let [x, y, z] = position.at;
@@ -351,8 +353,9 @@ impl Image {
         }
     }
 
-    /// Replaces a texel of at most eight bytes by a function of it, in one step, and gives what it
-    /// was; `None` leaves it, and the function may run several times.
+    /// Atomically replaces a texel of at most eight bytes by a function of it, and returns the old
+    /// texel. The texel stays where the function returns `None`; the function may run several
+    /// times.
     pub fn update(&self, index: usize, mut function: impl FnMut(u64) -> Option<u64>) -> u64 {
         let size = self.format.texel_size() as usize;
         assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");
@@ -367,28 +370,28 @@ impl Image {
         before >> shift & mask
     }
 
-    /// A copy of the bytes of all levels, as far as they are there.
+    /// A copy of the resident bytes of all levels.
     pub fn bytes(&self) -> Vec<u8> {
         (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
     }
 
-    /// An image of its own with the same texels.
+    /// A deep copy of the image.
     #[must_use]
     pub fn copied(&self) -> Arc<Self> {
         let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed)));
         let (format, shape, levels) = (self.format, self.shape, self.levels.clone());
-        let (held, sample_weight) = (self.held.clone(), self.sample_weight.clone());
-        Arc::new(Self { format, shape, levels, held, words: words.collect(), sample_weight })
+        let (resident, sample_weight) = (self.resident.clone(), self.sample_weight.clone());
+        Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight })
     }
 
-    /// A copy of the bytes of a level that exists, as far as they are there.
+    /// A copy of the resident bytes of a level that exists.
     pub fn level_bytes(&self, level: u32) -> Vec<u8> {
         let first = self.levels[level as usize].first;
         self.texel_bytes(first..first + self.shape.level_texels(level) as usize, 1)
     }
 
-    /// A copy of the bytes of a row of level 0 that is there, in its first layer and slice; of
-    /// several samples the first.
+    /// A copy of the bytes of a resident row of level 0, in its first layer and slice; of several
+    /// samples the first.
     pub fn row_bytes(&self, row: u32) -> Vec<u8> {
         let each = self.shape.samples as usize;
         let width = self.shape.extent[0] as usize * each;
@@ -398,8 +401,8 @@ impl Image {
 
     fn texel_bytes(&self, texels: Range<usize>, each: usize) -> Vec<u8> {
         let size = self.format.texel_size() as usize;
-        let texels = texels.start.max(self.held.start)..texels.end.min(self.held.end);
-        let texels = texels.start - self.held.start..texels.end - self.held.start;
+        let texels = texels.start.max(self.resident.start)..texels.end.min(self.resident.end);
+        let texels = texels.start - self.resident.start..texels.end - self.resident.start;
         let mut bytes = Vec::with_capacity(texels.len() / each * size);
         for index in texels.step_by(each) {
             bytes.extend_from_slice(&self.load(index).to_le_bytes()[..size]);
@@ -427,7 +430,7 @@ mod tests {
         // Two rows of three.
         let index = [(0, 1), (0, 2), (2, 3), (0, 4)].map(|(x, y)| band.index(&position(x, y)));
         assert_eq!(index, [None, Some(0), Some(5), None]);
-        assert_eq!([band.has(&position(0, 4)), band.has(&position(0, 5))], [true, false]);
+        assert_eq!([band.contains(&position(0, 4)), band.contains(&position(0, 5))], [true, false]);
         band.store(5, 9);
         assert_eq!((band.row_bytes(3), band.bytes()), (vec![7, 7, 9], vec![7, 7, 7, 7, 7, 9]));
         assert_eq!(band.copied().row_bytes(3), [7, 7, 9]);
@@ -478,7 +481,7 @@ mod tests {
         let shape =
             ImageShape { dimension: Dimension::D2Array, extent: [5, 2, 1], layers: 2, levels: 3, samples: 1 };
         // 5 x 2, 2 x 1, 1 x 1, each twice.
-        assert_eq!((shape.texels(), shape.full_levels()), (26, 3));
+        assert_eq!((shape.texels(), shape.max_levels()), (26, 3));
         let image = Image::zeroed(format, shape).unwrap();
         let index = |at, layer, level| image.index(&Position { at, layer, sample: 0, level });
         assert_eq!(index([4, 1, 0], 1, 0), Some(19));

@@ -1,4 +1,4 @@
-//! What builtins read: the state of a batch's invocations beside their registers.
+//! The state of a batch's invocations beside their registers: what builtins read.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
 use crate::machine::resource::Buffer;
 use crate::machine::workgroup::Workgroup;
 
-/// What one invocation begins with, for [`Invocations::set`].
+/// The initial state of one invocation, for [`Invocations::set`].
 #[derive(Clone, Debug, Default)]
 pub struct Invocation {
     /// `LaunchIdKHR`; in compute `GlobalInvocationId`
@@ -25,7 +25,7 @@ pub struct Invocation {
     pub hit: Option<TlasHit>,
     /// The shader record's data after the handle.
     pub record: Option<ShaderRecord>,
-    /// How deep in the tree of traces this runs: 0 in ray generation.
+    /// The recursion depth of traces: 0 in ray generation.
     pub depth: u32,
     /// `SubgroupSize`; 0 stands for [`DEFAULT_SUBGROUP_SIZE`].
     pub subgroup_size: u32,
@@ -33,8 +33,8 @@ pub struct Invocation {
     pub workgroup: Option<Arc<Workgroup>>,
     /// `LocalInvocationIndex`, in compute.
     pub local_index: u32,
-    /// The place in the order that subgroups are cut from, in compute.
-    pub place: u32,
+    /// The index in the order from which subgroups are formed, in compute.
+    pub subgroup_order: u32,
 }
 
 /// `SubgroupSize` unless set otherwise.
@@ -45,7 +45,7 @@ pub const DEFAULT_SUBGROUP_SIZE: u32 = 32;
 pub struct RayLanes<const W: usize> {
     /// The rays' flags.
     pub flags: Lanes<W>,
-    /// Their low 8 bits count.
+    /// The cull masks; only the low 8 bits are used.
     pub cull_mask: Lanes<W>,
     /// x, y and z of the origin, bits of f32.
     pub origin: [Lanes<W>; 3],
@@ -53,9 +53,9 @@ pub struct RayLanes<const W: usize> {
     pub t_min: Lanes<W>,
     /// x, y and z of the direction, bits of f32.
     pub direction: [Lanes<W>; 3],
-    /// A float.
+    /// The greatest ray parameter, bits of f32.
     pub t_max: Lanes<W>,
-    /// A float: see [`TraceRay::time`].
+    /// The times, bits of f32: see [`TraceRay::time`].
     pub time: Lanes<W>,
 }
 
@@ -103,24 +103,24 @@ impl<const W: usize> RayLanes<W> {
         self.time.0[lane] = time.to_bits();
     }
 
-    /// Lanes whose rays certainly keep the rules of [`TraceRay::check`], with some flags beside
-    /// their own, too.
-    pub fn within_rules(&self, flags: u32) -> Mask<W> {
-        // All flags of which some exclude others.
+    /// Lanes whose rays certainly keep the rules of [`TraceRay::check`] when `flags` are added to
+    /// their own.
+    pub fn valid_rays(&self, flags: u32) -> Mask<W> {
+        // The flags that are mutually exclusive, at least in part.
         const EXCLUSIVE: u32 = 1 | 2 | 16 | 32 | 64 | 128 | 256 | 512;
         let [[x, y, z], [dx, dy, dz]] = [&self.origin, &self.direction];
-        let mut within = Lanes::splat(0);
+        let mut valid = Lanes::splat(0);
         for lane in 0..W {
             let finite = |lanes: &Lanes<W>| lanes.0[lane] & 0x7FFF_FFFF < 0x7F80_0000;
             let float = |lanes: &Lanes<W>| f32::from_bits(lanes.0[lane]);
             let (t_min, t_max, time) = (float(&self.t_min), float(&self.t_max), float(&self.time));
             let exclusive = (self.flags.0[lane] | flags) & EXCLUSIVE;
-            let place = finite(x) & finite(y) & finite(z) & finite(dx) & finite(dy) & finite(dz);
+            let is_finite = finite(x) & finite(y) & finite(z) & finite(dx) & finite(dy) & finite(dz);
             let interval = (t_min >= 0.0) & (t_min <= t_max) & (0.0..=1.0).contains(&time);
-            let alone = exclusive & exclusive.wrapping_sub(1) == 0;
-            within.0[lane] = u32::from(place & interval & alone);
+            let compatible_flags = exclusive & exclusive.wrapping_sub(1) == 0;
+            valid.0[lane] = u32::from(is_finite & interval & compatible_flags);
         }
-        Mask::of(&within)
+        Mask::of(&valid)
     }
 
     /// Copies the operands from registers. From `ray` on lie origin (3), t_min, direction (3),
@@ -154,10 +154,10 @@ pub struct HitLanes<const W: usize> {
 impl<const W: usize> HitLanes<W> {
     /// Sets the hit of a lane.
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, place: HitPrimitive, kind: HitKind) {
-        self.instance.0[lane] = place.instance;
-        self.geometry.0[lane] = place.geometry;
-        self.primitive.0[lane] = place.primitive;
+    pub fn set(&mut self, lane: usize, prim: HitPrimitive, kind: HitKind) {
+        self.instance.0[lane] = prim.instance;
+        self.geometry.0[lane] = prim.geometry;
+        self.primitive.0[lane] = prim.primitive;
         self.kind.0[lane] = kind.0;
     }
 }
@@ -181,25 +181,25 @@ pub enum InvocationField {
     LocalIndex,
 }
 
-/// The structures that the rays of a batch go through, of which there is mostly one: which of them
-/// each lane's ray goes through.
+/// The acceleration structure that the ray of each lane traverses. Mostly all lanes have the same
+/// one: the distinct structures are stored once, and each lane has an index.
 #[derive(Clone, Debug)]
-pub struct Structures<const W: usize> {
+pub struct LaneTlases<const W: usize> {
     all: SmallVec<[Arc<Tlas>; 1]>,
-    of: Lanes<W>,
+    indices: Lanes<W>,
 }
 
-impl<const W: usize> Structures<W> {
-    /// Forgets several; one stays, as the next rays most likely go through it, too, and threads
-    /// share the count of its references.
+impl<const W: usize> LaneTlases<W> {
+    /// Discards the structures, but keeps a single one: the next rays most likely traverse it, too,
+    /// and its reference count is shared by all threads.
     pub fn clear(&mut self) {
         if self.all.len() > 1 {
             self.all.clear();
         }
     }
 
-    /// The number of a structure.
-    fn number(&mut self, tlas: &Arc<Tlas>) -> u32 {
+    /// The index of a structure, which is added if it is new.
+    fn index_of(&mut self, tlas: &Arc<Tlas>) -> u32 {
         let known = self.all.iter().position(|known| Arc::ptr_eq(known, tlas));
         known.unwrap_or_else(|| {
             self.all.push(tlas.clone());
@@ -207,47 +207,47 @@ impl<const W: usize> Structures<W> {
         }) as u32
     }
 
-    /// The structures by number.
+    /// The distinct structures.
     pub fn all(&self) -> &[Arc<Tlas>] {
         &self.all
     }
 
-    /// The number of each lane's structure.
-    pub fn numbers(&self) -> &Lanes<W> {
-        &self.of
+    /// The index of each lane's structure.
+    pub fn indices(&self) -> &Lanes<W> {
+        &self.indices
     }
 
-    /// Lets the rays of some lanes go through a structure.
+    /// Sets the structure of some lanes.
     pub fn set(&mut self, lanes: Mask<W>, tlas: &Arc<Tlas>) {
-        let number = self.number(tlas);
+        let index = self.index_of(tlas);
         for lane in lanes.lanes() {
-            self.of.0[lane] = number;
+            self.indices.0[lane] = index;
         }
     }
 
     /// The structure of a lane.
     #[inline]
     pub fn get(&self, lane: usize) -> Option<&Arc<Tlas>> {
-        self.all.get(self.of.0[lane] as usize)
+        self.all.get(self.indices.0[lane] as usize)
     }
 
-    /// Takes those of another batch.
+    /// Copies the structures of another batch.
     pub fn copy(&mut self, from: &Self) {
         let same = |(a, b): (&Arc<Tlas>, &Arc<Tlas>)| Arc::ptr_eq(a, b);
         if self.all.len() != from.all.len() || !self.all.iter().zip(&from.all).all(same) {
             self.all.clone_from(&from.all);
         }
-        self.of = from.of;
+        self.indices = from.indices;
     }
 }
 
-impl<const W: usize> Default for Structures<W> {
+impl<const W: usize> Default for LaneTlases<W> {
     fn default() -> Self {
-        Self { all: SmallVec::new(), of: Lanes([0; W]) }
+        Self { all: SmallVec::new(), indices: Lanes([0; W]) }
     }
 }
 
-/// The state of a batch's invocations that builtin variables show to its shader: structure of
+/// The state of a batch's invocations that its shader reads through builtin variables: structure of
 /// arrays.
 #[derive(Clone, Debug)]
 pub struct Invocations<const W: usize> {
@@ -259,27 +259,27 @@ pub struct Invocations<const W: usize> {
     pub rays: RayLanes<W>,
     /// `RayTmaxKHR` as this stage sees it.
     pub t_max: Lanes<W>,
-    /// Whether [`Self::hits`] are any.
+    /// Whether [`Self::hits`] are set.
     pub hit: bool,
     /// What was hit, in any-hit, closest-hit and intersection shaders.
     pub hits: HitLanes<W>,
     /// Where instances and primitives are looked up.
-    pub structures: Structures<W>,
+    pub structures: LaneTlases<W>,
     /// The index of the shader record that each was called through, in its table.
-    pub called_through: [u64; W],
-    /// How deep in the tree of traces they run: 0 in ray generation.
+    pub record_indices: [u64; W],
+    /// The recursion depth of traces: 0 in ray generation.
     pub depth: u32,
     /// See [`Invocation::subgroup_size`].
     pub subgroup_size: u32,
     /// `LocalInvocationIndex`, in compute.
     local_index: Lanes<W>,
-    place: Lanes<W>,
+    subgroup_order: Lanes<W>,
     records: Vec<Option<ShaderRecord>>,
     workgroups: Vec<Option<Arc<Workgroup>>>,
 }
 
 impl<const W: usize> Invocations<W> {
-    /// As if nothing had called them.
+    /// Returns the state of invocations that no trace has called.
     pub fn new() -> Self {
         let zero = Lanes([0; W]);
         Self {
@@ -289,18 +289,18 @@ impl<const W: usize> Invocations<W> {
             t_max: zero,
             hit: false,
             hits: HitLanes { instance: zero, geometry: zero, primitive: zero, kind: zero },
-            structures: Structures::default(),
-            called_through: [0; W],
+            structures: LaneTlases::default(),
+            record_indices: [0; W],
             depth: 0,
             subgroup_size: 0,
             local_index: zero,
-            place: zero,
+            subgroup_order: zero,
             records: vec![None; W],
             workgroups: vec![None; W],
         }
     }
 
-    /// Sets a lane. What the lanes of a batch have in common is what the last one says.
+    /// Sets a lane. Values that the lanes of a batch share are those of the last call.
     pub fn set(&mut self, lane: usize, invocation: Invocation) {
         let Invocation { launch_id, launch_size, trace, t_max, hit, record, .. } = invocation;
         self.set_launch_id(lane, launch_id);
@@ -315,18 +315,18 @@ impl<const W: usize> Invocations<W> {
         self.t_max.0[lane] = t_max.to_bits();
         self.hit = hit.is_some();
         let nowhere = (HitPrimitive { instance: 0, geometry: 0, primitive: 0 }, HitKind(0));
-        let (place, kind) = hit.as_ref().map_or(nowhere, |hit| (hit.candidate.hit_primitive(), hit.kind));
-        self.hits.set(lane, place, kind);
+        let (prim, kind) = hit.as_ref().map_or(nowhere, |hit| (hit.candidate.hit_primitive(), hit.kind));
+        self.hits.set(lane, prim, kind);
         if let Some(TlasHit { tlas, .. }) = hit {
             self.structures.set(Mask::lane(lane), &tlas);
         }
         self.records[lane] = record;
-        self.called_through[lane] = 0;
+        self.record_indices[lane] = 0;
         self.depth = invocation.depth;
         self.subgroup_size = invocation.subgroup_size;
         self.workgroups[lane] = invocation.workgroup;
         self.local_index.0[lane] = invocation.local_index;
-        self.place.0[lane] = invocation.place;
+        self.subgroup_order.0[lane] = invocation.subgroup_order;
     }
 
     /// The lanes of one field.
@@ -364,16 +364,16 @@ impl<const W: usize> Invocations<W> {
         }
     }
 
-    /// Sets `LaunchIdKHR` of some lanes, from one on: x goes up by 1 from lane to lane.
-    pub fn set_line(&mut self, lane: usize, [x, y, z]: [u32; 3], run: usize) {
+    /// Sets `LaunchIdKHR` of `run` lanes from `lane` on: x increases by 1 from lane to lane.
+    pub fn set_launch_ids(&mut self, lane: usize, [x, y, z]: [u32; 3], run: usize) {
         let [xs, ys, zs] = self.launch_id.each_mut().map(|lanes| &mut lanes.0[lane..lane + run]);
         xs.iter_mut().zip(x..).for_each(|(to, x)| *to = x);
         ys.fill(y);
         zs.fill(z);
     }
 
-    /// Takes the places in the launch of other invocations.
-    pub fn take_places(&mut self, of: &Self) {
+    /// Copies `LaunchIdKHR` and `LaunchSizeKHR` of other invocations.
+    pub fn copy_launch_ids(&mut self, of: &Self) {
         (self.launch_id, self.launch_size) = (of.launch_id, of.launch_size);
     }
 
@@ -395,8 +395,8 @@ impl<const W: usize> Invocations<W> {
         self.records[lane].as_ref()
     }
 
-    /// Sets the shader record of a lane. Threads share the count of a buffer's references: it is
-    /// left alone where that will do.
+    /// Sets the shader record of a lane. It does not touch the reference count of a buffer that
+    /// stays, as all threads share that count.
     #[inline]
     pub fn set_record(&mut self, lane: usize, record: Option<&ShaderRecord>) {
         match (&mut self.records[lane], record) {
@@ -424,16 +424,16 @@ impl<const W: usize> Invocations<W> {
         if self.subgroup_size == 0 { DEFAULT_SUBGROUP_SIZE } else { self.subgroup_size }
     }
 
-    /// What the builtins of a lane read that no field holds.
+    /// The state of one lane, for builtins that are no field.
     #[inline]
-    pub fn one(&self, lane: usize) -> LaneInvocation<'_> {
+    pub fn lane(&self, lane: usize) -> LaneInvocation<'_> {
         let tlas = self.structures.get(lane).filter(|_| self.hit);
         let hit = tlas.map(|tlas| {
             let HitLanes { instance, geometry, primitive, .. } = &self.hits;
             let [instance, geometry, primitive] = [instance, geometry, primitive].map(|lanes| lanes.0[lane]);
-            HitOf {
+            HitRef {
                 tlas,
-                place: HitPrimitive { instance, geometry, primitive },
+                prim: HitPrimitive { instance, geometry, primitive },
                 kind: HitKind(self.hits.kind.0[lane]),
             }
         });
@@ -445,7 +445,7 @@ impl<const W: usize> Invocations<W> {
             subgroup_size: self.subgroup_size(),
             workgroup: self.workgroup(lane),
             local_index: self.local_index.0[lane],
-            place: self.place.0[lane],
+            subgroup_order: self.subgroup_order.0[lane],
         }
     }
 }
@@ -466,14 +466,14 @@ pub struct LaneInvocation<'a> {
     /// The trace that called it; zeros where none did.
     pub trace: TraceRay,
     /// What was hit.
-    pub hit: Option<HitOf<'a>>,
+    pub hit: Option<HitRef<'a>>,
     /// `SubgroupSize`
     pub subgroup_size: u32,
     /// The workgroup, in compute.
     pub workgroup: Option<&'a Arc<Workgroup>>,
     /// `LocalInvocationIndex`, in compute.
     pub local_index: u32,
-    place: u32,
+    subgroup_order: u32,
 }
 
 impl LaneInvocation<'_> {
@@ -482,45 +482,45 @@ impl LaneInvocation<'_> {
         self.trace.time
     }
 
-    /// The place in the launch, x fastest.
+    /// The linear index in the launch, x fastest.
     fn launch_index(&self) -> u64 {
         let [x, y, z] = self.launch_id.map(u64::from);
         let [width, height, _] = self.launch_size.map(u64::from);
         (z * height + y) * width + x
     }
 
-    /// The place in the order that subgroups are cut from: that of the launch, or in compute that
-    /// of the workgroup.
-    fn place(&self) -> u64 {
-        if self.workgroup.is_some() { self.place.into() } else { self.launch_index() }
+    /// The index in the order from which subgroups are formed: that of the launch, or in compute
+    /// that of the workgroup.
+    fn order_index(&self) -> u64 {
+        if self.workgroup.is_some() { self.subgroup_order.into() } else { self.launch_index() }
     }
 
-    /// `SubgroupLocalInvocationId`: subgroups are runs of consecutive places.
+    /// `SubgroupLocalInvocationId`: subgroups are runs of consecutive indices.
     pub fn subgroup_local_invocation_id(&self) -> u32 {
-        (self.place() % u64::from(self.subgroup_size)) as u32
+        (self.order_index() % u64::from(self.subgroup_size)) as u32
     }
 
     /// `SubgroupId`
     pub fn subgroup_id(&self) -> u64 {
-        self.place() / u64::from(self.subgroup_size)
+        self.order_index() / u64::from(self.subgroup_size)
     }
 }
 
 /// What one invocation hit, together with the structure that holds it.
 #[derive(Clone, Copy, Debug)]
-pub struct HitOf<'a> {
+pub struct HitRef<'a> {
     /// Where instance and primitive are looked up.
     pub tlas: &'a Tlas,
     /// The instance, geometry and primitive.
-    pub place: HitPrimitive,
+    pub prim: HitPrimitive,
     /// `HitKindKHR`
     pub kind: HitKind,
 }
 
-impl<'a> HitOf<'a> {
+impl<'a> HitRef<'a> {
     /// The instance that was hit.
     pub fn instance(&self) -> &'a TlasInstance {
-        &self.tlas.instances()[self.place.instance as usize]
+        &self.tlas.instances()[self.prim.instance as usize]
     }
 }
 

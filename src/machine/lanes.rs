@@ -8,9 +8,9 @@ use aligned_vec::{AVec, ConstAlign};
 use half::f16;
 
 use crate::math::lane_ops::CpuTier;
-pub use mask::Mask;
 #[cfg(target_arch = "x86_64")]
-use mask::SignsOf;
+use mask::BooleanMask;
+pub use mask::Mask;
 
 /// A register of the register file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -51,15 +51,15 @@ impl<const W: usize> Lanes<W> {
     }
 }
 
-/// The register file of a batch. It begins with a line of the processor's caches, so that no vector
-/// of a register of 64 lanes lies on two of them: those take twice as long to read.
+/// The register file of a batch. It is aligned to a cache line, so that no vector of a register of
+/// 64 lanes crosses two lines: reading those takes twice as long.
 #[derive(Clone, Debug)]
 pub struct Registers<const W: usize> {
     registers: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
     cpu_tier: CpuTier,
 }
 
-/// Bytes of a line of the processor's caches, and of its widest vectors.
+/// Bytes of a cache line, and of the processor's widest vectors.
 const CACHE_LINE: usize = 64;
 
 impl<const W: usize> Registers<W> {
@@ -70,25 +70,25 @@ impl<const W: usize> Registers<W> {
         Self { registers: zeros, cpu_tier: CpuTier::new() }
     }
 
-    /// What the processor has.
+    /// The tier of vector extensions that the processor has.
     #[inline]
     pub fn cpu_tier(&self) -> CpuTier {
         self.cpu_tier
     }
 
-    /// Returns the registers with operations of another tier of the processor.
+    /// Returns the registers with another tier of the processor.
     #[cfg(test)]
-    pub fn on(self, cpu_tier: CpuTier) -> Self {
+    pub fn with_cpu_tier(self, cpu_tier: CpuTier) -> Self {
         Self { cpu_tier, ..self }
     }
 
-    /// The lanes for which a register of booleans holds.
+    /// The lanes in which a register of booleans is true.
     #[inline]
     pub fn mask(&self, condition: Reg) -> Mask<W> {
         let register = &self[condition];
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.cpu_tier.avx2().filter(|_| W.is_multiple_of(8)) {
-            return simd.vectorize(SignsOf { simd, register });
+            return simd.vectorize(BooleanMask { simd, register });
         }
         Mask::of(register)
     }
@@ -151,8 +151,8 @@ impl<const W: usize> Registers<W> {
         let words = mask.words();
         for (register, source) in registers.iter_mut().zip(sources) {
             for lane in 0..W {
-                let taken = words.0[lane];
-                register.0[lane] = source.0[lane] & taken | register.0[lane] & !taken;
+                let selected = words.0[lane];
+                register.0[lane] = source.0[lane] & selected | register.0[lane] & !selected;
             }
         }
     }
@@ -162,7 +162,7 @@ impl<const W: usize> Registers<W> {
     pub fn copy(&mut self, to: Reg, from: Reg, mask: Mask<W>) {
         let place = from.0 as usize;
         if mask.is_all() {
-            // Straight through registers.
+            // A plain copy, which the compiler keeps in vector registers.
             self.registers.copy_within(place..place + 1, to.0 as usize);
             return;
         }
@@ -215,17 +215,17 @@ impl<const W: usize> IndexMut<Reg> for Registers<W> {
 /// A scalar as it lies in one or two registers.
 ///
 /// Narrow values lie in the low bits, the rest is zero; a bool is 0 or 1; 64-bit values lie in two
-/// registers, the low word first. What is calculated and no number is always written as one quiet
-/// NaN, positive and without a payload: IEEE 754 leaves its bits open, and processors, and
-/// compilers that exchange operands, make different ones.
+/// registers, the low word first. A NaN result is always written as the canonical NaN: quiet,
+/// positive and without a payload. IEEE 754 leaves these bits open, and processors, and compilers
+/// that swap operands, produce different ones.
 pub trait Scalar: Copy {
     /// Registers taken: 1 or 2.
     const WORDS: u32;
-    /// Reads it; `high` counts for two registers only.
+    /// Reads it; `high` is used for two registers only.
     fn from_words(low: u32, high: u32) -> Self;
     /// Writes it, low word first.
     fn to_words(self) -> (u32, u32);
-    /// Its low word; a NaN of 32 bits as it is.
+    /// Its low word; the payload of a 32-bit NaN is kept.
     #[inline(always)]
     fn to_word(self) -> u32 {
         self.to_words().0
@@ -373,8 +373,8 @@ mod tests {
     }
 
     #[test]
-    fn registers_of_64_lanes_begin_with_a_line() {
-        // Of several sizes, as memory may happen to be so.
+    fn registers_of_64_lanes_are_aligned_to_cache_lines() {
+        // Several sizes are tried, as an allocation may happen to be aligned.
         for count in [1, 3, 300, 2000] {
             let registers = Registers::<64>::new(count);
             for file in [&registers, &registers.clone()] {

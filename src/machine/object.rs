@@ -1,4 +1,4 @@
-//! What a variable holds by a handle: ray queries and hit objects.
+//! Pools of objects that variables hold by handle: ray queries and hit objects.
 
 use crate::machine::lanes::{REGISTER_POINTER, Reg, Registers};
 use crate::machine::trap::TrapCode;
@@ -42,28 +42,29 @@ impl ObjectRef {
     }
 }
 
-/// Objects of a batch by handle: 0 is none, else 1 + the place in the list. Memory of objects that
-/// are forgotten is used again.
+/// A pool of the objects of a batch, by handle: 0 is none, else 1 + the index in the pool. The
+/// memory of discarded objects is reused.
 #[derive(Clone, Debug)]
-pub struct Objects<T> {
+pub struct ObjectPool<T> {
     all: Vec<T>,
     used: usize,
 }
 
-impl<T> Default for Objects<T> {
+impl<T> Default for ObjectPool<T> {
     fn default() -> Self {
         Self { all: Vec::new(), used: 0 }
     }
 }
 
-impl<T: Default> Objects<T> {
-    /// Forgets all; the memory stays.
+impl<T: Default> ObjectPool<T> {
+    /// Discards all objects; the memory stays allocated.
     pub fn clear(&mut self) {
         self.used = 0;
     }
 
-    /// The object with a handle; where that is 0, one that holds anything, with its handle.
-    pub fn claim(&mut self, handle: u32) -> (u32, &mut T) {
+    /// The object with a handle; where that is 0, a new one with stale contents. Also gives its
+    /// handle.
+    pub fn get_or_insert(&mut self, handle: u32) -> (u32, &mut T) {
         let at = if handle == 0 { self.used } else { handle as usize - 1 };
         self.used = self.used.max(at + 1);
         if self.all.len() < self.used {

@@ -1,12 +1,12 @@
-//! Watching a batch run.
+//! Observers of a running batch.
 
 use crate::machine::batch::Batch;
 use crate::machine::resource::Bindings;
 
-/// Is told what a batch does; the unit type watches nothing and costs nothing.
+/// Observes what a batch does; the unit type observes nothing and costs nothing.
 pub trait Observer<const W: usize> {
-    /// Whether an observer of this type is told anything at all; a constant, so that an idle
-    /// observer's code compiles away.
+    /// Whether an observer of this type is called at all; a constant, so that the code for an
+    /// inactive observer compiles away.
     fn active() -> bool
     where
         Self: Sized,
@@ -41,8 +41,9 @@ pub trait Observer<const W: usize> {
         let _ = (batch, bindings, op);
     }
 
-    /// So many lanes take an edge of the conditional branch or switch that ends a block: 0 where
-    /// the condition holds and 1 where not, or the case's place, the default behind all cases.
+    /// A number of lanes take an edge of the conditional branch or switch that ends a block. Edge 0
+    /// is taken where the condition holds and 1 where not; those of a switch are numbered by case,
+    /// with the default last.
     fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
         let _ = (block, edge, lanes);
     }
@@ -54,7 +55,8 @@ impl<const W: usize> Observer<W> for () {
     }
 }
 
-/// Any observer: the interpreter is compiled for this one only.
+/// Any observer, as a trait object: of all observers, the interpreter is compiled for this one
+/// only.
 impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
         (**self).resumed(shader, batch);

@@ -1,4 +1,4 @@
-//! What shaders print (`NonSemantic.DebugPrintf`), collected while they run.
+//! The output of shaders (`NonSemantic.DebugPrintf`), collected while they run.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -23,7 +23,7 @@ impl Printed {
         self.lines.lock().unwrap_or_else(PoisonError::into_inner).push(PrintedLine { launch_id, text });
     }
 
-    /// Takes all texts so far, in launch order; those of one launch index as they came.
+    /// Takes all texts so far, in launch order; those of one invocation in the order of printing.
     pub fn take(&self) -> Vec<PrintedLine> {
         let mut lines = std::mem::take(&mut *self.lines.lock().unwrap_or_else(PoisonError::into_inner));
         lines.sort_by_key(|line| [line.launch_id[2], line.launch_id[1], line.launch_id[0]]);

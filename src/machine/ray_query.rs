@@ -2,7 +2,7 @@
 //!
 //! A variable of type `OpTypeRayQueryKHR` is one register that holds a handle: 0 until the query is
 //! initialised, then its place in the batch's [`RayQueries`], from 1 on. So arrays of queries,
-//! pointers to them and divergence need nothing of their own, and a copy of the batch copies its
+//! pointers to them and divergence need no special handling, and a copy of the batch copies its
 //! queries.
 
 use std::sync::Arc;
@@ -12,13 +12,13 @@ use crate::accel::{
     TraceRay, TraversalObserver,
 };
 use crate::geometry::Ray;
-use crate::machine::object::Objects;
+use crate::machine::object::ObjectPool;
 use crate::machine::trap::TrapCode;
 
-/// How far a query has come.
+/// The phase of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Its variable was left and entered again since it was initialised.
+    /// Its variable was declared again since it was initialised.
     Uninitialized,
     /// Initialised, and each `OpRayQueryProceedKHR` so far returned true.
     Underway,
@@ -28,7 +28,7 @@ enum Phase {
     Complete,
 }
 
-/// A ray query. What the specification leaves undefined is a [`TrapCode`] here.
+/// A ray query. Uses that the specification leaves undefined give a [`TrapCode`].
 #[derive(Clone, Debug)]
 pub struct RayQuery {
     tlas: Arc<Tlas>,
@@ -39,7 +39,7 @@ pub struct RayQuery {
     candidate: Option<Candidate>,
 }
 
-/// One that is not initialised.
+/// A query that is not initialised.
 impl Default for RayQuery {
     fn default() -> Self {
         let ray = Ray { t_max: 0.0, ..Ray::new([0.0; 3], [0.0; 3]) };
@@ -50,9 +50,9 @@ impl Default for RayQuery {
 }
 
 impl RayQuery {
-    /// `OpRayQueryInitializeKHR`: whatever was is forgotten, its memory is used again.
+    /// `OpRayQueryInitializeKHR`: discards the old state and reuses its memory.
     fn initialize(&mut self, tlas: &Arc<Tlas>, trace: TraceRay) {
-        // All threads count the references of one structure: they are best left alone.
+        // All threads share the reference count of a structure: it is not touched needlessly.
         if !Arc::ptr_eq(&self.tlas, tlas) {
             self.tlas = tlas.clone();
         }
@@ -154,7 +154,7 @@ pub struct RayQueryEvent {
     /// The operation of the program.
     pub op: u32,
     /// The step.
-    pub what: RayQueryStep,
+    pub step: RayQueryStep,
 }
 
 /// A step of a ray query. The steps of its traversal come before the instruction's result.
@@ -162,7 +162,7 @@ pub struct RayQueryEvent {
 pub enum RayQueryStep {
     /// `OpRayQueryInitializeKHR`
     Initialize(Arc<Tlas>, TraceRay),
-    /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
+    /// A node was visited: of the BVH of an instance's BLAS, or (`None`) of the TLAS.
     Node(Option<u32>),
     /// Traversal reached an instance.
     Instance(u32, InstanceVerdict),
@@ -176,7 +176,7 @@ pub enum RayQueryStep {
     Generate(f32),
     /// `OpRayQueryTerminateKHR`
     Terminate,
-    /// What is committed from now on.
+    /// The hit that is committed from now on.
     Commit(Committed),
 }
 
@@ -189,13 +189,13 @@ struct QueryRecorder<'a> {
 }
 
 impl QueryRecorder<'_> {
-    fn record(&mut self, what: RayQueryStep) {
-        self.events.push(RayQueryEvent { query: self.query, op: self.op, what });
+    fn record(&mut self, step: RayQueryStep) {
+        self.events.push(RayQueryEvent { query: self.query, op: self.op, step });
     }
 }
 
 impl TraversalObserver for QueryRecorder<'_> {
-    const REASONS: bool = true;
+    const EXPLAINS_MISSES: bool = true;
 
     fn node(&mut self, instance: Option<u32>) {
         if self.traversal {
@@ -209,9 +209,9 @@ impl TraversalObserver for QueryRecorder<'_> {
         }
     }
 
-    fn primitive(&mut self, place: HitPrimitive, verdict: PrimitiveVerdict) {
+    fn primitive(&mut self, primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         if self.traversal {
-            self.record(RayQueryStep::Primitive(place, verdict));
+            self.record(RayQueryStep::Primitive(primitive, verdict));
         }
     }
 
@@ -223,7 +223,7 @@ impl TraversalObserver for QueryRecorder<'_> {
 /// The ray queries of a batch.
 #[derive(Clone, Debug, Default)]
 pub struct RayQueries {
-    all: Objects<RayQuery>,
+    all: ObjectPool<RayQuery>,
     /// How many `OpRayQueryInitializeKHR` were executed, counted by lanes.
     pub initialized: u64,
     /// The events of the queries, where they are recorded.
@@ -233,26 +233,26 @@ pub struct RayQueries {
 }
 
 impl RayQueries {
-    /// Forgets all queries; their memory stays.
+    /// Discards all queries; their memory stays allocated.
     pub fn clear(&mut self) {
         self.all.clear();
         self.initialized = 0;
     }
 
-    /// `OpRayQueryInitializeKHR` of the query with a handle, or another where that is 0; the
-    /// handle.
+    /// `OpRayQueryInitializeKHR` of the query with a handle, or of a new one where that is 0.
+    /// Returns its handle.
     pub fn initialize(&mut self, handle: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
         self.initialized += 1;
-        let (query, object) = self.all.claim(handle);
+        let (query, object) = self.all.get_or_insert(handle);
         object.initialize(tlas, trace);
         if let Some(events) = &mut self.events {
-            events.push(RayQueryEvent { query, op, what: RayQueryStep::Initialize(tlas.clone(), trace) });
+            events.push(RayQueryEvent { query, op, step: RayQueryStep::Initialize(tlas.clone(), trace) });
         }
         query
     }
 
-    /// The query's variable begins anew.
-    pub fn forget(&mut self, handle: u32) {
+    /// Makes a query uninitialized, as its variable is declared again.
+    pub fn uninitialize(&mut self, handle: u32) {
         if let Some(query) = self.all.get_mut(handle) {
             query.phase = Phase::Uninitialized;
         }
@@ -317,11 +317,11 @@ impl RayQueries {
     }
 
     /// Records a decision, and the hit that is committed after it.
-    fn record(&mut self, query: u32, op: u32, what: RayQueryStep) {
+    fn record(&mut self, query: u32, op: u32, step: RayQueryStep) {
         let committed = self.all.get(query).and_then(|query| query.committed().copied());
         if let Some(events) = &mut self.events {
-            events.push(RayQueryEvent { query, op, what });
-            events.extend(committed.map(|hit| RayQueryEvent { query, op, what: RayQueryStep::Commit(hit) }));
+            events.push(RayQueryEvent { query, op, step });
+            events.extend(committed.map(|hit| RayQueryEvent { query, op, step: RayQueryStep::Commit(hit) }));
         }
     }
 }

@@ -43,7 +43,7 @@ pub enum Descriptor {
 }
 
 impl Descriptor {
-    /// What it is, in words; `None` for none.
+    /// A description of its kind; `None` for an unbound one.
     pub fn kind(&self) -> Option<&'static str> {
         Some(match self {
             Self::Buffer(_) => "a buffer",
@@ -56,7 +56,7 @@ impl Descriptor {
         })
     }
 
-    /// What a variable of the shader finds: the first kind that suits it.
+    /// What a variable of the shader refers to: the first descriptor that suits its type.
     pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
         match self {
             Self::Mutable(kinds) => kinds.iter().find_map(suits),
@@ -90,13 +90,13 @@ impl Buffer {
         Arc::new(Self { words: words.collect(), size: size as u64, null: false })
     }
 
-    /// What a null descriptor stands for (`nullDescriptor`): whatever the policy, loads give 0,
+    /// The buffer of a null descriptor (`nullDescriptor`): whatever the policy, loads give 0,
     /// stores are dropped, and `OpArrayLength` gives 0.
     pub fn null() -> Arc<Self> {
         Arc::new(Self { words: Box::new([]), size: 0, null: true })
     }
 
-    /// Another one with the same content.
+    /// A deep copy of the buffer.
     pub fn copy(&self) -> Arc<Self> {
         if self.null { Self::null() } else { Self::new(&self.bytes()) }
     }
@@ -112,7 +112,7 @@ impl Buffer {
         self.size
     }
 
-    /// The words, the last of which may lie behind the size in part.
+    /// The words; a part of the last one may lie beyond the size.
     #[inline]
     pub fn words(&self) -> &[AtomicU32] {
         &self.words
@@ -171,16 +171,16 @@ impl Buffer {
         Some(())
     }
 
-    /// Reads, changes and writes 64 bits at a byte offset as one step towards all other calls of
-    /// this function for the same place, and gives what was read; `None` outside the buffer or
-    /// where the offset is no multiple of 4.
+    /// Reads, changes and writes 64 bits at a byte offset, atomically with respect to all other
+    /// calls of this function for the same words, and returns the old bits; `None` outside the
+    /// buffer or where the offset is no multiple of 4.
     pub fn update_wide(&self, offset: u64, change: impl FnOnce(u64) -> Option<u64>) -> Option<u64> {
-        // Words are atomics of 32 bits: a pair needs a lock, one of several by its place.
+        // Words are atomics of 32 bits: a pair needs a lock, one of several, chosen by its address.
         static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
         let inside = offset.is_multiple_of(4) && offset.checked_add(8)? <= self.size;
         let index = inside.then_some((offset / 4) as usize)?;
-        let place = (&raw const self.words[index]).addr() / 8;
-        let guard = LOCKS[place % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
+        let granule = (&raw const self.words[index]).addr() / 8;
+        let guard = LOCKS[granule % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
         let [low, high] = [0, 1].map(|at| u64::from(self.words[index + at].load(Relaxed)));
         let old = low | high << 32;
         if let Some(new) = change(old) {
@@ -198,13 +198,13 @@ impl Buffer {
     }
 }
 
-/// What becomes of an access outside its buffer or image.
+/// How an access outside its buffer or image is handled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryPolicy {
-    /// It stops the invocation.
+    /// The access traps.
     #[default]
     Trap,
-    /// `robustBufferAccess2` and `robustImageAccess2`: of what is loaded, scalars that lie outside
+    /// `robustBufferAccess2` and `robustImageAccess2`: of a load, scalars that lie outside
     /// a buffer are 0, and so are texels outside an image, but for 1 where the format has no A;
     /// what is stored there is dropped, atomic instructions do nothing and return 0. Device
     /// addresses, workgroup memory, arrays of variables and missing descriptors still trap:
@@ -213,29 +213,29 @@ pub enum MemoryPolicy {
     Robust,
 }
 
-/// What is bound at a binding, for messages.
+/// A summary of what is bound at a binding, for messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Bound {
+pub struct BindingSummary {
     /// The binding.
     pub binding: Binding,
-    /// What the first element is.
+    /// The kind of the first bound element.
     pub kind: &'static str,
     /// How many elements there are.
     pub count: usize,
 }
 
-/// All that descriptor sets and push constants give to a launch.
+/// The resources of a launch: descriptor sets, push constants and memory.
 #[derive(Clone, Debug, Default)]
 pub struct Resources {
     /// Descriptors by binding; the position is the array element.
     pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
-    /// What shaders reach through device addresses.
+    /// The memory that shaders access through device addresses.
     pub memory: DeviceMemory,
-    /// Takes what shaders print; without it printing does nothing.
+    /// Collects what shaders print; without it printing does nothing.
     pub printed: Option<Arc<Printed>>,
-    /// What becomes of an access outside its buffer or image.
+    /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }
 
@@ -282,10 +282,10 @@ impl Resources {
         }
     }
 
-    fn bound(&self) -> Arc<[Bound]> {
+    fn bound(&self) -> Arc<[BindingSummary]> {
         let bound = self.descriptors.iter().filter_map(|(&binding, elements)| {
             let kind = elements.iter().find_map(Descriptor::kind)?;
-            Some(Bound { binding, kind, count: elements.len() })
+            Some(BindingSummary { binding, kind, count: elements.len() })
         });
         bound.collect()
     }
@@ -304,11 +304,12 @@ impl Resources {
     }
 }
 
-/// Bits of a descriptor handle that name the array element; the bits above name the slot, counted
-/// from 1: handles that begin with 0 are null, whatever element they go on to.
+/// Bits of a descriptor handle that hold the array element; the bits above hold the slot, counted
+/// from 1: handles with slot bits 0 are null, whatever their element.
 pub const ELEMENT_BITS: u32 = 20;
 
-/// How many slots a program may have: handles behind theirs stand for what is no descriptor.
+/// The number of slots that a program may have: greater handles stand for memory without
+/// descriptor.
 pub const MAX_SLOTS: usize = (1 << (32 - ELEMENT_BITS)) - 2;
 
 /// The upper word of an acceleration structure's value that tells a descriptor's handle from a
@@ -319,22 +320,23 @@ pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 /// [`ELEMENT_BITS`].
 #[derive(Clone, Debug, Default)]
 pub struct Bindings {
-    /// By what handles begin with; the first is null's and has none.
+    /// Descriptors by the upper bits of handles, those of the slot; the first entry, of null, is
+    /// empty.
     slots: Vec<Vec<Descriptor>>,
-    /// All that is bound, used or not.
-    pub bound: Arc<[Bound]>,
+    /// Everything that is bound, used or not.
+    pub bound: Arc<[BindingSummary]>,
     /// The push constants.
     pub push_constants: Option<Arc<Buffer>>,
-    /// What device addresses lead to.
+    /// The memory that device addresses refer to.
     pub memory: DeviceMemory,
-    /// Takes what shaders print.
+    /// Collects what shaders print.
     pub printed: Option<Arc<Printed>>,
-    /// What becomes of an access outside its buffer or image.
+    /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }
 
 impl Bindings {
-    /// Whether accesses outside their buffer or image go on.
+    /// Whether accesses outside their buffer or image do not trap.
     pub fn is_robust(&self) -> bool {
         self.policy == MemoryPolicy::Robust
     }
@@ -382,7 +384,7 @@ impl Bindings {
         })
     }
 
-    /// The acceleration structure that a value of two words means: a descriptor's handle below
+    /// The acceleration structure that a value of two words refers to: a descriptor's handle below
     /// [`STRUCTURE_HANDLE`], else a device address. 0 is the null structure, which every ray
     /// misses.
     #[inline]

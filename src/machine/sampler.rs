@@ -99,13 +99,13 @@ pub struct Sampler {
     pub mag_filter: Filter,
     /// The filter for minification.
     pub min_filter: Filter,
-    /// Between mip levels.
+    /// The filter between mip levels.
     pub mipmap_mode: Filter,
-    /// Outside the image, along u, v and w.
+    /// The address modes along u, v and w.
     pub address_mode: [AddressMode; 3],
-    /// For `ClampToBorder`.
+    /// The color that `ClampToBorder` gives.
     pub border_color: BorderColor,
-    /// For depth comparisons.
+    /// The operator of depth comparisons.
     pub compare_op: Option<CompareOp>,
     /// Least level of detail.
     pub min_lod: f32,
@@ -115,16 +115,16 @@ pub struct Sampler {
     pub lod_bias: f32,
     /// The most probes along a stretched footprint; 1 and below: none, above 16 counts as 16.
     pub max_anisotropy: f32,
-    /// How texels become one value.
+    /// How texels are reduced to one value.
     pub reduction_mode: ReductionMode,
-    /// Coordinates in texels.
+    /// Whether coordinates are in texels.
     pub unnormalized_coordinates: bool,
-    /// Where a block is matched.
+    /// The search window of block matching.
     pub block_match_window: Option<BlockMatchWindow>,
 }
 
 impl Default for Sampler {
-    /// Linear filters, repeating.
+    /// A sampler with linear filters that repeats the image.
     fn default() -> Self {
         Self {
             mag_filter: Filter::Linear,

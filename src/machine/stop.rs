@@ -1,4 +1,4 @@
-//! Why the interpreter handed a batch back.
+//! Why the interpreter returned a batch to the pipeline.
 
 use crate::machine::lanes::{Mask, Reg};
 use crate::machine::object::ObjectRef;
@@ -54,7 +54,7 @@ pub enum Stop<const W: usize> {
         mask: Mask<W>,
         /// The hit objects.
         object: ObjectRef,
-        /// As of `TraceRay`.
+        /// Operand registers, as those of `TraceRay`.
         operands: Reg,
         /// The registers of the payload variable.
         payload: RegSpan,
@@ -70,7 +70,7 @@ pub enum Stop<const W: usize> {
     },
     /// `OpHitObjectGetShaderRecordBufferHandleEXT`
     HitObjectRecordHandle {
-        /// The lanes that ask.
+        /// The lanes that execute the instruction.
         mask: Mask<W>,
         /// The hit objects.
         object: ObjectRef,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::machine::resource::{Bindings, Bound};
+use crate::machine::resource::{BindingSummary, Bindings};
 
 /// Why an invocation was stopped by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -67,15 +67,15 @@ pub enum TrapCode {
     RayQueryNoCandidate,
     /// The committed hit of a ray query is read, and there is none.
     RayQueryNoCommitted,
-    /// What only a triangle has is asked of another intersection of a ray query.
+    /// An instruction for triangles reads another intersection of a ray query.
     RayQueryNotTriangle,
-    /// What only a box has is asked of another candidate of a ray query.
+    /// An instruction for AABBs reads another candidate of a ray query.
     RayQueryNotAabb,
-    /// What only a triangle has is asked of another primitive.
+    /// An instruction for triangles reads another primitive.
     NotTriangle,
-    /// What only a sphere has is asked of another primitive.
+    /// An instruction for spheres reads another primitive.
     NotSphere,
-    /// What only a linear swept sphere has is asked of another primitive.
+    /// An instruction for linear swept spheres reads another primitive.
     NotLinearSweptSphere,
     /// `OpRayQueryGenerateIntersectionKHR` outside the ray's interval
     /// (VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353).
@@ -94,9 +94,9 @@ pub enum TrapCode {
     HitObjectNoPrimitive,
     /// A hit object is used before anything was recorded in it.
     HitObjectUnrecorded,
-    /// The ray or the record of an empty hit object is asked for.
+    /// The ray or the shader record of an empty hit object is read.
     HitObjectEmpty,
-    /// What only a hit has is asked of a hit object that is none.
+    /// An instruction for hits reads a hit object that is none.
     HitObjectNotHit,
     /// An any-hit shader is null that the pipeline promises to have
     /// (VUID-vkCmdTraceRaysKHR-flags-03512).
@@ -237,21 +237,21 @@ impl fmt::Display for TrapCode {
     }
 }
 
-/// What an access that trapped meant, for its report.
+/// The details of an access that trapped, for its report.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Accessed {
+pub enum AccessFault {
     /// A descriptor that is not bound, or of another kind.
     Descriptor {
         /// Slot and array element; see [`Bindings::handle`](crate::machine::Bindings::handle).
         handle: u32,
         /// What is bound.
-        bound: Arc<[Bound]>,
+        bound: Arc<[BindingSummary]>,
     },
-    /// A device address that leads nowhere, or beyond its buffer.
+    /// A device address without a buffer, or beyond the end of its buffer.
     Address {
         /// Where the nearest buffer begins.
         start: u64,
-        /// That buffer's size.
+        /// The size of that buffer.
         size: u64,
         /// Slot and array element, where a descriptor leads to it, too.
         handle: Option<u32>,
@@ -278,14 +278,14 @@ pub enum Accessed {
     },
 }
 
-impl Accessed {
+impl AccessFault {
     /// A descriptor that was not found.
     pub fn descriptor(handle: u32, bindings: &Bindings) -> Self {
         Self::Descriptor { handle, bound: bindings.bound.clone() }
     }
 
     /// A device address; `None` where no buffer has one.
-    pub fn near(address: u64, bindings: &Bindings) -> Option<Self> {
+    pub fn address(address: u64, bindings: &Bindings) -> Option<Self> {
         let (start, buffer) = bindings.memory.nearest_buffer(address)?;
         Some(Self::Address { start, size: buffer.size(), handle: bindings.handle_of(buffer) })
     }
@@ -303,7 +303,7 @@ pub struct Trap {
 /// How one lane of a batch ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Exit {
-    /// It runs still, or ran to the end of its entry point.
+    /// It is still running, or ran to the end of its entry point.
     #[default]
     Returned,
     /// `OpIgnoreIntersectionKHR`

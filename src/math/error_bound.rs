@@ -34,9 +34,9 @@ pub fn product_error<R: Real>(x: R, ex: R, y: R, ey: R) -> R {
 /// |n/d - N/D| <= (en + |n/d| ed) / |D| with |D| >= |d| - ed, and the division rounds once.
 #[inline(always)]
 pub fn quotient_error<R: Real>(q: R, en: R, d: R, ed: R) -> R {
-    let room = d.abs() - ed;
-    let error = (en + q.abs() * ed) / room + two_units::<R>() * q.abs();
-    if room > R::ZERO { error } else { R::ONE / R::ZERO }
+    let min_denominator = d.abs() - ed;
+    let error = (en + q.abs() * ed) / min_denominator + two_units::<R>() * q.abs();
+    if min_denominator > R::ZERO { error } else { R::ONE / R::ZERO }
 }
 
 /// A denominator by which several numerators are divided: one division for all quotients and their
@@ -45,9 +45,9 @@ pub fn quotient_error<R: Real>(q: R, en: R, d: R, ed: R) -> R {
 pub struct Divisor<R> {
     inverse: R,
     /// An upper bound of its relative error.
-    relative: R,
+    relative_error: R,
     /// At least 1 / |D| for the exact D; infinite where its sign is not certain enough.
-    most: R,
+    max_inverse: R,
 }
 
 impl<R: Real> Divisor<R> {
@@ -58,13 +58,13 @@ impl<R: Real> Divisor<R> {
     pub fn new(denominator: R, error: R) -> Self {
         let inverse = R::ONE / denominator;
         let size = inverse.abs();
-        let relative = error * size;
-        let most = if relative + relative <= R::ONE {
-            size + (relative + relative) * size
+        let relative_error = error * size;
+        let max_inverse = if relative_error + relative_error <= R::ONE {
+            size + (relative_error + relative_error) * size
         } else {
             R::ONE / R::ZERO
         };
-        Self { inverse, relative, most }
+        Self { inverse, relative_error, max_inverse }
     }
 
     /// The quotient of a computed numerator that is off by at most `error`, and its own error.
@@ -74,8 +74,8 @@ impl<R: Real> Divisor<R> {
     #[inline(always)]
     pub fn quotient(&self, numerator: R, error: R) -> (R, R) {
         let quotient = numerator * self.inverse;
-        let relative = self.relative + self.relative + four_units::<R>();
-        (quotient, error * self.most + quotient.abs() * relative)
+        let relative = self.relative_error + self.relative_error + four_units::<R>();
+        (quotient, error * self.max_inverse + quotient.abs() * relative)
     }
 }
 

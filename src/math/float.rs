@@ -1,6 +1,6 @@
 //! The float types of shaders and the functions that the instruction set needs of them.
 //!
-//! Elementary functions are correctly rounded in f32: crate `pxfm`, mended in [`hard`] and
+//! Elementary functions are correctly rounded in f32: crate `pxfm`, corrected in [`hard`] and
 //! [`power`]. f16 goes through a wider type: one f32 operation rounded to f16 is correctly rounded
 //! for the basic operations and the square root (24 >= 2 * 11 + 2 bits), and a f64 evaluation
 //! rounded once is for the elementary functions.
@@ -9,26 +9,26 @@ use half::f16;
 
 use crate::math::{hard, power};
 
-/// `a as i32`, in operations that loops over lanes are vectorised with: behind 1.5 * 2^52 a whole
-/// number of 32 bits lies in a f64's lowest bits, in two's complement.
+/// Converts like `a as i32`, in operations that the compiler vectorises: the sum of 1.5 * 2^52 and
+/// an integer of 32 bits holds this in its lowest bits, in two's complement.
 #[inline(always)]
 pub fn to_i32(a: f32) -> i32 {
-    let inside = within(a, i32::MIN.into(), i32::MAX.into());
+    let inside = trunc_and_clamp(a, i32::MIN.into(), i32::MAX.into());
     if a.is_nan() { 0 } else { (inside + 1.5 * TWO_TO_52).to_bits() as i32 }
 }
 
-/// `a as u32`, likewise.
+/// Converts like `a as u32`, by a sum with 2^52.
 #[inline(always)]
 pub fn to_u32(a: f32) -> u32 {
-    let inside = within(a, 0.0, u32::MAX.into());
+    let inside = trunc_and_clamp(a, 0.0, u32::MAX.into());
     if a.is_nan() { 0 } else { (inside + TWO_TO_52).to_bits() as u32 }
 }
 
 const TWO_TO_52: f64 = 4_503_599_627_370_496.0;
 
-/// The whole part of a number, or the bound that it lies behind.
+/// Truncates a number to an integer and clamps it.
 #[inline(always)]
-fn within(a: f32, low: f64, high: f64) -> f64 {
+fn trunc_and_clamp(a: f32, low: f64, high: f64) -> f64 {
     let whole = f64::from(a.trunc());
     let raised = if whole > low { whole } else { low };
     if raised < high { raised } else { high }
@@ -202,42 +202,42 @@ macro_rules! native {
             })*
             #[inline(never)]
             fn atan2(self, x: Self) -> Self {
-                Atan2::atan2(self, x)
+                BinaryFunctions::atan2(self, x)
             }
             #[inline(never)]
             fn pow(self, exponent: Self) -> Self {
-                Atan2::pow(self, exponent)
+                BinaryFunctions::pow(self, exponent)
             }
         }
     };
 }
 
-/// The crate's function gives +0 for -0.
-fn sinh_of_double(a: f64) -> f64 {
+/// The hyperbolic sine. (`pxfm::f_sinh` gives +0 for -0.)
+fn f64_sinh(a: f64) -> f64 {
     if a == 0.0 { a } else { pxfm::f_sinh(a) }
 }
 
-/// The two functions of two operands.
-trait Atan2 {
+/// The functions of two operands.
+trait BinaryFunctions {
     fn atan2(self, x: Self) -> Self;
     fn pow(self, exponent: Self) -> Self;
 }
 
-impl Atan2 for f32 {
+impl BinaryFunctions for f32 {
     fn atan2(self, x: Self) -> Self {
         pxfm::f_atan2f(self, x)
     }
     fn pow(self, exponent: Self) -> Self {
-        power::single(self, exponent)
+        power::pow_f32(self, exponent)
     }
 }
 
-impl Atan2 for f64 {
+impl BinaryFunctions for f64 {
     fn atan2(self, x: Self) -> Self {
         pxfm::f_atan2(self, x)
     }
     fn pow(self, exponent: Self) -> Self {
-        power::double(self, exponent)
+        power::pow_f64(self, exponent)
     }
 }
 
@@ -278,7 +278,7 @@ native!(
     asin = pxfm::f_asin,
     acos = pxfm::f_acos,
     atan = pxfm::f_atan,
-    sinh = sinh_of_double,
+    sinh = f64_sinh,
     cosh = pxfm::f_cosh,
     tanh = pxfm::f_tanh,
     asinh = pxfm::f_asinh,
@@ -293,14 +293,14 @@ native!(
 /// The f16 nearest to a f64, ties to even, rounded once.
 ///
 /// (`f16::from_f64` rounds twice, or looks at the upper half of the number only.)
-pub fn half_of(value: f64) -> f16 {
-    f16::from_f32(single_to_odd(value))
+pub fn f64_to_f16(value: f64) -> f16 {
+    f16::from_f32(f64_to_f32_odd(value))
 }
 
-/// A f64 as a f32 that rounds to a number of half its bits as the f64 does.
+/// Rounds a f64 to odd in f32, so that rounding the result to f16 is rounding once.
 ///
-/// It is rounded to odd: the last bit tells that something was lost, and 24 bits are enough for 11.
-pub fn single_to_odd(value: f64) -> f32 {
+/// The last bit is set where something was lost, and 24 bits are enough for the 11 of f16.
+pub fn f64_to_f32_odd(value: f64) -> f32 {
     let near = value as f32;
     let back = f64::from(near);
     if back == value || !near.is_finite() {
@@ -314,7 +314,7 @@ macro_rules! through_f64 {
     ($($method:ident),*) => {$(
         #[inline(never)]
         fn $method(self) -> Self {
-            half_of(Float::$method(self.to_f64()))
+            f64_to_f16(Float::$method(self.to_f64()))
         }
     )*};
 }
@@ -323,7 +323,7 @@ impl Float for f16 {
     const ZERO: Self = f16::ZERO;
     const ONE: Self = f16::ONE;
     fn of(value: f64) -> Self {
-        half_of(value)
+        f64_to_f16(value)
     }
     fn is_nan(self) -> bool {
         f16::is_nan(self)
@@ -339,24 +339,24 @@ impl Float for f16 {
     }
     fn mul_add(self, factor: Self, summand: Self) -> Self {
         // The product of two f16 is exact in f64, and so is its sum with a third.
-        half_of(self.to_f64() * factor.to_f64() + summand.to_f64())
+        f64_to_f16(self.to_f64() * factor.to_f64() + summand.to_f64())
     }
     fn frexp(self) -> (Self, i32) {
         let (mantissa, exponent) = Float::frexp(self.to_f64());
-        (half_of(mantissa), exponent)
+        (f64_to_f16(mantissa), exponent)
     }
     fn ldexp(self, exponent: i32) -> Self {
-        half_of(Float::ldexp(self.to_f64(), exponent))
+        f64_to_f16(Float::ldexp(self.to_f64(), exponent))
     }
     fn atan2(self, x: Self) -> Self {
         let angle = Float::atan2(self.to_f64(), x.to_f64());
         // The arc tangent of a small quotient is a little less, by too little for f64 to show;
         // where the quotient is the middle of two denormals that decides.
         let small = angle != 0.0 && angle.abs() < 1.0 / 16_384.0;
-        half_of(if small { f64::from_bits(angle.to_bits() - 1) } else { angle })
+        f64_to_f16(if small { f64::from_bits(angle.to_bits() - 1) } else { angle })
     }
     fn pow(self, exponent: Self) -> Self {
-        half_of(Float::pow(self.to_f64(), exponent.to_f64()))
+        f64_to_f16(Float::pow(self.to_f64(), exponent.to_f64()))
     }
     through_f64!(
         floor,
@@ -416,7 +416,7 @@ mod tests {
 
     #[test]
     fn a_half_is_rounded_once() {
-        let half = |value: f64| half_of(value).to_bits();
+        let half = |value: f64| f64_to_f16(value).to_bits();
         // 1 + 2^-11 is a tie, to the even neighbour 1; a little more is none, whatever the
         // distance.
         assert_eq!(half(1.0 + 2f64.powi(-11)), 0x3C00);

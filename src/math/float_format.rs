@@ -13,7 +13,7 @@
 
 use half::f16;
 
-use crate::math::float::{half_of, single_to_odd};
+use crate::math::float::{f64_to_f16, f64_to_f32_odd};
 
 /// A floating-point format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -60,10 +60,10 @@ impl FloatFormat {
     /// What lies beyond the range is an infinity; in E4M3, which has none, a NaN.
     pub fn round(self, value: f64) -> u64 {
         match self {
-            Self::Binary16 => half_of(value).to_bits().into(),
+            Self::Binary16 => f64_to_f16(value).to_bits().into(),
             Self::Binary32 => (value as f32).to_bits().into(),
             Self::Binary64 => value.to_bits(),
-            Self::BFloat16 => to_bfloat16(single_to_odd(value)).into(),
+            Self::BFloat16 => to_bfloat16(f64_to_f32_odd(value)).into(),
             Self::E4M3 => to_e4m3(value).into(),
             Self::E5M2 => to_e5m2(value).into(),
         }

@@ -1,24 +1,23 @@
 //! Functions of f32, corrected at the hard cases that `pxfm` 0.1 does not round correctly.
 //!
-//! Their values lie nearly in the middle of two f32, so near that a f64 does not tell the side.
-//! Found by asking for every f32 whose value lies within 2^-42 of a middle, relatively; the right
-//! results are those of 200 bits of arbitrary precision, as `anyhit check-math` judges.
+//! Their values lie so near to the middle of two f32 that an f64 does not tell the side. A search
+//! over every f32 whose value lies within 2^-42 of a middle, relatively, has found them; the
+//! correct results come from arithmetic with 200 bits, as in `anyhit check-math`.
 
-/// Which arguments a table holds: all, or those without a sign of a function that keeps its value,
-/// or turns its sign, with the argument's.
+/// The symmetry of a function. The table of an even or odd one holds only arguments without a sign.
 #[derive(Clone, Copy, PartialEq)]
 enum Symmetry {
-    Any,
+    Asymmetric,
     Even,
     Odd,
 }
 
-macro_rules! mended {
+macro_rules! corrected {
     ($($name:ident $symmetry:ident $function:path: $($argument:literal => $right:literal),+;)+) => {$(
         #[doc = concat!("`", stringify!($function), "`, correctly rounded.")]
         #[must_use]
         pub fn $name(a: f32) -> f32 {
-            let key = if Symmetry::$symmetry == Symmetry::Any { a } else { a.abs() };
+            let key = if Symmetry::$symmetry == Symmetry::Asymmetric { a } else { a.abs() };
             let right = match key.to_bits() {
                 $($argument => f32::from_bits($right),)+
                 _ => return $function(a),
@@ -28,12 +27,12 @@ macro_rules! mended {
     )+
 
         #[cfg(test)]
-        const MENDED: &[(&str, fn(f32) -> f32, &[(u32, u32)])] =
+        const CORRECTED: &[(&str, fn(f32) -> f32, &[(u32, u32)])] =
             &[$((stringify!($name), $name, &[$(($argument, $right)),+])),+];
     };
 }
 
-mended! {
+corrected! {
     sin Odd pxfm::f_sinf: 0x4619_9998 => 0xBEB1_FA5D;
     cos Even pxfm::f_cosf:
         0x5922_AA80 => 0x3F08_AEBF,
@@ -54,12 +53,12 @@ mended! {
         0x5E68_984E => 0x422E_4A21,
         0x6558_90D3 => 0x4254_D1F9,
         0x6EB1_A8EC => 0x4284_5A89;
-    acosh Any pxfm::f_acoshf:
+    acosh Asymmetric pxfm::f_acoshf:
         0x5E68_984E => 0x422E_4A21,
         0x6558_90D3 => 0x4254_D1F9,
         0x6EB1_A8EC => 0x4284_5A89;
-    exp Any pxfm::f_expf: 0xBBF0_EDF1 => 0x3F7E_1FE9;
-    exp2 Any pxfm::f_exp2f:
+    exp Asymmetric pxfm::f_expf: 0xBBF0_EDF1 => 0x3F7E_1FE9;
+    exp2 Asymmetric pxfm::f_exp2f:
         0x3B42_9D37 => 0x3F80_4385,
         0xBCF3_A937 => 0x3F7A_C6B1;
 }
@@ -75,7 +74,7 @@ mod tests {
         type Big = FBig<HalfEven, 2>;
 
         let big = |value: f64| Big::try_from(value).unwrap().with_precision(200).value();
-        for &(name, function, table) in MENDED {
+        for &(name, function, table) in CORRECTED {
             for &(argument, right) in table {
                 let (a, b) = (f32::from_bits(argument), f32::from_bits(right));
                 assert_eq!(function(a).to_bits(), right, "{name}");

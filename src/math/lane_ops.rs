@@ -10,12 +10,12 @@ use crate::math::f32x4::FmaOps;
 use crate::math::f32x8::{BaselineSimd, F32x8Ops};
 use crate::math::f64x4::F64x4Ops;
 
-/// A piece of work that is generic over the instruction set.
+/// A function that is generic over the instruction set, with its arguments.
 pub trait LaneTask {
     /// The result.
     type Output;
 
-    /// Does the work. Implementations must be `#[inline(always)]`.
+    /// Runs the function. Implementations must be `#[inline(always)]`.
     fn run<V: LaneOps>(self, simd: V) -> Self::Output;
 }
 
@@ -137,14 +137,14 @@ impl CpuTier {
     pub fn available() -> Vec<(&'static str, Self)> {
         let has = Self::new();
         #[cfg(target_arch = "x86_64")]
-        let levels = [
+        let tiers = [
             ("the baseline", Some(Self { avx2: None, avx512: None })),
             ("AVX2", has.avx2.map(|_| Self { avx512: None, ..has })),
             ("AVX-512", has.avx512.map(|_| has)),
         ];
         #[cfg(not(target_arch = "x86_64"))]
-        let levels = [("the baseline", Some(has))];
-        levels.into_iter().filter_map(|(name, level)| level.map(|level| (name, level))).collect()
+        let tiers = [("the baseline", Some(has))];
+        tiers.into_iter().filter_map(|(name, tier)| tier.map(|tier| (name, tier))).collect()
     }
 }
 

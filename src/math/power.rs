@@ -7,7 +7,7 @@ use crate::math::float::Float;
 /// `pxfm::f_powf` rounds some exact powers that lie in the middle of two numbers to the odd one;
 /// these are computed exactly here.
 #[must_use]
-pub fn single(x: f32, y: f32) -> f32 {
+pub fn pow_f32(x: f32, y: f32) -> f32 {
     match exact(x.into(), y.into()) {
         Some(power) => power as f32,
         None => with_sign(x.into(), y.into(), pxfm::f_powf(x, y).into()) as f32,
@@ -16,7 +16,7 @@ pub fn single(x: f32, y: f32) -> f32 {
 
 /// `x^y` in f64, at most one unit in the last place off.
 #[must_use]
-pub fn double(x: f64, y: f64) -> f64 {
+pub fn pow_f64(x: f64, y: f64) -> f64 {
     match (x, y) {
         // Even of a NaN (IEEE 754-2019, 9.2.1).
         (1.0, _) | (_, 0.0) => 1.0,
@@ -80,37 +80,37 @@ mod tests {
     fn middles_are_rounded_to_even() {
         // 62^5 = 31^5 2^5 = 28629151 * 2^5, and 28629151 = 2 * 14314575 + 1: to the even 14314576 *
         // 2^6.
-        assert_eq!(single(3844.0, 2.5), 14_314_576.0 * 64.0);
+        assert_eq!(pow_f32(3844.0, 2.5), 14_314_576.0 * 64.0);
         // 4097^2 = 2^24 + 2^13 + 1 is a middle; 5^11 = 48828125 has 26 bits and is none.
-        assert_eq!(single(4097.0, 2.0), 16_785_408.0);
-        assert_eq!(single(-4097.0, 2.0), 16_785_408.0);
-        assert_eq!(single(5.0, 11.0), 48_828_124.0);
-        assert_eq!(single(-5.0, 3.0), -125.0);
+        assert_eq!(pow_f32(4097.0, 2.0), 16_785_408.0);
+        assert_eq!(pow_f32(-4097.0, 2.0), 16_785_408.0);
+        assert_eq!(pow_f32(5.0, 11.0), 48_828_124.0);
+        assert_eq!(pow_f32(-5.0, 3.0), -125.0);
         // 3 * 2^-150 is the middle of 2^-149 and 2^-148, the even one; 2^-150 that of 0 and 2^-149.
-        assert_eq!(single(9.0 * 2f32.powi(-100), 0.5), 3.0 * 2f32.powi(-50));
-        assert_eq!(single(2f32.powi(-75), 2.0), 0.0);
-        assert_eq!(single(2f32.powi(-100), 1.5).to_bits(), 0);
-        assert_eq!(single(3.0 * 2f32.powi(-75), 2.0).to_bits(), 4); // 4.5 units
-        assert_eq!(single(2f32.powi(64), 2.0), f32::INFINITY);
-        assert_eq!(single(2f32.powi(-64), -1.5), 2f32.powi(96));
+        assert_eq!(pow_f32(9.0 * 2f32.powi(-100), 0.5), 3.0 * 2f32.powi(-50));
+        assert_eq!(pow_f32(2f32.powi(-75), 2.0), 0.0);
+        assert_eq!(pow_f32(2f32.powi(-100), 1.5).to_bits(), 0);
+        assert_eq!(pow_f32(3.0 * 2f32.powi(-75), 2.0).to_bits(), 4); // 4.5 units
+        assert_eq!(pow_f32(2f32.powi(64), 2.0), f32::INFINITY);
+        assert_eq!(pow_f32(2f32.powi(-64), -1.5), 2f32.powi(96));
     }
 
     #[test]
     fn zeros_ones_and_nan() {
         // IEEE 754-2019, 9.2.1: an odd integer, positive or negative, and any other number.
-        assert_eq!(single(-0.0, 3.0).to_bits(), 0x8000_0000);
-        assert_eq!(single(-0.0, -7.0), f32::NEG_INFINITY);
-        assert_eq!([single(-0.0, 2.0).to_bits(), single(-0.0, 0.5).to_bits()], [0, 0]);
-        assert_eq!(double(-0.0, 5.0).to_bits(), (-0.0f64).to_bits());
-        assert_eq!([double(-0.0, -1.0), double(-0.0, -2.0)], [f64::NEG_INFINITY, f64::INFINITY]);
+        assert_eq!(pow_f32(-0.0, 3.0).to_bits(), 0x8000_0000);
+        assert_eq!(pow_f32(-0.0, -7.0), f32::NEG_INFINITY);
+        assert_eq!([pow_f32(-0.0, 2.0).to_bits(), pow_f32(-0.0, 0.5).to_bits()], [0, 0]);
+        assert_eq!(pow_f64(-0.0, 5.0).to_bits(), (-0.0f64).to_bits());
+        assert_eq!([pow_f64(-0.0, -1.0), pow_f64(-0.0, -2.0)], [f64::NEG_INFINITY, f64::INFINITY]);
         // What underflows has the sign that the power would have: -10^-400, -10^-50, 10^-600.
-        assert_eq!(double(-1e-80, 5.0).to_bits(), (-0.0f64).to_bits());
-        assert_eq!(single(-1e-10, 5.0).to_bits(), 0x8000_0000);
-        assert_eq!(double(-1e-100, 6.0).to_bits(), 0);
-        assert_eq!(double(2f64.powi(1022), -0.5), 2f64.powi(-511));
-        assert_eq!([double(f64::INFINITY, -0.5), double(-0.0, -0.5)], [0.0, f64::INFINITY]);
-        assert_eq!([double(f64::NAN, 0.0), double(1.0, f64::NAN), double(f64::NAN, -0.0)], [1.0; 3]);
-        assert_eq!([single(f32::NAN, 0.0), single(1.0, f32::NAN)], [1.0; 2]);
-        assert!(single(-2.0, 0.5).is_nan() && double(-2.0, 0.5).is_nan());
+        assert_eq!(pow_f64(-1e-80, 5.0).to_bits(), (-0.0f64).to_bits());
+        assert_eq!(pow_f32(-1e-10, 5.0).to_bits(), 0x8000_0000);
+        assert_eq!(pow_f64(-1e-100, 6.0).to_bits(), 0);
+        assert_eq!(pow_f64(2f64.powi(1022), -0.5), 2f64.powi(-511));
+        assert_eq!([pow_f64(f64::INFINITY, -0.5), pow_f64(-0.0, -0.5)], [0.0, f64::INFINITY]);
+        assert_eq!([pow_f64(f64::NAN, 0.0), pow_f64(1.0, f64::NAN), pow_f64(f64::NAN, -0.0)], [1.0; 3]);
+        assert_eq!([pow_f32(f32::NAN, 0.0), pow_f32(1.0, f32::NAN)], [1.0; 2]);
+        assert!(pow_f32(-2.0, 0.5).is_nan() && pow_f64(-2.0, 0.5).is_nan());
     }
 }

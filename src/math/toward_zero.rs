@@ -7,7 +7,7 @@ pub trait RoundTowardZero: Copy {
     /// Bits of the significand.
     const PRECISION: i32;
     /// The exponent of the last bit of denormals.
-    const LEAST: i32;
+    const MIN_EXPONENT: i32;
     /// The number of bits of the format.
     const WIDTH: i32;
     /// The encoding of the number.
@@ -26,7 +26,7 @@ macro_rules! formats {
     ($($ty:ty, $word:ty, $width:literal, $precision:literal, $least:literal;)*) => {$(
         impl RoundTowardZero for $ty {
             const PRECISION: i32 = $precision;
-            const LEAST: i32 = $least;
+            const MIN_EXPONENT: i32 = $least;
             const WIDTH: i32 = $width;
             fn to_word(self) -> u64 {
                 self.to_bits().into()
@@ -46,23 +46,23 @@ formats! {
 
 /// A number `±significand * 2^exponent`, plus a little more of the same sign where `more`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Number {
+pub struct UnpackedFloat {
     negative: bool,
     significand: u128,
     exponent: i32,
-    more: bool,
+    sticky: bool,
 }
 
 /// The greatest difference of exponents at which a sum is made without `more`.
-const REACH: i32 = 70;
+const MAX_ALIGNMENT: i32 = 70;
 
-impl Number {
+impl UnpackedFloat {
     /// Makes an integer from its sign and magnitude.
     pub fn integer(negative: bool, magnitude: u64) -> Self {
-        Self { negative, significand: magnitude.into(), exponent: 0, more: false }
+        Self { negative, significand: magnitude.into(), exponent: 0, sticky: false }
     }
 
-    /// A float; `None` for infinities and NaN.
+    /// Unpacks a float; `None` for infinities and NaN.
     pub fn of<T: RoundTowardZero>(value: T) -> Option<Self> {
         let bits = value.to_word();
         let fraction = bits & ((1 << (T::PRECISION - 1)) - 1);
@@ -72,10 +72,10 @@ impl Number {
             return None;
         }
         let (hidden, exponent) = match biased {
-            0 => (0, T::LEAST),
-            _ => (1 << (T::PRECISION - 1), T::LEAST + biased as i32 - 1),
+            0 => (0, T::MIN_EXPONENT),
+            _ => (1 << (T::PRECISION - 1), T::MIN_EXPONENT + biased as i32 - 1),
         };
-        Some(Self { negative, significand: u128::from(fraction | hidden), exponent, more: false })
+        Some(Self { negative, significand: u128::from(fraction | hidden), exponent, sticky: false })
     }
 
     fn negated(self) -> Self {
@@ -95,21 +95,22 @@ impl Number {
         }
         let (high, low) = if self.exponent >= other.exponent { (self, other) } else { (other, self) };
         let same = high.negative == low.negative;
-        // Products have 106 bits: leave them where they are, and shift by what there is room for.
-        let room = (high.significand.leading_zeros() as i32 - 2).min(REACH);
+        // Products have 106 bits: they are shifted no further than the headroom allows.
+        let headroom = (high.significand.leading_zeros() as i32 - 2).min(MAX_ALIGNMENT);
         let distance = high.exponent - low.exponent;
-        if distance > room && low_top(low) < high.exponent - room {
-            let significand = high.significand << room;
+        if distance > headroom && top_exponent(low) < high.exponent - headroom {
+            let significand = high.significand << headroom;
             let significand = if same { significand } else { significand - 1 };
-            return Self { significand, exponent: high.exponent - room, more: true, ..high };
+            return Self { significand, exponent: high.exponent - headroom, sticky: true, ..high };
         }
-        // They overlap: what of the lower one lies below the room is `more`.
-        let shift = distance.min(room);
+        // The numbers overlap: bits of the lower one that the headroom does not hold go into the
+        // sticky bit.
+        let shift = distance.min(headroom);
         let lost = distance - shift;
         let a = (high.significand << shift) as i128;
-        let cut = low.significand & ((1u128 << lost) - 1) != 0;
+        let inexact = low.significand & ((1u128 << lost) - 1) != 0;
         let b = (low.significand >> lost) as i128;
-        let (sum, negative) = match (same, cut) {
+        let (sum, negative) = match (same, inexact) {
             (true, _) => (a + b, high.negative),
             // a - (b + rest) = (a - b - 1) + (1 - rest), or with the other sign (b - a) + rest
             (false, true) if a > b => (a - b - 1, high.negative),
@@ -117,7 +118,7 @@ impl Number {
             (false, false) if a == b => (0, false),
             (false, _) => (b - a, low.negative),
         };
-        Self { negative, significand: sum as u128, exponent: high.exponent - shift, more: cut }
+        Self { negative, significand: sum as u128, exponent: high.exponent - shift, sticky: inexact }
     }
 
     fn times(self, other: Self) -> Self {
@@ -125,7 +126,7 @@ impl Number {
             negative: self.negative != other.negative,
             significand: self.significand * other.significand,
             exponent: self.exponent + other.exponent,
-            more: false,
+            sticky: false,
         }
     }
 
@@ -139,26 +140,26 @@ impl Number {
             negative: self.negative != other.negative,
             significand: dividend / other.significand,
             exponent: self.exponent - SHIFT - zeros.min(52) - other.exponent,
-            more: !dividend.is_multiple_of(other.significand),
+            sticky: !dividend.is_multiple_of(other.significand),
         }
     }
 
-    /// Cuts off what a format cannot hold; what is too large becomes its greatest number.
-    pub fn cut<T: RoundTowardZero>(self) -> T {
+    /// Truncates the number to a format; what is too large becomes its greatest finite number.
+    pub fn truncate<T: RoundTowardZero>(self) -> T {
         let sign = u64::from(self.negative) << (T::WIDTH - 1);
         let (mut significand, mut exponent) = (self.significand, self.exponent);
         let bits = 128 - significand.leading_zeros() as i32;
         if bits == 0 {
             return T::from_word(sign);
         }
-        let shift = (bits - T::PRECISION).max(T::LEAST - exponent);
+        let shift = (bits - T::PRECISION).max(T::MIN_EXPONENT - exponent);
         if shift >= 128 {
             return T::from_word(sign);
         }
         significand = if shift >= 0 { significand >> shift } else { significand << -shift };
         exponent += shift;
         let hidden = 1u128 << (T::PRECISION - 1);
-        let biased = if significand >= hidden { (exponent - T::LEAST + 1) as u64 } else { 0 };
+        let biased = if significand >= hidden { (exponent - T::MIN_EXPONENT + 1) as u64 } else { 0 };
         let most = (1 << (T::WIDTH - T::PRECISION)) - 2;
         if biased > most {
             return T::from_word(sign | (most << (T::PRECISION - 1)) | (hidden as u64 - 1));
@@ -168,45 +169,45 @@ impl Number {
     }
 }
 
-/// The exponent of the bit above a number's highest.
-fn low_top(number: Number) -> i32 {
+/// The exponent of the bit above the highest one of a number.
+fn top_exponent(number: UnpackedFloat) -> i32 {
     number.exponent + 128 - number.significand.leading_zeros() as i32
 }
 
-/// `a + b`; `nearest` is the same rounded to nearest, for infinities and NaN.
+/// `a + b`; `nearest` is the sum rounded to nearest, the result for infinities and NaN.
 pub fn add<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
-    Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.plus(b).cut())
+    UnpackedFloat::of(a).zip(UnpackedFloat::of(b)).map_or(nearest, |(a, b)| a.plus(b).truncate())
 }
 
 /// `a - b`.
 pub fn sub<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
-    Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.plus(b.negated()).cut())
+    UnpackedFloat::of(a).zip(UnpackedFloat::of(b)).map_or(nearest, |(a, b)| a.plus(b.negated()).truncate())
 }
 
 /// `a * b`.
 pub fn mul<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
-    Number::of(a).zip(Number::of(b)).map_or(nearest, |(a, b)| a.times(b).cut())
+    UnpackedFloat::of(a).zip(UnpackedFloat::of(b)).map_or(nearest, |(a, b)| a.times(b).truncate())
 }
 
 /// `a / b`.
 pub fn div<T: RoundTowardZero>(a: T, b: T, nearest: T) -> T {
-    match (Number::of(a), Number::of(b)) {
-        (Some(a), Some(b)) if b.significand != 0 => a.over(b).cut(),
+    match (UnpackedFloat::of(a), UnpackedFloat::of(b)) {
+        (Some(a), Some(b)) if b.significand != 0 => a.over(b).truncate(),
         _ => nearest,
     }
 }
 
-/// `a * b + c`, cut off once.
+/// `a * b + c`, truncated once.
 pub fn mul_add<T: RoundTowardZero>(a: T, b: T, c: T, nearest: T) -> T {
-    match (Number::of(a), Number::of(b), Number::of(c)) {
-        (Some(a), Some(b), Some(c)) => a.times(b).plus(c).cut(),
+    match (UnpackedFloat::of(a), UnpackedFloat::of(b), UnpackedFloat::of(c)) {
+        (Some(a), Some(b), Some(c)) => a.times(b).plus(c).truncate(),
         _ => nearest,
     }
 }
 
-/// A float in another format.
+/// Converts a float to another format.
 pub fn convert<T: RoundTowardZero, U: RoundTowardZero>(value: T, nearest: U) -> U {
-    Number::of(value).map_or(nearest, Number::cut)
+    UnpackedFloat::of(value).map_or(nearest, UnpackedFloat::truncate)
 }
 
 #[cfg(test)]
@@ -214,7 +215,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_are_cut_off() {
+    fn results_are_truncated() {
         let ulp = f32::EPSILON;
         // 1 + (1 - 2^-24) = 2 - 2^-24, which has 25 bits.
         assert_eq!(add(1.0, 1.0 - ulp / 2.0, 2.0f32), 2.0 - ulp);
@@ -237,7 +238,7 @@ mod tests {
         assert_eq!(convert::<f32, f16>(65_519.0, f16::INFINITY).to_bits(), 0x7BFF);
         assert_eq!(convert::<f32, f16>(1e9, f16::INFINITY).to_bits(), 0x7BFF);
         assert_eq!(convert::<f64, f32>(0.1, 0.0).to_bits(), 0x3DCC_CCCC);
-        assert_eq!(Number::integer(true, 16_777_219).cut::<f32>(), -16_777_218.0);
+        assert_eq!(UnpackedFloat::integer(true, 16_777_219).truncate::<f32>(), -16_777_218.0);
         // (1 + 2^-12)^2 - (1 + 2^-11) = 2^-24 exactly, but for one rounding.
         let near = 1.0 + 2f32.powi(-12);
         assert_eq!(mul_add(near, near, -1.0 - 2f32.powi(-11), 0.0), 2f32.powi(-24));
@@ -248,15 +249,15 @@ mod tests {
         /// Towards zero is at most one step from nearest, and never beyond the exact result: sums
         /// and products of two f32 with like exponents are exact in f64.
         #[test]
-        fn it_is_the_exact_result_cut_off(a in -1e6f32..1e6, b in -1e6f32..1e6) {
-            let cut = |exact: f64| {
+        fn it_is_the_exact_result_truncated(a in -1e6f32..1e6, b in -1e6f32..1e6) {
+            let truncated = |exact: f64| {
                 let near = exact as f32;
                 if f64::from(near).abs() > exact.abs() { f32::from_bits(near.to_bits() - 1) } else { near }
             };
-            proptest::prop_assert_eq!(mul(a, b, 0.0), cut(f64::from(a) * f64::from(b)));
+            proptest::prop_assert_eq!(mul(a, b, 0.0), truncated(f64::from(a) * f64::from(b)));
             let (x, y) = (a + 3e6, b.abs() + 1e6);
-            proptest::prop_assert_eq!(add(x, y, 0.0), cut(f64::from(x) + f64::from(y)));
-            proptest::prop_assert_eq!(sub(x, y, 0.0), cut(f64::from(x) - f64::from(y)));
+            proptest::prop_assert_eq!(add(x, y, 0.0), truncated(f64::from(x) + f64::from(y)));
+            proptest::prop_assert_eq!(sub(x, y, 0.0), truncated(f64::from(x) - f64::from(y)));
         }
     }
 }

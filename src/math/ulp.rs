@@ -5,7 +5,7 @@
 pub fn ulps(a: f32, b: f32) -> u32 {
     match (a.is_nan(), b.is_nan()) {
         (true, true) => 0,
-        (false, false) => line(a).abs_diff(line(b)),
+        (false, false) => ordered_index(a).abs_diff(ordered_index(b)),
         _ => u32::MAX,
     }
 }
@@ -25,8 +25,8 @@ pub fn ulp_of(x: f64) -> f64 {
     f64::from_bits(((exponent - 23 + 1023) as u64) << 52)
 }
 
-/// Floats in ascending order as consecutive integers.
-fn line(x: f32) -> i32 {
+/// The index of a float in ascending order; neighbours have consecutive indices.
+fn ordered_index(x: f32) -> i32 {
     let bits = x.to_bits() as i32;
     if bits < 0 { i32::MIN.wrapping_sub(bits) } else { bits }
 }

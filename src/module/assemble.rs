@@ -1,4 +1,4 @@
-//! A tiny assembler for tests: instructions in, words out, with the offset of each instruction.
+//! A small assembler for tests: it appends instructions and returns the offset of each.
 
 use rspirv::spirv::Op;
 
@@ -39,7 +39,7 @@ impl Assembler {
         offset
     }
 
-    /// Appends an instruction whose operands end in a string, and further words behind it.
+    /// Appends an instruction with a string among its operands.
     pub(crate) fn with_string(&mut self, op: Op, before: &[u32], text: &str, after: &[u32]) -> usize {
         let operands = [before, &string_words(text), after].concat();
         self.op(op, &operands)
@@ -76,12 +76,12 @@ impl Assembler {
         load(&self.bytes())
     }
 
-    /// The module, which must load.
+    /// Loads the module, which must be valid.
     pub(crate) fn loaded(&self) -> Module {
         self.load().unwrap()
     }
 
-    /// The error, which loading must give.
+    /// The error of loading, which must fail.
     pub(crate) fn refused(&self) -> Error {
         match self.load() {
             Ok(_) => panic!("the module loads, though it should not"),

@@ -3,7 +3,7 @@
 use rspirv::spirv::Op;
 
 use crate::error::{Error, Place, Result};
-use crate::module::check_encoding::Encoded;
+use crate::module::check_encoding::EncodedTypes;
 use crate::module::grammar::{is_id, opcode, walk};
 use crate::module::load::UnknownResults;
 use crate::module::names::opcode_name;
@@ -15,41 +15,46 @@ use crate::module::{check_access, check_encoding};
 /// cycle; returns what each function uses.
 ///
 /// # Errors
-/// `InvalidModule` where operands are missing or left over, an id has no definition or one in
+/// `InvalidModule` where operands are missing or left over, an id is not defined, or in
 /// another function or further down, a label is found where a value is expected or the reverse, a
-/// call does not match its function, an index leaves its composite, or calls form a cycle.
-pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec<Uses>> {
+/// call does not match its function, an index is out of its composite's bounds, or calls form a
+/// cycle.
+pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec<FunctionUses>> {
     let mut calls = vec![Vec::new(); module.functions.len()];
-    let mut named = vec![Vec::new(); module.functions.len()];
-    let encoded = Encoded::of(module);
+    let mut used_variables = vec![Vec::new(); module.functions.len()];
+    let encoded = EncodedTypes::of(module);
     check_encoding::constants(module, &encoded)?;
     for (index, function) in module.functions.iter().enumerate() {
         let checker = Checker { module, unknown, function: index as u32 };
         for (block_index, block) in function.blocks.iter().enumerate() {
             for (position, instruction) in block.instructions.iter().enumerate() {
-                checker.instruction(instruction, (block_index as u32, position as u32), &mut named[index])?;
+                checker.check_instruction(
+                    instruction,
+                    (block_index as u32, position as u32),
+                    &mut used_variables[index],
+                )?;
                 check_access::instruction(module, instruction)?;
                 check_encoding::instruction(module, &encoded, instruction)?;
-                checker.returned(instruction)?;
+                checker.check_return(instruction)?;
                 if instruction.opcode == Op::FunctionCall as u16 {
-                    let (callee, at) = checker.call(instruction)?;
+                    let (callee, at) = checker.check_call(instruction)?;
                     calls[index].extend(callee.map(|callee| (callee, at)));
                 }
             }
-            checker.order(block)?;
+            checker.check_order(block)?;
         }
     }
-    circles(module, &calls)?;
+    check_recursion(module, &calls)?;
     let uses = |(calls, mut variables): (Vec<(u32, usize)>, Vec<u32>)| {
         variables.sort_unstable();
         variables.dedup();
-        Uses { calls: calls.into_iter().map(|(callee, _)| callee).collect(), variables }
+        FunctionUses { calls: calls.into_iter().map(|(callee, _)| callee).collect(), variables }
     };
-    Ok(calls.into_iter().zip(named).map(uses).collect())
+    Ok(calls.into_iter().zip(used_variables).map(uses).collect())
 }
 
 /// The functions and variables that a function uses: see [`Function`](crate::module::Function).
-pub(super) struct Uses {
+pub(super) struct FunctionUses {
     pub(super) calls: Vec<u32>,
     pub(super) variables: Vec<u32>,
 }
@@ -61,18 +66,23 @@ struct Checker<'m> {
 }
 
 impl Checker<'_> {
-    /// Checks an instruction. `here` is the index of its block and its own in that; `named`
-    /// collects the variables that it names.
-    fn instruction(&self, instruction: &Instruction, here: (u32, u32), named: &mut Vec<u32>) -> Result<()> {
-        let mut note = |definition: Definition| {
+    /// Checks the ids of an instruction. `here` is the index of its block and its own index in
+    /// that; `used_variables` collects the module-scope variables that it uses.
+    fn check_instruction(
+        &self,
+        instruction: &Instruction,
+        here: (u32, u32),
+        used_variables: &mut Vec<u32>,
+    ) -> Result<()> {
+        let mut record = |definition: Definition| {
             if let Definition::Variable(index) = definition {
-                named.push(index);
+                used_variables.push(index);
             }
         };
         let Some(known) = opcode(instruction.opcode) else {
-            // Any word of an unknown instruction may be an id: take them all.
+            // Any word of an unknown instruction may be an id.
             let words = self.module.operands(instruction).iter();
-            words.filter_map(|&word| self.module.definition(Id(word))).for_each(note);
+            words.filter_map(|&word| self.module.definition(Id(word))).for_each(record);
             return Ok(());
         };
         let span = span_of(instruction);
@@ -84,7 +94,7 @@ impl Checker<'_> {
         }
         let mut index = 0;
         walk(&self.module.words, span, literal_words, &mut |at, kind| {
-            let place = index;
+            let operand = index;
             index += 1;
             if !is_id(kind) {
                 return Ok(());
@@ -99,14 +109,14 @@ impl Checker<'_> {
                     format!("{} names %{}, but nothing defines it", opcode_name(span.opcode), id.0),
                 ));
             };
-            note(definition);
+            record(definition);
             if Some(at) == extended_set {
                 return match definition {
                     Definition::InstructionSet(_) => Ok(()),
                     _ => Err(self.expected(span, at, "an imported instruction set")),
                 };
             }
-            match (names_label(known.op, place), definition) {
+            match (names_label(known.op, operand), definition) {
                 (true, Definition::Label(function, _)) if function == self.function => Ok(()),
                 (true, _) => Err(self.expected(span, at, "a label of the same function")),
                 (false, Definition::Label(..)) => Err(self.expected(span, at, "a value")),
@@ -127,24 +137,24 @@ impl Checker<'_> {
     }
 
     /// Checks a returned value against the function's return type.
-    fn returned(&self, instruction: &Instruction) -> Result<()> {
+    fn check_return(&self, instruction: &Instruction) -> Result<()> {
         if instruction.opcode != Op::ReturnValue as u16 {
             return Ok(());
         }
-        let said = self.module.functions[self.function as usize].return_type;
+        let declared = self.module.functions[self.function as usize].return_type;
         match self.module.type_of(Id(self.module.operands(instruction)[0])) {
-            Some(found) if found != said => {
+            Some(found) if found != declared => {
                 let at = instruction.operands.start as usize;
-                let what = format!("a value of the function's type, {}", self.module.describe_type(said));
+                let what = format!("a value of the function's type, {}", self.module.describe_type(declared));
                 Err(self.expected(span_of(instruction), at, &what))
             }
             _ => Ok(()),
         }
     }
 
-    /// Checks a call's arguments against the function; returns its index and the word that names
-    /// it.
-    fn call(&self, instruction: &Instruction) -> Result<(Option<u32>, usize)> {
+    /// Checks a call's arguments against the function; returns the function's index and the offset
+    /// of the word with its id.
+    fn check_call(&self, instruction: &Instruction) -> Result<(Option<u32>, usize)> {
         let span = span_of(instruction);
         let at = instruction.operands.start as usize;
         let operands = self.module.operands(instruction);
@@ -156,8 +166,8 @@ impl Checker<'_> {
             _ => return Err(self.expected(span, at, "a function")),
         };
         let function = &self.module.functions[index as usize];
-        let returned = instruction.result_type.and_then(|id| self.module.type_with_id(id));
-        if returned != Some(function.return_type) {
+        let return_type = instruction.result_type.and_then(|id| self.module.type_with_id(id));
+        if return_type != Some(function.return_type) {
             let what = format!(
                 "the type that the function returns ({})",
                 self.module.describe_type(function.return_type)
@@ -184,8 +194,8 @@ impl Checker<'_> {
         Ok((Some(index), at))
     }
 
-    /// Checks that `OpPhi`s begin a block, and that a merge instruction is its last but one.
-    fn order(&self, block: &BasicBlock) -> Result<()> {
+    /// Checks that `OpPhi`s begin a block, and that a merge instruction precedes its terminator.
+    fn check_order(&self, block: &BasicBlock) -> Result<()> {
         let mut phis_over = false;
         let last = block.instructions.len().saturating_sub(1);
         for (index, instruction) in block.instructions.iter().enumerate() {
@@ -224,7 +234,7 @@ impl Checker<'_> {
     }
 }
 
-/// An instruction's words, its first included.
+/// The words of an instruction, the first one included.
 pub(super) fn span_of(instruction: &Instruction) -> Span {
     Span {
         opcode: instruction.opcode,
@@ -239,22 +249,22 @@ fn names_label(op: Op, index: usize) -> bool {
         Op::Branch | Op::SelectionMerge => index == 0,
         Op::LoopMerge => index < 2,
         Op::BranchConditional => index == 1 || index == 2,
-        // Selector, default, then pairs of literal and label.
+        // The operands are a selector, a default label, then pairs of literal and label.
         Op::Switch => index % 2 == 1,
-        // Pairs of value and parent.
+        // The operands are pairs of value and parent.
         Op::Phi => index % 2 == 1,
         _ => false,
     }
 }
 
-/// Rejects cycles of calls that an entry point reaches ("the static function-call graph for an
+/// Rejects recursion that an entry point reaches ("the static function-call graph for an
 /// entry point must not contain cycles", section 2.16.1), and calls of entry points.
-fn circles(module: &Module, calls: &[Vec<(u32, usize)>]) -> Result<()> {
+fn check_recursion(module: &Module, calls: &[Vec<(u32, usize)>]) -> Result<()> {
     #[derive(Clone, Copy, PartialEq)]
-    enum Color {
-        New,
+    enum VisitState {
+        Unvisited,
         /// On the path from the entry point.
-        Open,
+        OnPath,
         Done,
     }
     let index_of = |id: Id| match module.definition(id) {
@@ -276,36 +286,36 @@ fn circles(module: &Module, calls: &[Vec<(u32, usize)>]) -> Result<()> {
             ));
         }
     }
-    let mut colors = vec![Color::New; calls.len()];
+    let mut states = vec![VisitState::Unvisited; calls.len()];
     for entry in &module.entry_points {
         let root = index_of(entry.function);
-        if colors[root as usize] != Color::New {
+        if states[root as usize] != VisitState::Unvisited {
             continue;
         }
-        colors[root as usize] = Color::Open;
+        states[root as usize] = VisitState::OnPath;
         let mut path = vec![(root, 0)];
         while let Some((function, next)) = path.last_mut() {
             let Some(&(callee, at)) = calls[*function as usize].get(*next) else {
-                colors[*function as usize] = Color::Done;
+                states[*function as usize] = VisitState::Done;
                 path.pop();
                 continue;
             };
             *next += 1;
-            match colors[callee as usize] {
-                Color::New => {
-                    colors[callee as usize] = Color::Open;
+            match states[callee as usize] {
+                VisitState::Unvisited => {
+                    states[callee as usize] = VisitState::OnPath;
                     path.push((callee, 0));
                 }
-                Color::Open => {
+                VisitState::OnPath => {
                     let name = module.describe_id(module.functions[callee as usize].id);
-                    return Err(invalid(at, format!("OpFunctionCall closes a circle of calls at {name}"))
+                    return Err(invalid(at, format!("OpFunctionCall closes a cycle of calls at {name}"))
                         .at_with(
                             Place::Word(module.functions[callee as usize].offset as usize),
                             "the function called again",
                         )
                         .note("SPIR-V forbids recursion: the calls of an entry point must not form a cycle (2.16.1)"));
                 }
-                Color::Done => {}
+                VisitState::Done => {}
             }
         }
     }
@@ -317,7 +327,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn switch_and_phi_name_labels_at_odd_places() {
+    fn switch_and_phi_name_labels_at_odd_operands() {
         // OpSwitch %selector %default 0 %a: the grammar shows the literal as one operand.
         assert!(!names_label(Op::Switch, 0) && names_label(Op::Switch, 1));
         assert!(!names_label(Op::Switch, 2) && names_label(Op::Switch, 3));

@@ -1,5 +1,5 @@
-//! Accesses of composites: indices lie within their types, and loads and stores have the type of
-//! what they point to.
+//! Checks accesses of composites: indices are in bounds, and loads and stores have the type of the
+//! pointee.
 
 use rspirv::spirv::Op;
 
@@ -11,29 +11,29 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::words::invalid;
 use crate::module::{Id, Instruction, Module};
 
-/// Checks one instruction; those that access nothing pass.
+/// Checks one instruction. Those that access no composite or memory are accepted.
 ///
 /// # Errors
-/// `InvalidModule` where an index leaves its struct or, as a literal, its vector, matrix or array
-/// of fixed length, indexes a scalar, or arrives at another type than the instruction says; where a
-/// phi or a copy of memory gives a value another type.
+/// `InvalidModule` where an index is out of its struct's bounds or, as a literal, of those of a
+/// vector, matrix or array, indexes a scalar, or leads to another type than the instruction has;
+/// where the values of a phi or the pointees of a memory copy have different types.
 pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<()> {
     let Some(known) = opcode(instruction.opcode) else { return Ok(()) };
     let first = instruction.operands.start as usize;
     let result_type = || instruction.result_type.and_then(|id| module.type_with_id(id));
-    let access = Access { module, instruction };
+    let access = AccessChecker { module, instruction };
     match known.op {
         Op::CompositeExtract => {
             let Some(composite) = access.value_type(first)? else { return Ok(()) };
             let found = access.literal_path(composite, first + 1)?;
-            access.agree(found, result_type(), span_of(instruction).start + 1)
+            access.check_same_type(found, result_type(), span_of(instruction).start + 1)
         }
         Op::CompositeInsert => {
             let (object, composite) = (access.value_type(first)?, access.value_type(first + 1)?);
             let Some(composite) = composite else { return Ok(()) };
-            access.agree(Some(composite), result_type(), first + 1)?;
+            access.check_same_type(Some(composite), result_type(), first + 1)?;
             let found = access.literal_path(composite, first + 2)?;
-            access.agree(found, object, first)
+            access.check_same_type(found, object, first)
         }
         Op::AccessChain | Op::InBoundsAccessChain => {
             let Some(base) = access.pointee(first)? else { return Ok(()) };
@@ -47,35 +47,39 @@ pub(super) fn instruction(module: &Module, instruction: &Instruction) -> Result<
         }
         Op::Load => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
-            access.agree(Some(pointee), result_type(), span_of(instruction).start + 1)
+            access.check_same_type(Some(pointee), result_type(), span_of(instruction).start + 1)
         }
         Op::Store => {
             let Some(pointee) = access.pointee(first)? else { return Ok(()) };
-            access.agree(Some(pointee), module.type_of(Id(module.operands(instruction)[1])), first + 1)
+            access.check_same_type(
+                Some(pointee),
+                module.type_of(Id(module.operands(instruction)[1])),
+                first + 1,
+            )
         }
         Op::CopyMemory => {
             let (to, from) = (access.pointee(first)?, access.pointee(first + 1)?);
-            access.agree(to, from, first + 1)
+            access.check_same_type(to, from, first + 1)
         }
         Op::Phi => {
             let result = result_type();
             let values = instruction.operands.clone().step_by(2).map(|at| at as usize);
             values
                 .into_iter()
-                .try_for_each(|at| access.agree(result, module.type_of(Id(module.words[at])), at))
+                .try_for_each(|at| access.check_same_type(result, module.type_of(Id(module.words[at])), at))
         }
         _ => Ok(()),
     }
 }
 
-struct Access<'m> {
+struct AccessChecker<'m> {
     module: &'m Module,
     instruction: &'m Instruction,
 }
 
-impl Access<'_> {
-    /// The type of the value whose id stands at a word; `None` where an unknown instruction may
-    /// define it.
+impl AccessChecker<'_> {
+    /// The type of the value whose id is at a word; `None` where an unknown instruction may define
+    /// it.
     fn value_type(&self, at: usize) -> Result<Option<TypeId>> {
         let id = Id(self.module.words[at]);
         match self.module.type_of(id) {
@@ -94,7 +98,7 @@ impl Access<'_> {
         }
     }
 
-    /// Follows literal indices from a word on to the end of the instruction.
+    /// The type that literal indices lead to, from a word to the end of the instruction.
     fn literal_path(&self, mut ty: TypeId, start: usize) -> Result<Option<TypeId>> {
         for at in start..self.instruction.operands.end as usize {
             let index = u64::from(self.module.words[at]);
@@ -106,7 +110,7 @@ impl Access<'_> {
         Ok(Some(ty))
     }
 
-    /// Follows indices that are ids from a word on to the end of the instruction.
+    /// The type that indices given by ids lead to, from a word to the end of the instruction.
     fn id_path(&self, mut ty: TypeId, start: usize) -> Result<Option<TypeId>> {
         for at in start..self.instruction.operands.end as usize {
             let id = Id(self.module.words[at]);
@@ -115,7 +119,7 @@ impl Access<'_> {
                 Some(Type::Int { width, signed }) => {
                     let sign = 64 - width;
                     self.module.constant_scalar(id).map(|bits| {
-                        // A negative index is a very large one: out of any range.
+                        // A negative index becomes a very large one, which is out of any bounds.
                         if *signed { ((bits << sign) as i64 >> sign) as u64 } else { bits }
                     })
                 }
@@ -135,8 +139,8 @@ impl Access<'_> {
         Ok(Some(ty))
     }
 
-    /// One step into a composite; `index` is `None` where it is not constant. `None` for types that
-    /// are not known.
+    /// The type of a part of a composite; `index` is `None` if it is not constant. Returns `None`
+    /// for unknown types.
     fn step(&self, ty: TypeId, index: Option<u64>, at: usize) -> Result<Option<TypeId>> {
         let (inner, count) = match self.module.ty(ty) {
             Type::Struct { members, .. } => {
@@ -144,10 +148,12 @@ impl Access<'_> {
                 let member = usize::try_from(index).ok().and_then(|index| members.get(index));
                 (member.map(|member| member.ty), Some(members.len() as u64))
             }
-            Type::Vector { component, count } => (Some(*component), self.fixed(Some(u64::from(*count)))),
-            Type::Matrix { column, count } => (Some(*column), self.fixed(Some(u64::from(*count)))),
+            Type::Vector { component, count } => {
+                (Some(*component), self.checked_length(Some(u64::from(*count))))
+            }
+            Type::Matrix { column, count } => (Some(*column), self.checked_length(Some(u64::from(*count)))),
             Type::Array { element, length, .. } => {
-                (Some(*element), self.fixed(self.module.constant_scalar(*length)))
+                (Some(*element), self.checked_length(self.module.constant_scalar(*length)))
             }
             Type::RuntimeArray { element, .. } => (Some(*element), None),
             Type::Other(_) => return Ok(None),
@@ -178,36 +184,37 @@ impl Access<'_> {
         }
     }
 
-    /// How many parts an index is held against. Those that come through memory, as constants may,
-    /// are left to the run: an index past the end is undefined where it is used (`OpAccessChain`),
-    /// and shaders may name an element past the end and never touch it.
-    fn fixed(&self, parts: Option<u64>) -> Option<u64> {
+    /// The length that an index is checked against here: that of a composite value, whose indices
+    /// are literals. Indices into memory are checked while running, even constant ones:
+    /// `OpAccessChain` past the end is undefined only if the pointer is used, and shaders may
+    /// compute one and never use it.
+    fn checked_length(&self, length: Option<u64>) -> Option<u64> {
         let literal =
             matches!(opcode(self.instruction.opcode)?.op, Op::CompositeExtract | Op::CompositeInsert);
-        parts.filter(|_| literal)
+        length.filter(|_| literal)
     }
 
-    /// Two types that must be one, where both are known.
-    fn agree(&self, found: Option<TypeId>, said: Option<TypeId>, at: usize) -> Result<()> {
-        match (found, said) {
-            (Some(found), Some(said)) if found != said => Err(invalid(
+    /// Checks that two types are equal, where both are known.
+    fn check_same_type(&self, expected: Option<TypeId>, found: Option<TypeId>, at: usize) -> Result<()> {
+        match (expected, found) {
+            (Some(expected), Some(found)) if expected != found => Err(invalid(
                 at,
                 format!(
                     "{}: the type {} is expected, found {}",
                     opcode_name(self.instruction.opcode),
-                    self.module.describe_type(found),
-                    self.module.describe_type(said)
+                    self.module.describe_type(expected),
+                    self.module.describe_type(found)
                 ),
             )),
             _ => Ok(()),
         }
     }
 
-    /// Holds the type arrived at against the pointer type that the instruction says.
+    /// Checks the type that the indices lead to against the pointer type of the result.
     fn result_pointer(&self, found: Option<TypeId>, result_type: Option<TypeId>) -> Result<()> {
         let at = span_of(self.instruction).start + 1;
         match result_type.map(|ty| self.module.ty(ty)) {
-            Some(Type::Pointer { pointee, .. }) => self.agree(found, *pointee, at),
+            Some(Type::Pointer { pointee, .. }) => self.check_same_type(found, *pointee, at),
             Some(Type::Other(_)) | None => Ok(()),
             Some(_) => Err(self.expected(at, "a pointer type")),
         }

@@ -1,12 +1,12 @@
-//! Floats with an encoding of their own appear in few instructions only.
+//! Checks that bfloat16 and 8-bit floats appear only in instructions that allow them.
 //!
 //! `SPV_KHR_bfloat16` and `SPV_EXT_float8`, "Validation Rules", name the sections of the
 //! specification whose instructions take such values or composites of them: constants, memory,
 //! functions, conversions, composites, a few more; `OpDot` takes bfloat16, extension instructions
 //! and mode settings take 8-bit floats. Pointers to them are no such values.
 //!
-//! Kept looser than the letter: `OpUndef`, which compilers make, and `NonSemantic` instructions,
-//! which must not change what a module means.
+//! This is looser than the text for `OpUndef`, which compilers emit, and for `NonSemantic`
+//! instructions, which must not change what a module means.
 
 use rspirv::spirv::Op;
 
@@ -22,17 +22,17 @@ use crate::module::{Definition, Id, Instruction, Module};
 
 /// `SaturatedToLargestFloat8NormalConversionEXT`
 pub const SATURATED: u32 = 4216;
-/// `BFloat16ArithmeticINTEL`, of `SPV_EXT_bfloat16_arithmetic` and of its forerunner.
+/// `BFloat16ArithmeticINTEL`, of `SPV_EXT_bfloat16_arithmetic` and of its predecessor.
 const BFLOAT16_ARITHMETIC: u32 = 6226;
 
-/// The types of a module that are or include a float with an encoding of its own.
-pub(super) struct Encoded {
+/// The types of a module that are or contain bfloat16 or 8-bit floats.
+pub(super) struct EncodedTypes {
     by_type: Vec<Option<FloatFormat>>,
     any: bool,
 }
 
-impl Encoded {
-    /// Looks at all types. The parts of a type stand before it, but for what pointers point to.
+impl EncodedTypes {
+    /// Examines all types. The parts of a type are declared before it, except for pointees.
     pub(super) fn of(module: &Module) -> Self {
         let mut by_type: Vec<Option<FloatFormat>> = Vec::with_capacity(module.types.len());
         for ty in &module.types {
@@ -65,37 +65,37 @@ fn is_encoded(format: FloatFormat) -> bool {
 /// Checks one instruction of a function.
 ///
 /// # Errors
-/// `InvalidModule` where it takes or gives a float that it must not be used with, or saturates what
-/// is no conversion to an 8-bit float; `UnsupportedModule` where arithmetic on bfloat16 is
-/// declared.
-pub(super) fn instruction(module: &Module, encoded: &Encoded, instruction: &Instruction) -> Result<()> {
+/// `InvalidModule` where an operand or the result is a float that it must not be used with, or a
+/// result is decorated to saturate that is no conversion to an 8-bit float; `UnsupportedModule`
+/// where arithmetic on bfloat16 is declared.
+pub(super) fn instruction(module: &Module, encoded: &EncodedTypes, instruction: &Instruction) -> Result<()> {
     if !encoded.any {
         return Ok(());
     }
     let Some(op) = Op::from_u32(instruction.opcode.into()) else { return Ok(()) };
     let at = instruction.offset as usize;
     if let Some(id) = instruction.result {
-        saturates(module, encoded, (id, instruction.result_type), op, at)?;
+        check_saturation(module, encoded, (id, instruction.result_type), op, at)?;
     }
-    if takes_every_encoding(op) {
+    if allows_every_encoding(op) {
         return Ok(());
     }
     let extension = extension_of(module, op, module.operands(instruction));
     if let Some(ty) = instruction.result_type {
-        refuse(module, encoded, (op, extension), ty, at)?;
+        check_value(module, encoded, (op, extension), ty, at)?;
     }
     let literal_words = module.switch_literal_words(instruction);
     walk(&module.words, span_of(instruction), literal_words, &mut |at, kind| match is_id(kind) {
-        true => refuse(module, encoded, (op, extension), Id(module.words[at]), at),
+        true => check_value(module, encoded, (op, extension), Id(module.words[at]), at),
         false => Ok(()),
     })
 }
 
-/// Checks the constants that are operations on constants.
+/// Checks the constants that `OpSpecConstantOp` defines.
 ///
 /// # Errors
 /// As [`instruction`].
-pub(super) fn constants(module: &Module, encoded: &Encoded) -> Result<()> {
+pub(super) fn constants(module: &Module, encoded: &EncodedTypes) -> Result<()> {
     if !encoded.any {
         return Ok(());
     }
@@ -103,21 +103,21 @@ pub(super) fn constants(module: &Module, encoded: &Encoded) -> Result<()> {
         let ConstantValue::Operation { opcode, operands } = &constant.value else { continue };
         let Some(op) = Op::from_u32((*opcode).into()) else { continue };
         let at = constant.offset as usize;
-        saturates(module, encoded, (constant.id, module.id_of_type(constant.ty)), op, at)?;
-        if !takes_every_encoding(op) {
+        check_saturation(module, encoded, (constant.id, module.id_of_type(constant.ty)), op, at)?;
+        if !allows_every_encoding(op) {
             for (index, &operand) in operands.iter().enumerate() {
-                refuse(module, encoded, (op, None), Id(operand), at + 4 + index)?;
+                check_value(module, encoded, (op, None), Id(operand), at + 4 + index)?;
             }
         }
     }
     Ok(())
 }
 
-/// The sections that both extensions name, as far as their instructions take values.
-fn takes_every_encoding(op: Op) -> bool {
+/// Whether an instruction is in one of the sections that both extensions name.
+fn allows_every_encoding(op: Op) -> bool {
     matches!(
         op,
-        // Memory and functions; a return.
+        // Memory and functions.
         Op::Variable | Op::Load | Op::Store | Op::CopyMemory | Op::CopyMemorySized
         | Op::Function | Op::FunctionParameter | Op::FunctionCall | Op::ReturnValue
         | Op::LifetimeStart | Op::LifetimeStop
@@ -135,7 +135,7 @@ fn takes_every_encoding(op: Op) -> bool {
     )
 }
 
-/// The set of an extended instruction.
+/// The instruction set of an `OpExtInst`.
 fn extension_of<'m>(module: &'m Module, op: Op, operands: &[u32]) -> Option<&'m str> {
     if !matches!(op, Op::ExtInst | Op::ExtInstWithForwardRefsKHR) {
         return None;
@@ -146,9 +146,9 @@ fn extension_of<'m>(module: &'m Module, op: Op, operands: &[u32]) -> Option<&'m 
     }
 }
 
-fn refuse(
+fn check_value(
     module: &Module,
-    encoded: &Encoded,
+    encoded: &EncodedTypes,
     (op, extension): (Op, Option<&str>),
     id: Id,
     at: usize,
@@ -170,10 +170,10 @@ fn refuse(
     Err(invalid(at, format!("{name} must not be used with {described} ({section})")))
 }
 
-/// A result that is decorated to saturate must come from a conversion to an 8-bit float.
-fn saturates(
+/// Checks that a result that is decorated to saturate comes from a conversion to an 8-bit float.
+fn check_saturation(
     module: &Module,
-    encoded: &Encoded,
+    encoded: &EncodedTypes,
     (id, ty): (Id, Option<Id>),
     op: Op,
     at: usize,

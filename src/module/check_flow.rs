@@ -1,4 +1,4 @@
-//! The control-flow graph of each function: what branches and `OpPhi` say about each other.
+//! Checks the control-flow graph of each function: targets of branches, and parents of `OpPhi`.
 
 use rspirv::spirv::Op;
 use smallvec::{SmallVec, smallvec};
@@ -17,7 +17,8 @@ pub(super) fn functions(module: &Module) -> Result<()> {
     for function in &module.functions {
         let predecessors = predecessors(module, function)?;
         for (index, block) in function.blocks.iter().enumerate() {
-            let phis = block.instructions.iter().take_while(|one| one.opcode == Op::Phi as u16);
+            let phis =
+                block.instructions.iter().take_while(|instruction| instruction.opcode == Op::Phi as u16);
             for phi in phis {
                 check_phi(module, function, &predecessors[index], phi)?;
             }
@@ -51,20 +52,20 @@ fn predecessors(module: &Module, function: &Function) -> Result<Vec<SmallVec<[u3
     Ok(predecessors)
 }
 
-/// One pair of value and parent for each block that branches here.
+/// Checks that a phi has one pair of value and parent for each block that branches to its block.
 fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &Instruction) -> Result<()> {
-    // By predecessor.
+    // By predecessor: whether the phi names it.
     let mut seen: SmallVec<[bool; 8]> = smallvec![false; predecessors.len()];
     for (index, pair) in module.operands(phi).chunks_exact(2).enumerate() {
         let at = phi.operands.start as usize + 2 * index + 1;
         let Some(Definition::Label(_, parent)) = module.definition(Id(pair[1])) else { continue };
-        if ends_unknown(&function.blocks[parent as usize]) {
+        if ends_in_unknown_opcode(&function.blocks[parent as usize]) {
             continue;
         }
-        let Ok(place) = predecessors.binary_search(&parent) else {
+        let Ok(position) = predecessors.binary_search(&parent) else {
             return Err(invalid(at, format!("OpPhi names %{}, which does not branch to its block", pair[1])));
         };
-        if std::mem::replace(&mut seen[place], true) {
+        if std::mem::replace(&mut seen[position], true) {
             return Err(invalid(at, format!("OpPhi names the block %{} twice", pair[1])));
         }
     }
@@ -78,7 +79,7 @@ fn check_phi(module: &Module, function: &Function, predecessors: &[u32], phi: &I
     Ok(())
 }
 
-/// Whether an instruction of unknown opcode ends a block: it is unknown where it continues.
-fn ends_unknown(block: &BasicBlock) -> bool {
+/// Whether a block ends with an unknown opcode, so that its successors are not known.
+fn ends_in_unknown_opcode(block: &BasicBlock) -> bool {
     block.instructions.last().is_some_and(|last| opcode(last.opcode).is_none())
 }

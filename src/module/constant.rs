@@ -15,10 +15,10 @@ pub struct Constant {
     pub value: ConstantValue,
     /// The `SpecId` decoration.
     pub spec_id: Option<u32>,
-    /// Made by one of the `OpSpecConstant*`: a specialization may change it, directly or through
-    /// what it is made of.
+    /// Whether one of the `OpSpecConstant*` defines it: a specialization may change it, directly or
+    /// through its constituents.
     pub specializable: bool,
-    /// Where it stands, in words.
+    /// The word offset of its instruction.
     pub offset: u32,
 }
 
@@ -37,7 +37,7 @@ pub enum ConstantValue {
     Operation {
         /// The opcode's number.
         opcode: u16,
-        /// The words behind the opcode.
+        /// The words after the opcode.
         operands: Vec<u32>,
     },
     /// A kind that this crate does not evaluate (`OpConstantSampler`, ...): the opcode's number.
@@ -47,8 +47,8 @@ pub enum ConstantValue {
 impl Module {
     /// Overrides the specialization constants with this `SpecId`.
     ///
-    /// `bits` is a bool (0 is false), an integer or a float's bits; what lies above the type's
-    /// width is cut off.
+    /// `bits` is a bool (0 is false), an integer or a float's bits; bits above the type's width
+    /// are dropped.
     ///
     /// # Errors
     /// `InvalidArgument` where the module has no scalar specialization constant with this id; the
@@ -78,18 +78,18 @@ impl Module {
 
     /// The type of the scalar specialization constants with this `SpecId`.
     pub fn specialization_type(&self, spec_id: u32) -> Option<TypeId> {
-        let is_meant = |constant: &&Constant| {
+        let has_spec_id = |constant: &&Constant| {
             let is_scalar = matches!(constant.value, ConstantValue::Scalar(_));
             constant.spec_id == Some(spec_id) && constant.specializable && is_scalar
         };
-        self.constants.iter().find(is_meant).map(|constant| constant.ty)
+        self.constants.iter().find(has_spec_id).map(|constant| constant.ty)
     }
 
-    /// The bits of a scalar constant as it stands, specialization constants included: their
-    /// default, or what [`Module::specialize`] has put there.
+    /// The current bits of a scalar constant. A specialization constant has its default, or the
+    /// value that [`Module::specialize`] has set.
     ///
-    /// Bits as in [`Module::constant_scalar`]. `None` for composites, undefined values, and what
-    /// `OpSpecConstantOp` computes.
+    /// The bits are encoded as by [`Module::constant_scalar`]. `None` for composites, undefined
+    /// values, and results of `OpSpecConstantOp`.
     pub fn scalar_value(&self, id: Id) -> Option<u64> {
         match self.definition(id)? {
             Definition::Constant(index) => match self.constants[index as usize].value {

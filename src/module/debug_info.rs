@@ -14,18 +14,18 @@ pub struct SourceFile {
     pub text: Option<Arc<str>>,
 }
 
-/// A place in a source file; line and column count from 1, column 0 is unknown.
+/// A line and a column in a source file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SourceLine {
     /// Index into [`DebugInfo::files`].
     pub file: u32,
-    /// From 1.
+    /// The line, from 1.
     pub line: u32,
-    /// From 1; 0 where unknown.
+    /// The column, from 1; 0 if unknown.
     pub column: u32,
 }
 
-/// Everything that helps a reader and changes no result.
+/// Everything that helps a reader of messages and does not change results.
 #[derive(Clone, Debug, Default)]
 pub struct DebugInfo {
     /// `OpName`.
@@ -41,7 +41,8 @@ pub struct DebugInfo {
     pub strings: HashMap<Id, Arc<str>>,
     /// Source files, from `OpString`/`OpSource` and `DebugSource`.
     pub files: Vec<SourceFile>,
-    /// The line in force from a word offset on, ascending by offset; `None` ends one.
+    /// The source line of the instructions from a word offset on, ascending by offset; `None` where
+    /// they have none.
     pub lines: Vec<(u32, Option<SourceLine>)>,
 }
 
@@ -52,8 +53,8 @@ impl DebugInfo {
         self.lines[..after].last()?.1
     }
 
-    /// The last source line at or before a word offset, but not before another; whether or not it
-    /// is still in force there.
+    /// The last source line at or before a word offset, but not before `from`, even if an
+    /// `OpNoLine` has ended it.
     pub fn line_before(&self, offset: u32, from: u32) -> Option<SourceLine> {
         let after = self.lines.partition_point(|&(start, _)| start <= offset);
         let lines = self.lines[..after].iter().rev().take_while(|&&(start, _)| start >= from);

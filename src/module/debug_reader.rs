@@ -1,5 +1,5 @@
-//! Reads names, source files and lines. Nothing here is an error: debug information that is
-//! broken or absent leaves gaps, never more.
+//! Reads names, source files and lines. Debug information that is invalid or absent is no error:
+//! it leaves gaps only.
 //!
 //! SPIR-V specification, section 3.3.2 "Debug Instructions";
 //! `NonSemantic.Shader.DebugInfo.100` (and later revisions, which keep its instructions).
@@ -17,24 +17,24 @@ use crate::module::{Id, Module};
 pub(super) struct DebugReader<'w> {
     words: &'w [u32],
     info: DebugInfo,
-    /// Index of each source file, by the id of the `OpString` that names it.
+    /// The index of each source file, by the id of the `OpString` that names it.
     files: HashMap<Id, u32>,
     /// The text of each file, by index.
     texts: Vec<Text>,
-    /// The file that continued source text belongs to.
+    /// The file that `OpSourceContinued` and `DebugSourceContinued` append to.
     open_source: Option<u32>,
-    /// File of each `DebugSource`.
+    /// The index of the file of each `DebugSource`.
     sources: HashMap<Id, u32>,
-    /// Name of each `DebugLocalVariable`.
+    /// The name of each `DebugLocalVariable`.
     locals: HashMap<Id, Arc<str>>,
-    /// Name of each `DebugFunction`.
+    /// The name of each `DebugFunction`.
     debug_functions: HashMap<Id, Arc<str>>,
     function: Option<Id>,
     /// Bytes of source text that may still be copied together.
-    text_budget: usize,
+    remaining_text: usize,
 }
 
-/// A source text while its parts come in.
+/// A source text, of which more parts may follow.
 enum Text {
     Absent,
     /// The text of one `OpString`, shared.
@@ -55,7 +55,7 @@ impl<'w> DebugReader<'w> {
             debug_functions: HashMap::new(),
             function: None,
             // Many instructions may continue with the same long string.
-            text_budget: 16 * words.len() + 65_536,
+            remaining_text: 16 * words.len() + 65_536,
         }
     }
 
@@ -67,12 +67,12 @@ impl<'w> DebugReader<'w> {
         self.function = None;
     }
 
-    /// A line holds to the end of its block (specification, `OpLine`).
+    /// Ends the current line, which holds to the end of its block (specification, `OpLine`).
     pub(super) fn leave_block(&mut self, offset: usize) {
         self.set_line(offset, None);
     }
 
-    /// An instruction of the core set.
+    /// Reads an instruction of the core grammar.
     pub(super) fn core(&mut self, span: Span, op: Op) {
         let words = &self.words[span.operands()];
         match (op, words) {
@@ -106,7 +106,7 @@ impl<'w> DebugReader<'w> {
         }
     }
 
-    /// An instruction of a debug information set: its ids stand behind set and number.
+    /// Reads an instruction of a debug information set: its operands follow set and number.
     pub(super) fn extended(&mut self, span: Span, module: &Module) {
         let [_, result, _, number, operands @ ..] = &self.words[span.operands()] else { return };
         let result = Id(*result);
@@ -185,7 +185,7 @@ impl<'w> DebugReader<'w> {
         self.info
     }
 
-    /// The file that an `OpString` names.
+    /// The index of the file that an `OpString` names.
     fn file(&mut self, name: Id) -> Option<u32> {
         if let Some(&index) = self.files.get(&name) {
             return Some(index);
@@ -201,12 +201,12 @@ impl<'w> DebugReader<'w> {
     fn add_text(&mut self, file: u32, more: &str) {
         let text = &mut self.texts[file as usize];
         if let Text::Whole(whole) = text {
-            let Some(left) = self.text_budget.checked_sub(whole.len()) else { return };
-            self.text_budget = left;
+            let Some(left) = self.remaining_text.checked_sub(whole.len()) else { return };
+            self.remaining_text = left;
             *text = Text::Parts(whole.to_string());
         }
-        let Some(left) = self.text_budget.checked_sub(more.len()) else { return };
-        self.text_budget = left;
+        let Some(left) = self.remaining_text.checked_sub(more.len()) else { return };
+        self.remaining_text = left;
         match text {
             Text::Parts(parts) => parts.push_str(more),
             _ => *text = Text::Parts(more.to_owned()),

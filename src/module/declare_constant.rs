@@ -1,4 +1,4 @@
-//! Constants of module scope.
+//! Reads constants of module scope.
 //!
 //! SPIR-V specification, section 3.3.7 "Constant-Creation Instructions".
 
@@ -7,7 +7,7 @@ use rspirv::spirv::Op;
 use crate::error::Result;
 use crate::module::Definition;
 use crate::module::constant::{Constant, ConstantValue};
-use crate::module::declare_type::continued;
+use crate::module::declare_type::unsupported_continuation;
 use crate::module::grammar::Opcode;
 use crate::module::load::Loader;
 use crate::module::names::opcode_name;
@@ -15,7 +15,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::words::{Span, invalid};
 
 impl Loader<'_> {
-    /// How many words the value of an `OpConstant` or `OpSpecConstant` takes; 1 for all else.
+    /// How many words the value of an `OpConstant` or `OpSpecConstant` takes; 1 for anything else.
     pub(super) fn literal_words(&self, span: Span, known: &Opcode) -> usize {
         if !matches!(known.op, Op::Constant | Op::SpecConstant) || span.end < span.start + 2 {
             return 1;
@@ -23,7 +23,7 @@ impl Loader<'_> {
         match self.module.definition(self.id(span.start + 1)) {
             Some(Definition::Type(ty)) => match *self.module.ty(ty) {
                 Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => 2,
-                // A width that is not known here: whatever there is.
+                // The width is not known here: all words that there are.
                 Type::Other(_) => (span.end - span.start).saturating_sub(3).max(1),
                 _ => 1,
             },
@@ -33,7 +33,7 @@ impl Loader<'_> {
 
     pub(super) fn declare_constant(&mut self, span: Span, known: &Opcode) -> Result<()> {
         if !known.has_result {
-            return Err(continued(span));
+            return Err(unsupported_continuation(span));
         }
         let first = span.start + 1;
         let ty = self.type_at(span, first)?;
@@ -88,24 +88,24 @@ impl Loader<'_> {
         })
     }
 
-    /// Each constituent is a constant of the type that its place asks for.
+    /// Checks that each constituent is a constant of the type that the composite has there.
     fn check_constituents(&self, span: Span, ty: TypeId) -> Result<()> {
         /// What the constituents of a composite must be.
-        enum Wanted<'a> {
+        enum ConstituentTypes<'a> {
             All(TypeId),
             Each(&'a [crate::module::ty::Member]),
             Anything,
         }
         let at = span.start + 3;
         let found = (span.end - at) as u64;
-        let (wanted, count) = match self.module.ty(ty) {
-            Type::Vector { component, count } => (Wanted::All(*component), Some(u64::from(*count))),
-            Type::Matrix { column, count } => (Wanted::All(*column), Some(u64::from(*count))),
+        let (expected, count) = match self.module.ty(ty) {
+            Type::Vector { component, count } => (ConstituentTypes::All(*component), Some(u64::from(*count))),
+            Type::Matrix { column, count } => (ConstituentTypes::All(*column), Some(u64::from(*count))),
             Type::Array { element, length, .. } => {
-                (Wanted::All(*element), self.module.constant_scalar(*length))
+                (ConstituentTypes::All(*element), self.module.constant_scalar(*length))
             }
-            Type::Struct { members, .. } => (Wanted::Each(members), Some(members.len() as u64)),
-            Type::Other(_) => (Wanted::Anything, None),
+            Type::Struct { members, .. } => (ConstituentTypes::Each(members), Some(members.len() as u64)),
+            Type::Other(_) => (ConstituentTypes::Anything, None),
             _ => return Err(self.expected(span, span.start + 1, "a composite type")),
         };
         if let Some(count) = count
@@ -123,13 +123,13 @@ impl Loader<'_> {
                 None if self.unknown.contains_key(&id) => continue,
                 _ => return Err(self.expected(span, at, "a constant")),
             };
-            let wanted = match wanted {
-                Wanted::All(ty) => ty,
-                Wanted::Each(members) => members[at - span.start - 3].ty,
-                Wanted::Anything => continue,
+            let expected = match expected {
+                ConstituentTypes::All(ty) => ty,
+                ConstituentTypes::Each(members) => members[at - span.start - 3].ty,
+                ConstituentTypes::Anything => continue,
             };
-            if wanted != constituent {
-                let what = format!("a constant of type {}", self.module.describe_type(wanted));
+            if expected != constituent {
+                let what = format!("a constant of type {}", self.module.describe_type(expected));
                 return Err(self.expected(span, at, &what));
             }
         }

@@ -1,4 +1,4 @@
-//! Type declarations: words to the arena of types.
+//! Reads type declarations into the arena of types.
 //!
 //! SPIR-V specification, sections 2.8 "Types and Variables" and 3.3.6 "Type-Declaration
 //! Instructions".
@@ -19,7 +19,7 @@ use crate::module::{Definition, Id};
 const MAX_DEPTH: u32 = 255;
 
 impl Loader<'_> {
-    /// `OpTypeForwardPointer`: a pointer whose pointee follows.
+    /// Reads `OpTypeForwardPointer`: a pointer type whose pointee is declared later.
     pub(super) fn declare_forward_pointer(&mut self, span: Span) -> Result<()> {
         let at = span.start + 1;
         let storage_class = self.words[at + 1];
@@ -30,10 +30,10 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Any other type declaration.
+    /// Reads any other type declaration.
     pub(super) fn declare_type(&mut self, span: Span, known: &Opcode) -> Result<()> {
         if !known.has_result {
-            return Err(continued(span));
+            return Err(unsupported_continuation(span));
         }
         let at = span.start + 1;
         let (ty, depth) = self.type_of_words(span, known.op)?;
@@ -69,13 +69,13 @@ impl Loader<'_> {
             panic!("bug in anyhit: a forward pointer is no type");
         };
         let declared = &mut self.module.types[forward.0 as usize];
-        let same = match (&*declared, &ty) {
+        let same_storage_class = match (&*declared, &ty) {
             (Type::Pointer { storage_class: first, .. }, Type::Pointer { storage_class: second, .. }) => {
                 first == second
             }
             _ => false,
         };
-        if !same {
+        if !same_storage_class {
             return Err(invalid(
                 span.start + 2,
                 format!(
@@ -89,7 +89,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// The type with its depth of nesting.
+    /// Parses a type; returns it with its depth of nesting.
     fn type_of_words(&mut self, span: Span, op: Op) -> Result<(Type, u32)> {
         let at = span.start + 2;
         let words = self.words;
@@ -140,7 +140,7 @@ impl Loader<'_> {
                 let count = self.count(span, at + 1)?;
                 return Ok((Type::Vector { component, count }, self.depth(component) + 1));
             }
-            // The number is also OpTypeCooperativeVectorNV's.
+            // OpTypeCooperativeVectorNV has the same number.
             Op::TypeVectorIdEXT if self.module.capabilities.contains(&(Capability::LongVectorEXT as u32)) => {
                 let component = self.type_at(span, at)?;
                 if !is_scalar(self.module.ty(component)) {
@@ -231,7 +231,7 @@ impl Loader<'_> {
         self.depths[ty.0 as usize]
     }
 
-    /// A count of components or columns.
+    /// Reads a count of components or columns.
     fn count(&self, span: Span, at: usize) -> Result<u32> {
         match self.words[at] {
             count @ 2.. => Ok(count),
@@ -242,7 +242,7 @@ impl Loader<'_> {
         }
     }
 
-    /// A vector whose count is a constant (`SPV_EXT_long_vector`).
+    /// Makes a vector type whose count is a constant (`SPV_EXT_long_vector`).
     fn long_vector(&mut self, span: Span, component: TypeId, length: Id) -> Result<Type> {
         let specializable = match self.module.definition(length) {
             Some(Definition::Constant(index)) => self.module.constants[index as usize].specializable,
@@ -258,7 +258,7 @@ impl Loader<'_> {
         }
     }
 
-    /// A type of which values can be kept: neither void nor a function.
+    /// Reads the id of a type that values can have: neither void nor a function.
     fn data_type(&mut self, span: Span, at: usize) -> Result<TypeId> {
         let ty = self.type_at(span, at)?;
         match self.module.ty(ty) {
@@ -267,7 +267,7 @@ impl Loader<'_> {
         }
     }
 
-    /// The id of an array's length: a constant integer, at least 1 where it is known already.
+    /// Reads the id of an array's length: a constant integer, at least 1 if its value is known.
     fn array_length(&self, span: Span, at: usize) -> Result<Id> {
         let id = self.id(at);
         let constant = match self.module.definition(id) {
@@ -292,8 +292,8 @@ impl Loader<'_> {
     }
 }
 
-/// The instructions that prolong another one beyond 65,535 words.
-pub(super) fn continued(span: Span) -> Error {
+/// The error for an instruction that continues another one beyond 65,535 words.
+pub(super) fn unsupported_continuation(span: Span) -> Error {
     Error::new(
         ErrorKind::UnsupportedModule,
         format!("{} is not read: split the aggregate into smaller ones", opcode_name(span.opcode)),

@@ -23,9 +23,9 @@ pub struct Decoration {
 /// All decorations of a module; groups are already applied to their targets.
 #[derive(Clone, Debug, Default)]
 pub struct Decorations {
-    /// Of ids.
+    /// Decorations of ids.
     pub of_id: HashMap<Id, Vec<Decoration>>,
-    /// Of struct members: the struct's id, the member's index.
+    /// Decorations of struct members, by the struct's id and the member's index.
     pub of_member: HashMap<(Id, u32), Vec<Decoration>>,
 }
 
@@ -50,20 +50,21 @@ fn find(decorations: &[Decoration], number: u32) -> Option<&Decoration> {
     decorations.iter().find(|decoration| decoration.number == number)
 }
 
-/// Decorations as met, before their targets are known.
+/// Decorations in the module's order, before their targets are known.
 #[derive(Default)]
 pub(super) struct PendingDecorations {
     groups: HashSet<Id>,
-    steps: Vec<Step>,
-    /// What each group stands for.
+    entries: Vec<PendingDecoration>,
+    /// The decorations of each group.
     of_group: HashMap<Id, Vec<Decoration>>,
 }
 
-struct Step {
+/// A decoration, or a group of them, and what it is applied to.
+struct PendingDecoration {
     target: Target,
-    /// Where the target's id stands.
+    /// The offset of the word with the target's id.
     at: usize,
-    what: What,
+    source: DecorationSource,
 }
 
 #[derive(Clone, Copy)]
@@ -72,75 +73,78 @@ enum Target {
     Member(Id, u32),
 }
 
-enum What {
-    One(Decoration),
+enum DecorationSource {
+    Decoration(Decoration),
     Group(Id),
 }
 
 impl PendingDecorations {
-    /// `OpDecorate`, `OpDecorateId`, `OpDecorateString`.
+    /// Records `OpDecorate`, `OpDecorateId` or `OpDecorateString`.
     pub(super) fn decorate(&mut self, words: &[u32], span: Span) {
         let at = span.start + 1;
-        self.one(Target::Id(Id(words[at])), at, words, at + 1..span.end);
+        self.push(Target::Id(Id(words[at])), at, words, at + 1..span.end);
     }
 
-    /// `OpMemberDecorate`, `OpMemberDecorateIdEXT`, `OpMemberDecorateString`.
+    /// Records `OpMemberDecorate`, `OpMemberDecorateIdEXT` or `OpMemberDecorateString`.
     pub(super) fn decorate_member(&mut self, words: &[u32], span: Span) {
         let at = span.start + 1;
-        self.one(Target::Member(Id(words[at]), words[at + 1]), at, words, at + 2..span.end);
+        self.push(Target::Member(Id(words[at]), words[at + 1]), at, words, at + 2..span.end);
     }
 
-    fn one(&mut self, target: Target, at: usize, words: &[u32], range: Range<usize>) {
+    fn push(&mut self, target: Target, at: usize, words: &[u32], range: Range<usize>) {
         let decoration =
             Decoration { number: words[range.start], operands: words[range.start + 1..range.end].to_vec() };
-        self.steps.push(Step { target, at, what: What::One(decoration) });
+        self.entries.push(PendingDecoration { target, at, source: DecorationSource::Decoration(decoration) });
     }
 
-    /// `OpDecorationGroup`.
+    /// Records `OpDecorationGroup`.
     pub(super) fn group(&mut self, id: Id) {
         self.groups.insert(id);
     }
 
-    /// `OpGroupDecorate`.
+    /// Records `OpGroupDecorate`.
     pub(super) fn apply_group(&mut self, words: &[u32], span: Span) {
         let group = Id(words[span.start + 1]);
         let first = span.start + 2;
         for (index, &target) in words[first..span.end].iter().enumerate() {
             let target = Target::Id(Id(target));
-            self.steps.push(Step { target, at: first + index, what: What::Group(group) });
+            self.entries.push(PendingDecoration {
+                target,
+                at: first + index,
+                source: DecorationSource::Group(group),
+            });
         }
     }
 
-    /// `OpGroupMemberDecorate`.
+    /// Records `OpGroupMemberDecorate`.
     pub(super) fn apply_group_to_members(&mut self, words: &[u32], span: Span) {
         let group = Id(words[span.start + 1]);
         for at in (span.start + 2..span.end).step_by(2) {
             let target = Target::Member(Id(words[at]), words[at + 1]);
-            self.steps.push(Step { target, at, what: What::Group(group) });
+            self.entries.push(PendingDecoration { target, at, source: DecorationSource::Group(group) });
         }
     }
 
-    /// Gives all decorations to their targets and folds those that shape memory into the types.
+    /// Applies all decorations to their targets, and folds memory layout into the types.
     pub(super) fn apply(mut self, module: &mut Module, unknown: &UnknownResults, words: usize) -> Result<()> {
         let mut budget = CopyBudget::new(words);
-        for Step { target, at, what } in std::mem::take(&mut self.steps) {
-            let decorations = match what {
-                What::One(decoration) => match target {
+        for PendingDecoration { target, at, source } in std::mem::take(&mut self.entries) {
+            let decorations = match source {
+                DecorationSource::Decoration(decoration) => match target {
                     Target::Id(id) if self.groups.contains(&id) => {
                         self.of_group.entry(id).or_default().push(decoration);
                         continue;
                     }
                     _ => vec![decoration],
                 },
-                // A group stands behind its decorations: the specification says so of OpDecorate
-                // with a group as its target.
-                What::Group(group) if self.groups.contains(&group) => {
+                // All decorations of a group precede it (specification, OpDecorationGroup).
+                DecorationSource::Group(group) if self.groups.contains(&group) => {
                     let decorations = self.of_group.get(&group).map_or(&[][..], Vec::as_slice);
                     let words: usize = decorations.iter().map(|one| 1 + one.operands.len()).sum();
                     budget.spend(words, at)?;
                     decorations.to_vec()
                 }
-                What::Group(group) => {
+                DecorationSource::Group(group) => {
                     return Err(invalid(
                         at,
                         format!("expected the id of an OpDecorationGroup, found %{}", group.0),
@@ -157,7 +161,7 @@ impl PendingDecorations {
                 }
             }
         }
-        fold(module);
+        fold_into_types(module);
         Ok(())
     }
 }
@@ -187,7 +191,7 @@ fn check_target(module: &Module, unknown: &UnknownResults, target: Target, at: u
 }
 
 /// Folds decorations into types, members and constants.
-fn fold(module: &mut Module) {
+fn fold_into_types(module: &mut Module) {
     let number = |decoration: spirv::Decoration| decoration as u32;
     let literal = |all: &[Decoration], decoration: spirv::Decoration| {
         find(all, number(decoration)).and_then(|one| one.operands.first().copied())

@@ -1,4 +1,4 @@
-//! Ids and types in words, for errors and listings.
+//! Describes ids and types in error messages and listings.
 
 use crate::math::float_format::FloatFormat;
 use crate::module::names::{opcode_name, storage_class_name};
@@ -6,7 +6,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 
 impl Module {
-    /// An id in words for an error: `%7 (a label)`, `%12 (the constant "scale")`.
+    /// Describes an id in an error: `%7 (a label)`, `%12 (the constant "scale")`.
     pub fn describe_id(&self, id: Id) -> String {
         let what = match self.definition(id) {
             None => return format!("%{}, which nothing defines", id.0),
@@ -28,14 +28,15 @@ impl Module {
         }
     }
 
-    /// A type in GLSL's words, for people: `vec3`, `float[2]`, `struct Payload`.
+    /// Describes a type in GLSL's notation: `vec3`, `float[2]`, `struct Payload`.
     pub fn describe_type(&self, ty: TypeId) -> String {
         let mut text = String::new();
         self.write_type(ty, 4, &mut text);
         text
     }
 
-    /// `pointers` bounds how many pointers are followed: they may lead round in a circle.
+    /// Appends the description of a type; `pointers` bounds how many pointers are followed, as they
+    /// may form a cycle.
     fn write_type(&self, ty: TypeId, pointers: u32, out: &mut String) {
         match self.ty(ty) {
             Type::Void => out.push_str("void"),
@@ -77,7 +78,7 @@ impl Module {
                 }
             }
             Type::Array { .. } | Type::RuntimeArray { .. } => {
-                // The outermost array's length stands first, as GLSL writes it.
+                // The outermost array's length is first, as in GLSL.
                 let mut lengths = String::new();
                 let mut inner = ty;
                 loop {
@@ -170,7 +171,7 @@ mod tests {
     use crate::module::assemble::Assembler;
 
     #[test]
-    fn types_are_told_in_the_words_of_glsl() {
+    fn types_are_described_in_the_notation_of_glsl() {
         let mut a = Assembler::new();
         a.with_string(Op::Name, &[30], "Payload", &[]);
         a.types();
@@ -195,10 +196,10 @@ mod tests {
         a.op(Op::TypeFloat, &[38, 8, 4215]);
         a.op(Op::TypeVector, &[39, 38, 2]);
         let module = a.loaded();
-        let told = [11, 12, 13, 14, 15, 18, 19, 30, 31, 32, 33, 34, 35, 36, 37, 39]
+        let described = [11, 12, 13, 14, 15, 18, 19, 30, 31, 32, 33, 34, 35, 36, 37, 39]
             .map(|id| module.describe_type(module.type_with_id(Id(id)).unwrap()));
         assert_eq!(
-            told,
+            described,
             [
                 "dvec2",
                 "bvec4",
@@ -224,12 +225,12 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_of_pointers_is_told_in_finite_words() {
+    fn a_cycle_of_pointers_has_a_finite_description() {
         let mut a = Assembler::new();
         a.op(Op::TypeForwardPointer, &[1, 5349]);
         a.op(Op::TypePointer, &[1, 5349, 1]);
         let module = a.loaded();
-        let told = module.describe_type(module.type_with_id(Id(1)).unwrap());
-        assert!(told.ends_with("pointer to PhysicalStorageBuffer ..."), "{told}");
+        let described = module.describe_type(module.type_with_id(Id(1)).unwrap());
+        assert!(described.ends_with("pointer to PhysicalStorageBuffer ..."), "{described}");
     }
 }

@@ -1,4 +1,4 @@
-//! Functions: words to blocks.
+//! Reads functions: from words to basic blocks.
 //!
 //! SPIR-V specification, sections 2.4 "Logical Layout of a Module" (items 10 and 11) and 2.11
 //! "Structured Control Flow".
@@ -14,12 +14,12 @@ use crate::module::words::{Span, Walker, invalid};
 use crate::module::{BasicBlock, Definition, Function, Id, Instruction};
 
 impl<'w> Loader<'w> {
-    /// Reads the functions, of which the first has been met.
+    /// Reads the functions; `first` is the first `OpFunction`.
     pub(super) fn functions(&mut self, walker: &mut Walker<'w>, first: Option<Span>) -> Result<()> {
         let mut next = first;
         while let Some(span) = next {
             match opcode(span.opcode) {
-                None => self.note_unknown(span),
+                None => self.record_unknown(span),
                 Some(known) if known.op == Op::Function => self.function(span, walker)?,
                 Some(known) if known.op == Op::Nop || self.debug_instruction(span, known)? => {}
                 Some(_) => {
@@ -39,7 +39,7 @@ impl<'w> Loader<'w> {
         let first = span.start + 1;
         let return_type = self.type_at(span, first)?;
         let function_type = self.type_at(span, first + 3)?;
-        let wanted = match self.module.ty(function_type) {
+        let parameter_types = match self.module.ty(function_type) {
             Type::Function { return_type: declared, parameters } if *declared == return_type => {
                 parameters.clone()
             }
@@ -53,15 +53,15 @@ impl<'w> Loader<'w> {
             offset: span.start as u32,
             control: self.words[first + 2],
             return_type,
-            parameters: Vec::with_capacity(wanted.len()),
+            parameters: Vec::with_capacity(parameter_types.len()),
             blocks: Vec::new(),
             calls: Vec::new(),
             variables: Vec::new(),
         });
         self.debug.enter_function(id);
-        let mut body = Body { index, wanted, open: None, room: Vec::new() };
+        let mut builder = FunctionBuilder { index, parameter_types, open_block: None, spare: Vec::new() };
         while let Some(span) = walker.next()? {
-            if self.body_instruction(span, &mut body)? {
+            if self.body_instruction(span, &mut builder)? {
                 self.debug.leave_function();
                 return Ok(());
             }
@@ -69,34 +69,34 @@ impl<'w> Loader<'w> {
         Err(invalid(self.words.len(), format!("the module ends before the OpFunctionEnd of %{}", id.0)))
     }
 
-    /// Takes one instruction of a function; says whether it was the `OpFunctionEnd`.
-    fn body_instruction(&mut self, span: Span, body: &mut Body) -> Result<bool> {
+    /// Reads one instruction of a function; returns whether it is the `OpFunctionEnd`.
+    fn body_instruction(&mut self, span: Span, builder: &mut FunctionBuilder) -> Result<bool> {
         let Some(known) = opcode(span.opcode) else {
-            self.note_unknown(span);
-            self.push_instruction(span, None, body)?;
+            self.record_unknown(span);
+            self.push_instruction(span, None, builder)?;
             return Ok(false);
         };
         if known.op == Op::Nop || self.debug_instruction(span, known)? {
             return Ok(false);
         }
         match known.op {
-            Op::FunctionParameter => self.parameter(span, body)?,
+            Op::FunctionParameter => self.parameter(span, builder)?,
             Op::FunctionEnd => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
-                self.close_open_block(span, body)?;
-                self.check_parameter_count(span, body)?;
+                self.close_open_block(span, builder)?;
+                self.check_parameter_count(span, builder)?;
                 return Ok(true);
             }
             Op::Label => {
                 walk(self.words, span, 1, &mut |_, _| Ok(()))?;
-                self.close_open_block(span, body)?;
-                self.check_parameter_count(span, body)?;
-                let block = self.module.functions[body.index as usize].blocks.len() as u32;
-                self.define(span.start + 1, Definition::Label(body.index, block))?;
-                body.open = Some(BasicBlock {
+                self.close_open_block(span, builder)?;
+                self.check_parameter_count(span, builder)?;
+                let block = self.module.functions[builder.index as usize].blocks.len() as u32;
+                self.define(span.start + 1, Definition::Label(builder.index, block))?;
+                builder.open_block = Some(BasicBlock {
                     label: self.id(span.start + 1),
                     offset: span.start as u32,
-                    instructions: std::mem::take(&mut body.room),
+                    instructions: std::mem::take(&mut builder.spare),
                 });
             }
             Op::Function => {
@@ -112,9 +112,9 @@ impl<'w> Loader<'w> {
                 ));
             }
             _ => {
-                self.push_instruction(span, Some(known), body)?;
+                self.push_instruction(span, Some(known), builder)?;
                 if known.ends_block {
-                    self.close_block(body);
+                    self.close_block(builder);
                     self.debug.leave_block(span.end);
                 }
             }
@@ -122,14 +122,14 @@ impl<'w> Loader<'w> {
         Ok(false)
     }
 
-    fn parameter(&mut self, span: Span, body: &Body) -> Result<()> {
+    fn parameter(&mut self, span: Span, builder: &FunctionBuilder) -> Result<()> {
         walk(self.words, span, 1, &mut |_, _| Ok(()))?;
-        let function = &self.module.functions[body.index as usize];
-        if body.open.is_some() || !function.blocks.is_empty() {
+        let function = &self.module.functions[builder.index as usize];
+        if builder.open_block.is_some() || !function.blocks.is_empty() {
             return Err(invalid(span.start, "OpFunctionParameter stands behind the first OpLabel"));
         }
         let index = function.parameters.len();
-        let Some(&wanted) = body.wanted.get(index) else {
+        let Some(&wanted) = builder.parameter_types.get(index) else {
             return Err(invalid(
                 span.start,
                 format!("OpFunctionParameter: the function's type has {index} parameters only"),
@@ -140,15 +140,15 @@ impl<'w> Loader<'w> {
             let what = format!("{}, as the function's type says", self.module.describe_type(wanted));
             return Err(self.expected(span, span.start + 1, &what));
         }
-        self.define(span.start + 2, Definition::Parameter(body.index, index as u32))?;
+        self.define(span.start + 2, Definition::Parameter(builder.index, index as u32))?;
         let id = self.id(span.start + 2);
-        self.module.functions[body.index as usize].parameters.push((id, ty));
+        self.module.functions[builder.index as usize].parameters.push((id, ty));
         Ok(())
     }
 
-    fn check_parameter_count(&self, span: Span, body: &Body) -> Result<()> {
-        let function = &self.module.functions[body.index as usize];
-        if function.parameters.len() == body.wanted.len() {
+    fn check_parameter_count(&self, span: Span, builder: &FunctionBuilder) -> Result<()> {
+        let function = &self.module.functions[builder.index as usize];
+        if function.parameters.len() == builder.parameter_types.len() {
             return Ok(());
         }
         Err(invalid(
@@ -156,16 +156,21 @@ impl<'w> Loader<'w> {
             format!(
                 "%{}: expected {} OpFunctionParameter, found {} before {}",
                 function.id.0,
-                body.wanted.len(),
+                builder.parameter_types.len(),
                 function.parameters.len(),
                 opcode_name(span.opcode)
             ),
         ))
     }
 
-    fn push_instruction(&mut self, span: Span, known: Option<&Opcode>, body: &mut Body) -> Result<()> {
-        let Some(block) = &mut body.open else {
-            let wanted = match self.module.functions[body.index as usize].blocks.is_empty() {
+    fn push_instruction(
+        &mut self,
+        span: Span,
+        known: Option<&Opcode>,
+        builder: &mut FunctionBuilder,
+    ) -> Result<()> {
+        let Some(block) = &mut builder.open_block else {
+            let wanted = match self.module.functions[builder.index as usize].blocks.is_empty() {
                 true => "OpFunctionParameter, OpLabel or OpFunctionEnd",
                 false => "OpLabel or OpFunctionEnd",
             };
@@ -191,8 +196,8 @@ impl<'w> Loader<'w> {
             result: result_at.map(|at| Id(self.words[at])),
             operands: operands.start as u32..operands.end as u32,
         };
-        let block_index = self.module.functions[body.index as usize].blocks.len() as u32;
-        let definition = Definition::Result(body.index, block_index, block.instructions.len() as u32);
+        let block_index = self.module.functions[builder.index as usize].blocks.len() as u32;
+        let definition = Definition::Result(builder.index, block_index, block.instructions.len() as u32);
         block.instructions.push(instruction);
         let ty = type_at.map(|at| self.type_at(span, at)).transpose()?;
         if let (Some(ty), Some(known)) = (ty, known)
@@ -229,13 +234,13 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    /// Ends a block at `OpLabel` or `OpFunctionEnd`: right only if an unknown opcode came last,
-    /// which may be a terminator.
-    fn close_open_block(&mut self, span: Span, body: &mut Body) -> Result<()> {
-        let Some(block) = &body.open else { return Ok(()) };
+    /// Ends a block at `OpLabel` or `OpFunctionEnd`. That is valid only if its last instruction has
+    /// an unknown opcode, which may be a terminator.
+    fn close_open_block(&mut self, span: Span, builder: &mut FunctionBuilder) -> Result<()> {
+        let Some(block) = &builder.open_block else { return Ok(()) };
         match block.instructions.last() {
             Some(last) if opcode(last.opcode).is_none() => {
-                self.close_block(body);
+                self.close_block(builder);
                 self.debug.leave_block(span.start);
                 Ok(())
             }
@@ -246,22 +251,24 @@ impl<'w> Loader<'w> {
         }
     }
 
-    fn close_block(&mut self, body: &mut Body) {
-        if let Some(mut block) = body.open.take() {
+    fn close_block(&mut self, builder: &mut FunctionBuilder) {
+        if let Some(mut block) = builder.open_block.take() {
             let mut instructions = Vec::with_capacity(block.instructions.len());
             instructions.append(&mut block.instructions);
-            body.room = std::mem::replace(&mut block.instructions, instructions);
-            self.module.functions[body.index as usize].blocks.push(block);
+            builder.spare = std::mem::replace(&mut block.instructions, instructions);
+            self.module.functions[builder.index as usize].blocks.push(block);
         }
     }
 }
 
-/// What stands behind an `OpFunction` so far.
-struct Body {
+/// The function that is being read.
+struct FunctionBuilder {
+    /// Its index in the module.
     index: u32,
     /// Types of the parameters, by the function's type.
-    wanted: Vec<TypeId>,
-    open: Option<BasicBlock>,
-    /// Memory for the instructions of the next block.
-    room: Vec<Instruction>,
+    parameter_types: Vec<TypeId>,
+    /// The block that has no terminator yet.
+    open_block: Option<BasicBlock>,
+    /// An empty list whose memory the instructions of the next block reuse.
+    spare: Vec<Instruction>,
 }

@@ -1,4 +1,4 @@
-//! The operands of an opcode, parsed word by word with rspirv's grammar tables.
+//! Parses the operands of an instruction word by word with rspirv's grammar tables.
 //!
 //! An enumerant that the tables do not know may have parameters of its own, so the operands after
 //! it cannot be parsed: the rest of such an instruction is kept unread.
@@ -31,53 +31,54 @@ pub(crate) struct Opcode {
     /// Whether it ends its block.
     pub(crate) ends_block: bool,
     operands: &'static [LogicalOperand],
-    plain: Plain,
+    fixed: FixedOperands,
 }
 
-/// The operands of an opcode, after its result, that take a word each (or two) and have no
-/// parameters.
+/// The operands of an opcode, after its result, whose number of words is fixed: each takes one word
+/// and has no parameters, and a repeated one may take two. Most instructions have only such
+/// operands, so [`walk`] need not examine their words.
 #[derive(Clone, Copy)]
-struct Plain {
+struct FixedOperands {
     /// The number of leading operands that occur once.
-    leading: usize,
-    /// Whether these may be all.
-    ends: bool,
+    required: usize,
+    /// Whether an instruction may end after these.
+    rest_is_optional: bool,
     /// The operand that may follow them any number of times, up to the end: its kind, and how many
     /// words of that kind make one.
     repeated: Option<(OperandKind, usize)>,
 }
 
-impl Plain {
+impl FixedOperands {
     fn of(operands: &[LogicalOperand]) -> Self {
         let once = |operand: &&LogicalOperand| {
-            operand.quantifier == OperandQuantifier::One && is_plain(operand.kind)
+            operand.quantifier == OperandQuantifier::One && is_single_word(operand.kind)
         };
-        let leading = operands.iter().take_while(once).count();
-        let rest = &operands[leading..];
-        let ends = rest.iter().all(|operand| operand.quantifier != OperandQuantifier::One);
+        let required = operands.iter().take_while(once).count();
+        let rest = &operands[required..];
+        let rest_is_optional = rest.iter().all(|operand| operand.quantifier != OperandQuantifier::One);
         let repeated = match rest {
             [LogicalOperand { kind, quantifier: OperandQuantifier::ZeroOrMore }] => match kind {
                 OperandKind::PairIdRefIdRef => Some((OperandKind::IdRef, 2)),
-                kind if is_plain(*kind) => Some((*kind, 1)),
+                kind if is_single_word(*kind) => Some((*kind, 1)),
                 _ => None,
             },
             _ => None,
         };
-        Self { leading, ends, repeated }
+        Self { required, rest_is_optional, repeated }
     }
 
-    /// Whether that many words are exactly such operands.
-    fn fits(&self, words: usize) -> bool {
-        match words.checked_sub(self.leading) {
+    /// Whether so many words hold such operands only, without a remainder.
+    fn match_count(&self, words: usize) -> bool {
+        match words.checked_sub(self.required) {
             None => false,
-            Some(0) => self.ends,
-            Some(more) => self.repeated.is_some_and(|(_, together)| more % together == 0),
+            Some(0) => self.rest_is_optional,
+            Some(rest) => self.repeated.is_some_and(|(_, words_each)| rest % words_each == 0),
         }
     }
 }
 
 /// Whether operands of a kind are one word and have no parameters.
-fn is_plain(kind: OperandKind) -> bool {
+fn is_single_word(kind: OperandKind) -> bool {
     use OperandKind as K;
     !matches!(
         kind,
@@ -129,7 +130,7 @@ pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
                 module_scope_only: is_module_scope_only(entry.opcode, entry.opname),
                 ends_block: is_block_terminator(entry.opcode),
                 operands: entry.operands,
-                plain: Plain::of(&entry.operands[usize::from(has_type) + usize::from(has_result)..]),
+                fixed: FixedOperands::of(&entry.operands[usize::from(has_type) + usize::from(has_result)..]),
             });
         }
         table
@@ -187,21 +188,20 @@ pub(crate) fn walk(
 ) -> Result<()> {
     let Some(opcode) = opcode(span.opcode) else { return Ok(()) };
     let first = span.start + 1 + opcode.result_words();
-    // Most instructions: their words need not be examined.
-    if opcode.plain.fits(span.end.wrapping_sub(first)) && first <= span.end {
-        let Plain { leading, repeated, .. } = opcode.plain;
-        let operands = &opcode.operands[opcode.result_words()..][..leading];
+    if opcode.fixed.match_count(span.end.wrapping_sub(first)) && first <= span.end {
+        let FixedOperands { required, repeated, .. } = opcode.fixed;
+        let operands = &opcode.operands[opcode.result_words()..][..required];
         for (at, operand) in (first..).zip(operands) {
             visit(at, operand.kind)?;
         }
         return match repeated {
-            Some((kind, _)) => (first + leading..span.end).try_for_each(|at| visit(at, kind)),
+            Some((kind, _)) => (first + required..span.end).try_for_each(|at| visit(at, kind)),
             None => Ok(()),
         };
     }
     let mut cursor = Cursor { words, span, at: span.start + 1, literal_words, visit };
     for _ in 0..opcode.result_words() {
-        cursor.take("its result")?;
+        cursor.next_word("its result")?;
     }
     cursor.operands(&opcode.operands[opcode.result_words()..])?;
     if opcode.op == spirv::Op::HitObjectRecordFromQueryEXT {
@@ -224,7 +224,7 @@ pub(crate) fn walk(
 /// The offsets of an instruction's operands that are ids, without result type and result id.
 ///
 /// `operands` is their range, after result type and result id. The instruction must have passed
-/// [`walk`] before: what does not fit is left out.
+/// [`walk`] before: operands after a violation of the grammar are left out.
 pub(crate) fn id_operands(
     words: &[u32],
     opcode_number: u16,
@@ -235,13 +235,13 @@ pub(crate) fn id_operands(
     let Some(opcode) = opcode(opcode_number) else { return };
     let start = operands.start.saturating_sub(1 + opcode.result_words());
     let span = Span { opcode: opcode_number, start, end: operands.end };
-    let passed = walk(words, span, literal_words, &mut |at, kind| {
+    let parsed = walk(words, span, literal_words, &mut |at, kind| {
         if is_id(kind) {
             visit(at);
         }
         Ok(())
     });
-    debug_assert!(passed.is_ok(), "bug in anyhit: an instruction of a loaded module breaks the grammar");
+    debug_assert!(parsed.is_ok(), "bug in anyhit: an instruction of a loaded module breaks the grammar");
 }
 
 struct Cursor<'a> {
@@ -253,7 +253,7 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Steps over operands in their order.
+    /// Reads operands in their order.
     fn operands(&mut self, operands: &[LogicalOperand]) -> Result<()> {
         for operand in operands {
             match operand.quantifier {
@@ -270,43 +270,43 @@ impl Cursor<'_> {
         Ok(())
     }
 
-    /// Steps over one operand with its enumerant's parameters.
+    /// Reads one operand and the parameters of its enumerant.
     fn operand(&mut self, kind: OperandKind) -> Result<()> {
         use OperandKind as K;
         match kind {
             K::PairIdRefIdRef => {
-                self.one(K::IdRef)?;
-                self.one(K::IdRef)?;
+                self.visit_word(K::IdRef)?;
+                self.visit_word(K::IdRef)?;
                 Ok(())
             }
             K::PairIdRefLiteralInteger => {
-                self.one(K::IdRef)?;
-                self.one(K::LiteralInteger)?;
+                self.visit_word(K::IdRef)?;
+                self.visit_word(K::LiteralInteger)?;
                 Ok(())
             }
             K::PairLiteralIntegerIdRef => {
                 self.operand(K::LiteralContextDependentNumber)?;
-                self.one(K::IdRef)?;
+                self.visit_word(K::IdRef)?;
                 Ok(())
             }
             K::LiteralContextDependentNumber => {
-                self.one(kind)?;
+                self.visit_word(kind)?;
                 for _ in 1..self.literal_words {
-                    self.take("the high word of a 64-bit number")?;
+                    self.next_word("the high word of a 64-bit number")?;
                 }
                 Ok(())
             }
             K::LiteralString => {
                 let start = self.at;
-                self.one(kind)?;
+                self.visit_word(kind)?;
                 let mut last = self.words[start];
                 while !ends_string(last) {
-                    last = self.words[self.take("the closing zero byte of a string")?];
+                    last = self.words[self.next_word("the closing zero byte of a string")?];
                 }
                 Ok(())
             }
             K::LiteralSpecConstantOpInteger => {
-                let at = self.one(kind)?;
+                let at = self.visit_word(kind)?;
                 match u16::try_from(self.words[at]).ok().and_then(opcode) {
                     // Rejected here, because it would recurse without end.
                     Some(inner) if inner.op == spirv::Op::SpecConstantOp => {
@@ -317,7 +317,7 @@ impl Cursor<'_> {
                 }
             }
             _ => {
-                let at = self.one(kind)?;
+                let at = self.visit_word(kind)?;
                 match parameters(kind, self.words[at]) {
                     Some(parameters) => self.operands(&parameters),
                     None => self.skip_rest(),
@@ -326,22 +326,23 @@ impl Cursor<'_> {
         }
     }
 
-    /// Takes one word and passes it to `visit`.
-    fn one(&mut self, kind: OperandKind) -> Result<usize> {
-        let at = self.take_kind(kind)?;
+    /// Reads one word and passes it to `visit`; returns its offset.
+    fn visit_word(&mut self, kind: OperandKind) -> Result<usize> {
+        let at = self.next_operand_word(kind)?;
         (self.visit)(at, kind)?;
         Ok(at)
     }
 
-    fn take_kind(&mut self, kind: OperandKind) -> Result<usize> {
+    fn next_operand_word(&mut self, kind: OperandKind) -> Result<usize> {
         if self.at < self.span.end {
             self.at += 1;
             return Ok(self.at - 1);
         }
-        self.take(&format!("an operand ({kind:?})"))
+        self.next_word(&format!("an operand ({kind:?})"))
     }
 
-    fn take(&mut self, what: &str) -> Result<usize> {
+    /// The offset of the next word; `what` tells in the error what is expected there.
+    fn next_word(&mut self, what: &str) -> Result<usize> {
         if self.at == self.span.end {
             return Err(invalid(
                 self.span.start,
@@ -365,7 +366,7 @@ impl Cursor<'_> {
 /// The parameters of an enumerant; `None` if the enumerant is not known.
 fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
     /// The parameters of a mask's bits, in the order of the bits from the lowest.
-    fn of_bits(word: u32, of_bit: impl Fn(u32) -> Option<dr::Operand>) -> Option<Vec<LogicalOperand>> {
+    fn of_mask(word: u32, of_bit: impl Fn(u32) -> Option<dr::Operand>) -> Option<Vec<LogicalOperand>> {
         let mut all = Vec::new();
         for bit in (0..u32::BITS).map(|index| 1 << index).filter(|bit| word & bit != 0) {
             all.extend(of_bit(bit)?.additional_operands());
@@ -378,19 +379,19 @@ fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
         OperandKind::ExecutionMode => spirv::ExecutionMode::from_u32(word)
             .map(|value| dr::Operand::ExecutionMode(value).additional_operands()),
         OperandKind::ImageOperands => {
-            of_bits(word, |bit| spirv::ImageOperands::from_bits(bit).map(dr::Operand::ImageOperands))
+            of_mask(word, |bit| spirv::ImageOperands::from_bits(bit).map(dr::Operand::ImageOperands))
         }
         OperandKind::LoopControl => {
-            of_bits(word, |bit| spirv::LoopControl::from_bits(bit).map(dr::Operand::LoopControl))
+            of_mask(word, |bit| spirv::LoopControl::from_bits(bit).map(dr::Operand::LoopControl))
         }
         OperandKind::MemoryAccess => {
-            of_bits(word, |bit| spirv::MemoryAccess::from_bits(bit).map(dr::Operand::MemoryAccess))
+            of_mask(word, |bit| spirv::MemoryAccess::from_bits(bit).map(dr::Operand::MemoryAccess))
         }
-        OperandKind::TensorAddressingOperands => of_bits(word, |bit| {
+        OperandKind::TensorAddressingOperands => of_mask(word, |bit| {
             spirv::TensorAddressingOperands::from_bits(bit).map(dr::Operand::TensorAddressingOperands)
         }),
         OperandKind::TensorOperands => {
-            of_bits(word, |bit| spirv::TensorOperands::from_bits(bit).map(dr::Operand::TensorOperands))
+            of_mask(word, |bit| spirv::TensorOperands::from_bits(bit).map(dr::Operand::TensorOperands))
         }
         _ => Some(Vec::new()),
     }
@@ -431,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_and_spare_words_are_told() {
+    fn missing_and_surplus_words_are_reported() {
         assert_eq!(
             kinds(&[128, 1, 2, 3], 1).unwrap_err(),
             "OpIAdd ends after 4 words where an operand (IdRef) is expected"

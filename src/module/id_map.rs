@@ -1,13 +1,13 @@
-//! What belongs to an id: a definition, a type, a value.
+//! A map from ids to values: definitions, types.
 
 use std::collections::HashMap;
 
 use crate::module::Id;
 
-/// A map by id.
+/// A map from ids to values.
 ///
-/// Ids count from 1 with few gaps in what compilers write, so most stand in a table; a module may
-/// use any id below 2^32 all the same, and those beyond the table stand in a map.
+/// Compilers number ids from 1 with few gaps, so most are looked up in a table by index. A module
+/// may use any id below 2^32, though: ids beyond the table are kept in a hash map.
 #[derive(Clone, Debug, Default)]
 pub struct IdMap<T> {
     table: Vec<Option<T>>,
@@ -25,7 +25,7 @@ impl<T: Copy> IdMap<T> {
         Self::new(other.table.len())
     }
 
-    /// What belongs to an id.
+    /// The value of an id.
     pub fn find(&self, id: Id) -> Option<T> {
         match self.table.get(id.0 as usize) {
             Some(value) => *value,
@@ -33,10 +33,10 @@ impl<T: Copy> IdMap<T> {
         }
     }
 
-    /// Gives an id something; what it replaces.
+    /// Sets the value of an id; returns the one that it replaces.
     pub fn insert(&mut self, id: Id, value: T) -> Option<T> {
         match self.table.get_mut(id.0 as usize) {
-            Some(place) => place.replace(value),
+            Some(entry) => entry.replace(value),
             None => self.map.insert(id, value),
         }
     }

@@ -1,4 +1,4 @@
-//! Entry points, what they declare and what they use.
+//! Entry points: their stages, execution modes and interface variables.
 
 use std::collections::HashSet;
 
@@ -20,7 +20,7 @@ pub struct EntryPoint {
     pub interface: Vec<Id>,
     /// Execution modes (`OpExecutionMode`, `OpExecutionModeId`): number and operand words.
     pub modes: Vec<(u32, Vec<u32>)>,
-    /// Where it stands, in words.
+    /// The word offset of its instruction.
     pub offset: u32,
 }
 
@@ -108,17 +108,18 @@ pub struct InterfaceVariable {
 }
 
 impl Module {
-    /// The variables of module scope that an entry point's call tree names, in the module's order.
+    /// The module-scope variables that an entry point's call tree uses, in the module's order.
     ///
     /// Before SPIR-V 1.4 `OpEntryPoint` lists Input and Output variables only, and from 1.4 on
-    /// compilers list more than is used: so this goes by the instructions. Initializers count.
+    /// compilers list more than is used. So this looks at the instructions instead. A variable that
+    /// initializes a used one is used, too.
     pub fn interface_of(&self, entry_point: &EntryPoint) -> Vec<InterfaceVariable> {
         let mut used = vec![false; self.variables.len()];
         for function in self.call_tree(entry_point.function) {
             let named = &self.functions[function as usize].variables;
             named.iter().for_each(|&variable| used[variable as usize] = true);
         }
-        // An initializer that is a variable stands before the variable it initializes.
+        // An initializer that is a variable precedes the variable that it initializes.
         for (at, variable) in self.variables.iter().enumerate().rev() {
             let initializer = variable.initializer.and_then(|id| self.definition(id));
             if let (true, Some(Definition::Variable(index))) = (used[at], initializer) {
@@ -150,7 +151,8 @@ impl Module {
             .collect()
     }
 
-    /// Indices of the functions that a function's calls reach, itself first, each once.
+    /// Indices of the functions that are reachable from a function by calls, itself first, each
+    /// once.
     pub fn call_tree(&self, function: Id) -> Vec<u32> {
         let index_of = |id: Id| match self.definition(id) {
             Some(Definition::Function(index)) => Some(index),

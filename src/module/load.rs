@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use rspirv::spirv::Op;
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::module::check::{self, Uses};
+use crate::module::check::{self, FunctionUses};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
 use crate::module::decoration::{Decorations, PendingDecorations};
@@ -47,7 +47,7 @@ pub fn load(bytes: &[u8]) -> Result<Module> {
     module.words = words;
     let uses = check::functions(&module, &unknown)?;
     check_flow::functions(&module)?;
-    for (function, Uses { calls, variables }) in module.functions.iter_mut().zip(uses) {
+    for (function, FunctionUses { calls, variables }) in module.functions.iter_mut().zip(uses) {
         (function.calls, function.variables) = (calls, variables);
     }
     Ok(module)
@@ -100,10 +100,11 @@ pub(super) struct Loader<'w> {
     pub(super) unknown: UnknownResults,
     pub(super) pending: PendingDecorations,
     set_kinds: Vec<SetKind>,
-    /// Results of debug instructions: defined last, so that broken ones do no harm.
+    /// Results of debug instructions. They are defined last, so that invalid debug information is
+    /// no error.
     debug_results: Vec<Id>,
     modes: HashMap<Id, Vec<PendingMode>>,
-    /// Targets of execution modes, with the offset that names them.
+    /// Targets of execution modes, each with the offset of the word that names it.
     mode_targets: Vec<(Id, usize)>,
     memory_model: Option<(u32, u32)>,
     bound: u32,
@@ -152,7 +153,7 @@ impl<'w> Loader<'w> {
     fn module_scope(&mut self, walker: &mut Walker<'w>) -> Result<Option<Span>> {
         while let Some(span) = walker.next()? {
             let Some(known) = opcode(span.opcode) else {
-                self.note_unknown(span);
+                self.record_unknown(span);
                 continue;
             };
             if known.op == Op::Function {
@@ -169,7 +170,7 @@ impl<'w> Loader<'w> {
             return Ok(());
         }
         let literal_words = self.literal_words(span, known);
-        let before = |loader: &Self, at: usize| {
+        let check_defined = |loader: &Self, at: usize| {
             let id = loader.id(at);
             if loader.module.definition(id).is_some() || loader.unknown.contains_key(&id) {
                 return Ok(());
@@ -178,7 +179,7 @@ impl<'w> Loader<'w> {
         };
         if is_declaration(known) {
             walk(words, span, literal_words, &mut |at, kind| {
-                if is_id(kind) { before(self, at) } else { Ok(()) }
+                if is_id(kind) { check_defined(self, at) } else { Ok(()) }
             })?;
         } else {
             walk(words, span, literal_words, &mut |_, _| Ok(()))?;
@@ -226,7 +227,7 @@ impl<'w> Loader<'w> {
             Op::Variable | Op::UntypedVariableKHR => self.global_variable(span, known)?,
             _ if known.name.starts_with("Type") => self.declare_type(span, known)?,
             _ if is_constant(known.op, known.name) => self.declare_constant(span, known)?,
-            _ if is_carried(known) => {
+            _ if is_ignored(known) => {
                 if known.has_result {
                     self.define(first + usize::from(known.has_type), Definition::Other)?;
                 }
@@ -241,8 +242,8 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    /// Passes names, sources, lines and debug information to their reader; returns whether it was
-    /// any.
+    /// Passes an instruction of debug information (a name, a source, a line) to its reader; returns
+    /// whether it is one.
     pub(super) fn debug_instruction(&mut self, span: Span, known: &Opcode) -> Result<bool> {
         match known.op {
             Op::Name
@@ -283,7 +284,7 @@ impl<'w> Loader<'w> {
     }
 
     /// Records what an instruction of unknown opcode may define: its first or second operand.
-    pub(super) fn note_unknown(&mut self, span: Span) {
+    pub(super) fn record_unknown(&mut self, span: Span) {
         for at in span.operands().take(2) {
             self.unknown.entry(self.id(at)).or_insert(span.opcode);
         }
@@ -512,7 +513,7 @@ impl<'w> Loader<'w> {
         Ok(())
     }
 
-    /// The error that the id at a word is not what is expected.
+    /// The error for an id that is not what is expected at its word.
     #[cold]
     pub(super) fn expected(&self, span: Span, at: usize, what: &str) -> Error {
         invalid(
@@ -560,7 +561,7 @@ fn is_declaration(known: &Opcode) -> bool {
 }
 
 /// Whether an instruction of module scope is valid and ignored by this crate.
-fn is_carried(known: &Opcode) -> bool {
+fn is_ignored(known: &Opcode) -> bool {
     known.op == Op::SamplerImageAddressingModeNV
         || known.op == Op::AsmTargetINTEL
         || known.op == Op::AsmINTEL

@@ -1,4 +1,4 @@
-//! Modules that load, with what is then found in them.
+//! Modules that load, and what they contain.
 
 use pretty_assertions::assert_eq;
 use rspirv::spirv::Op;
@@ -127,10 +127,10 @@ fn lines_hold_to_the_end_of_their_block() {
 }
 
 #[test]
-fn unknown_opcodes_are_carried_with_what_they_may_define() {
+fn unknown_opcodes_are_kept_with_what_they_may_define() {
     let mut a = Assembler::new();
     a.types();
-    // A type, a constant and two results that nobody here knows.
+    // A type, a constant and two results of unknown opcodes.
     a.raw(9000, &[20, 1, 2]);
     a.op(Op::TypePointer, &[21, 7, 20]);
     a.raw(9001, &[20, 22]);
@@ -156,7 +156,7 @@ fn unknown_opcodes_are_carried_with_what_they_may_define() {
 }
 
 #[test]
-fn unknown_enumerants_are_carried() {
+fn unknown_enumerants_are_kept() {
     let mut a = Assembler::bare(100);
     a.op(Op::Capability, &[6032]);
     a.op(Op::Capability, &[60_000]);
@@ -173,7 +173,7 @@ fn unknown_enumerants_are_carried() {
 }
 
 #[test]
-fn types_out_of_our_reach_are_carried() {
+fn unsupported_types_are_kept() {
     let mut a = Assembler::new();
     a.op(Op::TypeInt, &[1, 24, 0]);
     a.op(Op::Constant, &[1, 2, 5]);
@@ -270,7 +270,7 @@ fn libraries_kernels_and_imports_load() {
 }
 
 #[test]
-fn words_that_ask_for_a_multitude_of_copies_are_refused() {
+fn too_many_copies_of_decorations_are_refused() {
     let mut a = Assembler::new();
     for _ in 0..2000 {
         a.op(Op::Decorate, &[40, 33, 1]);

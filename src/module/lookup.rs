@@ -1,4 +1,4 @@
-//! Questions about a module that is loaded.
+//! Queries on a loaded module: types, constants, names, operands, branch targets.
 
 use rspirv::spirv::Op;
 use smallvec::SmallVec;
@@ -12,7 +12,7 @@ impl Module {
     /// The bits of a plain scalar constant: no specialization constant, no composite.
     ///
     /// A bool is 0 or 1, an integer its low `width` bits zero-extended, a float its bits. A null
-    /// constant of scalar type is 0. `None` for all else, undefined values included.
+    /// constant of scalar type is 0. `None` for anything else, undefined values included.
     pub fn constant_scalar(&self, id: Id) -> Option<u64> {
         let Some(Definition::Constant(index)) = self.definition(id) else { return None };
         let constant = &self.constants[index as usize];
@@ -60,7 +60,7 @@ impl Module {
 
     /// The name of an id in the source: from `OpName`, else from debug information.
     ///
-    /// glslang writes a function's parameters into its name, `divide(f1;f1;`: they are cut off.
+    /// glslang writes a function's parameters into its name, `divide(f1;f1;`: these are removed.
     pub fn name(&self, id: Id) -> Option<&str> {
         let info = &self.debug_info;
         let mut name = info.names.get(&id).map_or("", String::as_str);
@@ -81,7 +81,7 @@ impl Module {
 
     /// The operands of an instruction that are ids, result type and result id left out.
     ///
-    /// Empty for unknown opcodes. Literals that look like ids are told apart by the grammar.
+    /// Empty for unknown opcodes. The grammar distinguishes ids from literals.
     pub fn operand_ids(&self, instruction: &Instruction) -> SmallVec<[Id; 8]> {
         let mut ids = SmallVec::new();
         let operands = instruction.operands.start as usize..instruction.operands.end as usize;
@@ -92,7 +92,7 @@ impl Module {
         ids
     }
 
-    /// The labels that a terminator may go on to, in the order of its operands; empty for others.
+    /// The labels that a terminator may branch to, in the order of its operands; empty for others.
     pub fn branch_targets(&self, terminator: &Instruction) -> SmallVec<[Id; 2]> {
         const BRANCH: u16 = Op::Branch as u16;
         const BRANCH_CONDITIONAL: u16 = Op::BranchConditional as u16;

@@ -1,8 +1,8 @@
 //! SPIR-V bytes, read into a typed module.
 //!
 //! This folder and `ops/` are the only ones that name rspirv: its grammar tables say how many
-//! operands an instruction has and of what kind. The words are walked by ourselves, because real
-//! modules hold what rspirv's own loader refuses.
+//! operands an instruction has and of what kind. This crate has a parser of its own, because real
+//! modules contain what rspirv's loader rejects.
 
 mod check;
 mod check_access;
@@ -48,10 +48,10 @@ pub use load::load;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Id(pub u32);
 
-/// One instruction inside a function, its words untouched.
+/// One instruction of a function. Its operands stay in the words of the module.
 ///
-/// `opcode` is the number of the specification: unknown ones are carried and refused only where
-/// they would have to run.
+/// `opcode` is the number of the specification: unknown ones are kept, and are an error only
+/// where they would have to be executed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
     /// The opcode's number.
@@ -71,7 +71,7 @@ pub struct Instruction {
 pub struct BasicBlock {
     /// The id of its `OpLabel`.
     pub label: Id,
-    /// Where its `OpLabel` stands, in words.
+    /// The word offset of its `OpLabel`.
     pub offset: u32,
     /// The instructions after the label; the last is the terminator, the one before it may be a
     /// merge instruction. `OpLine`, `OpNoLine` and debug-information instructions are left out.
@@ -83,19 +83,19 @@ pub struct BasicBlock {
 pub struct Function {
     /// The id of its `OpFunction`.
     pub id: Id,
-    /// Where its `OpFunction` stands, in words.
+    /// The word offset of its `OpFunction`.
     pub offset: u32,
     /// `Function Control`, a mask.
     pub control: u32,
     /// The return type.
     pub return_type: TypeId,
-    /// Parameters: result id and type.
+    /// The result id and the type of each parameter.
     pub parameters: Vec<(Id, TypeId)>,
-    /// Blocks; empty for a declaration without a body (an import).
+    /// The blocks; empty for a declaration without a body (an import).
     pub blocks: Vec<BasicBlock>,
     /// Indices of the functions that its instructions call, one for each call, in their order.
     pub calls: Vec<u32>,
-    /// Indices of the variables of module scope that its instructions name, ascending.
+    /// Indices of the module-scope variables that its instructions use, ascending.
     pub variables: Vec<u32>,
 }
 
@@ -110,11 +110,11 @@ pub struct GlobalVariable {
     pub storage_class: u32,
     /// The initialiser, a constant or a variable.
     pub initializer: Option<Id>,
-    /// Where it stands, in words.
+    /// The word offset of its instruction.
     pub offset: u32,
 }
 
-/// What an id stands for.
+/// What an id defines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Definition {
     /// A type.
@@ -170,7 +170,7 @@ pub struct Module {
     pub decorations: Decorations,
     /// Names, source files, lines.
     pub debug_info: DebugInfo,
-    /// What each id stands for.
+    /// What each id defines.
     pub definitions: IdMap<Definition>,
     /// The types of the results of instructions in functions.
     pub result_types: IdMap<TypeId>,
@@ -187,7 +187,7 @@ impl Module {
         &self.types[ty.0 as usize]
     }
 
-    /// What an id stands for; `None` where nothing defines it.
+    /// What an id defines; `None` where no known instruction defines it.
     pub fn definition(&self, id: Id) -> Option<Definition> {
         self.definitions.find(id)
     }

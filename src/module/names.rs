@@ -1,4 +1,4 @@
-//! The specification's names of numbers, for people to read.
+//! The specification's names of opcodes and enumerants.
 
 use std::borrow::Cow;
 
@@ -17,41 +17,41 @@ pub fn opcode_name(number: u16) -> Cow<'static, str> {
 
 /// The name of a capability (`RayTracingKHR`), or `capability 1234`.
 pub fn capability_name(number: u32) -> Cow<'static, str> {
-    // Younger than the tables.
+    // rspirv's tables are older than this capability.
     if number == 6032 {
         return "RayTracingOpacityMicromapExecutionModeKHR".into();
     }
-    named("capability", number, spirv::Capability::from_u32(number))
+    name_or_number("capability", number, spirv::Capability::from_u32(number))
 }
 
 /// The name of a storage class (`StorageBuffer`), or `storage class 1234`.
 pub fn storage_class_name(number: u32) -> Cow<'static, str> {
-    named("storage class", number, spirv::StorageClass::from_u32(number))
+    name_or_number("storage class", number, spirv::StorageClass::from_u32(number))
 }
 
 /// The name of a builtin (`HitTNV`), or `builtin 1234`.
 pub fn builtin_name(number: u32) -> Cow<'static, str> {
-    named("builtin", number, spirv::BuiltIn::from_u32(number))
+    name_or_number("builtin", number, spirv::BuiltIn::from_u32(number))
 }
 
 /// The name of a decoration (`DescriptorSet`), or `decoration 1234`.
 pub fn decoration_name(number: u32) -> Cow<'static, str> {
-    named("decoration", number, spirv::Decoration::from_u32(number))
+    name_or_number("decoration", number, spirv::Decoration::from_u32(number))
 }
 
 /// The name of an execution mode (`LocalSize`), or `execution mode 1234`.
 pub fn execution_mode_name(number: u32) -> Cow<'static, str> {
-    named("execution mode", number, spirv::ExecutionMode::from_u32(number))
+    name_or_number("execution mode", number, spirv::ExecutionMode::from_u32(number))
 }
 
 /// The name of an addressing model (`Logical`), or `addressing model 1234`.
 pub fn addressing_model_name(number: u32) -> Cow<'static, str> {
-    named("addressing model", number, spirv::AddressingModel::from_u32(number))
+    name_or_number("addressing model", number, spirv::AddressingModel::from_u32(number))
 }
 
 /// The name of a memory model (`GLSL450`), or `memory model 1234`.
 pub fn memory_model_name(number: u32) -> Cow<'static, str> {
-    named("memory model", number, spirv::MemoryModel::from_u32(number))
+    name_or_number("memory model", number, spirv::MemoryModel::from_u32(number))
 }
 
 /// The name of an instruction of an extended set (`GLSL.std.450`, 13: `Sin`), or
@@ -74,7 +74,7 @@ pub fn ext_inst_name(set: &str, number: u32) -> Cow<'static, str> {
     }
 }
 
-fn named<T: std::fmt::Debug>(what: &str, number: u32, known: Option<T>) -> Cow<'static, str> {
+fn name_or_number<T: std::fmt::Debug>(what: &str, number: u32, known: Option<T>) -> Cow<'static, str> {
     match known {
         Some(name) => format!("{name:?}").into(),
         None => format!("{what} {number}").into(),

@@ -1,5 +1,4 @@
-//! Modules whose functions keep them from loading: each class of mistake once, with the word that
-//! the error names.
+//! Modules with invalid functions: each class of mistake once, with the word that the error names.
 
 use rspirv::spirv::Op;
 
@@ -82,7 +81,7 @@ fn functions_agree_with_their_types() {
     refused(&a, at, "OpFunctionParameter: the function's type has 0 parameters only");
 }
 
-/// A function whose one block holds what the test writes; the offset of that.
+/// A function with one block of the test's instructions, and their offset.
 fn body(write: impl FnOnce(&mut Assembler) -> usize) -> (Assembler, usize) {
     let mut a = typed();
     a.op(Op::Constant, &[6, 9, 0]);
@@ -98,7 +97,7 @@ fn body(write: impl FnOnce(&mut Assembler) -> usize) -> (Assembler, usize) {
 }
 
 #[test]
-fn ids_in_functions_are_defined_in_reach() {
+fn ids_in_functions_are_in_scope() {
     let (a, at) = body(|a| a.op(Op::FAdd, &[6, 60, 9, 99]));
     refused(&a, at + 4, "OpFAdd names %99, but nothing defines it");
 
@@ -258,7 +257,7 @@ fn local_variables_stand_in_the_first_block() {
 }
 
 #[test]
-fn calls_fit_their_functions_and_form_no_circle() {
+fn calls_match_their_functions_and_form_no_cycle() {
     let call = |operands: &[u32]| {
         let mut a = Assembler::new();
         a.with_string(Op::EntryPoint, &[5313, 50], "main", &[]);
@@ -279,7 +278,7 @@ fn calls_fit_their_functions_and_form_no_circle() {
         (a, at, back)
     };
     let (a, _, back) = call(&[6, 52, 60, 21]);
-    refused(&a, back + 3, "OpFunctionCall closes a circle of calls at %60 (a function)");
+    refused(&a, back + 3, "OpFunctionCall closes a cycle of calls at %60 (a function)");
     let (a, at, _) = call(&[6, 52, 21, 21]);
     refused(&a, at + 3, "OpFunctionCall: expected a function, found %21 (a constant)");
     let (a, at, _) = call(&[6, 52, 60]);
@@ -297,7 +296,7 @@ fn calls_fit_their_functions_and_form_no_circle() {
 }
 
 #[test]
-fn a_circle_that_no_entry_point_reaches_is_left_alone() {
+fn a_cycle_that_no_entry_point_reaches_is_accepted() {
     let mut a = typed();
     a.function(50, 51, |a| {
         a.op(Op::FunctionCall, &[1, 52, 50]);

@@ -1,4 +1,4 @@
-//! Modules that must not load: each class of mistake at module scope once, with the word that the
+//! Modules that are invalid at module scope: each class of mistake once, with the word that the
 //! error names.
 
 use pretty_assertions::assert_eq;
@@ -9,7 +9,7 @@ use crate::module::assemble::Assembler;
 use crate::module::load;
 use crate::module::load_tests::sample;
 
-/// The kind, the first place's word, and the message of a refusal.
+/// Checks the kind, the offset and the message of the error that loading gives.
 #[track_caller]
 pub(super) fn refused(assembler: &Assembler, offset: usize, message: &str) {
     let error = assembler.refused();
@@ -35,7 +35,7 @@ pub(super) fn typed() -> Assembler {
 fn no_prefix_of_a_module_loads() {
     let bytes = sample().bytes();
     assert!(load(&bytes).is_ok());
-    // Behind OpMemoryModel, and before the entry point, it is a library of nothing: valid.
+    // The prefix that ends after OpMemoryModel is a valid, empty library.
     let library = 4 * 22;
     assert!(load(&bytes[..library]).unwrap().entry_points.is_empty());
     for length in (0..bytes.len()).filter(|length| *length != library) {
@@ -115,7 +115,7 @@ fn a_type_cannot_hold_itself() {
 }
 
 #[test]
-fn scalar_types_are_declared_once_and_aggregates_as_often_as_one_likes() {
+fn scalar_types_are_declared_once_and_aggregates_any_number_of_times() {
     let mut a = typed();
     a.op(Op::TypeStruct, &[20, 6]);
     a.op(Op::TypeStruct, &[21, 6]);

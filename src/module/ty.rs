@@ -75,7 +75,7 @@ pub enum Type {
     HitObject {
         ext: bool,
     },
-    /// A type that this crate carries without knowing: opcode's number.
+    /// A type that this crate does not know: the number of its opcode.
     Other(u16),
 }
 
@@ -152,45 +152,45 @@ impl Module {
     /// The size of a type in bytes, from its first byte to the last one that a part of it covers,
     /// by the explicit layout of its `Offset`, `ArrayStride` and `MatrixStride`.
     ///
-    /// Specialization constants count as they stand ([`Module::specialize`]). `None` for types
-    /// without a size (runtime arrays, opaque types, booleans), for lengths that are not known,
-    /// where a decoration is missing, and where the size does not fit 64 bits.
+    /// Specialization constants have their current values ([`Module::specialize`]). `None` for
+    /// types without a size (runtime arrays, opaque types, booleans), for lengths that are not
+    /// known, where a decoration is missing, and where the size does not fit 64 bits.
     pub fn size_of(&self, ty: TypeId) -> Option<u64> {
         self.size_of_with(ty, &|id| self.scalar_value(id))
     }
 
-    /// As [`Module::size_of`], with the values of array lengths told by the caller, who may know
-    /// what `OpSpecConstantOp` computes.
+    /// As [`Module::size_of`], with the values of array lengths given by the caller, who may know
+    /// results of `OpSpecConstantOp`.
     pub fn size_of_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
-        Sizes { module: self, length, known: HashMap::new() }.size(ty, None)
+        SizeComputation { module: self, length, memo: HashMap::new() }.size(ty, None)
     }
 
     /// The number of scalars that a value of a type is made of; opaque types and pointers count
     /// as one.
     ///
-    /// Saturates at `u64::MAX`: a few words can ask for `float[2147483647][2147483647]`, so hold
-    /// the count against a limit before making room for it. `None` for runtime arrays and lengths
-    /// that are not known (see [`Module::size_of`]).
+    /// Saturates at `u64::MAX`: a few words can ask for `float[2147483647][2147483647]`, so check
+    /// the count against a limit before allocating memory for it. `None` for runtime arrays and
+    /// lengths that are not known (see [`Module::size_of`]).
     pub fn scalar_count(&self, ty: TypeId) -> Option<u64> {
         self.scalar_count_with(ty, &|id| self.scalar_value(id))
     }
 
-    /// As [`Module::scalar_count`], with the values of array lengths told by the caller.
+    /// As [`Module::scalar_count`], with the values of array lengths given by the caller.
     pub fn scalar_count_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
-        Counts { module: self, length, known: HashMap::new() }.count(ty)
+        ScalarCounter { module: self, length, memo: HashMap::new() }.count(ty)
     }
 }
 
-/// Sizes of structs are kept: a struct of two structs of two structs... would be visited 2^depth
-/// times. The depth itself is bounded by the loader.
-struct Sizes<'a> {
+/// Computes sizes. Those of structs are memoized: a struct of two structs of two structs... would
+/// be visited 2^depth times. The loader bounds the depth.
+struct SizeComputation<'a> {
     module: &'a Module,
     length: &'a dyn Fn(Id) -> Option<u64>,
-    known: HashMap<TypeId, Option<u64>>,
+    memo: HashMap<TypeId, Option<u64>>,
 }
 
-impl Sizes<'_> {
-    /// `layout` is that of the struct member around, which says how matrices lie.
+impl SizeComputation<'_> {
+    /// The size of a type; `layout` is the matrix layout of the enclosing struct member.
     fn size(&mut self, ty: TypeId, layout: Option<MatrixLayout>) -> Option<u64> {
         match self.module.ty(ty) {
             Type::Int { width, .. } | Type::Float { width, .. } => Some(u64::from(width / 8)),
@@ -198,17 +198,17 @@ impl Sizes<'_> {
             Type::Matrix { column, count } => {
                 let Type::Vector { component, count: rows } = self.module.ty(*column) else { return None };
                 let (layout, component) = (layout?, self.size(*component, None)?);
-                let (lines, parts) = if layout.row_major { (*rows, *count) } else { (*count, *rows) };
-                spread(u64::from(lines), u64::from(layout.stride), component * u64::from(parts))
+                let (vectors, components) = if layout.row_major { (*rows, *count) } else { (*count, *rows) };
+                strided_size(u64::from(vectors), u64::from(layout.stride), component * u64::from(components))
             }
             Type::Array { element, length, stride } => {
                 let length = (self.length)(*length)?;
                 let element = self.size(*element, layout)?;
-                spread(length, u64::from((*stride)?), element)
+                strided_size(length, u64::from((*stride)?), element)
             }
             Type::Struct { members, .. } => {
-                if let Some(known) = self.known.get(&ty) {
-                    return *known;
+                if let Some(size) = self.memo.get(&ty) {
+                    return *size;
                 }
                 let mut size = Some(0);
                 for member in members {
@@ -217,7 +217,7 @@ impl Sizes<'_> {
                     });
                     size = size.zip(end).map(|(size, end)| size.max(end));
                 }
-                self.known.insert(ty, size);
+                self.memo.insert(ty, size);
                 size
             }
             Type::Pointer { storage_class: PHYSICAL_STORAGE_BUFFER, .. } => Some(8),
@@ -226,18 +226,19 @@ impl Sizes<'_> {
     }
 }
 
-/// Bytes from the first of `count` elements to the end of the last.
-fn spread(count: u64, stride: u64, element: u64) -> Option<u64> {
+/// The bytes from the first of `count` elements to the end of the last.
+fn strided_size(count: u64, stride: u64, element: u64) -> Option<u64> {
     count.checked_sub(1)?.checked_mul(stride)?.checked_add(element)
 }
 
-struct Counts<'a> {
+/// Counts scalars. The counts of structs are memoized.
+struct ScalarCounter<'a> {
     module: &'a Module,
     length: &'a dyn Fn(Id) -> Option<u64>,
-    known: HashMap<TypeId, Option<u64>>,
+    memo: HashMap<TypeId, Option<u64>>,
 }
 
-impl Counts<'_> {
+impl ScalarCounter<'_> {
     fn count(&mut self, ty: TypeId) -> Option<u64> {
         match self.module.ty(ty) {
             Type::Void | Type::Function { .. } => Some(0),
@@ -249,15 +250,15 @@ impl Counts<'_> {
             }
             Type::RuntimeArray { .. } => None,
             Type::Struct { members, .. } => {
-                if let Some(known) = self.known.get(&ty) {
-                    return *known;
+                if let Some(size) = self.memo.get(&ty) {
+                    return *size;
                 }
                 let mut sum = Some(0_u64);
                 for member in members {
                     let count = self.count(member.ty);
                     sum = sum.zip(count).map(|(sum, count)| sum.saturating_add(count));
                 }
-                self.known.insert(ty, sum);
+                self.memo.insert(ty, sum);
                 sum
             }
             _ => Some(1),
@@ -316,12 +317,12 @@ mod tests {
         // Row-major: two rows, the last one of three floats.
         let Type::Struct { members, .. } = module.ty(module.type_with_id(Id(20)).unwrap()) else { panic!() };
         let mut sizes =
-            Sizes { module: &module, length: &|id| module.scalar_value(id), known: HashMap::new() };
+            SizeComputation { module: &module, length: &|id| module.scalar_value(id), memo: HashMap::new() };
         assert_eq!(sizes.size(members[0].ty, members[0].matrix), Some(16 + 12));
     }
 
     #[test]
-    fn scalars_are_counted_and_monsters_saturate() {
+    fn scalars_are_counted_and_huge_counts_saturate() {
         let mut a = Assembler::new();
         a.types();
         a.op(Op::Constant, &[5, 10, 0x7fff_ffff]);

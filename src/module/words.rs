@@ -1,4 +1,4 @@
-//! The physical layout: bytes to words, the header, and iteration over the instructions.
+//! The physical layout of a module: bytes to words, the header, and iteration over instructions.
 //!
 //! SPIR-V specification, section 2.3 "Physical Layout of a SPIR-V Module and Instruction".
 
@@ -12,7 +12,7 @@ const MAGIC: u32 = 0x0723_0203;
 /// Words of the header: magic, version, generator, bound, schema.
 pub(crate) const HEADER_WORDS: usize = 5;
 
-/// The error that a rule is broken at a word of the module.
+/// The error for a violated rule at a word of the module.
 #[cold]
 pub(crate) fn invalid(offset: usize, message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidModule, message).at(Place::Word(offset))
@@ -164,8 +164,8 @@ impl<'w> Walker<'w> {
     }
 }
 
-/// A literal string: its text (invalid UTF-8 is replaced) and the number of its words, the one with
-/// the closing zero byte included. `None` where the zero byte is missing.
+/// Reads a literal string: its text (invalid UTF-8 is replaced) and the number of its words,
+/// including the one with the terminating zero byte. `None` if there is no zero byte.
 pub(crate) fn string(words: &[u32]) -> Option<(String, usize)> {
     let count = words.iter().position(|&word| ends_string(word))? + 1;
     Some((lossy_string(&words[..count]), count))
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_told_from_garbled_words() {
+    fn text_is_distinguished_from_garbled_words() {
         let text = words_of(b"#version 460\nvoid main() {}\n").unwrap_err();
         assert!(text.notes()[0].contains("looks like text"), "{text}");
         assert!(words_of(&[0xff; 8]).unwrap_err().notes().is_empty());

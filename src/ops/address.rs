@@ -1,5 +1,5 @@
-//! Pointers as numbers: `OpPtrAccessChain` and its kin, comparisons, and the conversions between
-//! device addresses (`PhysicalStorageBuffer`) and integers.
+//! Pointer arithmetic: `OpPtrAccessChain` and `OpInBoundsPtrAccessChain`, comparisons, and the
+//! conversions between device addresses (`PhysicalStorageBuffer`) and integers.
 
 use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
@@ -9,11 +9,11 @@ use crate::machine::Reg;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::op::Op;
 use crate::ops::pointer::{self, Pointer, PointerBase, storage};
-use crate::ops::pointer_stride::{Stride, stride_of_array};
+use crate::ops::pointer_stride::{Stride, array_stride};
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 use crate::ops::translate::{IdValue, Translator, Words};
 
@@ -23,7 +23,8 @@ pub mod kernels {
     use crate::ops::memory::OUT_OF_BOUNDS;
 
     lane_kernels! {
-        /// An address and a checked offset; an offset out of bounds leads to where nothing lies.
+        /// An address plus a checked offset; an offset out of bounds gives an address without a
+        /// buffer.
         AddressPlus Internal [u64] (base: u64, offset: u32) -> u64 {
             if offset == OUT_OF_BOUNDS { u64::MAX } else { base.wrapping_add(offset.into()) }
         }
@@ -64,20 +65,20 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let pointer = translator.pointer(base)?;
             let pointer = element(translator, pointer, index, stride)?;
             let indices = &translator.operands(instruction)[2..];
-            let pointer = pointer::follow(translator, pointer, indices)?;
+            let pointer = pointer::access_chain(translator, pointer, indices)?;
             if let Some(id) = instruction.result {
                 translator.define(id, IdValue::Pointer(pointer.into()));
             }
         }
         Opcode::RawAccessChainNV => {
-            let pointer = raw(translator, instruction)?;
+            let pointer = raw_access_chain(translator, instruction)?;
             if let Some(id) = instruction.result {
                 translator.define(id, IdValue::Pointer(pointer.into()));
             }
         }
         Opcode::PtrEqual | Opcode::PtrNotEqual => {
             let pointers = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
-            let (a, b) = (translator.carried(pointers[0])?, translator.carried(pointers[1])?);
+            let (a, b) = (translator.words_unchecked(pointers[0])?, translator.words_unchecked(pointers[1])?);
             if a.len() != b.len() {
                 return Err(translator.invalid("pointers of different storage classes are compared"));
             }
@@ -89,26 +90,26 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             if opcode == Opcode::PtrNotEqual {
                 result = translator.emit_family(&LogicalNot, 0, &[result])?;
             }
-            translator.result(instruction, SmallVec::from_slice(&[result]));
+            translator.define_result(instruction, SmallVec::from_slice(&[result]));
         }
         Opcode::PtrDiff => {
-            // Both lead into one array, and either may tell which.
+            // Both point into one array, and the stride may be known from either.
             let [base, other] = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
-            let untold = |translator: &Translator<'_>, base, pointer: &Pointer| match stride_of_array(
+            let default_stride = |translator: &Translator<'_>, base, pointer: &Pointer| match array_stride(
                 translator.module,
                 &[base, other],
             ) {
-                Stride::One(stride) => Ok(stride),
-                Stride::None => size(translator, pointer),
-                Stride::Several => {
+                Stride::Unique(stride) => Ok(stride),
+                Stride::Unknown => packed_stride(translator, pointer),
+                Stride::Ambiguous => {
                     Err(translator.unsupported("pointers into an array that may have one of several strides"))
                 }
             };
-            let stride = stride(translator, base, &untold)?;
+            let stride = stride(translator, base, &default_stride)?;
             let mut ends = Words::new();
             for at in 0..2 {
                 let pointer = translator.id(instruction, at)?;
-                let words = translator.carried(pointer)?;
+                let words = translator.words_unchecked(pointer)?;
                 let physical = pointer_class(translator, base)? == storage::PHYSICAL_STORAGE_BUFFER;
                 ends.push(match *words {
                     [low, high] if physical => translator.pair(low, high)?,
@@ -122,8 +123,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let ty = translator.result_type(instruction)?;
             let width = translator.scalar_width(ty)?;
             let first = convert(translator, Conversion::S, 64, width, distance)?;
-            let words = translator.spread(&[first], width);
-            translator.result(instruction, words);
+            let words = translator.expand_components(&[first], width);
+            translator.define_result(instruction, words);
         }
         Opcode::ConvertUToPtr => {
             let id = translator.id(instruction, 0)?;
@@ -132,19 +133,19 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let ty = translator.result_type(instruction)?;
             require_physical(translator, ty)?;
             let first = convert(translator, Conversion::U, from, 64, words[0])?;
-            translator.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+            translator.define_result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
         Opcode::ConvertPtrToU => {
             let id = translator.id(instruction, 0)?;
             let ty = translator.type_of(id)?;
             require_physical(translator, ty)?;
-            let words = translator.carried(id)?;
+            let words = translator.words_unchecked(id)?;
             let first = translator.pair(words[0], words[1])?;
             let ty = translator.result_type(instruction)?;
             let width = translator.scalar_width(ty)?;
             let first = convert(translator, Conversion::U, 64, width, first)?;
-            let words = translator.spread(&[first], width);
-            translator.result(instruction, words);
+            let words = translator.expand_components(&[first], width);
+            translator.define_result(instruction, words);
         }
         _ => return Ok(false),
     }
@@ -153,22 +154,22 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
 
 /// `OpRawAccessChainNV`: the bytes at `Stride * Index + Offset` of a block. Accesses are checked
 /// scalar by scalar, whatever its operands say of robustness.
-fn raw(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Pointer> {
+fn raw_access_chain(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Pointer> {
     let base = translator.id(instruction, 0)?;
     let stride = translator.id(instruction, 1)?;
     let stride = translator.constant_integer(stride)? as u32;
     let [index, offset] = [translator.id(instruction, 2)?, translator.id(instruction, 3)?];
-    let index = translator.integer(index, Reading::Index)?;
-    let offset = translator.integer(offset, Reading::Index)?;
+    let index = translator.integer(index, ReadAs::Index)?;
+    let offset = translator.integer(offset, ReadAs::Index)?;
     let ty = translator.result_type(instruction)?;
     let Type::Pointer { pointee: Some(pointee), storage_class, .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("a raw access chain gives a pointer"));
     };
-    let base = translator.pointer(base)?;
-    if !matches!(base.place, PointerBase::Buffer(_)) || base.storage_class != storage_class {
+    let block = translator.pointer(base)?;
+    if !matches!(block.base, PointerBase::Buffer(_)) || block.storage_class != storage_class {
         return Err(translator.invalid("a raw access chain leads into a buffer (SPV_NV_raw_access_chains)"));
     }
-    let mut index_so_far = base.index;
+    let mut index_so_far = block.index;
     for (index, stride) in [(index, stride), (offset, 1)] {
         let to = translator.fresh(1)?;
         let length = Length::Unknown;
@@ -181,7 +182,7 @@ fn raw(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Poi
         }));
         index_so_far = Some(to);
     }
-    Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..base })
+    Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..block })
 }
 
 /// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two
@@ -191,7 +192,7 @@ pub fn address(translator: &mut Translator<'_>, pointer: &Pointer, base: Reg) ->
         return Ok(base);
     }
     let constant = translator.constant(pointer.offset)?;
-    let offset = pointer::shifted(translator, pointer.index, constant)?;
+    let offset = pointer::add_offset(translator, pointer.index, constant)?;
     translator.emit_kernel(&kernels::AddressPlus.kernels[0], &[base, offset])
 }
 
@@ -216,23 +217,24 @@ fn pointer_class(translator: &Translator<'_>, id: Id) -> Result<u32> {
     }
 }
 
-/// What lies between the elements that a pointer steps over: bytes in buffers, words in registers,
-/// descriptors in arrays of them. `untold` gives it for a buffer where the pointer's type does not.
+/// The stride between the elements that a pointer steps over: bytes in buffers, words in registers,
+/// descriptors in arrays of them. `default_stride` computes it for a buffer where the pointer's
+/// type has none.
 fn stride(
     translator: &mut Translator<'_>,
     base: Id,
-    untold: &dyn Fn(&Translator<'_>, Id, &Pointer) -> Result<u32>,
+    default_stride: &dyn Fn(&Translator<'_>, Id, &Pointer) -> Result<u32>,
 ) -> Result<u32> {
     let ty = translator.type_of(base)?;
     let Type::Pointer { pointee: Some(pointee), stride, .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("a pointer is needed here"));
     };
     let pointer = translator.pointer(base)?;
-    match pointer.place {
+    match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => Ok(translator.word_count(pointee)? * 4),
         PointerBase::Buffer(_) => match stride {
             Some(stride) => Ok(stride),
-            None => untold(translator, base, &pointer),
+            None => default_stride(translator, base, &pointer),
         },
         PointerBase::Descriptors { .. } => pointer::descriptor_count(translator, pointee),
         _ => translator.word_count(pointee),
@@ -255,14 +257,14 @@ fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> 
     }
     // "For all other objects, the implementation calculates the element's address"
     // (OpPtrAccessChain).
-    match stride_of_array(translator.module, &[base]) {
-        Stride::One(stride) => Ok(stride),
-        Stride::None | Stride::Several => size(translator, pointer),
+    match array_stride(translator.module, &[base]) {
+        Stride::Unique(stride) => Ok(stride),
+        Stride::Unknown | Stride::Ambiguous => packed_stride(translator, pointer),
     }
 }
 
-/// The stride of an array of what a pointer points to where nothing tells of another one.
-fn size(translator: &Translator<'_>, pointer: &Pointer) -> Result<u32> {
+/// The size of the pointee: the stride of a tightly packed array.
+fn packed_stride(translator: &Translator<'_>, pointer: &Pointer) -> Result<u32> {
     let size = translator.module.size_of(pointer.pointee).and_then(|size| u32::try_from(size).ok());
     size.ok_or_else(|| translator.unsupported("a pointer into an array whose stride is not known"))
 }
@@ -276,14 +278,14 @@ fn element(translator: &mut Translator<'_>, mut pointer: Pointer, index: Id, str
     }
     let index = convert(translator, Conversion::S, width, 64, words[0])?;
     let stride = translator.constant(stride)?;
-    if let PointerBase::Buffer(BufferRef::Address(base)) = pointer.place {
+    if let PointerBase::Buffer(BufferRef::Address(base)) = pointer.base {
         let base = address(translator, &pointer, base)?;
         let base = translator.emit_kernel(&kernels::AddressElement.kernels[0], &[base, index, stride])?;
-        pointer.place = PointerBase::Buffer(BufferRef::Address(base));
+        pointer.base = PointerBase::Buffer(BufferRef::Address(base));
         pointer.index = None;
     } else {
         let constant = translator.constant(pointer.offset)?;
-        let base = pointer::shifted(translator, pointer.index, constant)?;
+        let base = pointer::add_offset(translator, pointer.index, constant)?;
         pointer.index =
             Some(translator.emit_kernel(&kernels::OffsetElement.kernels[0], &[base, index, stride])?);
     }

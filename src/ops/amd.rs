@@ -1,4 +1,4 @@
-//! Instruction sets of AMD that Vulkan has extensions for: `SPV_AMD_shader_trinary_minmax`, and of
+//! Instruction sets of AMD for which Vulkan has extensions: `SPV_AMD_shader_trinary_minmax`, and of
 //! `SPV_AMD_shader_ballot` what its instruction set adds to the subgroup instructions.
 //!
 //! A minimum or maximum of three is that of the first and that of the others; the middle of three
@@ -15,7 +15,7 @@ use crate::ops::builtin;
 use crate::ops::glsl::{FMax, FMin, SMax, SMin, UMax, UMin};
 use crate::ops::lane_kernel::OpFamily;
 use crate::ops::relational_logical::{IEqual, select::SelectWord};
-use crate::ops::subgroup::{self, From};
+use crate::ops::subgroup::{self, ReadSource};
 use crate::ops::translate::{InputRegisters, Translator, Words, registers_from};
 
 /// `SPV_AMD_shader_trinary_minmax`
@@ -79,8 +79,8 @@ fn trinary(translator: &mut Translator<'_>, number: u32, instruction: &Instructi
             }
         });
     }
-    let words = translator.spread(&found, width);
-    translator.result(instruction, words);
+    let words = translator.expand_components(&found, width);
+    translator.define_result(instruction, words);
     Ok(true)
 }
 
@@ -91,11 +91,11 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
         Ok((translator.consecutive(&words)?, words.len() as u32))
     };
     match number {
-        // SwizzleInvocationsAMD: each of a quad names whom it reads, by its place in the quad.
+        // SwizzleInvocationsAMD: each invocation of a quad has an offset of that which it reads.
         1 => {
             let (first, count) = value_words(translator)?;
             let offsets = operand(translator, instruction, 3, 4)?;
-            let own = place(translator)?;
+            let own = subgroup_local_invocation_id(translator)?;
             let three = translator.constant(3)?;
             let within = translator.emit_family(&BitwiseAnd, 32, &[own, three])?;
             let mut offset = offsets[0];
@@ -108,14 +108,14 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
             let quad = translator.emit_family(&BitwiseAnd, 32, &[own, keep])?;
             let offset = translator.emit_family(&BitwiseAnd, 32, &[offset, three])?;
             let source = translator.emit_family(&IAdd, 32, &[quad, offset])?;
-            let to = subgroup::read_at(translator, From::At, first, count, source)?;
-            translator.result(instruction, registers_from(to, count));
+            let to = subgroup::read_from_index(translator, ReadSource::Index, first, count, source)?;
+            translator.define_result(instruction, registers_from(to, count));
         }
-        // SwizzleInvocationsMaskedAMD: within 32, ((place & x) | y) ^ z.
+        // SwizzleInvocationsMaskedAMD: within 32 invocations, ((id & x) | y) ^ z.
         2 => {
             let (first, count) = value_words(translator)?;
             let mask = operand(translator, instruction, 3, 3)?;
-            let own = place(translator)?;
+            let own = subgroup_local_invocation_id(translator)?;
             let low = translator.constant(31)?;
             let within = translator.emit_family(&BitwiseAnd, 32, &[own, low])?;
             let and = translator.emit_family(&BitwiseAnd, 32, &[within, mask[0]])?;
@@ -125,10 +125,10 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
             let high = translator.constant(!31)?;
             let group = translator.emit_family(&BitwiseAnd, 32, &[own, high])?;
             let source = translator.emit_family(&IAdd, 32, &[group, xor])?;
-            let to = subgroup::read_at(translator, From::At, first, count, source)?;
-            translator.result(instruction, registers_from(to, count));
+            let to = subgroup::read_from_index(translator, ReadSource::Index, first, count, source)?;
+            translator.define_result(instruction, registers_from(to, count));
         }
-        // WriteInvocationAMD: another value for one place.
+        // WriteInvocationAMD: another value in one invocation.
         3 => {
             let input = translator.words(value)?;
             let write = translator.operand(instruction, 3)?;
@@ -136,16 +136,16 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
             if input.len() != write.len() {
                 return Err(translator.invalid("the values of WriteInvocationAMD differ in type"));
             }
-            let own = place(translator)?;
+            let own = subgroup_local_invocation_id(translator)?;
             let here = translator.emit_family(&IEqual, 32, &[own, index])?;
             let mut words = Words::new();
             for (&before, &after) in input.iter().zip(&write) {
                 words.push(translator.emit_kernel(&SelectWord.kernels[0], &[here, after, before])?);
             }
             let first = translator.consecutive(&words)?;
-            translator.result(instruction, registers_from(first, words.len() as u32));
+            translator.define_result(instruction, registers_from(first, words.len() as u32));
         }
-        // MbcntAMD: the bits of a mask below the own place.
+        // MbcntAMD: the number of bits set in a mask below this invocation's id.
         4 => {
             let mask = operand(translator, instruction, 2, 2)?;
             let below = input(translator, "SubgroupLtMask", 4)?;
@@ -155,14 +155,14 @@ fn ballot(translator: &mut Translator<'_>, number: u32, instruction: &Instructio
                 counts.push(translator.emit_family(&BitCount, 32, &[bits])?);
             }
             let sum = translator.emit_family(&IAdd, 32, &counts)?;
-            translator.result(instruction, SmallVec::from_slice(&[sum]));
+            translator.define_result(instruction, SmallVec::from_slice(&[sum]));
         }
         _ => return Ok(false),
     }
     Ok(true)
 }
 
-/// The words of an operand that has so many.
+/// The words of an operand, which must be `count` many.
 fn operand(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
@@ -178,7 +178,7 @@ fn operand(
 }
 
 /// `SubgroupLocalInvocationId`
-fn place(translator: &mut Translator<'_>) -> Result<Reg> {
+fn subgroup_local_invocation_id(translator: &mut Translator<'_>) -> Result<Reg> {
     input(translator, "SubgroupLocalInvocationId", 1)
 }
 

@@ -40,7 +40,7 @@ lane_kernels! {
     FMod Core [f16 f32 f64] (a: T, b: T) -> T { a - b * Float::floor(a / b) }
 }
 
-/// The halves of the extended operations, whose result is a struct of two members.
+/// Kernels for the second members of extended arithmetic, whose result is a struct of two members.
 pub mod extended {
     use crate::lane_kernels;
 

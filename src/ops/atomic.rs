@@ -20,9 +20,9 @@ use crate::error::Result;
 use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::image::access::TexelPlace;
-use crate::ops::image::reader::Reader;
-use crate::ops::memory::{Chunk, computed_register, each_access, trap};
+use crate::ops::image::access::TexelRef;
+use crate::ops::image::reader::LaneReader;
+use crate::ops::memory::{Chunk, computed_register, for_each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{Translator, Words, registers_from};
@@ -49,54 +49,53 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::AtomicFMaxEXT,
 ];
 
-/// What becomes of the value in memory.
+/// The update of the value in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AtomicKind {
-    /// It stays as it is.
+    /// The value stays unchanged.
     Load,
-    /// The operand.
+    /// The operand replaces it.
     Exchange,
-    /// The operand, where the comparator stands there.
+    /// The operand replaces it, where it equals the comparator.
     CompareExchange,
-    /// The sum.
+    /// The sum of the value and the operand.
     Add,
-    /// The difference.
+    /// The value minus the operand.
     Sub,
-    /// The lesser, with signs.
+    /// The signed minimum.
     SMin,
-    /// The lesser, without signs.
+    /// The unsigned minimum.
     UMin,
-    /// The greater, with signs.
+    /// The signed maximum.
     SMax,
-    /// The greater, without signs.
+    /// The unsigned maximum.
     UMax,
-    /// The bits in both.
+    /// The bitwise and.
     And,
-    /// The bits in either.
+    /// The bitwise or.
     Or,
-    /// The bits in one of them.
+    /// The bitwise exclusive or.
     Xor,
     /// The sum of floats.
     FAdd,
-    /// The lesser of floats.
+    /// The minimum of floats.
     FMin,
-    /// The greater of floats.
+    /// The maximum of floats.
     FMax,
 }
 
 /// The effect on memory of an atomic operation whose result is unused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Update {
-    /// What becomes of the value.
+    /// The update of the value.
     pub kind: AtomicKind,
     /// Bits of the scalar.
     pub width: u32,
 }
 
 impl Update {
-    /// Whether memory holds the same in whichever order two of them come, if the places that they
-    /// reach lie on each other at least in part. Differences are sums; bits are changed each by
-    /// itself, whatever the width.
+    /// Whether two updates leave the same memory in either order, even if their locations overlap
+    /// only in part. Differences are sums; bitwise operations commute whatever the width.
     pub fn commutes_with(self, other: Self) -> bool {
         use AtomicKind::{Add, And, Load, Or, SMax, SMin, Sub, UMax, UMin, Xor};
         let same_width = self.width == other.width;
@@ -110,9 +109,9 @@ impl Update {
     }
 }
 
-/// Where the value lies.
+/// The location of the value.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Target {
+pub enum AtomicTarget {
     /// In a buffer.
     Buffer(Chunk),
     /// In registers of the lane itself, from `first` (plus a computed number) on.
@@ -122,24 +121,24 @@ pub enum Target {
         /// A register that holds a further number of registers, lane by lane.
         index: Option<Reg>,
     },
-    /// A texel of so many components as the vector has, each as wide as the scalar.
-    Texel(Box<TexelPlace>),
+    /// A texel, with as many components as the vector, each as wide as the scalar.
+    Texel(Box<TexelRef>),
 }
 
 /// An atomic operation on one scalar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtomicOp {
-    /// What it does.
+    /// The kind.
     pub kind: AtomicKind,
     /// Bits of the scalar: 16, 32 or 64.
     pub width: u32,
-    /// Which component it is of how many, 0 of 1 for a scalar.
+    /// The index of the component in its vector and the number of components; (0, 1) for a scalar.
     pub component: (u32, u32),
     /// In a buffer: the bytes that the scalar's offset is a multiple of.
     pub alignment: u32,
-    /// Where the value lies.
-    pub target: Target,
-    /// The first register that takes the value that was there before.
+    /// The location of the value.
+    pub target: AtomicTarget,
+    /// The first register that takes the old value.
     pub to: Reg,
     /// The first register of the operand.
     pub value: Reg,
@@ -153,7 +152,7 @@ impl AtomicOp {
         self.width.div_ceil(32)
     }
 
-    /// What it does to memory.
+    /// The effect on memory.
     pub fn update(&self) -> Update {
         Update { kind: self.kind, width: self.width }
     }
@@ -161,10 +160,10 @@ impl AtomicOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match &self.target {
-            Target::Buffer(chunk) => chunk.accesses(visit),
-            Target::Texel(place) => place.registers().for_each(|reg| visit(Access::Read(reg, 1))),
-            &Target::Registers { first, index } => {
-                // A computed register's whole variable is told to the translator as addressed.
+            AtomicTarget::Buffer(chunk) => chunk.accesses(visit),
+            AtomicTarget::Texel(texel) => texel.registers().for_each(|reg| visit(Access::Read(reg, 1))),
+            &AtomicTarget::Registers { first, index } => {
+                // The translator lists the whole variable of a computed register as addressed.
                 if let Some(index) = index {
                     visit(Access::Read(index, 1));
                 } else {
@@ -179,10 +178,10 @@ impl AtomicOp {
         visit(Access::Effect);
     }
 
-    /// Whether what a launch leaves behind depends on the order in which invocations come here;
-    /// `used` says whether something reads the value returned.
+    /// Whether the results of a launch depend on the order in which invocations execute the
+    /// operation; `used` says whether the returned value is read.
     pub fn order_dependent(&self, used: bool) -> bool {
-        if let Target::Registers { .. } = self.target {
+        if let AtomicTarget::Registers { .. } = self.target {
             return false;
         }
         match self.kind {
@@ -198,11 +197,11 @@ impl AtomicOp {
     /// Runs the operation for the running lanes.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match &self.target {
-            Target::Buffer(chunk) => self.on_buffer(batch, bindings, chunk),
-            Target::Texel(place) => {
+            AtomicTarget::Buffer(chunk) => self.eval_buffer(batch, bindings, chunk),
+            AtomicTarget::Texel(texel) => {
                 for lane in batch.mask.lanes() {
                     let (component, count) = self.component;
-                    match place.find_texel(Reader::new(&batch.registers, lane, bindings), count) {
+                    match texel.resolve_atomic(LaneReader::new(&batch.registers, lane, bindings), count) {
                         Ok((image, index)) => {
                             let (value, comparator) = self.operands(batch, lane);
                             let (shift, mask) = (component * self.width, u64::MAX >> (64 - self.width));
@@ -217,13 +216,13 @@ impl AtomicOp {
                             self.write(batch, self.to, lane, 0);
                         }
                         Err(code) => {
-                            place.remember(batch, lane, bindings);
+                            texel.record_fault(batch, lane, bindings);
                             trap(batch, Mask::lane(lane), code);
                         }
                     }
                 }
             }
-            &Target::Registers { first, index } => {
+            &AtomicTarget::Registers { first, index } => {
                 for lane in batch.mask.lanes() {
                     let index = index.map_or(0, |index| batch.registers[index].0[lane]);
                     let at = match computed_register(&batch.registers, first, index, self.words()) {
@@ -244,12 +243,12 @@ impl AtomicOp {
         }
     }
 
-    fn on_buffer<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings, chunk: &Chunk) {
+    fn eval_buffer<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings, chunk: &Chunk) {
         let mut misaligned = Mask::NONE;
         let (to, value, comparator) = (self.to, self.value, self.comparator);
         let (width, wide) = (self.width, self.width == 64);
         let alignment = u64::from(self.alignment);
-        each_access(
+        for_each_access(
             batch,
             bindings,
             chunk,
@@ -388,15 +387,15 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let width = match *translator.module.ty(pointer.pointee) {
         Type::Int { width, .. } | Type::Float { width, encoding: None } => width,
         Type::Vector { component, count } => {
-            half_vector(translator, opcode, (component, count))?;
-            return components(translator, instruction, (kind, count), &pointer).map(|()| true);
+            check_f16_vector(translator, opcode, (component, count))?;
+            return vector_components(translator, instruction, (kind, count), &pointer).map(|()| true);
         }
         _ => return Err(translator.invalid("an atomic instruction on what is no scalar")),
     };
     if width == 8 {
         return Err(translator.invalid("an atomic instruction on 8 bits"));
     }
-    // Behind the pointer stand scope and semantics (two for a comparison), then the operands.
+    // The pointer is followed by scope and semantics (two for a comparison), then by the operands.
     let none = translator.wide_constant(0)?;
     let (value, comparator) = match opcode {
         Opcode::AtomicLoad => (none, none),
@@ -406,23 +405,22 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         }
         _ => (scalar(translator, instruction, 3, width)?, none),
     };
-    let target = target(translator, &pointer, width, 1)?;
+    let target = atomic_target(translator, &pointer, width, 1)?;
     let alignment = alignment(translator, &pointer, width);
     let to = emit(
         translator,
         AtomicOp { kind, width, component: (0, 1), alignment, target, to: none, value, comparator },
     )?;
     let words = registers_from(to, width.div_ceil(32));
-    translator.result(instruction, SmallVec::from_slice(&words));
+    translator.define_result(instruction, SmallVec::from_slice(&words));
     Ok(true)
 }
 
-/// Appends an operation, which gets registers of its own for what was in memory before; gives the
-/// first of them.
+/// Appends an operation with fresh registers for the old value, and returns the first of them.
 fn emit(translator: &mut Translator<'_>, mut op: AtomicOp) -> Result<Reg> {
     op.to = translator.fresh(op.words())?;
-    if let Target::Registers { .. } = op.target {
-        translator.forget();
+    if let AtomicTarget::Registers { .. } = op.target {
+        translator.invalidate_known_values();
     }
     let to = op.to;
     translator.emit(Operation::Atomic(Box::new(op)));
@@ -435,8 +433,12 @@ fn alignment(translator: &Translator<'_>, pointer: &Pointer, width: u32) -> u32 
     if pointer.is_packed(translator) { (width / 8).min(4) } else { width / 8 }
 }
 
-/// Refuses vectors that atomic instructions must not be used with.
-fn half_vector(translator: &Translator<'_>, opcode: Opcode, (component, count): (TypeId, u32)) -> Result<()> {
+/// Rejects vectors that atomic instructions must not be used with.
+fn check_f16_vector(
+    translator: &Translator<'_>,
+    opcode: Opcode,
+    (component, count): (TypeId, u32),
+) -> Result<()> {
     const FLOAT16_VECTOR: u32 = Capability::AtomicFloat16VectorNV as u32;
     const SECTION: &str = "(SPV_NV_shader_atomic_fp16_vector, Validation Rules)";
     let takes_vectors = matches!(
@@ -458,7 +460,7 @@ fn half_vector(translator: &Translator<'_>, opcode: Opcode, (component, count): 
 }
 
 /// An operation for each component of a vector of f16.
-fn components(
+fn vector_components(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
     (kind, count): (AtomicKind, u32),
@@ -471,7 +473,7 @@ fn components(
         );
     }
     let none = translator.wide_constant(0)?;
-    let stride = match pointer.place {
+    let stride = match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => 4,
         PointerBase::Buffer(_) => pointer.component_stride.unwrap_or(2),
         _ => 1,
@@ -482,7 +484,7 @@ fn components(
         let mut part = pointer.clone();
         let offset = component.checked_mul(stride).and_then(|bytes| part.offset.checked_add(bytes));
         part.offset = offset.ok_or_else(|| translator.unsupported("an offset beyond 4 GiB"))?;
-        let target = target(translator, &part, 16, count)?;
+        let target = atomic_target(translator, &part, 16, count)?;
         let (component, alignment) = ((component, count), alignment(translator, pointer, 16));
         let (to, comparator) = (none, none);
         words.push(emit(
@@ -490,7 +492,7 @@ fn components(
             AtomicOp { kind, width: 16, component, alignment, target, to, value, comparator },
         )?);
     }
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(())
 }
 
@@ -503,16 +505,21 @@ fn scalar(translator: &mut Translator<'_>, instruction: &Instruction, at: usize,
     }
 }
 
-fn target(translator: &mut Translator<'_>, pointer: &Pointer, width: u32, count: u32) -> Result<Target> {
-    match pointer.place {
-        PointerBase::Texel(ref place) if (width == 64) == place.view.wide && width * count >= 32 => {
-            Ok(Target::Texel(place.clone()))
+fn atomic_target(
+    translator: &mut Translator<'_>,
+    pointer: &Pointer,
+    width: u32,
+    count: u32,
+) -> Result<AtomicTarget> {
+    match pointer.base {
+        PointerBase::Texel(ref texel) if (width == 64) == texel.view.wide && width * count >= 32 => {
+            Ok(AtomicTarget::Texel(texel.clone()))
         }
         PointerBase::Texel(_) => Err(translator.invalid("an atomic instruction on a texel of another width")),
         PointerBase::Buffer(buffer) => {
             let (count, part) = if width == 64 { (2, 32) } else { (1, width) };
             let (offset, index) = (pointer.offset, pointer.index);
-            Ok(Target::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
+            Ok(AtomicTarget::Buffer(Chunk { buffer, offset, index, width: part, count, alignment: 1 }))
         }
         PointerBase::Registers { constant: true, .. } => {
             Err(translator.invalid("an atomic on an input variable"))
@@ -522,10 +529,10 @@ fn target(translator: &mut Translator<'_>, pointer: &Pointer, width: u32, count:
             if pointer.index.is_some() {
                 translator.addressed.push((first, width.div_ceil(32)));
             }
-            Ok(Target::Registers { first, index: pointer.index })
+            Ok(AtomicTarget::Registers { first, index: pointer.index })
         }
         PointerBase::ComputedRegisters => {
-            Ok(Target::Registers { first: pointer.pointed_registers(), index: pointer.index })
+            Ok(AtomicTarget::Registers { first: pointer.pointed_registers(), index: pointer.index })
         }
         PointerBase::Descriptors { .. } => Err(translator.invalid("an atomic instruction on a descriptor")),
     }

@@ -1,9 +1,9 @@
 //! Barrier instructions (SPIR-V 3.3.21).
 //!
-//! Every access is seen by all that follow it already, so an `OpMemoryBarrier` has nothing to do,
-//! and neither has an `OpControlBarrier` of scope Subgroup: the invocations of a subgroup stand in
-//! one batch and go side by side. One of scope Workgroup stops the batch until the whole workgroup
-//! has come to it.
+//! Every access is visible to all later ones, so an `OpMemoryBarrier` has nothing to do, and
+//! neither has an `OpControlBarrier` of scope Subgroup: the invocations of a subgroup run in one
+//! batch, in lockstep. One of scope Workgroup stops the batch until the whole workgroup has reached
+//! it.
 
 use rspirv::spirv::{Op as Opcode, Scope};
 

@@ -16,7 +16,7 @@ lane_kernels! {
     BitCount Core [u8 u16 u32 u64] (a: T) -> u32 { a.count_ones() }
 }
 
-/// Bit-field instructions take four operands: they are translated to these.
+/// Kernels to which bit-field instructions are translated, as those have up to four operands.
 pub mod field {
     use crate::lane_kernels;
 

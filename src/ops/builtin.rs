@@ -1,9 +1,9 @@
-//! The builtins: number, type, stages, rules, and how each is read from an invocation.
+//! The builtin variables: number, type, stages, rules, and how each is read from an invocation.
 
 use crate::accel::{HitKind, Primitive, Tlas};
 use crate::error::Result;
 use crate::geometry::ObjectRay;
-use crate::machine::invocation::{HitOf, InvocationField as Field, Invocations, LaneInvocation};
+use crate::machine::invocation::{HitRef, InvocationField as Field, Invocations, LaneInvocation};
 use crate::machine::{Lanes, Mask};
 use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
@@ -15,7 +15,7 @@ pub struct Builtin {
     pub name: &'static str,
     /// Its number.
     pub number: u32,
-    /// Its type.
+    /// The shape of its type.
     pub shape: ValueShape,
     /// The stages that may read it, by letter: R I A C M K, and G for `GLCompute`.
     pub stages: &'static str,
@@ -23,24 +23,24 @@ pub struct Builtin {
     pub vuids: [&'static str; 3],
     /// Whether it may change while the shader runs.
     pub volatile: bool,
-    /// How it is read.
+    /// How it is read from the invocations.
     pub read: BuiltinRead,
 }
 
 /// How a builtin is read from the invocations of a batch. Words are 0 where nothing writes them.
 #[derive(Clone, Copy)]
 pub enum BuiltinRead {
-    /// Fields as they lie.
+    /// Fields of the invocations, copied.
     Fields(&'static [Field]),
-    /// The words that all of them have, from one of them.
-    Same(fn(&LaneInvocation<'_>, &mut [u32])),
-    /// The words of one of them.
-    Each(fn(&LaneInvocation<'_>, &mut [u32])),
-    /// The words of an instance at a time.
-    Placed(fn(&Tlas, u32, f32, &mut [u32])),
-    /// The words of one of them, where all hit one instance that stands in the world as it is:
-    /// fields as they lie.
-    Ray(&'static [Field], fn(&LaneInvocation<'_>, &mut [u32])),
+    /// Words that are the same for all lanes, computed once.
+    Uniform(fn(&LaneInvocation<'_>, &mut [u32])),
+    /// Words that are computed for each lane.
+    PerLane(fn(&LaneInvocation<'_>, &mut [u32])),
+    /// Words of an instance at a point in time, computed once for lanes that share both.
+    PerInstance(fn(&Tlas, u32, f32, &mut [u32])),
+    /// Words that are computed for each lane; where all lanes hit one instance without a transform,
+    /// fields are copied.
+    ObjectRay(&'static [Field], fn(&LaneInvocation<'_>, &mut [u32])),
 }
 
 impl BuiltinRead {
@@ -51,29 +51,29 @@ impl BuiltinRead {
         let words = &mut space[..to.len()];
         match self {
             Self::Fields(fields) => copy(to, from, fields),
-            Self::Ray(fields, _) if is_in_world(from, mask, first) => copy(to, from, fields),
-            Self::Same(read) => {
-                read(&from.one(first), words);
+            Self::ObjectRay(fields, _) if is_in_world(from, mask, first) => copy(to, from, fields),
+            Self::Uniform(read) => {
+                read(&from.lane(first), words);
                 splat(to, words);
             }
-            Self::Each(read) | Self::Ray(_, read) => {
+            Self::PerLane(read) | Self::ObjectRay(_, read) => {
                 for lane in mask.lanes() {
                     words.fill(0);
-                    read(&from.one(lane), words);
+                    read(&from.lane(lane), words);
                     set(to, lane, words);
                 }
             }
-            Self::Placed(read) => {
+            Self::PerInstance(read) => {
                 let key = |lane: usize| {
-                    let lanes = [&from.hits.instance, from.structures.numbers(), &from.rays.time];
+                    let lanes = [&from.hits.instance, from.structures.indices(), &from.rays.time];
                     lanes.map(|lanes| lanes.0[lane])
                 };
                 let mut known = None;
                 let mut read_at = |lane: usize, words: &mut [u32]| {
                     if known != Some(key(lane)) {
                         words.fill(0);
-                        if let Some(hit) = from.one(lane).hit {
-                            read(hit.tlas, hit.place.instance, f32::from_bits(key(lane)[2]), words);
+                        if let Some(hit) = from.lane(lane).hit {
+                            read(hit.tlas, hit.prim.instance, f32::from_bits(key(lane)[2]), words);
                         }
                         known = Some(key(lane));
                     }
@@ -96,17 +96,17 @@ impl BuiltinRead {
 /// Whether the lanes of a mask, of which the first is given, hit the same instance.
 fn same_instance<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
     let same = |lanes: &Lanes<W>| Mask::equal(lanes, lanes.0[first]).covers(mask);
-    same(&from.hits.instance) && same(from.structures.numbers())
+    same(&from.hits.instance) && same(from.structures.indices())
 }
 
-/// Whether they hit an instance that stands in the world as it is: a ray is there what it is in the
-/// world.
+/// Whether the lanes hit one instance without a transform: rays in object space are those in world
+/// space.
 fn is_in_world<const W: usize>(from: &Invocations<W>, mask: Mask<W>, first: usize) -> bool {
-    let is_identity = from.one(first).hit.is_some_and(|hit| hit.instance().is_identity());
+    let is_identity = from.lane(first).hit.is_some_and(|hit| hit.instance().is_identity());
     is_identity && same_instance(from, mask, first)
 }
 
-/// Copies fields as they lie.
+/// Copies fields.
 fn copy<const W: usize>(to: &mut [Lanes<W>], from: &Invocations<W>, fields: &[Field]) {
     to.iter_mut().zip(fields).for_each(|(to, &field)| *to = *from.field(field));
 }
@@ -166,7 +166,7 @@ pub enum ValueShape {
 }
 
 impl ValueShape {
-    /// All of them.
+    /// All shapes.
     #[cfg(test)]
     pub const ALL: [Self; 12] = [
         Self::Bool,
@@ -231,13 +231,13 @@ macro_rules! builtins {
     (@) => { false };
     (@ volatile) => { true };
     (# fields [$($field:expr),*]) => { BuiltinRead::Fields(&[$($field),*]) };
-    (# same (|$from:ident, $to:ident| $read:expr)) => { BuiltinRead::Same(|$from, $to| { $read; }) };
-    (# each (|$from:ident, $to:ident| $read:expr)) => { BuiltinRead::Each(|$from, $to| { $read; }) };
-    (# ray ([$($field:expr),*] |$from:ident, $to:ident| $read:expr)) => {
-        BuiltinRead::Ray(&[$($field),*], |$from, $to| { $read; })
+    (# uniform (|$from:ident, $to:ident| $read:expr)) => { BuiltinRead::Uniform(|$from, $to| { $read; }) };
+    (# per_lane (|$from:ident, $to:ident| $read:expr)) => { BuiltinRead::PerLane(|$from, $to| { $read; }) };
+    (# object_ray ([$($field:expr),*] |$from:ident, $to:ident| $read:expr)) => {
+        BuiltinRead::ObjectRay(&[$($field),*], |$from, $to| { $read; })
     };
-    (# placed (|$tlas:ident, $instance:ident, $time:ident, $to:ident| $read:expr)) => {
-        BuiltinRead::Placed(|$tlas, $instance, $time, $to| $read)
+    (# per_instance (|$tlas:ident, $instance:ident, $time:ident, $to:ident| $read:expr)) => {
+        BuiltinRead::PerInstance(|$tlas, $instance, $time, $to| $read)
     };
 }
 
@@ -247,71 +247,71 @@ builtins! {
     PrimitiveId 7 Int "IAC" ["PrimitiveId-PrimitiveId-04330" "PrimitiveId-PrimitiveId-04334" "PrimitiveId-PrimitiveId-04337"]
         = fields [Field::Primitive];
     NumWorkgroups 24 Int3 "G" ["NumWorkgroups-NumWorkgroups-04296" "NumWorkgroups-NumWorkgroups-04297" "NumWorkgroups-NumWorkgroups-04298"]
-        = same (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.count) });
+        = uniform (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.count) });
     WorkgroupSize 25 Int3 "G" ["WorkgroupSize-WorkgroupSize-04425" "WorkgroupSize-WorkgroupSize-04426" "WorkgroupSize-WorkgroupSize-04427"]
-        = same (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.size) });
+        = uniform (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.size) });
     WorkgroupId 26 Int3 "G" ["WorkgroupId-WorkgroupId-04422" "WorkgroupId-WorkgroupId-04423" "WorkgroupId-WorkgroupId-04424"]
-        = each (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.id) });
+        = per_lane (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.id) });
     LocalInvocationId 27 Int3 "G" ["LocalInvocationId-LocalInvocationId-04281" "LocalInvocationId-LocalInvocationId-04282" "LocalInvocationId-LocalInvocationId-04283"]
-        = each (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.local_id(from.local_index)) });
+        = per_lane (|from, to| if let Some(group) = from.workgroup { to.copy_from_slice(&group.local_id(from.local_index)) });
     GlobalInvocationId 28 Int3 "G" ["GlobalInvocationId-GlobalInvocationId-04236" "GlobalInvocationId-GlobalInvocationId-04237" "GlobalInvocationId-GlobalInvocationId-04238"]
         = fields [Field::LaunchId(0), Field::LaunchId(1), Field::LaunchId(2)];
     LocalInvocationIndex 29 Int "G" ["LocalInvocationIndex-LocalInvocationIndex-04284" "LocalInvocationIndex-LocalInvocationIndex-04285" "LocalInvocationIndex-LocalInvocationIndex-04286"]
         = fields [Field::LocalIndex];
     SubgroupSize 36 Int "RIACMKG" ["SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04382" "SubgroupSize-SubgroupSize-04383"]
-        = same (|from, to| to[0] = from.subgroup_size);
+        = uniform (|from, to| to[0] = from.subgroup_size);
     NumSubgroups 38 Int "G" ["NumSubgroups-NumSubgroups-04293" "NumSubgroups-NumSubgroups-04294" "NumSubgroups-NumSubgroups-04295"]
-        = same (|from, to| to[0] = from.workgroup.map_or(0, |group| group.invocations().div_ceil(from.subgroup_size)));
+        = uniform (|from, to| to[0] = from.workgroup.map_or(0, |group| group.invocations().div_ceil(from.subgroup_size)));
     SubgroupId 40 Int "G" ["SubgroupId-SubgroupId-04367" "SubgroupId-SubgroupId-04368" "SubgroupId-SubgroupId-04369"]
-        = each (|from, to| to[0] = from.subgroup_id() as u32);
+        = per_lane (|from, to| to[0] = from.subgroup_id() as u32);
     SubgroupLocalInvocationId 41 Int "RIACMKG" ["SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04380" "SubgroupLocalInvocationId-SubgroupLocalInvocationId-04381"]
-        = each (|from, to| to[0] = from.subgroup_local_invocation_id());
+        = per_lane (|from, to| to[0] = from.subgroup_local_invocation_id());
     CoreIDARM 4160 Int "RIACMKG" ["CoreIDARM-CoreIDARM-07599" "CoreIDARM-CoreIDARM-07599" "CoreIDARM-CoreIDARM-07600"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     CoreCountARM 4161 Int "RIACMKG" ["CoreCountARM-CoreCountARM-07595" "CoreCountARM-CoreCountARM-07595" "CoreCountARM-CoreCountARM-07596"]
-        = same (|_from, to| to[0] = 1);
+        = uniform (|_from, to| to[0] = 1);
     CoreMaxIDARM 4162 Int "RIACMKG" ["CoreMaxIDARM-CoreMaxIDARM-07597" "CoreMaxIDARM-CoreMaxIDARM-07597" "CoreMaxIDARM-CoreMaxIDARM-07598"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     WarpIDARM 4163 Int "RIACMKG" ["WarpIDARM-WarpIDARM-07603" "WarpIDARM-WarpIDARM-07603" "WarpIDARM-WarpIDARM-07604"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     WarpMaxIDARM 4164 Int "RIACMKG" ["WarpMaxIDARM-WarpMaxIDARM-07601" "WarpMaxIDARM-WarpMaxIDARM-07601" "WarpMaxIDARM-WarpMaxIDARM-07602"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     SubgroupEqMask 4416 Int4 "RIACMKG" ["SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04370" "SubgroupEqMask-SubgroupEqMask-04371"]
-        = each (|from, to| places(from, to, |own, place| place == own));
+        = per_lane (|from, to| subgroup_mask(from, to, |own, other| other == own));
     SubgroupGeMask 4417 Int4 "RIACMKG" ["SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04372" "SubgroupGeMask-SubgroupGeMask-04373"]
-        = each (|from, to| places(from, to, |own, place| place >= own));
+        = per_lane (|from, to| subgroup_mask(from, to, |own, other| other >= own));
     SubgroupGtMask 4418 Int4 "RIACMKG" ["SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04374" "SubgroupGtMask-SubgroupGtMask-04375"]
-        = each (|from, to| places(from, to, |own, place| place > own));
+        = per_lane (|from, to| subgroup_mask(from, to, |own, other| other > own));
     SubgroupLeMask 4419 Int4 "RIACMKG" ["SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04376" "SubgroupLeMask-SubgroupLeMask-04377"]
-        = each (|from, to| places(from, to, |own, place| place <= own));
+        = per_lane (|from, to| subgroup_mask(from, to, |own, other| other <= own));
     SubgroupLtMask 4420 Int4 "RIACMKG" ["SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04378" "SubgroupLtMask-SubgroupLtMask-04379"]
-        = each (|from, to| places(from, to, |own, place| place < own));
+        = per_lane (|from, to| subgroup_mask(from, to, |own, other| other < own));
     DeviceIndex 4438 Int "RIACMKG" ["DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04205" "DeviceIndex-DeviceIndex-04206"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     LaunchIdKHR 5319 Int3 "RIACMK" ["LaunchIdKHR-LaunchIdKHR-04266" "LaunchIdKHR-LaunchIdKHR-04267" "LaunchIdKHR-LaunchIdKHR-04268"]
         = fields [Field::LaunchId(0), Field::LaunchId(1), Field::LaunchId(2)];
     LaunchSizeKHR 5320 Int3 "RIACMK" ["LaunchSizeKHR-LaunchSizeKHR-04269" "LaunchSizeKHR-LaunchSizeKHR-04270" "LaunchSizeKHR-LaunchSizeKHR-04271"]
-        = same (|from, to| to.copy_from_slice(&from.launch_size));
+        = uniform (|from, to| to.copy_from_slice(&from.launch_size));
     WorldRayOriginKHR 5321 Float3 "IACM" ["WorldRayOriginKHR-WorldRayOriginKHR-04431" "WorldRayOriginKHR-WorldRayOriginKHR-04432" "WorldRayOriginKHR-WorldRayOriginKHR-04433"]
         = fields [Field::Origin(0), Field::Origin(1), Field::Origin(2)];
     WorldRayDirectionKHR 5322 Float3 "IACM" ["WorldRayDirectionKHR-WorldRayDirectionKHR-04428" "WorldRayDirectionKHR-WorldRayDirectionKHR-04429" "WorldRayDirectionKHR-WorldRayDirectionKHR-04430"]
         = fields [Field::Direction(0), Field::Direction(1), Field::Direction(2)];
     ObjectRayOriginKHR 5323 Float3 "IAC" ["ObjectRayOriginKHR-ObjectRayOriginKHR-04302" "ObjectRayOriginKHR-ObjectRayOriginKHR-04303" "ObjectRayOriginKHR-ObjectRayOriginKHR-04304"]
-        = ray ([Field::Origin(0), Field::Origin(1), Field::Origin(2)]
+        = object_ray ([Field::Origin(0), Field::Origin(1), Field::Origin(2)]
             |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_origin_f32())));
     ObjectRayDirectionKHR 5324 Float3 "IAC" ["ObjectRayDirectionKHR-ObjectRayDirectionKHR-04299" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04300" "ObjectRayDirectionKHR-ObjectRayDirectionKHR-04301"]
-        = ray ([Field::Direction(0), Field::Direction(1), Field::Direction(2)]
+        = object_ray ([Field::Direction(0), Field::Direction(1), Field::Direction(2)]
             |from, to| floats(to, &object_ray(from).map_or([0.0; 3], |ray| ray.object_direction_f32())));
     RayTminKHR 5325 Float "IACM" ["RayTminKHR-RayTminKHR-04351" "RayTminKHR-RayTminKHR-04352" "RayTminKHR-RayTminKHR-04353"]
         = fields [Field::TMin];
     RayTmaxKHR 5326 Float "IACM" ["RayTmaxKHR-RayTmaxKHR-04348" "RayTmaxKHR-RayTmaxKHR-04349" "RayTmaxKHR-RayTmaxKHR-04350"] volatile
         = fields [Field::TMax];
     InstanceCustomIndexKHR 5327 Int "IAC" ["InstanceCustomIndexKHR-InstanceCustomIndexKHR-04251" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04252" "InstanceCustomIndexKHR-InstanceCustomIndexKHR-04253"]
-        = each (|from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index));
+        = per_lane (|from, to| to[0] = hit(from).map_or(0, |hit| hit.instance().custom_index));
     ObjectToWorldKHR 5330 Matrix4x3 "IAC" ["ObjectToWorldKHR-ObjectToWorldKHR-04305" "ObjectToWorldKHR-ObjectToWorldKHR-04306" "ObjectToWorldKHR-ObjectToWorldKHR-04307"]
-        = placed (|tlas, instance, time, to| columns(to, &tlas.instances()[instance as usize].object_to_world(time)));
+        = per_instance (|tlas, instance, time, to| columns(to, &tlas.instances()[instance as usize].object_to_world(time)));
     WorldToObjectKHR 5331 Matrix4x3 "IAC" ["WorldToObjectKHR-WorldToObjectKHR-04434" "WorldToObjectKHR-WorldToObjectKHR-04435" "WorldToObjectKHR-WorldToObjectKHR-04436"]
-        = placed (|tlas, instance, time, to| columns(to, &tlas.world_to_object(instance, time)));
+        = per_instance (|tlas, instance, time, to| columns(to, &tlas.world_to_object(instance, time)));
     HitTNV 5332 Float "AC" ["HitTNV-HitTNV-04245" "HitTNV-HitTNV-04246" "HitTNV-HitTNV-04247"]
         = fields [Field::TMax];
     HitKindKHR 5333 Int "AC" ["HitKindKHR-HitKindKHR-04242" "HitKindKHR-HitKindKHR-04243" "HitKindKHR-HitKindKHR-04244"]
@@ -319,33 +319,33 @@ builtins! {
     CurrentRayTimeNV 5334 Float "IACM" ["CurrentRayTimeNV-CurrentRayTimeNV-04942" "CurrentRayTimeNV-CurrentRayTimeNV-04943" "CurrentRayTimeNV-CurrentRayTimeNV-04944"]
         = fields [Field::Time];
     HitTriangleVertexPositionsKHR 5335 Float3Array3 "AC" ["HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08747" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08748" "HitTriangleVertexPositionsKHR-HitTriangleVertexPositionsKHR-08749"]
-        = each (|from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle(from.time())) { floats(to, positions.as_flattened()) });
+        = per_lane (|from, to| if let Some(positions) = hit(from).and_then(|hit| hit.triangle(from.time())) { floats(to, positions.as_flattened()) });
     IncomingRayFlagsKHR 5351 Int "IACM" ["IncomingRayFlagsKHR-IncomingRayFlagsKHR-04248" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04249" "IncomingRayFlagsKHR-IncomingRayFlagsKHR-04250"]
         = fields [Field::Flags];
     RayGeometryIndexKHR 5352 Int "IAC" ["RayGeometryIndexKHR-RayGeometryIndexKHR-04345" "RayGeometryIndexKHR-RayGeometryIndexKHR-04346" "RayGeometryIndexKHR-RayGeometryIndexKHR-04347"]
         = fields [Field::Geometry];
     HitIsSphereNV 5359 Bool "AC" ["HitIsSphereNV-HitIsSphereNV-10513" "HitIsSphereNV-HitIsSphereNV-10514" "HitIsSphereNV-HitIsSphereNV-10515"]
-        = each (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::SPHERE)));
+        = per_lane (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::SPHERE)));
     HitIsLSSNV 5360 Bool "AC" ["HitIsLSSNV-HitIsLSSNV-10516" "HitIsLSSNV-HitIsLSSNV-10517" "HitIsLSSNV-HitIsLSSNV-10518"]
-        = each (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::LINEAR_SWEPT_SPHERE)));
+        = per_lane (|from, to| to[0] = u32::from(hit(from).is_some_and(|hit| hit.kind == HitKind::LINEAR_SWEPT_SPHERE)));
     HitSpherePositionNV 5361 Float3 "AC" ["HitSpherePositionNV-HitSpherePositionNV-10519" "HitSpherePositionNV-HitSpherePositionNV-10520" "HitSpherePositionNV-HitSpherePositionNV-10521"]
-        = each (|from, to| if let Some((position, _)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &position) });
+        = per_lane (|from, to| if let Some((position, _)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &position) });
     WarpsPerSMNV 5374 Int "RIACMKG" ["WarpsPerSMNV-WarpsPerSMNV-04418" "WarpsPerSMNV-WarpsPerSMNV-04418" "WarpsPerSMNV-WarpsPerSMNV-04419"]
-        = same (|_from, to| to[0] = 1);
+        = uniform (|_from, to| to[0] = 1);
     SMCountNV 5375 Int "RIACMKG" ["SMCountNV-SMCountNV-04363" "SMCountNV-SMCountNV-04363" "SMCountNV-SMCountNV-04364"]
-        = same (|_from, to| to[0] = 1);
+        = uniform (|_from, to| to[0] = 1);
     WarpIDNV 5376 Int "RIACMKG" ["WarpIDNV-WarpIDNV-04420" "WarpIDNV-WarpIDNV-04420" "WarpIDNV-WarpIDNV-04421"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     SMIDNV 5377 Int "RIACMKG" ["SMIDNV-SMIDNV-04365" "SMIDNV-SMIDNV-04365" "SMIDNV-SMIDNV-04366"]
-        = same (|_from, to| to[0] = 0);
+        = uniform (|_from, to| to[0] = 0);
     HitLSSPositionsNV 5396 Float3Array2 "AC" ["HitLSSPositionsNV-HitLSSPositionsNV-10525" "HitLSSPositionsNV-HitLSSPositionsNV-10526" "HitLSSPositionsNV-HitLSSPositionsNV-10527"]
-        = each (|from, to| if let Some((positions, _)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, positions.as_flattened()) });
+        = per_lane (|from, to| if let Some((positions, _)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, positions.as_flattened()) });
     HitSphereRadiusNV 5420 Float "AC" ["HitSphereRadiusNV-HitSphereRadiusNV-10522" "HitSphereRadiusNV-HitSphereRadiusNV-10523" "HitSphereRadiusNV-HitSphereRadiusNV-10524"]
-        = each (|from, to| if let Some((_, radius)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &[radius]) });
+        = per_lane (|from, to| if let Some((_, radius)) = hit(from).and_then(|hit| hit.sphere()) { floats(to, &[radius]) });
     HitLSSRadiiNV 5421 FloatArray2 "AC" ["HitLSSRadiiNV-HitLSSRadiiNV-10528" "HitLSSRadiiNV-HitLSSRadiiNV-10529" "HitLSSRadiiNV-HitLSSRadiiNV-10530"]
-        = each (|from, to| if let Some((_, radii)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, &radii) });
+        = per_lane (|from, to| if let Some((_, radii)) = hit(from).and_then(|hit| hit.linear_swept_sphere()) { floats(to, &radii) });
     ClusterIDNV 5436 Int "AC" ["ClusterIDNV-ClusterIDNV-10531" "ClusterIDNV-ClusterIDNV-10532" "ClusterIDNV-ClusterIDNV-10533"]
-        = each (|from, to| to[0] = hit(from).map_or(u32::MAX, |hit| hit.cluster_id()));
+        = per_lane (|from, to| to[0] = hit(from).map_or(u32::MAX, |hit| hit.cluster_id()));
     CullMaskKHR 6021 Int "IACM" ["CullMaskKHR-CullMaskKHR-06735" "CullMaskKHR-CullMaskKHR-06736" "CullMaskKHR-CullMaskKHR-06737"]
         = fields [Field::CullMask];
 }
@@ -362,7 +362,7 @@ pub fn find_by_name(name: &str) -> Option<&'static Builtin> {
 }
 
 /// The letter of a stage in [`Builtin::stages`].
-pub fn letter(stage: Stage) -> char {
+pub fn stage_letter(stage: Stage) -> char {
     match stage {
         Stage::RayGeneration => 'R',
         Stage::Intersection => 'I',
@@ -380,7 +380,7 @@ pub fn letter(stage: Stage) -> char {
 /// # Errors
 /// `InvalidModule` with the rule's VUID.
 pub fn check(translator: &Translator<'_>, builtin: &'static Builtin, ty: TypeId) -> Result<()> {
-    if !builtin.stages.contains(letter(translator.stage)) {
+    if !builtin.stages.contains(stage_letter(translator.stage)) {
         let message = format!("the builtin {} cannot be read in {}", builtin.name, translator.stage.name());
         return Err(translator.invalid(message).note(format!("VUID-{}", builtin.vuids[0])));
     }
@@ -393,7 +393,7 @@ pub fn check(translator: &Translator<'_>, builtin: &'static Builtin, ty: TypeId)
     Ok(())
 }
 
-/// Whether a type has a shape.
+/// Whether a type has the shape of a builtin.
 pub fn matches(translator: &Translator<'_>, shape: ValueShape, ty: TypeId) -> bool {
     let module = translator.module;
     let is_float = |ty| matches!(module.ty(ty), Type::Float { width: 32, encoding: None });
@@ -432,20 +432,20 @@ pub fn matches(translator: &Translator<'_>, shape: ValueShape, ty: TypeId) -> bo
     }
 }
 
-fn hit<'a>(invocation: &LaneInvocation<'a>) -> Option<HitOf<'a>> {
+fn hit<'a>(invocation: &LaneInvocation<'a>) -> Option<HitRef<'a>> {
     invocation.hit
 }
 
 fn object_ray(invocation: &LaneInvocation<'_>) -> Option<ObjectRay> {
     let hit = invocation.hit?;
-    hit.tlas.object_ray(hit.place.instance, &invocation.trace.ray, invocation.time())
+    hit.tlas.object_ray(hit.prim.instance, &invocation.trace.ray, invocation.time())
 }
 
-/// The mask of the places in the subgroup for which a relation to the own place holds.
-fn places(from: &LaneInvocation<'_>, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
+/// The mask of the invocations of the subgroup whose id has a relation to this invocation's id.
+fn subgroup_mask(from: &LaneInvocation<'_>, to: &mut [u32], holds: impl Fn(u32, u32) -> bool) {
     let own = from.subgroup_local_invocation_id();
-    for place in (0..from.subgroup_size).filter(|&place| holds(own, place)) {
-        to[place as usize / 32] |= 1 << (place % 32);
+    for id in (0..from.subgroup_size).filter(|&id| holds(own, id)) {
+        to[id as usize / 32] |= 1 << (id % 32);
     }
 }
 
@@ -455,26 +455,26 @@ pub(super) fn floats(to: &mut [u32], values: &[f32]) {
     }
 }
 
-/// Column by column from a row-major 3x4 matrix.
+/// Writes a row-major 3x4 matrix column by column.
 pub(super) fn columns(to: &mut [u32], rows: &[[f32; 4]; 3]) {
     for (at, to) in to.iter_mut().enumerate() {
         *to = rows[at % 3][at / 3].to_bits();
     }
 }
 
-impl HitOf<'_> {
-    /// What was hit, by a ray of a time.
+impl HitRef<'_> {
+    /// The primitive that a ray at a time hit.
     pub fn primitive(&self, time: f32) -> Option<Primitive> {
-        self.instance().blas.primitive(self.place.geometry, self.place.primitive, time)
+        self.instance().blas.primitive(self.prim.geometry, self.prim.primitive, time)
     }
 
     /// `ClusterIDNV`: -1 where the primitive belongs to no cluster.
     fn cluster_id(&self) -> u32 {
         let geometries = self.instance().blas.geometries();
-        geometries[self.place.geometry as usize].cluster_id.unwrap_or(u32::MAX)
+        geometries[self.prim.geometry as usize].cluster_id.unwrap_or(u32::MAX)
     }
 
-    /// The vertices of the triangle that a ray of a time hit, after the geometry's own transform;
+    /// The vertices of the triangle that a ray at a time hit, after the geometry's own transform;
     /// `None` for any other primitive.
     pub fn triangle(&self, time: f32) -> Option<[[f32; 3]; 3]> {
         match self.primitive(time)? {

@@ -9,7 +9,7 @@ use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::address;
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::linear_algebra;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
@@ -44,21 +44,21 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 words.extend(translator.words(crate::module::Id(id))?);
             }
             check_count(translator, instruction, &words)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::CompositeConstructReplicateEXT => {
             let part = translator.id(instruction, 0)?;
             let ty = translator.result_type(instruction)?;
             let words = replicate(translator, ty, part)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::CompositeExtract => {
             let composite = translator.id(instruction, 0)?;
             let ty = translator.type_of(composite)?;
             let words = translator.words(composite)?;
             let indices = &translator.operands(instruction)[1..];
-            let (first, count) = part(translator, ty, indices)?;
-            translator.result(instruction, words[first..first + count].into());
+            let (first, count) = part_words(translator, ty, indices)?;
+            translator.define_result(instruction, words[first..first + count].into());
         }
         Opcode::CompositeInsert => {
             let object = translator.operand(instruction, 0)?;
@@ -66,14 +66,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let ty = translator.type_of(composite)?;
             let mut words = translator.words(composite)?;
             let indices = &translator.operands(instruction)[2..];
-            let (first, count) = part(translator, ty, indices)?;
+            let (first, count) = part_words(translator, ty, indices)?;
             if object.len() != count {
                 return Err(
                     translator.invalid("the object inserted has another type than the part it replaces")
                 );
             }
             words[first..first + count].copy_from_slice(&object);
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::VectorShuffle => {
             let (a, b) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
@@ -100,8 +100,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 };
                 chosen.push(component);
             }
-            let words = translator.spread(&chosen, width);
-            translator.result(instruction, words);
+            let words = translator.expand_components(&chosen, width);
+            translator.define_result(instruction, words);
         }
         Opcode::VectorExtractDynamic => {
             let vector = translator.id(instruction, 0)?;
@@ -111,10 +111,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let each = words.len() as u32 / count.max(1);
             let first = translator.consecutive(&words)?;
             translator.addressed.push((first, words.len() as u32));
-            let index = scaled(translator, index, each, count)?;
+            let index = component_offset(translator, index, each, count)?;
             let to = translator.fresh(each)?;
             translator.emit(Op::Memory(memory::MemoryOp::Gather { to, count: each, first, index }));
-            translator.result(instruction, registers_from(to, each));
+            translator.define_result(instruction, registers_from(to, each));
         }
         Opcode::VectorInsertDynamic => {
             let vector = translator.id(instruction, 0)?;
@@ -128,10 +128,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 translator.emit(Op::Memory(memory::MemoryOp::Move { to: to.plus(at as u32), from }));
             }
             translator.addressed.push((to, words.len() as u32));
-            let index = scaled(translator, index, each, count)?;
+            let index = component_offset(translator, index, each, count)?;
             let from = translator.consecutive(&component)?;
             translator.emit(Op::Memory(memory::MemoryOp::Scatter { from, count: each, first: to, index }));
-            translator.result(instruction, registers_from(to, words.len() as u32));
+            translator.define_result(instruction, registers_from(to, words.len() as u32));
         }
         Opcode::Transpose => {
             let matrix = translator.id(instruction, 0)?;
@@ -144,8 +144,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             }
             let transposed: Words =
                 (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
-            let words = translator.spread(&transposed, width);
-            translator.result(instruction, words);
+            let words = translator.expand_components(&transposed, width);
+            translator.define_result(instruction, words);
         }
         Opcode::CopyObject => {
             let id = translator.id(instruction, 0)?;
@@ -157,7 +157,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::CopyLogical => {
             let (from, to) = (translator.id(instruction, 0)?, translator.result_type(instruction)?);
             let from = translator.type_of(from)?;
-            if translator.scalars(from)? != translator.scalars(to)? {
+            if translator.scalar_fingerprint(from)? != translator.scalar_fingerprint(to)? {
                 let [from, to] = [from, to].map(|ty| translator.module.describe_type(ty));
                 return Err(
                     translator.invalid(format!("OpCopyLogical of {from} to {to}, which do not match"))
@@ -165,17 +165,17 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             }
             let words = translator.operand(instruction, 0)?;
             check_count(translator, instruction, &words)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::Undef => {
             let ty = translator.result_type(instruction)?;
             let words = translator.zero(ty)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::Select => {
             let condition = translator.components_of_bool(instruction, 0)?;
             let objects = [translator.id(instruction, 1)?, translator.id(instruction, 2)?];
-            let (a, b) = (translator.carried(objects[0])?, translator.carried(objects[1])?);
+            let (a, b) = (translator.words_unchecked(objects[0])?, translator.words_unchecked(objects[1])?);
             if a.len() != b.len() || a.is_empty() {
                 return Err(translator.invalid("the objects of a select differ in type"));
             }
@@ -200,11 +200,11 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 let start = translator.consecutive(&words)?;
                 words = registers_from(start, words.len() as u32);
             }
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::Bitcast => {
             let words = bitcast(translator, instruction)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         _ => return Ok(false),
     }
@@ -263,8 +263,9 @@ pub fn scalar_width_of_matrix(translator: &Translator<'_>, matrix: crate::module
     }
 }
 
-/// Where the part that literal indices name lies among the words of a composite.
-fn part(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(usize, usize)> {
+/// The first word, among those of a composite, of the part that literal indices name, and its
+/// words.
+fn part_words(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Result<(usize, usize)> {
     let mut first = 0;
     for &index in indices {
         let outside = |translator: &Translator<'_>| {
@@ -298,19 +299,24 @@ fn part(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) -> Res
     Ok((first as usize, translator.word_count(ty)? as usize))
 }
 
-/// Holds the constituents of a composite against its type; those of a vector may be vectors where
-/// `joined` says so (`OpCompositeConstruct`).
+/// Checks the constituents of a composite against its type. If `flattens_vectors`, those of a
+/// vector may be vectors (`OpCompositeConstruct`).
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check_constituents(translator: &Translator<'_>, ty: TypeId, ids: &[u32], joined: bool) -> Result<()> {
+pub fn check_constituents(
+    translator: &Translator<'_>,
+    ty: TypeId,
+    ids: &[u32],
+    flattens_vectors: bool,
+) -> Result<()> {
     let types = ids.iter().map(|&id| translator.module.type_of(crate::module::Id(id)));
     let is = |found: Option<TypeId>, part: TypeId| found.is_none_or(|found| found == part);
     let fits = match *translator.module.ty(ty) {
         Type::Vector { component, count } => {
             let parts: Vec<Option<TypeId>> = types.collect();
             let part = |found: Option<TypeId>| match found.map(|found| translator.module.ty(found)) {
-                Some(&Type::Vector { component, count }) if joined => (Some(component), count),
+                Some(&Type::Vector { component, count }) if flattens_vectors => (Some(component), count),
                 _ => (found, 1),
             };
             parts.len() > 1
@@ -341,9 +347,14 @@ fn check_count(translator: &mut Translator<'_>, instruction: &Instruction, words
     Ok(())
 }
 
-/// The register offset of a component.
-fn scaled(translator: &mut Translator<'_>, index: crate::module::Id, stride: u32, count: u32) -> Result<Reg> {
-    let index = translator.integer(index, Reading::Index)?;
+/// The offset of a component, in registers.
+fn component_offset(
+    translator: &mut Translator<'_>,
+    index: crate::module::Id,
+    stride: u32,
+    count: u32,
+) -> Result<Reg> {
+    let index = translator.integer(index, ReadAs::Index)?;
     let to = translator.fresh(1)?;
     let length = Length::Known(count);
     translator.emit(Op::Memory(memory::MemoryOp::Index { to, base: None, index, stride, length }));

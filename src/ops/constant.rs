@@ -16,7 +16,7 @@ pub fn operation(
     operands: &[u32],
 ) -> Result<Words> {
     let name = crate::module::names::opcode_name(opcode);
-    // The operands lie in the module behind the opcode: the instruction is the tail of this one.
+    // In the module, the operands follow the opcode: the instruction is the tail of this one.
     let constant = translator.origin.offset;
     let start = constant + 4;
     let instruction = Instruction {

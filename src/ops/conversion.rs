@@ -23,7 +23,7 @@ macro_rules! conversions {
             pub(super) static KERNELS: &[(u32, LaneKernel)] = &[$((
                 <$to as ScalarWidth>::BITS,
                 if <$from as ScalarWidth>::FLOAT == 32 && <$to as ScalarWidth>::BITS == 32 && <$to as ScalarWidth>::SIGNED {
-                    truncating(crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
+                    with_simd_truncation(crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
                 } else {
                     crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>)
                 },
@@ -33,15 +33,15 @@ macro_rules! conversions {
 }
 
 /// The kernel from f32 to i32, with the processor's own conversion for 64 lanes.
-const fn truncating(kernel: LaneKernel) -> LaneKernel {
+const fn with_simd_truncation(kernel: LaneKernel) -> LaneKernel {
     LaneKernel {
         #[cfg(target_arch = "x86_64")]
-        full: Some(|simd, registers, to, from| simd.dispatch(Truncate { registers, to, from: from[0] })),
+        eval_64: Some(|simd, registers, to, from| simd.dispatch(Truncate { registers, to, from: from[0] })),
         ..kernel
     }
 }
 
-/// Brings f32 to i32.
+/// Converts f32 to i32.
 #[cfg(target_arch = "x86_64")]
 struct Truncate<'a> {
     registers: &'a mut [Lanes<64>],
@@ -65,7 +65,7 @@ impl LaneTask for Truncate<'_> {
     }
 }
 
-/// A value on its way to another type; as a trait, so that one name serves every pair.
+/// A value to be converted; a type of this crate, so that [`To`] can be implemented for every pair.
 pub struct Convert<A>(A);
 
 /// See [`Convert`].
@@ -74,7 +74,7 @@ pub trait To<B> {
     fn to(self) -> B;
 }
 
-/// The lane loop of a pair.
+/// The conversion from `A` to `B` as a lane loop and as a scalar function.
 pub struct Between<A, B> {
     _types: PhantomData<(A, B)>,
 }
@@ -147,7 +147,7 @@ macro_rules! half_from {
             fn to(self) -> f16 {
                 // Every f32 and narrow integer is exact in f64; of wide integers only those beyond
                 // f16's range are not, and they round to infinity all the same.
-                crate::math::float::half_of(self.0 as f64)
+                crate::math::float::f64_to_f16(self.0 as f64)
             }
         }
     )+};
@@ -183,7 +183,7 @@ conversions! {
     between_floats: f16 => f32, f16 => f64, f32 => f16, f32 => f64, f64 => f16, f64 => f32;
 }
 
-/// Which conversion an opcode is.
+/// The conversion that an opcode stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names are the specification's")]
 pub enum Conversion {
@@ -211,8 +211,8 @@ pub fn kernel(conversion: Conversion, from: u32, to: u32) -> Option<&'static Lan
     kernels.iter().find(|(width, kernel)| *width == to && kernel.width == from).map(|(_, kernel)| kernel)
 }
 
-/// The kernel that makes of a f64 what this one makes of a narrower float.
-pub fn from_f64_like(kernel: &'static LaneKernel) -> Option<&'static LaneKernel> {
+/// The kernel that converts an f64 to the integer type to which this one converts a narrower float.
+pub fn f64_counterpart(kernel: &'static LaneKernel) -> Option<&'static LaneKernel> {
     let lists = [from_float_to_signed::KERNELS, from_float_to_unsigned::KERNELS];
     lists.into_iter().find_map(|kernels| {
         let (to, _) = kernels.iter().find(|(_, known)| known == kernel)?;

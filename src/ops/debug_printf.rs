@@ -1,4 +1,4 @@
-//! `NonSemantic.DebugPrintf`: texts for people, in the formats of `GL_EXT_debug_printf`.
+//! `NonSemantic.DebugPrintf`: formatted text, with the formats of `GL_EXT_debug_printf`.
 //!
 //! `%[flags][width][.precision][vN][h|l|ll]conversion` with the conversions d i u o x X f F e E g G
 //! a A c p and s, for an `OpString`. `vN` (2 to 4) prints a
@@ -82,7 +82,7 @@ impl PrintOp {
                 };
                 components.iter().map(value).collect::<Vec<_>>()
             });
-            let text = text(&self.format, &mut arguments);
+            let text = format_text(&self.format, &mut arguments);
             printed.push(batch.invocations.launch_id(lane), text);
         }
     }
@@ -125,7 +125,7 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
         }
         let ty = translator.type_of(id)?;
         arguments.push(if is_physical(translator, ty) {
-            let words = translator.carried(id)?;
+            let words = translator.words_unchecked(id)?;
             let address = translator.pair(words[0], words[1])?;
             Argument::Numbers { scalar: PrintScalar::Int(64, false), components: vec![address] }
         } else {
@@ -133,7 +133,7 @@ pub fn translate(translator: &mut Translator<'_>, instruction: &Instruction) -> 
             let mut components = translator.components(id)?.to_vec();
             if let Some(format) = translator.float_format(ty) {
                 for component in &mut components {
-                    *component = encoded::widened(translator, format, *component)?.0;
+                    *component = encoded::widen(translator, format, *component)?.0;
                 }
             }
             Argument::Numbers { scalar, components }
@@ -149,7 +149,7 @@ fn scalar(translator: &Translator<'_>, ty: TypeId) -> Result<PrintScalar> {
         Type::Bool => Ok(PrintScalar::Bool),
         Type::Int { width, signed } => Ok(PrintScalar::Int(width, signed)),
         Type::Float { width, encoding: None } => Ok(PrintScalar::Float(width)),
-        // As f32: see `widened`.
+        // Other formats are printed as f32: see `encoded::widen`.
         Type::Float { .. } => Ok(PrintScalar::Float(32)),
         Type::Vector { component, .. } => scalar(translator, component),
         _ => {
@@ -170,9 +170,9 @@ enum Value {
     Text(Arc<str>),
 }
 
-/// What stands between `%` and the conversion.
+/// The part of a directive between `%` and the conversion.
 #[derive(Clone, Copy, Debug, Default)]
-struct Layout {
+struct FormatSpec {
     left: bool,
     plus: bool,
     space: bool,
@@ -183,19 +183,19 @@ struct Layout {
 }
 
 /// The text of a format; arguments beyond the last print as `%?`.
-fn text(format: &str, arguments: &mut impl Iterator<Item = Vec<Value>>) -> String {
+fn format_text(format: &str, arguments: &mut impl Iterator<Item = Vec<Value>>) -> String {
     let mut text = String::new();
     let mut rest = format;
     while let Some(at) = rest.find('%') {
         text.push_str(&rest[..at]);
         rest = &rest[at + 1..];
-        if let Some(behind) = rest.strip_prefix('%') {
+        if let Some(after) = rest.strip_prefix('%') {
             text.push('%');
-            rest = behind;
+            rest = after;
             continue;
         }
-        let (layout, conversion, behind) = directive(rest);
-        rest = behind;
+        let (spec, conversion, after) = parse_directive(rest);
+        rest = after;
         let values = arguments.next().unwrap_or_default();
         if values.is_empty() {
             text.push_str("%?");
@@ -204,16 +204,16 @@ fn text(format: &str, arguments: &mut impl Iterator<Item = Vec<Value>>) -> Strin
             if at > 0 {
                 text.push_str(", ");
             }
-            one(&mut text, layout, conversion, value);
+            format_value(&mut text, spec, conversion, value);
         }
     }
     text.push_str(rest);
     text
 }
 
-/// Reads what stands behind a `%`: layout, conversion, and the rest of the format.
-fn directive(format: &str) -> (Layout, char, &str) {
-    let mut layout = Layout::default();
+/// Parses what follows a `%`: specification, conversion, and the rest of the format.
+fn parse_directive(format: &str) -> (FormatSpec, char, &str) {
+    let mut spec = FormatSpec::default();
     let mut rest = format;
     let number = |rest: &mut &str| {
         let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
@@ -223,23 +223,23 @@ fn directive(format: &str) -> (Layout, char, &str) {
     };
     loop {
         match rest.chars().next() {
-            Some('-') => layout.left = true,
-            Some('+') => layout.plus = true,
-            Some(' ') => layout.space = true,
-            Some('#') => layout.alternate = true,
-            Some('0') => layout.zero = true,
+            Some('-') => spec.left = true,
+            Some('+') => spec.plus = true,
+            Some(' ') => spec.space = true,
+            Some('#') => spec.alternate = true,
+            Some('0') => spec.zero = true,
             _ => break,
         }
         rest = &rest[1..];
     }
-    layout.width = number(&mut rest);
-    if let Some(behind) = rest.strip_prefix('.') {
-        rest = behind;
-        layout.precision = Some(number(&mut rest));
+    spec.width = number(&mut rest);
+    if let Some(after) = rest.strip_prefix('.') {
+        rest = after;
+        spec.precision = Some(number(&mut rest));
     }
-    if let Some(behind) = rest.strip_prefix('v') {
-        // How many components there are is known from the argument.
-        rest = behind.trim_start_matches(|c: char| c.is_ascii_digit());
+    if let Some(after) = rest.strip_prefix('v') {
+        // The number of components is that of the argument.
+        rest = after.trim_start_matches(|c: char| c.is_ascii_digit());
     }
     rest = rest.trim_start_matches(['h', 'l']);
     let conversion = rest.chars().next().unwrap_or('d');
@@ -250,15 +250,15 @@ fn directive(format: &str) -> (Layout, char, &str) {
     } else {
         rest
     };
-    (layout, conversion, rest)
+    (spec, conversion, rest)
 }
 
-fn one(text: &mut String, layout: Layout, conversion: char, value: &Value) {
+fn format_value(text: &mut String, spec: FormatSpec, conversion: char, value: &Value) {
     if let Value::Text(shown) = value {
-        let shown: String = shown.chars().take(layout.precision.unwrap_or(usize::MAX)).collect();
-        let width = layout.width;
+        let shown: String = shown.chars().take(spec.precision.unwrap_or(usize::MAX)).collect();
+        let width = spec.width;
         // Writing to a string does not fail.
-        let _ = match layout.left {
+        let _ = match spec.left {
             true => write!(text, "{shown:<width$}"),
             false => write!(text, "{shown:>width$}"),
         };
@@ -287,7 +287,7 @@ fn one(text: &mut String, layout: Layout, conversion: char, value: &Value) {
             };
             let prefix = match conversion {
                 'p' => "0x",
-                _ if !layout.alternate || bits == 0 => "",
+                _ if !spec.alternate || bits == 0 => "",
                 'x' => "0x",
                 'X' => "0X",
                 _ => "0",
@@ -296,26 +296,24 @@ fn one(text: &mut String, layout: Layout, conversion: char, value: &Value) {
         }
         'c' => (false, char::from(bits as u8).to_string()),
         _ => {
-            let digits = magnitude(conversion.to_ascii_lowercase(), float.abs(), layout);
+            let digits = format_magnitude(conversion.to_ascii_lowercase(), float.abs(), spec);
             let digits = if conversion.is_uppercase() { digits.to_uppercase() } else { digits };
             (float.is_sign_negative() && !float.is_nan(), digits)
         }
     };
     let is_integer = matches!(conversion, 'd' | 'i' | 'u' | 'x' | 'X' | 'o' | 'p');
-    let missing =
-        layout.precision.filter(|_| is_integer).map_or(0, |least| least.saturating_sub(digits.len()));
+    let missing = spec.precision.filter(|_| is_integer).map_or(0, |least| least.saturating_sub(digits.len()));
     let digits = "0".repeat(missing) + &digits;
     let sign = match (negative, is_integer && !matches!(conversion, 'd' | 'i')) {
         (true, _) => "-",
         (false, true) => "",
-        (false, false) if layout.plus && conversion != 'c' => "+",
-        (false, false) if layout.space && conversion != 'c' => " ",
+        (false, false) if spec.plus && conversion != 'c' => "+",
+        (false, false) if spec.space && conversion != 'c' => " ",
         (false, false) => "",
     };
-    let fill = layout.width.saturating_sub(sign.len() + digits.len());
-    let zeros =
-        layout.zero && !layout.left && float.is_finite() && !(is_integer && layout.precision.is_some());
-    let _ = match (layout.left, zeros) {
+    let fill = spec.width.saturating_sub(sign.len() + digits.len());
+    let zeros = spec.zero && !spec.left && float.is_finite() && !(is_integer && spec.precision.is_some());
+    let _ = match (spec.left, zeros) {
         (true, _) => write!(text, "{sign}{digits}{}", " ".repeat(fill)),
         (false, true) => write!(text, "{sign}{}{digits}", "0".repeat(fill)),
         (false, false) => write!(text, "{}{sign}{digits}", " ".repeat(fill)),
@@ -323,14 +321,14 @@ fn one(text: &mut String, layout: Layout, conversion: char, value: &Value) {
 }
 
 /// A float without its sign, as C's conversions write it.
-fn magnitude(conversion: char, value: f64, layout: Layout) -> String {
+fn format_magnitude(conversion: char, value: f64, spec: FormatSpec) -> String {
     if value.is_nan() {
         return "nan".to_owned();
     }
     if value.is_infinite() {
         return "inf".to_owned();
     }
-    let precision = layout.precision.unwrap_or(6);
+    let precision = spec.precision.unwrap_or(6);
     match conversion {
         'e' => scientific(value, precision),
         'g' => {
@@ -344,7 +342,7 @@ fn magnitude(conversion: char, value: f64, layout: Layout) -> String {
                 true => format!("{value:.*}", (precision as i32 - 1 - exponent) as usize),
                 false => scientific(value, precision - 1),
             };
-            if layout.alternate {
+            if spec.alternate {
                 return digits;
             }
             let (mantissa, tail) = digits.split_at(digits.find('e').unwrap_or(digits.len()));
@@ -354,7 +352,7 @@ fn magnitude(conversion: char, value: f64, layout: Layout) -> String {
             };
             format!("{mantissa}{tail}")
         }
-        'a' => hexadecimal(value, layout.precision),
+        'a' => hexadecimal(value, spec.precision),
         _ => format!("{value:.precision$}"),
     }
 }
@@ -389,7 +387,7 @@ fn hexadecimal(value: f64, precision: Option<usize>) -> String {
     }
     let text = if digits == 0 { String::new() } else { format!("{fraction:0digits$x}") };
     let text = match precision {
-        Some(asked) => format!("{text:0<asked$}"),
+        Some(count) => format!("{text:0<count$}"),
         None => text.trim_end_matches('0').to_owned(),
     };
     let point = if text.is_empty() { "" } else { "." };
@@ -401,12 +399,12 @@ mod tests {
     use super::*;
 
     fn print(format: &str, value: Value) -> String {
-        text(format, &mut [vec![value]].into_iter())
+        format_text(format, &mut [vec![value]].into_iter())
     }
 
     #[test]
     fn integers() {
-        // What C's printf gives, by its definition (ISO C 7.23.6.1).
+        // The output of C's printf, by its definition (ISO C 7.23.6.1).
         assert_eq!(print("[%d]", Value::Signed(-5, 32)), "[-5]");
         assert_eq!(print("%5d|", Value::Signed(42, 32)), "   42|");
         assert_eq!(print("%-5d|", Value::Signed(42, 32)), "42   |");
@@ -455,6 +453,6 @@ mod tests {
     fn vectors_and_missing_arguments() {
         let mut arguments =
             [vec![Value::Float(1.0), Value::Float(2.5)], vec![Value::Unsigned(3)]].into_iter();
-        assert_eq!(text("v = %1.1v2f, n = %d, %d", &mut arguments), "v = 1.0, 2.5, n = 3, %?");
+        assert_eq!(format_text("v = %1.1v2f, n = %d, %d", &mut arguments), "v = 1.0, 2.5, n = 3, %?");
     }
 }

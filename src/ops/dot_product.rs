@@ -62,13 +62,13 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         let family = if left { &kernels::SSaturatingAdd } else { &kernels::USaturatingAdd };
         sum = translator.emit_family(family, width, &[sum, accumulator])?;
     }
-    let words = translator.spread(&[sum], width);
-    translator.result(instruction, words);
+    let words = translator.expand_components(&[sum], width);
+    translator.define_result(instruction, words);
     Ok(true)
 }
 
-/// Holds the types against the extension: vectors of integers, or 32 bits packed; of no sign where
-/// their components have none.
+/// Checks the types against the rules of the extension: vectors of integers, or 32-bit integers
+/// with packed components; unsigned where the instruction takes unsigned components.
 fn check(
     translator: &Translator<'_>,
     instruction: &Instruction,

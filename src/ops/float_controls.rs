@@ -26,7 +26,7 @@ use crate::error::Result;
 use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float::Float;
-use crate::math::toward_zero::{self, Number, RoundTowardZero};
+use crate::math::toward_zero::{self, RoundTowardZero, UnpackedFloat};
 use crate::module::interface::EntryPoint;
 use crate::ops::conversion::encoded::Rounding;
 use crate::ops::lane_kernel::LaneKernel;
@@ -62,9 +62,9 @@ impl FloatControls {
         }
     }
 
-    /// Whether a kernel's operation is another one under these controls.
+    /// Whether these controls change the results of a kernel.
     #[inline]
-    pub fn concern(self, kernel: &LaneKernel) -> bool {
+    pub fn affects(self, kernel: &LaneKernel) -> bool {
         self != Self::default() && (self.flushes(kernel) || self.toward_zero & kernel.float_result != 0)
     }
 
@@ -74,36 +74,40 @@ impl FloatControls {
     }
 }
 
-/// A kernel's operation under the translator's float controls.
+/// Appends a kernel under the translator's float controls.
 ///
 /// # Errors
 /// Where there is no room for its result.
-pub fn controlled(translator: &mut Translator<'_>, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
+pub fn emit_controlled(
+    translator: &mut Translator<'_>,
+    kernel: &'static LaneKernel,
+    from: &[Reg],
+) -> Result<Reg> {
     let FloatControls { flush, toward_zero } = translator.float_controls;
     let mut operands: [Reg; 3] = [from.first().copied().unwrap_or(Reg(0)); 3];
     for (at, &reg) in from.iter().enumerate() {
         let width = kernel.float_operands[at];
-        operands[at] = if flush & width != 0 { flushed(translator, width, reg)? } else { reg };
+        operands[at] = if flush & width != 0 { flush_denormal(translator, width, reg)? } else { reg };
     }
-    let cut = (toward_zero & kernel.float_result != 0).then(|| counterpart(kernel)).flatten();
+    let cut = (toward_zero & kernel.float_result != 0).then(|| toward_zero_counterpart(kernel)).flatten();
     let result = translator.emit_uncontrolled(cut.unwrap_or(kernel), &operands[..from.len()])?;
     match flush & kernel.float_result {
         0 => Ok(result),
-        width => flushed(translator, width, result),
+        width => flush_denormal(translator, width, result),
     }
 }
 
-fn flushed(translator: &mut Translator<'_>, width: u32, reg: Reg) -> Result<Reg> {
-    match Flushed.kernel(width) {
+fn flush_denormal(translator: &mut Translator<'_>, width: u32, reg: Reg) -> Result<Reg> {
+    match FlushDenormal.kernel(width) {
         Some(kernel) => translator.emit_uncontrolled(kernel, &[reg]),
         None => Ok(reg),
     }
 }
 
 /// The kernel that rounds towards zero in the place of one that rounds to nearest.
-fn counterpart(kernel: &LaneKernel) -> Option<&'static LaneKernel> {
+fn toward_zero_counterpart(kernel: &LaneKernel) -> Option<&'static LaneKernel> {
     let (sections, name) = match kernel.name {
-        "Convert" => (CONVERSIONS, conversion(kernel)),
+        "Convert" => (CONVERSIONS, conversion_name(kernel)),
         name => (&[FAMILIES][..], name),
     };
     let families = sections.iter().copied().flatten();
@@ -114,8 +118,8 @@ fn counterpart(kernel: &LaneKernel) -> Option<&'static LaneKernel> {
     })
 }
 
-/// What a conversion to a float is from.
-fn conversion(kernel: &LaneKernel) -> &'static str {
+/// The name of the instruction that a conversion to a float belongs to.
+fn conversion_name(kernel: &LaneKernel) -> &'static str {
     match (kernel.float_operands[0], kernel.signed) {
         (0, true) => "ConvertSToF",
         (0, false) => "ConvertUToF",
@@ -123,53 +127,53 @@ fn conversion(kernel: &LaneKernel) -> &'static str {
     }
 }
 
-fn cut_sum<T: RoundTowardZero + std::ops::Add<Output = T>>(a: T, b: T) -> T {
+fn add_rtz<T: RoundTowardZero + std::ops::Add<Output = T>>(a: T, b: T) -> T {
     toward_zero::add(a, b, a + b)
 }
 
-fn cut_difference<T: RoundTowardZero + std::ops::Sub<Output = T>>(a: T, b: T) -> T {
+fn sub_rtz<T: RoundTowardZero + std::ops::Sub<Output = T>>(a: T, b: T) -> T {
     toward_zero::sub(a, b, a - b)
 }
 
-fn cut_product<T: RoundTowardZero + std::ops::Mul<Output = T>>(a: T, b: T) -> T {
+fn mul_rtz<T: RoundTowardZero + std::ops::Mul<Output = T>>(a: T, b: T) -> T {
     toward_zero::mul(a, b, a * b)
 }
 
-fn cut_quotient<T: RoundTowardZero + std::ops::Div<Output = T>>(a: T, b: T) -> T {
+fn div_rtz<T: RoundTowardZero + std::ops::Div<Output = T>>(a: T, b: T) -> T {
     toward_zero::div(a, b, a / b)
 }
 
 lane_kernels! {
     /// Denormals become zeros of their sign.
-    Flushed Internal [f16 f32 f64] (a: T) -> T {
+    FlushDenormal Internal [f16 f32 f64] (a: T) -> T {
         if a.is_denormal() { Float::copysign(T::ZERO, a) } else { a }
     }
-    FAddTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_sum(a, b) }
-    FSubTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_difference(a, b) }
-    FMulTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_product(a, b) }
-    FDivTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { cut_quotient(a, b) }
+    FAddTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { add_rtz(a, b) }
+    FSubTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { sub_rtz(a, b) }
+    FMulTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { mul_rtz(a, b) }
+    FDivTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T { div_rtz(a, b) }
     FmaKHRTowardZero Internal [f16 f32 f64] (a: T, b: T, c: T) -> T {
         toward_zero::mul_add(a, b, c, Float::mul_add(a, b, c))
     }
     FRemTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T {
-        cut_difference(a, cut_product(b, Float::trunc(cut_quotient(a, b))))
+        sub_rtz(a, mul_rtz(b, Float::trunc(div_rtz(a, b))))
     }
     FModTowardZero Internal [f16 f32 f64] (a: T, b: T) -> T {
-        cut_difference(a, cut_product(b, Float::floor(cut_quotient(a, b))))
+        sub_rtz(a, mul_rtz(b, Float::floor(div_rtz(a, b))))
     }
-    FractTowardZero Internal [f16 f32 f64] (a: T) -> T { cut_difference(a, Float::floor(a)) }
-    RadiansTowardZero Internal [f16 f32 f64] (a: T) -> T { cut_product(a, T::of(std::f64::consts::PI / 180.0)) }
-    DegreesTowardZero Internal [f16 f32 f64] (a: T) -> T { cut_product(a, T::of(180.0 / std::f64::consts::PI)) }
-    FmaTowardZero Internal [f16 f32 f64] (a: T, b: T, c: T) -> T { cut_sum(cut_product(a, b), c) }
+    FractTowardZero Internal [f16 f32 f64] (a: T) -> T { sub_rtz(a, Float::floor(a)) }
+    RadiansTowardZero Internal [f16 f32 f64] (a: T) -> T { mul_rtz(a, T::of(std::f64::consts::PI / 180.0)) }
+    DegreesTowardZero Internal [f16 f32 f64] (a: T) -> T { mul_rtz(a, T::of(180.0 / std::f64::consts::PI)) }
+    FmaTowardZero Internal [f16 f32 f64] (a: T, b: T, c: T) -> T { add_rtz(mul_rtz(a, b), c) }
     FMixTowardZero Internal [f16 f32 f64] (x: T, y: T, a: T) -> T {
-        cut_sum(cut_product(x, cut_difference(T::ONE, a)), cut_product(y, a))
+        add_rtz(mul_rtz(x, sub_rtz(T::ONE, a)), mul_rtz(y, a))
     }
     SmoothStepTowardZero Internal [f16 f32 f64] (low: T, high: T, x: T) -> T {
-        let t = cut_quotient(cut_difference(x, low), cut_difference(high, low));
+        let t = div_rtz(sub_rtz(x, low), sub_rtz(high, low));
         let t = if t < T::ZERO { T::ZERO } else { t };
         let t = if T::ONE < t { T::ONE } else { t };
-        let rest = cut_difference(T::of(3.0), cut_product(T::of(2.0), t));
-        cut_product(cut_product(t, t), rest)
+        let rest = sub_rtz(T::of(3.0), mul_rtz(T::of(2.0), t));
+        mul_rtz(mul_rtz(t, t), rest)
     }
 }
 
@@ -185,13 +189,13 @@ macro_rules! conversions {
 }
 
 conversions! {
-    signed16 ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
-    signed32 ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
-    signed64 ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| Number::integer(a < 0, u64::from(a.unsigned_abs())).cut();
-    unsigned16 ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
-    unsigned32 ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
-    unsigned64 ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| Number::integer(false, u64::from(a)).cut();
-    to_half FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::half_of(f64::from(a)));
+    signed16 ConvertSToFTowardZero f16: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    signed32 ConvertSToFTowardZero f32: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    signed64 ConvertSToFTowardZero f64: [i8 i16 i32 i64] |a| UnpackedFloat::integer(a < 0, u64::from(a.unsigned_abs())).truncate();
+    unsigned16 ConvertUToFTowardZero f16: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    unsigned32 ConvertUToFTowardZero f32: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    unsigned64 ConvertUToFTowardZero f64: [u8 u16 u32 u64] |a| UnpackedFloat::integer(false, u64::from(a)).truncate();
+    to_half FConvertTowardZero f16: [f32 f64] |a| toward_zero::convert(a, crate::math::float::f64_to_f16(f64::from(a)));
     to_single FConvertTowardZero f32: [f64] |a| toward_zero::convert(a, a as f32);
 }
 
@@ -203,10 +207,10 @@ mod tests {
     #[test]
     fn vectors() {
         let bits = |value: f32| u64::from(value.to_bits());
-        check(&Flushed, 32, &[0x807F_FFFF], 0x8000_0000);
-        check(&Flushed, 32, &[0x0080_0000], 0x0080_0000);
-        check(&Flushed, 16, &[0x03FF], 0);
-        check(&Flushed, 64, &[1], 0);
+        check(&FlushDenormal, 32, &[0x807F_FFFF], 0x8000_0000);
+        check(&FlushDenormal, 32, &[0x0080_0000], 0x0080_0000);
+        check(&FlushDenormal, 16, &[0x03FF], 0);
+        check(&FlushDenormal, 64, &[1], 0);
         // 1 + 2^-24 * 3 lies between 1 + 2^-23 and 1 + 2^-22.
         check(&FAddTowardZero, 32, &[bits(1.0), bits(3.0 * 2f32.powi(-24))], bits(1.0 + f32::EPSILON));
         check(&FRemTowardZero, 32, &[bits(-7.0), bits(3.0)], bits(-1.0));

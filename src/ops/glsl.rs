@@ -77,7 +77,7 @@ lane_kernels! {
     }
 }
 
-/// The parts of instructions that give more than one scalar.
+/// Kernels for parts of instructions: one scalar of several, or one component of a packed word.
 pub mod parts {
     use half::f16;
 

@@ -1,14 +1,14 @@
 //! Hit object instructions (`SPV_EXT_shader_invocation_reorder`,
 //! `SPV_NV_shader_invocation_reorder`, and the hit object parts of `SPV_NV_linear_swept_spheres`).
 //!
-//! Reordering changes no result: it is counted. Tracing, executing and the address of a shader
-//! record are the pipeline's business, see [`crate::ops::ray_tracing::RayTracingOp`].
+//! Reordering changes no result; it is only counted. The pipeline handles tracing, executing and
+//! the address of a shader record: see [`crate::ops::ray_tracing::RayTracingOp`].
 
 use smallvec::SmallVec;
 
 use crate::accel::{Candidate, Committed, GeometryKind, HitKind, RayFlags, TraceRay, hit_record_index};
 use crate::geometry::{Intersection, Ray, Surface};
-use crate::machine::hit_object::{Attributes, Encoded, HitEncoded, HitObject};
+use crate::machine::hit_object::{Attributes, EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
@@ -61,17 +61,17 @@ impl HitObjectOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::RecordHit { object, operands, with_index, attributes } => {
-                object::records(object, visit);
+                object::write_accesses(object, visit);
                 visit(Access::Read(operands, hit_operands(with_index)));
                 visit(Access::Read(attributes.first, attributes.count));
             }
             Self::RecordMiss { object, operands } => {
-                object::records(object, visit);
+                object::write_accesses(object, visit);
                 visit(Access::Read(operands, MISS_OPERANDS));
             }
-            Self::RecordEmpty { object } => object::records(object, visit),
+            Self::RecordEmpty { object } => object::write_accesses(object, visit),
             Self::RecordFromQuery { object, query, record, attributes, hit_kind } => {
-                object::records(object, visit);
+                object::write_accesses(object, visit);
                 object::accesses(query, visit);
                 visit(Access::Read(record, 1));
                 visit(Access::Read(attributes.first, attributes.count));
@@ -101,26 +101,26 @@ impl HitObjectOp {
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         match *self {
             Self::RecordHit { object, operands, with_index, attributes } => {
-                each(batch, |batch, lane| {
+                for_each_lane(batch, |batch, lane| {
                     let words = words(batch, operands, hit_operands(with_index), lane);
                     let attributes =
                         batch.registers.lane_words(attributes.first, attributes.count, lane).collect();
-                    let hit = hit(batch, lane, bindings, &words, with_index, attributes)?;
+                    let hit = recorded_hit(batch, lane, bindings, &words, with_index, attributes)?;
                     store(batch, object, lane, hit)
                 });
             }
-            Self::RecordMiss { object, operands } => each(batch, |batch, lane| {
+            Self::RecordMiss { object, operands } => for_each_lane(batch, |batch, lane| {
                 let words = words(batch, operands, MISS_OPERANDS, lane);
                 let trace = trace(&words[2..], RayFlags(words[0]));
-                legal(batch, lane, &trace)?;
+                check_ray(batch, lane, &trace)?;
                 let record = u64::from(words[1] & 0xFFFF);
-                store(batch, object, lane, HitObject::Miss(Encoded { trace, record }))
+                store(batch, object, lane, HitObject::Miss(EncodedRay { trace, record }))
             }),
             Self::RecordEmpty { object } => {
-                each(batch, |batch, lane| store(batch, object, lane, HitObject::Empty));
+                for_each_lane(batch, |batch, lane| store(batch, object, lane, HitObject::Empty));
             }
             Self::RecordFromQuery { object, query, record, attributes, hit_kind } => {
-                each(batch, |batch, lane| {
+                for_each_lane(batch, |batch, lane| {
                     let record = u64::from(batch.registers[record].0[lane]);
                     let given: Attributes =
                         batch.registers.lane_words(attributes.first, attributes.count, lane).collect();
@@ -130,21 +130,21 @@ impl HitObjectOp {
                     let Some(&committed) = query.committed() else {
                         return store(batch, object, lane, HitObject::Empty);
                     };
-                    let encoded = Encoded { trace: *query.trace(), record };
+                    let encoded = EncodedRay { trace: *query.trace(), record };
                     let tlas = query.tlas().clone();
                     let (committed, attributes) = match committed.candidate.is_box() {
                         true => (Committed { hit_kind: HitKind(kind), ..committed }, given),
                         false => (committed, built_in_attributes(&committed.candidate)),
                     };
-                    let hit = HitEncoded { tlas, committed, attributes };
+                    let hit = EncodedHit { tlas, committed, attributes };
                     store(batch, object, lane, HitObject::Hit(encoded, hit))
                 });
             }
-            Self::SetRecord { object, record } => each(batch, |batch, lane| {
+            Self::SetRecord { object, record } => for_each_lane(batch, |batch, lane| {
                 let record = batch.registers[record].0[lane];
                 find(batch, object, lane)?.1.set_record(record)
             }),
-            Self::Get { object, getter, to } => each(batch, |batch, lane| {
+            Self::Get { object, getter, to } => for_each_lane(batch, |batch, lane| {
                 let (registers, object) = find(batch, object, lane)?;
                 let mut words = [0; 12];
                 let words = &mut words[..getter.shape.words() as usize];
@@ -152,7 +152,7 @@ impl HitObjectOp {
                 registers.set_lane_words(to, lane, words.iter().copied());
                 Ok(())
             }),
-            Self::GetAttributes { object, to } => each(batch, |batch, lane| {
+            Self::GetAttributes { object, to } => for_each_lane(batch, |batch, lane| {
                 let (registers, object) = find(batch, object, lane)?;
                 let attributes = object.hit()?.1.attributes.iter().copied().chain(std::iter::repeat(0));
                 registers.set_lane_words(to.first, lane, attributes.take(to.count as usize));
@@ -170,7 +170,7 @@ pub fn built_in_attributes(candidate: &Candidate) -> Attributes {
 
 /// Calls a function for each running lane; lanes that it fails for are stopped.
 #[inline(always)]
-fn each<const W: usize>(
+fn for_each_lane<const W: usize>(
     batch: &mut Batch<W>,
     mut access: impl FnMut(&mut Batch<W>, usize) -> Result<(), TrapCode>,
 ) {
@@ -192,7 +192,7 @@ fn find<const W: usize>(
     Ok((&mut batch.registers, found.ok_or(TrapCode::HitObjectUnrecorded)?))
 }
 
-/// Records what a lane's hit object is from now on.
+/// Replaces the hit object of a lane.
 ///
 /// # Errors
 /// `IndexOutOfBounds` where the object's variable is an array and its index outside.
@@ -203,7 +203,7 @@ pub fn store<const W: usize>(
     recorded: HitObject,
 ) -> Result<(), TrapCode> {
     let register = object.register(&batch.registers, lane)?;
-    let (handle, place) = batch.hit_objects.claim(batch.registers[register].0[lane]);
+    let (handle, place) = batch.hit_objects.get_or_insert(batch.registers[register].0[lane]);
     *place = recorded;
     batch.registers[register].0[lane] = handle;
     Ok(())
@@ -225,7 +225,7 @@ fn trace(words: &[u32], flags: RayFlags) -> TraceRay {
     TraceRay { ray, flags, cull_mask: 0xFF, time: float(8) }
 }
 
-fn legal<const W: usize>(batch: &mut Batch<W>, lane: usize, trace: &TraceRay) -> Result<(), TrapCode> {
+fn check_ray<const W: usize>(batch: &mut Batch<W>, lane: usize, trace: &TraceRay) -> Result<(), TrapCode> {
     trace.check().map_err(|broken| {
         batch.fault_value[lane] = broken as u64;
         TrapCode::InvalidHitObject
@@ -236,8 +236,8 @@ fn hit_operands(with_index: bool) -> u32 {
     if with_index { 16 } else { 17 }
 }
 
-/// The hit that the operands of `OpHitObjectRecordHitNV` and its kin describe.
-fn hit<const W: usize>(
+/// The hit that the operands of `OpHitObjectRecordHitNV` and its variants describe.
+fn recorded_hit<const W: usize>(
     batch: &mut Batch<W>,
     lane: usize,
     bindings: &Bindings,
@@ -262,14 +262,14 @@ fn hit<const W: usize>(
         }
     };
     let trace = trace(rest, RayFlags(0));
-    legal(batch, lane, &trace)?;
+    check_ray(batch, lane, &trace)?;
     let [a, b] = [0, 1].map(|at| attributes.get(at).map_or(0.0, |&word| f32::from_bits(word)));
     let surface = surface(place.blas.kind(), HitKind(kind));
     let intersection = Intersection { t: trace.ray.t_max, attributes: [a, b], surface };
     let candidate = Candidate { instance, geometry, primitive, intersection, opaque: true };
     let committed = Committed { candidate, t: trace.ray.t_max, hit_kind: HitKind(kind) };
-    let hit = HitEncoded { tlas: tlas.clone(), committed, attributes };
-    Ok(HitObject::Hit(Encoded { trace, record }, hit))
+    let hit = EncodedHit { tlas: tlas.clone(), committed, attributes };
+    Ok(HitObject::Hit(EncodedRay { trace, record }, hit))
 }
 
 /// The surface that a recorded hit of a kind of geometry stands for.

@@ -24,9 +24,9 @@ lane_kernels! {
     UAverageRoundedINTEL Core [u8 u16 u32 u64] (a: T, b: T) -> T {
         ((u128::from(a) + u128::from(b) + 1) >> 1) as T
     }
-    /// Of the second operand the lower half counts, with its sign.
+    /// The product with the lower half of the second operand, sign-extended.
     IMul32x16INTEL Core [i32] (a: i32, b: i32) -> i32 { a.wrapping_mul(i32::from(b as i16)) }
-    /// Of the second operand the lower half counts.
+    /// The product with the lower half of the second operand, zero-extended.
     UMul32x16INTEL Core [u32] (a: u32, b: u32) -> u32 { a.wrapping_mul(u32::from(b as u16)) }
 }
 
@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn vectors() {
-        // By hand, from the extension's words.
+        // Derived by hand from the extension's text.
         check(&UCountLeadingZerosINTEL, 32, &[0], 32);
         check(&UCountLeadingZerosINTEL, 8, &[0x10], 3);
         check(&UCountTrailingZerosINTEL, 16, &[0x8000], 15);

@@ -12,7 +12,7 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::translate::{Translator, Words};
 
-/// Kernels that bring an integer to one word.
+/// Kernels that convert an integer to one word.
 pub mod saturate {
     use crate::lane_kernels;
 
@@ -28,16 +28,16 @@ pub mod saturate {
 
 /// How an integer is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reading {
+pub enum ReadAs {
     /// As an unsigned number, whatever its type (SPIR-V, `OpShiftLeftLogical`: "Shift is consumed
     /// as an unsigned value").
     Unsigned,
-    /// As the number that its type makes of it, as a signed word.
+    /// As the number that it is in its own type, as a signed word.
     Number,
     /// As a signed number, whatever its type (SPIR-V, `OpAccessChain`: "is treated as signed");
     /// what is negative becomes huge.
     Index,
-    /// As a coordinate: [`Reading::Number`], but that 32 bits stay as they are, as what is too
+    /// As a coordinate: [`ReadAs::Number`], but that 32 bits stay as they are, as what is too
     /// large for a signed word is outside of every image either way.
     Coordinate,
 }
@@ -47,7 +47,7 @@ impl Translator<'_> {
     ///
     /// # Errors
     /// `InvalidModule` for what is no integer.
-    pub fn integers(&mut self, id: Id, reading: Reading) -> Result<Words> {
+    pub fn integers(&mut self, id: Id, read_as: ReadAs) -> Result<Words> {
         let ty = self.type_of(id)?;
         let scalar = match *self.module.ty(ty) {
             Type::Vector { component, .. } => component,
@@ -58,7 +58,7 @@ impl Translator<'_> {
             return Err(self.invalid(format!("%{} is of type {name} where an integer must be", id.0)));
         };
         let components = self.components_of(id, width)?;
-        let Some(kernel) = kernel(reading, width, signed) else { return Ok(components) };
+        let Some(kernel) = kernel(read_as, width, signed) else { return Ok(components) };
         components.iter().map(|&component| self.emit_kernel(kernel, &[component])).collect()
     }
 
@@ -66,24 +66,24 @@ impl Translator<'_> {
     ///
     /// # Errors
     /// As [`Translator::integers`], and for a vector.
-    pub fn integer(&mut self, id: Id, reading: Reading) -> Result<Reg> {
-        match self.integers(id, reading)?[..] {
+    pub fn integer(&mut self, id: Id, read_as: ReadAs) -> Result<Reg> {
+        match self.integers(id, read_as)?[..] {
             [word] => Ok(word),
             _ => Err(self.invalid(format!("%{} is a vector where a scalar integer must be", id.0))),
         }
     }
 }
 
-/// The kernel that reads an integer of a type so; `None` where its word is right already.
-fn kernel(reading: Reading, width: u32, signed: bool) -> Option<&'static LaneKernel> {
+/// The kernel that converts an integer to the word to read; `None` where its word is that already.
+fn kernel(read_as: ReadAs, width: u32, signed: bool) -> Option<&'static LaneKernel> {
     use saturate::{ToSigned, ToUnsigned, UnsignedToSigned};
-    match (reading, width, signed) {
-        (Reading::Index, 8 | 16, _) | (Reading::Number | Reading::Coordinate, 8 | 16, true) => {
+    match (read_as, width, signed) {
+        (ReadAs::Index, 8 | 16, _) | (ReadAs::Number | ReadAs::Coordinate, 8 | 16, true) => {
             conversion::kernel(Conversion::S, width, 32)
         }
-        (Reading::Unsigned | Reading::Index, 64, _) => Some(&ToUnsigned.kernels[0]),
-        (Reading::Number | Reading::Coordinate, 64, true) => Some(&ToSigned.kernels[0]),
-        (Reading::Number | Reading::Coordinate, 64, false) | (Reading::Number, 32, false) => {
+        (ReadAs::Unsigned | ReadAs::Index, 64, _) => Some(&ToUnsigned.kernels[0]),
+        (ReadAs::Number | ReadAs::Coordinate, 64, true) => Some(&ToSigned.kernels[0]),
+        (ReadAs::Number | ReadAs::Coordinate, 64, false) | (ReadAs::Number, 32, false) => {
             UnsignedToSigned.kernel(width)
         }
         _ => None,

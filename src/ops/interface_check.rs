@@ -1,5 +1,5 @@
-//! What an entry point declares, held against the rules on stages, storage classes and types,
-//! before anything is lowered.
+//! Checks the declarations of an entry point against the rules on stages, storage classes and
+//! types, before anything is lowered.
 //!
 //! Only what the entry point's call tree uses counts: compilers list variables that other entry
 //! points of the module use. Validators leave part of this out (the builtins of
@@ -15,7 +15,7 @@ use crate::ops::builtin;
 use crate::ops::pointer::storage;
 use crate::ops::translate::Translator;
 
-/// What Vulkan says of a storage class of ray tracing.
+/// Vulkan's rules on a storage class of ray tracing.
 struct StorageRule {
     class: u32,
     /// The stages that may use it, by letter as in `builtin`.
@@ -65,7 +65,8 @@ const STORAGE_RULES: &[StorageRule] = &[
     },
 ];
 
-/// Instructions that only some stages may hold (`SPV_KHR_ray_tracing`, each instruction's section).
+/// Instructions that only some stages may contain (`SPV_KHR_ray_tracing`, each instruction's
+/// section).
 const INSTRUCTION_STAGES: &[(Opcode, &str)] = &[
     (Opcode::TraceRayKHR, "RCM"),
     (Opcode::TraceNV, "RCM"),
@@ -133,7 +134,8 @@ fn check_builtin(translator: &Translator<'_>, variable: &InterfaceVariable) -> R
 
 fn check_storage(translator: &Translator<'_>, variable: &InterfaceVariable) -> Result<()> {
     let rule = STORAGE_RULES.iter().find(|rule| rule.class == variable.storage_class);
-    let Some(rule) = rule.filter(|rule| !rule.stages.contains(builtin::letter(translator.stage))) else {
+    let Some(rule) = rule.filter(|rule| !rule.stages.contains(builtin::stage_letter(translator.stage)))
+    else {
         return Ok(());
     };
     let (class, stage) = (storage_class_name(rule.class), translator.stage.name());
@@ -143,7 +145,7 @@ fn check_storage(translator: &Translator<'_>, variable: &InterfaceVariable) -> R
 
 fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attributes: &[Id]) -> Result<()> {
     let module = translator.module;
-    let letter = builtin::letter(translator.stage);
+    let letter = builtin::stage_letter(translator.stage);
     for function in module.call_tree(entry.function) {
         for instruction in module.functions[function as usize].blocks.iter().flat_map(|b| &b.instructions) {
             translator.origin.offset = instruction.offset;
@@ -154,7 +156,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
             }
             let writes = || {
                 let pointer = module.operands(instruction).first().copied();
-                pointer.and_then(|pointer| root(module, Id(pointer)))
+                pointer.and_then(|pointer| base_variable(module, Id(pointer)))
             };
             let stores = instruction.opcode == Opcode::Store as u16;
             if stores
@@ -171,7 +173,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
 }
 
 /// The variable of module scope that a chain of access chains begins at.
-fn root(module: &Module, mut pointer: Id) -> Option<Id> {
+fn base_variable(module: &Module, mut pointer: Id) -> Option<Id> {
     loop {
         match module.definition(pointer)? {
             Definition::Variable(_) => return Some(pointer),
@@ -190,7 +192,7 @@ fn root(module: &Module, mut pointer: Id) -> Option<Id> {
     }
 }
 
-/// Where a variable stands, in words.
+/// The offset of a variable in the module, in words.
 fn offset(module: &Module, variable: Id) -> u32 {
     module.variables.iter().find(|one| one.id == variable).map_or(0, |one| one.offset)
 }

@@ -14,7 +14,7 @@ use crate::ops::bit::{self, field};
 use crate::ops::conversion::encoded::{self, Rounding};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::glsl::parts;
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily, family};
 use crate::ops::relational_logical as logical;
 use crate::ops::translate::{Translator, Words};
@@ -81,10 +81,18 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         return Ok(true);
     }
     match opcode {
-        Opcode::IAddCarry => pair_of(translator, instruction, &arithmetic::IAdd, &extended::Carry)?,
-        Opcode::ISubBorrow => pair_of(translator, instruction, &arithmetic::ISub, &extended::Borrow)?,
-        Opcode::UMulExtended => pair_of(translator, instruction, &arithmetic::IMul, &extended::UMulHigh)?,
-        Opcode::SMulExtended => pair_of(translator, instruction, &arithmetic::IMul, &extended::SMulHigh)?,
+        Opcode::IAddCarry => {
+            extended_arithmetic(translator, instruction, &arithmetic::IAdd, &extended::Carry)?
+        }
+        Opcode::ISubBorrow => {
+            extended_arithmetic(translator, instruction, &arithmetic::ISub, &extended::Borrow)?
+        }
+        Opcode::UMulExtended => {
+            extended_arithmetic(translator, instruction, &arithmetic::IMul, &extended::UMulHigh)?
+        }
+        Opcode::SMulExtended => {
+            extended_arithmetic(translator, instruction, &arithmetic::IMul, &extended::SMulHigh)?
+        }
         Opcode::BitFieldInsert => {
             let width = width(translator, instruction, 0)?;
             let (base, insert) =
@@ -96,7 +104,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 let moved = translator.emit_family(&bit::ShiftLeftLogical, width, &[insert, offset])?;
                 result.push(translator.emit_family(&field::FieldMerge, width, &[mask, moved, base])?);
             }
-            finish(translator, instruction, &result, width);
+            define_components(translator, instruction, &result, width);
         }
         Opcode::BitFieldSExtract | Opcode::BitFieldUExtract => {
             let width = width(translator, instruction, 0)?;
@@ -108,7 +116,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             for &base in &base {
                 result.push(translator.emit_family(family, width, &[base, offset, count])?);
             }
-            finish(translator, instruction, &result, width);
+            define_components(translator, instruction, &result, width);
         }
         Opcode::Any | Opcode::All => {
             let words = translator.operand(instruction, 0)?;
@@ -117,17 +125,17 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             for &word in &words[1..] {
                 result = translator.emit_family(family, 0, &[result, word])?;
             }
-            translator.result(instruction, SmallVec::from_slice(&[result]));
+            translator.define_result(instruction, SmallVec::from_slice(&[result]));
         }
-        // What a shader promises of a value changes none.
+        // Hints about a value change no result.
         Opcode::ExpectKHR => {
             let words = translator.operand(instruction, 0)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::AssumeTrueKHR => {}
         Opcode::ReadClockKHR => {
             let words = translator.read_clock()?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::ExtInst => return extended_instruction(translator, instruction).map(|()| true),
         _ => return Ok(false),
@@ -148,12 +156,17 @@ fn components(translator: &mut Translator<'_>, instruction: &Instruction, at: us
 /// The offset or count of a bit field, an integer of any width.
 fn bits(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<Reg> {
     let id = translator.id(instruction, at)?;
-    translator.integer(id, Reading::Unsigned)
+    translator.integer(id, ReadAs::Unsigned)
 }
 
-fn finish(translator: &mut Translator<'_>, instruction: &Instruction, components: &[Reg], width: u32) {
-    let words = translator.spread(components, width);
-    translator.result(instruction, words);
+fn define_components(
+    translator: &mut Translator<'_>,
+    instruction: &Instruction,
+    components: &[Reg],
+    width: u32,
+) {
+    let words = translator.expand_components(components, width);
+    translator.define_result(instruction, words);
 }
 
 fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction: &Instruction) -> Result<()> {
@@ -174,23 +187,23 @@ fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction:
     let mut result = Words::new();
     for component in components(translator, instruction, 0)? {
         let (value, from) = match source {
-            Some(source) if Some(source) != target => encoded::widened(translator, source, component)?,
+            Some(source) if Some(source) != target => encoded::widen(translator, source, component)?,
             _ => (component, from),
         };
         result.push(match target {
             Some(target) if source != Some(target) => {
-                encoded::narrowed(translator, (conversion, from), (target, rounding), value)?
+                encoded::narrow(translator, (conversion, from), (target, rounding), value)?
             }
-            _ => encoded::between(translator, conversion, (from, to), value)?,
+            _ => encoded::emit_conversion(translator, conversion, (from, to), value)?,
         });
     }
     translator.float_controls = modes;
-    finish(translator, instruction, &result, to);
+    define_components(translator, instruction, &result, to);
     Ok(())
 }
 
-/// The two members of an extended operation: low part, then carry or high part.
-fn pair_of(
+/// Translates extended arithmetic, whose result has two members: low part, then carry or high part.
+fn extended_arithmetic(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
     low: &'static OpFamily,
@@ -207,7 +220,7 @@ fn pair_of(
         members[1].push(translator.emit_family(high, width, &[a, b])?);
     }
     let members = members.concat();
-    finish(translator, instruction, &members, width);
+    define_components(translator, instruction, &members, width);
     Ok(())
 }
 
@@ -256,7 +269,7 @@ fn translate_glsl(
     use GlslStd450Op as G;
     match number {
         G::Modf | G::ModfStruct => {
-            split(
+            modf_or_frexp(
                 translator,
                 instruction,
                 [&parts::ModfFraction, &crate::ops::glsl::Trunc],
@@ -264,7 +277,7 @@ fn translate_glsl(
             )?;
         }
         G::Frexp | G::FrexpStruct => {
-            split(
+            modf_or_frexp(
                 translator,
                 instruction,
                 [&parts::FrexpMantissa, &parts::FrexpExponent],
@@ -287,11 +300,11 @@ fn translate_glsl(
                 return Err(translator.invalid("a vector of two is needed here"));
             };
             let first = translator.pair(low, high)?;
-            translator.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+            translator.define_result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
         G::UnpackDouble2x32 => {
             let words = translator.operand(instruction, 2)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         _ => return Ok(false),
     }
@@ -299,7 +312,7 @@ fn translate_glsl(
 }
 
 /// `Modf` and `Frexp`: the first part is the result, the second goes to a pointer or a member.
-fn split(
+fn modf_or_frexp(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
     families: [&'static OpFamily; 2],
@@ -336,29 +349,29 @@ fn split(
             }
         }
     };
-    check_second(translator, families[0], operand_type, ty)?;
+    check_second_type(translator, families[0], operand_type, ty)?;
     // An exponent has 32 bits, or 16 (SPV_AMD_gpu_shader_int16).
     if std::ptr::eq(families[1], &parts::FrexpExponent)
         && let Some(kernel) = conversion::kernel(Conversion::S, 32, translator.scalar_width(ty)?)
     {
         let exponents =
             second.iter().map(|&word| translator.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
-        second = translator.spread(&exponents, translator.scalar_width(ty)?);
+        second = translator.expand_components(&exponents, translator.scalar_width(ty)?);
     }
     if let Some(pointer) = pointer {
         crate::ops::load_store::store(translator, &pointer, &second)?;
-        translator.result(instruction, first);
+        translator.define_result(instruction, first);
     } else {
         let mut words = first;
         words.extend(second);
-        translator.result(instruction, words);
+        translator.define_result(instruction, words);
     }
     Ok(())
 }
 
 /// The whole part of `Modf` is of its operand's type, the exponent of `Frexp` an integer of 32
 /// bits, or of 16 with `SPV_AMD_gpu_shader_int16`.
-fn check_second(
+fn check_second_type(
     translator: &Translator<'_>,
     first: &'static OpFamily,
     operand: crate::module::ty::TypeId,
@@ -396,7 +409,7 @@ fn pack(
         let part = translator.emit_family(family, 32, &[component, by])?;
         sum = translator.emit_family(&bit::BitwiseOr, 32, &[sum, part])?;
     }
-    translator.result(instruction, SmallVec::from_slice(&[sum]));
+    translator.define_result(instruction, SmallVec::from_slice(&[sum]));
     Ok(())
 }
 
@@ -413,6 +426,6 @@ fn unpack(
         let by = translator.constant(bits * at)?;
         words.push(translator.emit_family(family, 32, &[word, by])?);
     }
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(())
 }

@@ -22,11 +22,11 @@ pub type Eval<const W: usize> = fn(&mut [Lanes<W>], Reg, &[Reg; 3]);
 
 /// Runs a kernel over 64 lanes: on x86-64 compiled for processors with AVX2.
 #[cfg(target_arch = "x86_64")]
-pub type FullEval = fn(V3, &mut [Lanes<64>], Reg, &[Reg; 3]);
+pub type Eval64 = fn(V3, &mut [Lanes<64>], Reg, &[Reg; 3]);
 
 /// Runs a kernel over 64 lanes.
 #[cfg(not(target_arch = "x86_64"))]
-pub type FullEval = Eval<64>;
+pub type Eval64 = Eval<64>;
 
 /// The instruction set to which an instruction's number belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -35,7 +35,7 @@ pub enum InstructionSet {
     Core,
     /// `GLSL.std.450`.
     Glsl,
-    /// Not an instruction of its own, but part of the translation of one.
+    /// Kernels that are no instructions by themselves: parts of the translation of others.
     Internal,
 }
 
@@ -55,14 +55,14 @@ pub struct LaneKernel {
     pub float_result: u32,
     /// Whether the operand that selects the kernel is a signed integer.
     pub signed: bool,
-    /// For batches of one lane.
-    pub one: Eval<1>,
-    /// For eight lanes of a batch.
-    pub eight: Eval<8>,
-    /// For batches of 64 lanes, where all values have 32 or 64 bits. Narrower ones are rare: they
-    /// run as eights, as does every kernel on a processor without AVX2, so that they need not be
-    /// compiled once more.
-    pub full: Option<FullEval>,
+    /// The kernel for batches of one lane.
+    pub eval_1: Eval<1>,
+    /// The kernel for eight lanes of a batch.
+    pub eval_8: Eval<8>,
+    /// The kernel for batches of 64 lanes, where all values have 32 or 64 bits. Kernels of narrower
+    /// values are rare: they run eight lanes at a time, as does every kernel on a processor without
+    /// AVX2, so that they need not be compiled once more.
+    pub eval_64: Option<Eval64>,
 }
 
 impl fmt::Debug for LaneKernel {
@@ -87,7 +87,7 @@ pub trait Width<const W: usize> {
         false
     }
 
-    /// Runs superinstructions up to the first operation that has none, and returns its number; see
+    /// Runs superinstructions up to the first operation that has none, and returns its index; see
     /// [`SuperCode::run`].
     fn run_superops(_: &mut Registers<W>, _: &SuperCode, _: &[Op], range: Range<u32>, _: Mask<W>) -> u32 {
         range.start
@@ -97,7 +97,7 @@ pub trait Width<const W: usize> {
 impl Width<1> for LaneKernel {
     #[inline]
     fn run(&self, registers: &mut Registers<1>, to: Reg, from: &[Reg; 3]) {
-        (self.one)(registers.all_mut(), to, from);
+        (self.eval_1)(registers.all_mut(), to, from);
     }
 }
 
@@ -139,7 +139,7 @@ impl LaneKernel {
     #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables, reason = "AVX2 is of x86-64"))]
     #[inline]
     fn run_64(&self, cpu_tier: CpuTier, registers: &mut [Lanes<64>], to: Reg, from: &[Reg; 3]) {
-        if let Some(full) = self.full {
+        if let Some(full) = self.eval_64 {
             #[cfg(target_arch = "x86_64")]
             if let Some(simd) = cpu_tier.avx2() {
                 return full(simd, registers, to, from);
@@ -147,11 +147,11 @@ impl LaneKernel {
             #[cfg(not(target_arch = "x86_64"))]
             return full(registers, to, from);
         }
-        self.run_in_parts(registers, to, from, self.eight);
+        self.run_in_parts(registers, to, from, self.eval_8);
     }
 
-    /// Runs the kernel over `PART` lanes after the other, in registers of this width: no lane's
-    /// result depends on another lane.
+    /// Runs the kernel over registers of `W` lanes, `PART` lanes at a time: no lane's result
+    /// depends on another lane.
     #[inline(never)]
     fn run_in_parts<const W: usize, const PART: usize>(
         &self,
@@ -178,11 +178,11 @@ impl LaneKernel {
     }
 }
 
-/// A kernel's function with its arguments, to be compiled for AVX2: the same lane loop with the
-/// same results, as nothing is fused or reordered.
+/// A call of a kernel's function, to be compiled for AVX2. The results do not depend on the
+/// processor, as no operations are fused or reordered.
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
-pub struct Wide<'a, F> {
+pub struct VectorizedCall<'a, F> {
     pub registers: &'a mut [Lanes<64>],
     pub to: Reg,
     pub from: &'a [Reg; 3],
@@ -190,7 +190,7 @@ pub struct Wide<'a, F> {
 }
 
 #[cfg(target_arch = "x86_64")]
-impl<F: Fn(&mut [Lanes<64>], Reg, &[Reg; 3])> pulp::NullaryFnOnce for Wide<'_, F> {
+impl<F: Fn(&mut [Lanes<64>], Reg, &[Reg; 3])> pulp::NullaryFnOnce for VectorizedCall<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -208,7 +208,7 @@ pub struct OpFamily {
     pub set: InstructionSet,
     /// The opcode or extended instruction number.
     pub number: u32,
-    /// One kernel a width.
+    /// The kernels, one for each width.
     pub kernels: &'static [LaneKernel],
 }
 
@@ -221,7 +221,7 @@ impl OpFamily {
 
 /// The family of an instruction's number.
 pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
-    /// By number.
+    /// Families, indexed by the number of their instruction.
     type Table = Vec<Option<&'static OpFamily>>;
     static TABLES: LazyLock<[Table; 2]> = LazyLock::new(|| {
         [InstructionSet::Core, InstructionSet::Glsl].map(|set| {
@@ -248,8 +248,8 @@ pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
 /// ```text
 /// lane_kernels! { FAdd Core [f16 f32 f64] (a: T, b: T) -> T { a + b } }
 /// ```
-/// Inside, `T` is the type of the kernel; the result is a `static FAdd: OpFamily` each, and the
-/// list `FAMILIES`.
+/// In the body, `T` is the type of the kernel. The macro defines a `static FAdd: OpFamily` for each
+/// instruction, and the list `FAMILIES`.
 #[macro_export]
 macro_rules! lane_kernels {
     ($($(#[$doc:meta])* $name:ident $set:ident [$($ty:ty)*] $args:tt -> $result:ty $body:block)*) => {
@@ -411,17 +411,17 @@ macro_rules! lane_kernel {
             <$lanes as $crate::ops::lane_kernel::LaneLoop>::run(registers, to, from);
         }
         #[cfg(target_arch = "x86_64")]
-        fn full(
+        fn eval_64(
             simd: pulp::x86::V3,
             registers: &mut [$crate::machine::lanes::Lanes<64>],
             to: $crate::machine::Reg,
             from: &[$crate::machine::Reg; 3],
         ) {
             let function = <$lanes as $crate::ops::lane_kernel::LaneLoop>::run::<64>;
-            simd.vectorize($crate::ops::lane_kernel::Wide { registers, to, from, function });
+            simd.vectorize($crate::ops::lane_kernel::VectorizedCall { registers, to, from, function });
         }
         #[cfg(not(target_arch = "x86_64"))]
-        use eval as full;
+        use eval as eval_64;
         $crate::ops::lane_kernel::LaneKernel {
             name: stringify!($name),
             width: <$ty as $crate::ops::lane_kernel::ScalarWidth>::BITS,
@@ -430,13 +430,13 @@ macro_rules! lane_kernel {
             float_operands: $crate::ops::lane_kernel::operands(&[$(<$at as $crate::ops::lane_kernel::ScalarWidth>::FLOAT),*]),
             float_result: <$result as $crate::ops::lane_kernel::ScalarWidth>::FLOAT,
             signed: <$ty as $crate::ops::lane_kernel::ScalarWidth>::SIGNED,
-            one: eval::<1>,
-            eight: eval::<8>,
-            full: if $crate::ops::lane_kernel::has_no_narrow(&[
+            eval_1: eval::<1>,
+            eval_8: eval::<8>,
+            eval_64: if $crate::ops::lane_kernel::has_no_narrow(&[
                 $(<$at as $crate::ops::lane_kernel::ScalarWidth>::BITS,)*
                 <$result as $crate::ops::lane_kernel::ScalarWidth>::BITS,
             ]) {
-                Some(full)
+                Some(eval_64)
             } else {
                 None
             },
@@ -502,7 +502,7 @@ pub(crate) mod tests {
     where
         LaneKernel: Width<W>,
     {
-        let mut registers = Registers::<W>::new(8).on(cpu_tier);
+        let mut registers = Registers::<W>::new(8).with_cpu_tier(cpu_tier);
         let mut from = [Reg(0); 3];
         let mut next = 2;
         for (at, (&input, &words)) in inputs.iter().zip(&kernel.operands).enumerate() {

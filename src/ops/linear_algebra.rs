@@ -42,12 +42,12 @@ pub const GLSL: &[GlslStd450Op] = &[
 ];
 
 /// Float arithmetic at one width.
-struct Scalars<'a, 'm> {
+struct FloatEmitter<'a, 'm> {
     translator: &'a mut Translator<'m>,
     width: u32,
 }
 
-impl Scalars<'_, '_> {
+impl FloatEmitter<'_, '_> {
     fn add(&mut self, a: Reg, b: Reg) -> Result<Reg> {
         self.translator.emit_family(&FAdd, self.width, &[a, b])
     }
@@ -66,14 +66,14 @@ impl Scalars<'_, '_> {
         Ok(sum)
     }
     /// A float constant of this width.
-    fn number(&mut self, value: f64) -> Result<Reg> {
+    fn constant(&mut self, value: f64) -> Result<Reg> {
         match self.width {
-            16 => self.translator.constant(crate::math::float::half_of(value).to_bits().into()),
+            16 => self.translator.constant(crate::math::float::f64_to_f16(value).to_bits().into()),
             32 => self.translator.constant((value as f32).to_bits()),
             _ => self.translator.wide_constant(value.to_bits()),
         }
     }
-    /// Chooses between two scalars.
+    /// Selects one of two scalars.
     fn select(&mut self, condition: Reg, a: Reg, b: Reg) -> Result<Reg> {
         let kernel = &SelectWord.kernels[0];
         let low = self.translator.emit_kernel(kernel, &[condition, a, b])?;
@@ -147,7 +147,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     if translator.type_of(a).is_ok_and(|ty| translator.float_format(ty) == Some(FloatFormat::BFloat16)) {
         return dot_of_bfloat16(translator, instruction, &left, &right);
     }
-    let mut scalars = Scalars { translator, width };
+    let mut scalars = FloatEmitter { translator, width };
     let mut result = Words::new();
     let agree = match opcode {
         Opcode::Dot => left.len() == right.len(),
@@ -202,8 +202,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             }
         }
     }
-    let words = translator.spread(&result, width);
-    translator.result(instruction, words);
+    let words = translator.expand_components(&result, width);
+    translator.define_result(instruction, words);
     Ok(true)
 }
 
@@ -233,16 +233,16 @@ fn dot_of_bfloat16(
     let mut wide = [Words::new(), Words::new()];
     for (wide, narrow) in wide.iter_mut().zip([left, right]) {
         for &component in narrow {
-            wide.push(encoded::widened(translator, FloatFormat::BFloat16, component)?.0);
+            wide.push(encoded::widen(translator, FloatFormat::BFloat16, component)?.0);
         }
     }
-    let sum = Scalars { translator, width: 32 }.dot(&wide[0], &wide[1])?;
+    let sum = FloatEmitter { translator, width: 32 }.dot(&wide[0], &wide[1])?;
     let result = translator.emit_family(&encoded::ToBFloat16, 32, &[sum])?;
-    translator.result(instruction, SmallVec::from_slice(&[result]));
+    translator.define_result(instruction, SmallVec::from_slice(&[result]));
     Ok(true)
 }
 
-/// Holds the shape of an instruction's result against what it calculates.
+/// Checks the shape of an instruction's result against that of the computed matrix.
 ///
 /// # Errors
 /// `InvalidModule` where the result is no matrix of so many columns and rows.
@@ -299,14 +299,14 @@ pub fn translate_glsl(
         if columns.iter().any(|column| column.len() != columns.len()) {
             return Err(translator.invalid("a square matrix is needed here"));
         }
-        let mut scalars = Scalars { translator, width };
+        let mut scalars = FloatEmitter { translator, width };
         let determinant = scalars.determinant(&columns)?;
         let mut result = Words::new();
         if number == GlslStd450Op::Determinant {
             result.push(determinant);
         } else {
             // The adjugate over the determinant: element (row i, column j) is the cofactor (j, i).
-            let one = scalars.number(1.0)?;
+            let one = scalars.constant(1.0)?;
             let scale =
                 scalars.translator.emit_family(&crate::ops::arithmetic::FDiv, width, &[one, determinant])?;
             for column in 0..columns.len() {
@@ -323,8 +323,8 @@ pub fn translate_glsl(
                 }
             }
         }
-        let words = translator.spread(&result, width);
-        translator.result(instruction, words);
+        let words = translator.expand_components(&result, width);
+        translator.define_result(instruction, words);
         return Ok(true);
     }
     let width = translator.type_of(first).and_then(|ty| translator.scalar_width(ty))?;
@@ -333,7 +333,7 @@ pub fn translate_glsl(
         operands.push(translator.components(Id(id))?);
     }
     let size = operands[0].len();
-    let mut s = Scalars { translator, width };
+    let mut s = FloatEmitter { translator, width };
     let expected = match number {
         GlslStd450Op::Length | GlslStd450Op::Normalize => 1,
         GlslStd450Op::FaceForward | GlslStd450Op::Refract => 3,
@@ -383,7 +383,7 @@ pub fn translate_glsl(
         }
         GlslStd450Op::FaceForward => {
             let dot = s.dot(&c, &b)?;
-            let zero = s.number(0.0)?;
+            let zero = s.constant(0.0)?;
             let facing = s.translator.emit_family(&FOrdLessThan, width, &[dot, zero])?;
             for &component in &a {
                 let flipped = s.translator.emit_family(&FNegate, width, &[component])?;
@@ -392,7 +392,7 @@ pub fn translate_glsl(
         }
         GlslStd450Op::Reflect => {
             let dot = s.dot(&b, &a)?;
-            let two = s.number(2.0)?;
+            let two = s.constant(2.0)?;
             let scale = s.mul(two, dot)?;
             for at in 0..size {
                 let product = s.mul(scale, b[at])?;
@@ -403,15 +403,15 @@ pub fn translate_glsl(
             // k = 1 - eta * eta * (1 - dot(N, I)^2); k < 0 gives 0, else
             // eta * I - (eta * dot(N, I) + sqrt(k)) * N
             let eta = eta(&mut s, instruction, c[0])?;
-            let one = s.number(1.0)?;
-            let zero = s.number(0.0)?;
+            let one = s.constant(1.0)?;
+            let zero = s.constant(0.0)?;
             let dot = s.dot(&b, &a)?;
             let square = s.mul(dot, dot)?;
             let rest = s.sub(one, square)?;
             let squared_eta = s.mul(eta, eta)?;
             let product = s.mul(squared_eta, rest)?;
             let k = s.sub(one, product)?;
-            let total = s.translator.emit_family(&FOrdLessThan, width, &[k, zero])?;
+            let total_reflection = s.translator.emit_family(&FOrdLessThan, width, &[k, zero])?;
             let root = s.translator.emit_family(&Sqrt, width, &[k])?;
             let along = s.mul(eta, dot)?;
             let scale = s.add(along, root)?;
@@ -419,17 +419,17 @@ pub fn translate_glsl(
                 let incident = s.mul(eta, a[at])?;
                 let normal = s.mul(scale, b[at])?;
                 let difference = s.sub(incident, normal)?;
-                result.push(s.select(total, zero, difference)?);
+                result.push(s.select(total_reflection, zero, difference)?);
             }
         }
     }
-    let words = translator.spread(&result, width);
-    translator.result(instruction, words);
+    let words = translator.expand_components(&result, width);
+    translator.define_result(instruction, words);
     Ok(true)
 }
 
 /// The ratio of `Refract`, which may be of another width than the vectors.
-fn eta(s: &mut Scalars<'_, '_>, instruction: &Instruction, reg: Reg) -> Result<Reg> {
+fn eta(s: &mut FloatEmitter<'_, '_>, instruction: &Instruction, reg: Reg) -> Result<Reg> {
     use crate::ops::conversion::{Conversion, kernel};
     let id = s.translator.id(instruction, 4)?;
     let from = s.translator.type_of(id).and_then(|ty| s.translator.scalar_width(ty))?;

@@ -9,10 +9,10 @@ use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
-use crate::ops::pointer::{Pointer, PointerBase, descriptor_count, shifted, storage};
+use crate::ops::pointer::{Pointer, PointerBase, add_offset, descriptor_count, storage};
 use crate::ops::translate::{Translator, Words, registers_from};
 
-/// Reads what a pointer leads to.
+/// Translates a load through a pointer.
 pub fn load(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
     load_aligned(translator, pointer, 1)
 }
@@ -23,11 +23,11 @@ pub(super) fn load_aligned(
     pointer: &Pointer,
     alignment: u32,
 ) -> Result<Words> {
-    let count = match pointer.place {
+    let count = match pointer.base {
         PointerBase::Descriptors { .. } => 1,
         _ => translator.word_count(pointer.pointee)?,
     };
-    match pointer.place {
+    match pointer.base {
         PointerBase::Registers { first: variable, count: registers, constant } => {
             let first = variable.plus(pointer.offset);
             match pointer.index {
@@ -71,7 +71,7 @@ pub(super) fn load_aligned(
                 return Ok(words);
             }
             let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
-            let handle = shifted(translator, pointer.index, base)?;
+            let handle = add_offset(translator, pointer.index, base)?;
             match *translator.module.ty(pointer.pointee) {
                 // An image and a sampler, or a handle that stands for a device address.
                 Type::SampledImage(_) => Ok(SmallVec::from_slice(&[handle, handle])),
@@ -87,7 +87,7 @@ pub(super) fn load_aligned(
 }
 
 fn load_registers(translator: &mut Translator<'_>, first: Reg, count: u32) -> Result<Words> {
-    let known: Option<Words> = (0..count).map(|word| translator.recall(first.plus(word))).collect();
+    let known: Option<Words> = (0..count).map(|word| translator.known_value(first.plus(word))).collect();
     if let Some(known) = known {
         return Ok(known);
     }
@@ -95,7 +95,7 @@ fn load_registers(translator: &mut Translator<'_>, first: Reg, count: u32) -> Re
     for (word, &to) in to.iter().enumerate() {
         let variable = first.plus(word as u32);
         translator.emit(Op::Memory(memory::MemoryOp::Move { to, from: variable }));
-        translator.remember(variable, to);
+        translator.set_known_value(variable, to);
     }
     Ok(to)
 }
@@ -106,7 +106,7 @@ fn gather(translator: &mut Translator<'_>, first: Reg, index: Reg, count: u32) -
     Ok(registers_from(to, count))
 }
 
-/// Writes a value to where a pointer leads.
+/// Translates a store through a pointer.
 pub fn store(translator: &mut Translator<'_>, pointer: &Pointer, words: &[Reg]) -> Result<()> {
     store_aligned(translator, pointer, words, 1)
 }
@@ -125,7 +125,7 @@ pub(super) fn store_aligned(
         let class = crate::module::names::storage_class_name(pointer.storage_class);
         return Err(translator.invalid(format!("a store to {class}, which is read-only")));
     }
-    match pointer.place {
+    match pointer.base {
         PointerBase::Registers { constant: true, .. } => {
             Err(translator.invalid("a store to an input variable"))
         }
@@ -136,7 +136,7 @@ pub(super) fn store_aligned(
                     for (word, &from) in words.iter().enumerate() {
                         let to = first.plus(word as u32);
                         translator.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
-                        translator.remember(to, from);
+                        translator.set_known_value(to, from);
                     }
                 }
                 Some(index) => {
@@ -170,14 +170,14 @@ fn scatter(translator: &mut Translator<'_>, first: Reg, index: Reg, words: &[Reg
     let from = translator.consecutive(words)?;
     let count = words.len() as u32;
     translator.emit(Op::Memory(memory::MemoryOp::Scatter { from, count, first, index }));
-    translator.forget();
+    translator.invalidate_known_values();
     Ok(())
 }
 
 /// Scalars of a buffer: byte offset and width.
 type Scalars = SmallVec<[(u32, u32); 4]>;
 
-/// The scalars of what a pointer leads to in a buffer; a 64-bit one is two.
+/// The scalars of the pointee of a pointer into a buffer; a 64-bit scalar counts as two.
 fn scalars(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Scalars> {
     if pointer.is_packed(translator) {
         let words = translator.word_count(pointer.pointee)?;
@@ -185,11 +185,18 @@ fn scalars(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Scalars
     }
     let mut scalars = Scalars::new();
     let layout = (pointer.matrix, pointer.component_stride);
-    collect(translator, pointer.storage_class, pointer.pointee, pointer.offset, layout, &mut scalars)?;
+    collect_scalars(
+        translator,
+        pointer.storage_class,
+        pointer.pointee,
+        pointer.offset,
+        layout,
+        &mut scalars,
+    )?;
     Ok(scalars)
 }
 
-fn collect(
+fn collect_scalars(
     translator: &mut Translator<'_>,
     class: u32,
     ty: TypeId,
@@ -212,37 +219,58 @@ fn collect(
         Type::Vector { component, count } => {
             let stride = component_stride.unwrap_or(translator.scalar_width(component)? / 8);
             for index in 0..count {
-                collect(translator, class, component, at(translator, index, stride)?, (None, None), scalars)?;
+                collect_scalars(
+                    translator,
+                    class,
+                    component,
+                    at(translator, index, stride)?,
+                    (None, None),
+                    scalars,
+                )?;
             }
         }
         Type::Matrix { column, count } => {
             let Some(layout) = matrix else {
                 return Err(
-                    translator.not_laid_out(class, "a buffer's matrix has no MatrixStride decoration")
+                    translator.missing_layout(class, "a buffer's matrix has no MatrixStride decoration")
                 );
             };
             let width = translator.scalar_width(column)? / 8;
             let (stride, inner) =
                 if layout.row_major { (width, Some(layout.stride)) } else { (layout.stride, None) };
             for index in 0..count {
-                collect(translator, class, column, at(translator, index, stride)?, (None, inner), scalars)?;
+                collect_scalars(
+                    translator,
+                    class,
+                    column,
+                    at(translator, index, stride)?,
+                    (None, inner),
+                    scalars,
+                )?;
             }
         }
         Type::Array { element, length, stride } => {
             let length = translator.array_length(length)?;
             let stride = stride.ok_or_else(|| {
-                translator.not_laid_out(class, "a buffer's array has no ArrayStride decoration")
+                translator.missing_layout(class, "a buffer's array has no ArrayStride decoration")
             })?;
             for index in 0..length {
-                collect(translator, class, element, at(translator, index, stride)?, (matrix, None), scalars)?;
+                collect_scalars(
+                    translator,
+                    class,
+                    element,
+                    at(translator, index, stride)?,
+                    (matrix, None),
+                    scalars,
+                )?;
             }
         }
         Type::Struct { ref members, .. } => {
             for member in members {
                 let inside = member.offset.ok_or_else(|| {
-                    translator.not_laid_out(class, "a buffer's struct has no Offset decoration")
+                    translator.missing_layout(class, "a buffer's struct has no Offset decoration")
                 })?;
-                collect(
+                collect_scalars(
                     translator,
                     class,
                     member.ty,
@@ -260,7 +288,7 @@ fn collect(
     Ok(())
 }
 
-/// Joins scalars that touch; the alignment holds for the pointer itself.
+/// Joins adjacent scalars of one width to chunks; the alignment is that of the pointer itself.
 fn chunks(
     scalars: &[(u32, u32)],
     buffer: BufferRef,

@@ -11,7 +11,8 @@ use smallvec::SmallVec;
 
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::{
-    Accessed, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers, TrapCode,
+    AccessFault, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers,
+    TrapCode,
 };
 use crate::ops::op::Access;
 
@@ -19,10 +20,10 @@ pub use crate::ops::pointer::{
     Pointer, PointerBase, pointer_from_words, pointer_word_count, pointer_words, variable,
 };
 
-/// What a computed offset becomes when an index is outside its array: an access through it traps.
+/// The value of a computed offset whose index is outside its array: an access through it traps.
 pub const OUT_OF_BOUNDS: u32 = u32::MAX;
 
-/// Which buffer a load or store means.
+/// The buffer of a load or store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferRef {
     /// A descriptor known before running.
@@ -49,7 +50,7 @@ pub const WORKGROUP_HANDLE: u32 = u32::MAX - 3;
 /// A range of a buffer: consecutive scalars of `width` bits (8, 16 or 32).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chunk {
-    /// Which buffer.
+    /// The buffer.
     pub buffer: BufferRef,
     /// The constant part of the byte offset.
     pub offset: u32,
@@ -57,9 +58,9 @@ pub struct Chunk {
     pub index: Option<Reg>,
     /// Bits of a scalar.
     pub width: u32,
-    /// How many scalars.
+    /// The number of scalars.
     pub count: u32,
-    /// What a device address must be a multiple of, in bytes.
+    /// The alignment that a device address must have, in bytes.
     pub alignment: u32,
 }
 
@@ -105,12 +106,12 @@ pub enum MemoryOp {
     ArrayLength { to: Reg, buffer: BufferRef, offset: u32, stride: u32 },
 }
 
-/// How many elements an index may choose from.
+/// The number of elements that an index may select from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// This many.
+    /// A known number.
     Known(u32),
-    /// As many as the buffer holds: the access itself is checked.
+    /// Unknown, as for a runtime array: the access itself is checked.
     Unknown,
 }
 
@@ -167,33 +168,33 @@ impl MemoryOp {
                 index_lanes(batch, to, base, index, stride, length)
             }
             Self::Gather { to, count, first, index } => {
-                each_register(batch, first, index, count, |registers, lane, at| {
+                for_each_register(batch, first, index, count, |registers, lane, at| {
                     for word in 0..count {
                         registers[to.plus(word)].0[lane] = registers[at.plus(word)].0[lane];
                     }
                 });
             }
             Self::Scatter { from, count, first, index } => {
-                each_register(batch, first, index, count, |registers, lane, at| {
+                for_each_register(batch, first, index, count, |registers, lane, at| {
                     for word in 0..count {
                         registers[at.plus(word)].0[lane] = registers[from.plus(word)].0[lane];
                     }
                 });
             }
             Self::BufferLoad { to, chunk } => {
-                if load_once(batch, bindings, to, &chunk) {
+                if broadcast_load(batch, bindings, to, &chunk) {
                     return;
                 }
-                if let Some((words, places)) = words(batch, bindings, &chunk) {
+                if let Some((words, firsts)) = word_indices(batch, bindings, &chunk) {
                     for scalar in 0..chunk.count {
                         let register = &mut batch.registers[to.plus(scalar)];
                         for lane in batch.mask.lanes() {
-                            register.0[lane] = words[(places.0[lane] + scalar) as usize].load(Relaxed);
+                            register.0[lane] = words[(firsts.0[lane] + scalar) as usize].load(Relaxed);
                         }
                     }
                     return;
                 }
-                each_access(
+                for_each_access(
                     batch,
                     bindings,
                     &chunk,
@@ -208,11 +209,11 @@ impl MemoryOp {
                 );
             }
             Self::BufferStore { from, chunk } => {
-                if let Some((words, places)) = words(batch, bindings, &chunk) {
+                if let Some((words, firsts)) = word_indices(batch, bindings, &chunk) {
                     let registers = batch.registers.span_mut(from, chunk.count);
-                    // Lane by lane, as their words may lie on each other.
+                    // Lane by lane, as the words of different lanes may overlap.
                     for lane in batch.mask.lanes() {
-                        let words = words[places.0[lane] as usize..].iter();
+                        let words = words[firsts.0[lane] as usize..].iter();
                         registers
                             .iter()
                             .zip(words)
@@ -220,7 +221,7 @@ impl MemoryOp {
                     }
                     return;
                 }
-                each_access(
+                for_each_access(
                     batch,
                     bindings,
                     &chunk,
@@ -236,7 +237,7 @@ impl MemoryOp {
             }
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
-                    match find((&batch.registers, lane), &batch.invocations, bindings, buffer) {
+                    match resolve_buffer((&batch.registers, lane), &batch.invocations, bindings, buffer) {
                         Ok((_, _, size)) => {
                             let length = size.saturating_sub(u64::from(offset)) / u64::from(stride.max(1));
                             batch.registers[to].0[lane] = u32::try_from(length).unwrap_or(u32::MAX);
@@ -249,10 +250,10 @@ impl MemoryOp {
     }
 }
 
-/// Calls a function for each running lane with the register that it means, `count` registers of
-/// which exist; lanes that mean no such register are stopped.
+/// Calls a function for each running lane with the register that its index selects, from which on
+/// `count` registers must exist; lanes whose index is out of bounds trap.
 #[inline(always)]
-fn each_register<const W: usize>(
+fn for_each_register<const W: usize>(
     batch: &mut Batch<W>,
     first: Reg,
     index: Reg,
@@ -272,7 +273,7 @@ fn each_register<const W: usize>(
     trap(batch, null, TrapCode::NullPointer);
 }
 
-/// The register that a computed number means, `count` registers of which must exist; see
+/// The register that an index selects, from which on `count` registers must exist; see
 /// [`Reg::computed`].
 ///
 /// # Errors
@@ -301,57 +302,57 @@ fn index_lanes<const W: usize>(
     stride: u32,
     length: Length,
 ) {
-    const MOST: u32 = OUT_OF_BOUNDS - 1;
-    // How many indices there are whose products are no greater than what a sum may be.
-    let products = (MOST / stride.max(1)).saturating_add(1);
+    const MAX_OFFSET: u32 = OUT_OF_BOUNDS - 1;
+    // The number of indices whose product with the stride does not exceed the greatest offset.
+    let max_index_count = (MAX_OFFSET / stride.max(1)).saturating_add(1);
     let count = match length {
-        Length::Known(length) => length.min(products),
-        Length::Unknown => products,
+        Length::Known(length) => length.min(max_index_count),
+        Length::Unknown => max_index_count,
     };
     let registers = &batch.registers;
     let mut register = [0; W];
-    let missed = registers.cpu_tier().run_loop(
+    let any_outside = registers.cpu_tier().run_loop(
         #[inline(always)]
         || {
             let zero = Lanes::splat(0);
             let (indices, bases) = (&registers[index], base.map_or(&zero, |base| &registers[base]));
             let running = batch.mask.words();
-            let mut missed = 0;
+            let mut any_outside = 0;
             for lane in 0..W {
                 let (index, base) = (indices.0[lane], bases.0[lane]);
                 let product = index.wrapping_mul(stride);
                 let inside = index < count;
-                let fits = inside & (base <= MOST.wrapping_sub(product));
+                let fits = inside & (base <= MAX_OFFSET.wrapping_sub(product));
                 register[lane] = if fits { product.wrapping_add(base) } else { OUT_OF_BOUNDS };
-                missed |= u32::from(!inside) & running.0[lane];
+                any_outside |= u32::from(!inside) & running.0[lane];
             }
-            missed
+            any_outside
         },
     );
-    if missed != 0 {
+    if any_outside != 0 {
         let outside = Mask::from_fn(|lane| registers[index].0[lane] >= count);
-        batch.missed.remember(batch.op, batch.mask & outside, &batch.registers[index]);
+        batch.out_of_bounds_indices.record(batch.op, batch.mask & outside, &batch.registers[index]);
     }
     batch.registers[to].0 = register;
 }
 
 #[cold]
-fn stop<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
+fn trap_lanes<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
     let op = batch.op;
     batch.trap(mask, code, op);
 }
 
-/// Stops lanes at the running operation.
+/// Traps lanes at the running operation.
 #[inline]
 pub fn trap<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode) {
     if !mask.is_empty() {
-        stop(batch, mask, code);
+        trap_lanes(batch, mask, code);
     }
 }
 
-/// The buffer that a lane means, with the offset and size of the part that it may touch.
+/// The buffer that a lane accesses, with the offset and size of the part that it may access.
 #[inline]
-fn find<'a, const W: usize>(
+fn resolve_buffer<'a, const W: usize>(
     (registers, lane): (&Registers<W>, usize),
     invocations: &'a Invocations<W>,
     bindings: &'a Bindings,
@@ -395,8 +396,8 @@ fn address<const W: usize>(registers: &Registers<W>, reg: Reg, lane: usize) -> u
     u64::from(registers[reg].0[lane]) | u64::from(registers[reg.plus(1)].0[lane]) << 32
 }
 
-/// The buffer of a lane's access with the byte offset there, checked; else the reason to stop, with
-/// the offset or address that was asked for.
+/// The buffer of a lane's access with the byte offset there, checked; else the trap, with the
+/// offset or address of the access.
 #[inline]
 fn locate<'a, const W: usize>(
     (registers, lane): (&Registers<W>, usize),
@@ -408,7 +409,7 @@ fn locate<'a, const W: usize>(
     let offset = u64::from(chunk.offset) + u64::from(index);
     let base = if let BufferRef::Address(reg) = chunk.buffer { address(registers, reg, lane) } else { 0 };
     let fault_value = base.wrapping_add(offset);
-    let found = find((registers, lane), invocations, bindings, chunk.buffer);
+    let found = resolve_buffer((registers, lane), invocations, bindings, chunk.buffer);
     let (buffer, start, size) = found.map_err(|code| (code, fault_value))?;
     let outside = offset + u64::from(chunk.width / 8 * chunk.count) > size;
     match chunk.buffer {
@@ -422,8 +423,9 @@ fn locate<'a, const W: usize>(
     }
 }
 
-/// Where a lane's access lies: the buffer and the byte offset there; `None` where it lies outside.
-pub fn place<'a, const W: usize>(
+/// The location of a lane's access: the buffer and the byte offset there; `None` where it lies
+/// outside.
+pub fn access_location<'a, const W: usize>(
     batch: &'a Batch<W>,
     lane: usize,
     bindings: &'a Bindings,
@@ -432,9 +434,9 @@ pub fn place<'a, const W: usize>(
     locate((&batch.registers, lane), &batch.invocations, bindings, chunk).ok()
 }
 
-/// The buffer that an access goes to whatever the lane, as most do.
+/// The buffer of an access, where it is the same for all lanes, as it mostly is.
 #[inline]
-fn shared<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'a Buffer> {
+fn lane_invariant_buffer<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'a Buffer> {
     match chunk.buffer {
         BufferRef::Handle(handle) => bindings.buffer(handle),
         BufferRef::PushConstants => bindings.push_constants.as_deref(),
@@ -442,10 +444,12 @@ fn shared<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'a Buffer> {
     }
 }
 
-/// Loads what every lane finds at one place once; `false` where there is no such place.
+/// Loads a value once for all lanes; `false` where lanes may access different locations.
 #[inline]
-fn load_once<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg, chunk: &Chunk) -> bool {
-    let Some(buffer) = shared(bindings, chunk).filter(|_| chunk.index.is_none()) else { return false };
+fn broadcast_load<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg, chunk: &Chunk) -> bool {
+    let Some(buffer) = lane_invariant_buffer(bindings, chunk).filter(|_| chunk.index.is_none()) else {
+        return false;
+    };
     let offset = u64::from(chunk.offset);
     if offset + u64::from(chunk.width / 8 * chunk.count) > buffer.size() {
         return false;
@@ -458,20 +462,21 @@ fn load_once<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg,
     true
 }
 
-/// The words of the buffer that all lanes access, and where in them each running lane's scalars
-/// begin, where they are words and all lie inside.
+/// The words of the buffer that all lanes access, and the index of each running lane's first word;
+/// `None` unless all accesses are of whole words inside the buffer.
 #[inline]
-fn words<'a, const W: usize>(
+fn word_indices<'a, const W: usize>(
     batch: &Batch<W>,
     bindings: &'a Bindings,
     chunk: &Chunk,
 ) -> Option<(&'a [AtomicU32], Lanes<W>)> {
-    let buffer = shared(bindings, chunk).filter(|_| chunk.width == 32 && chunk.offset.is_multiple_of(4))?;
+    let buffer = lane_invariant_buffer(bindings, chunk)
+        .filter(|_| chunk.width == 32 && chunk.offset.is_multiple_of(4))?;
     let end = u64::from(chunk.offset) + u64::from(chunk.count * 4);
-    // The greatest index is out of bounds whatever the buffer has.
-    let most = u32::try_from(buffer.size().checked_sub(end)?).unwrap_or(u32::MAX).min(OUT_OF_BOUNDS - 1);
+    // The greatest index stands for one that is out of bounds, whatever the size of the buffer.
+    let max_index = u32::try_from(buffer.size().checked_sub(end)?).unwrap_or(u32::MAX).min(OUT_OF_BOUNDS - 1);
     let indices = &batch.registers[chunk.index?];
-    let mut places = Lanes::splat(0);
+    let mut firsts = Lanes::splat(0);
     let outside = batch.registers.cpu_tier().run_loop(
         #[inline(always)]
         || {
@@ -479,28 +484,28 @@ fn words<'a, const W: usize>(
             let mut outside = 0;
             for lane in 0..W {
                 let index = indices.0[lane] & running.0[lane];
-                outside |= u32::from(index > most) | index & 3;
-                places.0[lane] = (index >> 2) + (chunk.offset >> 2);
+                outside |= u32::from(index > max_index) | index & 3;
+                firsts.0[lane] = (index >> 2) + (chunk.offset >> 2);
             }
             outside
         },
     );
-    (outside == 0).then(|| (buffer.words(), places))
+    (outside == 0).then(|| (buffer.words(), firsts))
 }
 
 /// Calls a function for each running lane, in ascending order, with the buffer and the byte offset
-/// of its access; lanes whose access is outside are stopped, or given to `outside` where the policy
+/// of its access; lanes whose access is outside trap, or are passed to `outside` where the policy
 /// is [`MemoryPolicy::Robust`](crate::machine::MemoryPolicy::Robust).
 #[inline(always)]
-pub fn each_access<const W: usize>(
+pub fn for_each_access<const W: usize>(
     batch: &mut Batch<W>,
     bindings: &Bindings,
     chunk: &Chunk,
     mut access: impl FnMut(&mut Registers<W>, usize, &Buffer, u64) -> Option<()>,
-    mut outside: impl FnMut(&mut Registers<W>, usize, Outside<'_>),
+    mut outside: impl FnMut(&mut Registers<W>, usize, OutOfBoundsAccess<'_>),
 ) {
     let mut failed = SmallVec::<[(usize, TrapCode, u64); 1]>::new();
-    let shared = shared(bindings, chunk);
+    let shared = lane_invariant_buffer(bindings, chunk);
     let bytes = u64::from(chunk.width / 8 * chunk.count);
     for lane in batch.mask.lanes() {
         if let Some(buffer) = shared {
@@ -523,7 +528,7 @@ pub fn each_access<const W: usize>(
         }
     }
     for (lane, code, fault_value) in failed {
-        let found = find((&batch.registers, lane), &batch.invocations, bindings, chunk.buffer);
+        let found = resolve_buffer((&batch.registers, lane), &batch.invocations, bindings, chunk.buffer);
         let bounds = matches!(code, TrapCode::BufferOutOfBounds | TrapCode::IndexOutOfBounds);
         let robust = |buffer: &Buffer| bindings.is_robust() || buffer.is_null();
         if let (true, Ok((buffer, start, size))) = (bounds, &found)
@@ -531,8 +536,8 @@ pub fn each_access<const W: usize>(
             && !is_workgroup(&batch.registers, lane, chunk.buffer)
         {
             let offset = if code == TrapCode::IndexOutOfBounds { u64::MAX } else { fault_value };
-            let place = Outside { buffer, start: *start, size: *size, offset };
-            outside(&mut batch.registers, lane, place);
+            let access_outside = OutOfBoundsAccess { buffer, start: *start, size: *size, offset };
+            outside(&mut batch.registers, lane, access_outside);
             continue;
         }
         let handle = match chunk.buffer {
@@ -540,15 +545,15 @@ pub fn each_access<const W: usize>(
             BufferRef::Computed(reg) => Some(batch.registers[reg].0[lane]),
             _ => None,
         };
-        let accessed = match (found, handle) {
-            _ if matches!(chunk.buffer, BufferRef::Address(_)) => Accessed::near(fault_value, bindings),
-            (Ok((_, _, size)), handle) => Some(Accessed::Buffer { handle, size }),
-            (Err(_), Some(handle)) => Some(Accessed::descriptor(handle, bindings)),
+        let fault = match (found, handle) {
+            _ if matches!(chunk.buffer, BufferRef::Address(_)) => AccessFault::address(fault_value, bindings),
+            (Ok((_, _, size)), handle) => Some(AccessFault::Buffer { handle, size }),
+            (Err(_), Some(handle)) => Some(AccessFault::descriptor(handle, bindings)),
             (Err(_), None) => None,
         };
-        accessed.into_iter().for_each(|accessed| batch.remember_access(lane, accessed));
+        fault.into_iter().for_each(|fault| batch.record_access_fault(lane, fault));
         batch.fault_value[lane] = fault_value;
-        stop(batch, Mask::lane(lane), code);
+        trap_lanes(batch, Mask::lane(lane), code);
     }
 }
 
@@ -562,7 +567,7 @@ fn is_workgroup<const W: usize>(registers: &Registers<W>, lane: usize, buffer: B
 
 /// An access that lies outside its buffer, at least in part.
 #[derive(Clone, Copy, Debug)]
-pub struct Outside<'a> {
+pub struct OutOfBoundsAccess<'a> {
     buffer: &'a Buffer,
     start: u64,
     size: u64,
@@ -570,7 +575,7 @@ pub struct Outside<'a> {
     offset: u64,
 }
 
-impl Outside<'_> {
+impl OutOfBoundsAccess<'_> {
     /// The buffer and the offset there of a scalar that lies inside, `at` bytes into the access.
     fn inside(&self, at: u64, width: u32) -> Option<(&Buffer, u64)> {
         let offset = self.offset.checked_add(at)?;
@@ -578,7 +583,7 @@ impl Outside<'_> {
         (end <= self.size).then_some((self.buffer, self.start + offset))
     }
 
-    /// The scalars of a load: each that lies outside is 0.
+    /// Loads the scalars: each that lies outside is 0.
     fn load<const W: usize>(self, registers: &mut Registers<W>, lane: usize, to: Reg, chunk: &Chunk) {
         for scalar in 0..chunk.count {
             let inside = self.inside(u64::from(scalar * (chunk.width / 8)), chunk.width);
@@ -587,7 +592,7 @@ impl Outside<'_> {
         }
     }
 
-    /// The scalars of a store: each that lies outside is dropped.
+    /// Stores the scalars, except those that lie outside.
     fn store<const W: usize>(self, registers: &Registers<W>, lane: usize, from: Reg, chunk: &Chunk) {
         for scalar in 0..chunk.count {
             let inside = self.inside(u64::from(scalar * (chunk.width / 8)), chunk.width);

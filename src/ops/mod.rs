@@ -14,9 +14,9 @@
 //!   componentwise.
 //! * What the others share: the translator ([`translate`]), which turns ids into registers, so that
 //!   composites cost nothing when the program runs; operations ([`op`], [`lane_kernel`],
-//!   [`superop`]); operands (`builtin`, `integer_operand`, `object`, `pointer_layout`,
-//!   `pointer_stride`, `seen`); rules (`interface_check`, `operand_types`, `ray_rules`, `support`);
-//!   other ways to execute operations (`shadow_op`, `symbolic`).
+//!   [`superop`]); operands (`builtin`, `integer_operand`, `intersection_view`, `object`,
+//!   `pointer_layout`, `pointer_stride`); rules (`interface_check`, `operand_types`, `ray_rules`,
+//!   `support`); other ways to execute operations (`shadow_op`, `symbolic`).
 
 pub mod address;
 pub mod amd;
@@ -40,6 +40,7 @@ pub mod image;
 pub mod integer_functions;
 pub mod integer_operand;
 pub mod interface_check;
+pub mod intersection_view;
 pub mod irregular;
 pub mod lane_kernel;
 pub mod linear_algebra;
@@ -55,7 +56,7 @@ pub mod ray_query;
 pub mod ray_rules;
 pub mod ray_tracing;
 pub mod relational_logical;
-pub mod seen;
+
 pub mod shadow_op;
 pub mod subgroup;
 pub mod superop;
@@ -69,7 +70,7 @@ use crate::error::Result;
 use crate::machine::Reg;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::Conversion;
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily};
 use crate::ops::translate::{Translator, Words};
 
@@ -99,7 +100,7 @@ pub fn translate_checked(
     translator.check_result(instruction)
 }
 
-/// Translates an instruction that is neither a terminator nor a matter of control flow.
+/// Translates an instruction that is neither a terminator nor part of the control flow.
 ///
 /// # Errors
 /// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it, or
@@ -158,7 +159,7 @@ pub fn componentwise(
     for at in 0..arity {
         let id = Id(ids[at]);
         operands[at] = match free_width(family, at) {
-            Some(reading) => translator.integers(id, reading)?,
+            Some(read_as) => translator.integers(id, read_as)?,
             None if translator.type_of(id)? == ty => translator.components_of(id, width)?,
             None => {
                 let (components, own) = translator.components_of_width(id)?;
@@ -185,30 +186,34 @@ pub fn componentwise(
         }
     }
     if std::ptr::eq(family, &bit::BitCount) {
-        words = counts(translator, instruction, &words)?;
+        words = convert_counts(translator, instruction, &words)?;
     }
-    // Constants of 64 bits may be shared, but each pair lies together; the rest needs nothing.
-    translator.result(instruction, words);
+    // The two words of a 64-bit component are consecutive, as for every value.
+    translator.define_result(instruction, words);
     Ok(())
 }
 
-/// How an operand is read whose width has nothing to do with that of the others.
-fn free_width(family: &'static OpFamily, at: usize) -> Option<Reading> {
+/// How an operand is read whose width is independent of that of the others.
+fn free_width(family: &'static OpFamily, at: usize) -> Option<ReadAs> {
     let is = |known: &'static OpFamily| std::ptr::eq(family, known);
     if at != 1 {
         return None;
     }
     if is(&bit::ShiftLeftLogical) || is(&bit::ShiftRightLogical) || is(&bit::ShiftRightArithmetic) {
-        return Some(Reading::Unsigned);
+        return Some(ReadAs::Unsigned);
     }
-    is(&glsl::Ldexp).then_some(Reading::Number)
+    is(&glsl::Ldexp).then_some(ReadAs::Number)
 }
 
-/// Numbers of one word, unsigned and below 256, in the width of the result.
-fn counts(translator: &mut Translator<'_>, instruction: &Instruction, words: &[Reg]) -> Result<Words> {
+/// Converts counts of bits (one word each, unsigned and below 256) to the width of the result.
+fn convert_counts(
+    translator: &mut Translator<'_>,
+    instruction: &Instruction,
+    words: &[Reg],
+) -> Result<Words> {
     let width = translator.result_type(instruction).and_then(|ty| translator.scalar_width(ty))?;
     let Some(kernel) = conversion::kernel(Conversion::U, 32, width) else { return Ok(words.into()) };
     let counts =
         words.iter().map(|&word| translator.emit_kernel(kernel, &[word])).collect::<Result<Words>>()?;
-    Ok(translator.spread(&counts, width))
+    Ok(translator.expand_components(&counts, width))
 }

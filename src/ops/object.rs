@@ -1,4 +1,4 @@
-//! Pointers to ray queries and hit objects: their variables hold a handle each, in one register.
+//! Pointers to ray queries and hit objects: each variable holds a handle, in one register.
 
 use crate::error::Result;
 use crate::machine::Reg;
@@ -20,8 +20,8 @@ pub fn accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
     }
 }
 
-/// Reports the registers of an operation that replaces the object: it reads and writes the handle.
-pub fn records(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
+/// Reports the registers of an operation that replaces an object: it reads and writes the handle.
+pub fn write_accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
     accesses(object, visit);
     if let ObjectRef::Register(reg) = object {
         visit(Access::Write(reg, 1));
@@ -44,7 +44,7 @@ pub fn holds_object(module: &Module, ty: TypeId) -> bool {
 /// # Errors
 /// `InvalidModule` where it is no pointer to such an object in Function or Private storage
 /// (SPIR-V, "Universal Validation Rules"; SPV_KHR_ray_query, SPV_EXT_shader_invocation_reorder).
-pub fn object(
+pub fn object_ref(
     translator: &mut Translator<'_>,
     id: Id,
     is_wanted: impl Fn(&Type) -> bool,
@@ -67,7 +67,7 @@ pub fn object(
             translator.invalid(format!("{found} in storage class {class}: it must be Function or Private"));
         return Err(error.note(extension(translator.module.ty(pointer.pointee))));
     }
-    match (&pointer.place, pointer.index) {
+    match (&pointer.base, pointer.index) {
         (&PointerBase::Registers { first, .. }, None) => Ok(ObjectRef::Register(first.plus(pointer.offset))),
         (&PointerBase::Registers { first, count, .. }, Some(index)) => {
             translator.addressed.push((first, count));
@@ -89,11 +89,11 @@ fn extension(ty: &Type) -> &'static str {
     }
 }
 
-/// Refuses to load, store or copy what can only be used through a pointer.
+/// Rejects loads, stores and copies of objects that can only be used through a pointer.
 ///
 /// # Errors
 /// `InvalidModule`
-pub fn check_moved(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
+pub fn check_copyable(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
     if !holds_object(translator.module, ty) {
         return Ok(());
     }
@@ -107,7 +107,11 @@ pub fn check_moved(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
 ///
 /// # Errors
 /// `InvalidModule` where the type has another shape.
-pub fn result(translator: &mut Translator<'_>, instruction: &Instruction, shape: ValueShape) -> Result<Reg> {
+pub fn define_result(
+    translator: &mut Translator<'_>,
+    instruction: &Instruction,
+    shape: ValueShape,
+) -> Result<Reg> {
     let ty = translator.result_type(instruction)?;
     if !builtin::matches(translator, shape, ty) {
         let name = crate::module::names::opcode_name(instruction.opcode);
@@ -122,6 +126,6 @@ pub fn result(translator: &mut Translator<'_>, instruction: &Instruction, shape:
         return Err(translator.invalid(message).note(rule));
     }
     let to = translator.fresh(shape.words())?;
-    translator.result(instruction, registers_from(to, shape.words()));
+    translator.define_result(instruction, registers_from(to, shape.words()));
     Ok(to)
 }

@@ -1,4 +1,4 @@
-//! An operation: what is left of an instruction when types and composites are gone.
+//! Operations: what instructions are translated to. They have no types and no composites.
 
 use crate::machine::{Batch, Bindings, Reg};
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -36,24 +36,24 @@ pub enum Op {
     Stop(ray_tracing::RayTracingOp),
 }
 
-// Every pass over a program goes through all of them: what is large and rare stands elsewhere.
+// Every pass over a program iterates over all operations, so large and rare variants are boxed.
 const _: () = assert!(size_of::<Op>() <= 40);
 
-/// What an operation does with registers, for passes over programs.
+/// An access of an operation to registers, for passes over programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Reads this many registers.
     Read(Reg, u32),
     /// Writes this many registers.
     Write(Reg, u32),
-    /// Does something that can be seen from outside: it must not be dropped.
+    /// Has a side effect: the operation must not be eliminated.
     Effect,
 }
 
 impl Op {
-    /// Reports the registers that the operation reads and writes, and whether it has an effect
-    /// beside. Those of rarer operations call the visitor through a pointer, as they would be
-    /// compiled anew for each visitor otherwise.
+    /// Reports the registers that the operation reads and writes, and whether it has a side effect.
+    /// The methods of rarer operations call the visitor through a pointer, so that they are not
+    /// compiled anew for each visitor.
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::LaneKernel { kernel, to, from } => {
@@ -74,8 +74,8 @@ impl Op {
         }
     }
 
-    /// Runs the operation for the running lanes of a batch; an [`Op::Stop`] or [`Op::Barrier`] is
-    /// the interpreter's own business.
+    /// Runs the operation for the running lanes of a batch. The interpreter itself handles
+    /// [`Op::Stop`] and [`Op::Barrier`].
     #[inline(always)]
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings)
     where

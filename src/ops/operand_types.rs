@@ -1,9 +1,9 @@
 //! Which types the operands of an instruction may have (SPIR-V 3.3 and `GLSL.std.450`, section 2,
-//! as spirv-val reads them): held against an instruction before it is translated, so that what
-//! translates it may rely on them.
+//! as spirv-val reads them): checked before an instruction is translated, so that its translation
+//! may rely on them.
 //!
-//! Types that this crate only carries, and floats of another encoding, are left to whoever
-//! translates the instruction.
+//! Types that are opaque to this crate, and floats of another encoding, are left to the
+//! translation.
 
 mod rules;
 
@@ -27,19 +27,20 @@ pub mod kinds {
     pub const FLOAT: u32 = 8;
     /// `OpTypeInt`
     pub const INT: u32 = SINT | UINT;
-    /// What one calculates with.
+    /// Integers and floats.
     pub const NUMBER: u32 = INT | FLOAT;
     /// Any scalar.
     pub const SCALAR: u32 = NUMBER | BOOL;
 }
 
-/// What a position must be. Positions count from the result, 0; the first operand is 1.
+/// A constraint on the type of a position. Positions count from the result, 0; the first operand is
+/// 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Must {
+pub enum TypeConstraint {
     /// Anything, or a literal.
     Any,
     /// A scalar or vector of these kinds.
-    Be(u32),
+    OfKind(u32),
     /// A scalar of these kinds.
     Scalar(u32),
     /// A vector of these kinds.
@@ -51,19 +52,19 @@ pub enum Must {
     /// A vector of so many components of these kinds and so many bits: kinds, bits, components.
     VectorBits(u32, u32, u32),
     /// The type of a position.
-    Same(usize),
+    SameAs(usize),
     /// Of these kinds, with the components and bits of a position.
-    Like(u32, usize),
+    SameShape(u32, usize),
     /// Of these kinds, with as many components as a position.
-    Count(u32, usize),
-    /// As [`Must::Count`], of other bits.
-    Converted(u32, usize),
+    SameCount(u32, usize),
+    /// Of these kinds, with as many components as a position, but with other bits.
+    OtherWidth(u32, usize),
     /// The component type of a position, which is a vector or matrix.
     ComponentOf(usize),
     /// A vector with components of the type of a position.
     VectorOf(usize),
     /// A scalar or vector with components of the type of a position.
-    PartsOf(usize),
+    ScalarOrVectorOf(usize),
     /// A struct of two members of one type, of these kinds.
     Pair(u32),
     /// The type of the first member of a position, which is a struct.
@@ -92,7 +93,7 @@ struct Numeric {
     vector: bool,
 }
 
-/// Refuses an instruction whose operands have types that it does not exist for.
+/// Rejects an instruction whose result or operands have types that it is not defined for.
 ///
 /// # Errors
 /// `InvalidModule`
@@ -123,134 +124,136 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
             (rule, operands, opcode_name(number))
         }
     };
-    let mut checked = Checked { translator, name: &name, types: [None; MOST], count: 0 };
-    if rule.result != Must::Any {
+    let mut checker = PositionChecker { translator, name: &name, types: [None; MAX_POSITIONS], count: 0 };
+    if rule.result != TypeConstraint::Any {
         let ty = translator.result_type(instruction)?;
-        checked.position(rule.result, ty)?;
+        checker.position(rule.result, ty)?;
     } else {
-        checked.types[0] = instruction.result_type.and_then(|id| translator.module.type_with_id(id));
-        checked.count = 1;
+        checker.types[0] = instruction.result_type.and_then(|id| translator.module.type_with_id(id));
+        checker.count = 1;
     }
-    for (&must, &operand) in rule.operands.iter().zip(operands) {
-        match must {
-            Must::Any => {
-                checked.push(translator.module.type_of(Id(operand)));
+    for (&constraint, &operand) in rule.operands.iter().zip(operands) {
+        match constraint {
+            TypeConstraint::Any => {
+                checker.push(translator.module.type_of(Id(operand)));
             }
             _ => {
                 let ty = translator.type_of(Id(operand))?;
-                checked.position(must, ty)?;
+                checker.position(constraint, ty)?;
             }
         }
     }
     Ok(())
 }
 
-/// Positions of a rule at the most.
-const MOST: usize = 12;
+/// The most positions that a rule has.
+const MAX_POSITIONS: usize = 12;
 
 /// The positions so far of an instruction that is checked.
-struct Checked<'a, 'm> {
+struct PositionChecker<'a, 'm> {
     translator: &'a Translator<'m>,
     name: &'a str,
-    types: [Option<TypeId>; MOST],
+    types: [Option<TypeId>; MAX_POSITIONS],
     count: usize,
 }
 
-impl Checked<'_, '_> {
+impl PositionChecker<'_, '_> {
     fn push(&mut self, ty: Option<TypeId>) {
-        if let Some(place) = self.types.get_mut(self.count) {
-            *place = ty;
+        if let Some(slot) = self.types.get_mut(self.count) {
+            *slot = ty;
         }
         self.count += 1;
     }
 
-    fn position(&mut self, must: Must, ty: TypeId) -> Result<()> {
+    fn position(&mut self, constraint: TypeConstraint, ty: TypeId) -> Result<()> {
         let at = self.count;
         self.push(Some(ty));
-        if self.is(must, ty) {
+        if self.satisfies(constraint, ty) {
             return Ok(());
         }
         let module = self.translator.module;
         let found = module.describe_type(ty);
         let name = self.name;
-        let needed = self.describe(must);
+        let needed = self.describe(constraint);
         let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
         let message = format!("{which} of {name} is of type {found}, where {needed} must be");
         Err(self.translator.invalid(message).note(format!("the section of {name} in its specification")))
     }
 
-    /// Whether a type is what a position must be; what rules do not know passes.
-    fn is(&self, must: Must, ty: TypeId) -> bool {
+    /// Whether a type satisfies a constraint; unchecked types satisfy all.
+    fn satisfies(&self, constraint: TypeConstraint, ty: TypeId) -> bool {
         let module = self.translator.module;
-        if is_foreign(module, ty) {
+        if is_unchecked(module, ty) {
             return true;
         }
         let other = |at: usize| self.types.get(at).copied().flatten();
-        // A position that rules do not know binds nothing.
-        let unknown = |at: usize| other(at).is_none_or(|ty| is_foreign(module, ty));
+        // A position of an unchecked type constrains no other one.
+        let unknown = |at: usize| other(at).is_none_or(|ty| is_unchecked(module, ty));
         let own = numeric(module, ty);
         let of = |kinds: u32| own.filter(|own| own.scalar.kind & kinds != 0);
-        match must {
-            Must::Any => true,
-            Must::Be(kinds) => of(kinds).is_some(),
-            Must::Scalar(kinds) => of(kinds).is_some_and(|own| !own.vector),
-            Must::Vector(kinds) => of(kinds).is_some_and(|own| own.vector),
-            Must::Bits(kinds, bits) => of(kinds).is_some_and(|own| own.scalar.width == bits),
-            Must::ScalarBits(kinds, bits) => {
+        match constraint {
+            TypeConstraint::Any => true,
+            TypeConstraint::OfKind(kinds) => of(kinds).is_some(),
+            TypeConstraint::Scalar(kinds) => of(kinds).is_some_and(|own| !own.vector),
+            TypeConstraint::Vector(kinds) => of(kinds).is_some_and(|own| own.vector),
+            TypeConstraint::Bits(kinds, bits) => of(kinds).is_some_and(|own| own.scalar.width == bits),
+            TypeConstraint::ScalarBits(kinds, bits) => {
                 of(kinds).is_some_and(|own| !own.vector && own.scalar.width == bits)
             }
-            Must::VectorBits(kinds, bits, count) => {
+            TypeConstraint::VectorBits(kinds, bits, count) => {
                 of(kinds).is_some_and(|own| own.vector && own.scalar.width == bits && own.count == count)
             }
-            Must::Same(at) => unknown(at) || other(at) == Some(ty),
-            Must::Like(kinds, at) => {
+            TypeConstraint::SameAs(at) => unknown(at) || other(at) == Some(ty),
+            TypeConstraint::SameShape(kinds, at) => {
                 unknown(at)
                     || of(kinds).zip(self.numeric(at)).is_some_and(|(own, like)| {
                         own.scalar.width == like.scalar.width && own.count == like.count
                     })
             }
-            Must::Count(kinds, at) => {
+            TypeConstraint::SameCount(kinds, at) => {
                 unknown(at)
                     || of(kinds).zip(self.numeric(at)).is_some_and(|(own, like)| own.count == like.count)
             }
-            Must::Converted(kinds, at) => {
+            TypeConstraint::OtherWidth(kinds, at) => {
                 unknown(at)
                     || of(kinds).zip(self.numeric(at)).is_some_and(|(own, like)| {
                         own.scalar.width != like.scalar.width && own.count == like.count
                     })
             }
-            Must::ComponentOf(at) => {
+            TypeConstraint::ComponentOf(at) => {
                 unknown(at) || other(at).and_then(|other| component(module, other)) == Some(ty)
             }
-            Must::VectorOf(at) => {
+            TypeConstraint::VectorOf(at) => {
                 unknown(at) || own.is_some_and(|own| own.vector && Some(own.component) == other(at))
             }
-            Must::PartsOf(at) => unknown(at) || own.is_some_and(|own| Some(own.component) == other(at)),
-            Must::Pair(kinds) => match module.ty(ty) {
+            TypeConstraint::ScalarOrVectorOf(at) => {
+                unknown(at) || own.is_some_and(|own| Some(own.component) == other(at))
+            }
+            TypeConstraint::Pair(kinds) => match module.ty(ty) {
                 Type::Struct { members, .. } => match members[..] {
                     [ref a, ref b] => {
                         a.ty == b.ty
-                            && (is_foreign(module, a.ty)
+                            && (is_unchecked(module, a.ty)
                                 || numeric(module, a.ty).is_some_and(|own| own.scalar.kind & kinds != 0))
                     }
                     _ => false,
                 },
                 _ => false,
             },
-            Must::MemberOf(at) => {
+            TypeConstraint::MemberOf(at) => {
                 unknown(at) || other(at).and_then(|other| member(module, other)) == Some(ty)
             }
-            Must::PointerTo(at) => match *module.ty(ty) {
+            TypeConstraint::PointerTo(at) => match *module.ty(ty) {
                 Type::Pointer { pointee, .. } => {
                     unknown(at) || pointee.is_none_or(|ty| Some(ty) == other(at))
                 }
                 _ => false,
             },
-            Must::Pointee(at) => match other(at).map(|pointer| module.ty(pointer)) {
+            TypeConstraint::Pointee(at) => match other(at).map(|pointer| module.ty(pointer)) {
                 Some(&Type::Pointer { pointee: Some(pointee), .. }) => ty == pointee,
                 _ => true,
             },
-            Must::Condition(at) => of(kinds::BOOL).is_some_and(|own| {
+            TypeConstraint::Condition(at) => of(kinds::BOOL).is_some_and(|own| {
                 let of_each = |like: Numeric| like.vector && like.count == own.count;
                 !own.vector || unknown(at) || self.numeric(at).is_some_and(of_each)
             }),
@@ -261,8 +264,8 @@ impl Checked<'_, '_> {
         numeric(self.translator.module, self.types.get(at).copied().flatten()?)
     }
 
-    /// What a position must be, in words.
-    fn describe(&self, must: Must) -> String {
+    /// A description of a constraint, for messages.
+    fn describe(&self, constraint: TypeConstraint) -> String {
         let module = self.translator.module;
         let name = |at: usize| {
             let ty = self.types.get(at).copied().flatten();
@@ -272,45 +275,49 @@ impl Checked<'_, '_> {
                 _ => format!("operand {at} ({ty})"),
             }
         };
-        match must {
-            Must::Any => "anything".to_owned(),
-            Must::Be(kinds) => format!("{} scalar or vector", told(kinds)),
-            Must::Scalar(kinds) => format!("{} scalar", told(kinds)),
-            Must::Vector(kinds) => format!("{} vector", told(kinds)),
-            Must::Bits(kinds, bits) => format!("{} scalar or vector of {bits} bits", told(kinds)),
-            Must::ScalarBits(kinds, bits) => format!("{} scalar of {bits} bits", told(kinds)),
-            Must::VectorBits(kinds, bits, count) => {
-                format!("{} vector of {count} components of {bits} bits", told(kinds))
+        match constraint {
+            TypeConstraint::Any => "anything".to_owned(),
+            TypeConstraint::OfKind(kinds) => format!("{} scalar or vector", kind_name(kinds)),
+            TypeConstraint::Scalar(kinds) => format!("{} scalar", kind_name(kinds)),
+            TypeConstraint::Vector(kinds) => format!("{} vector", kind_name(kinds)),
+            TypeConstraint::Bits(kinds, bits) => {
+                format!("{} scalar or vector of {bits} bits", kind_name(kinds))
             }
-            Must::Same(at) => format!("the type of {}", name(at)),
-            Must::Like(kinds, at) => {
-                format!("{} scalar or vector with the components and bits of {}", told(kinds), name(at))
+            TypeConstraint::ScalarBits(kinds, bits) => format!("{} scalar of {bits} bits", kind_name(kinds)),
+            TypeConstraint::VectorBits(kinds, bits, count) => {
+                format!("{} vector of {count} components of {bits} bits", kind_name(kinds))
             }
-            Must::Count(kinds, at) => {
-                format!("{} scalar or vector with as many components as {}", told(kinds), name(at))
+            TypeConstraint::SameAs(at) => format!("the type of {}", name(at)),
+            TypeConstraint::SameShape(kinds, at) => {
+                format!("{} scalar or vector with the components and bits of {}", kind_name(kinds), name(at))
             }
-            Must::Converted(kinds, at) => {
+            TypeConstraint::SameCount(kinds, at) => {
+                format!("{} scalar or vector with as many components as {}", kind_name(kinds), name(at))
+            }
+            TypeConstraint::OtherWidth(kinds, at) => {
                 format!(
                     "{} scalar or vector of other bits than {}, and as many components",
-                    told(kinds),
+                    kind_name(kinds),
                     name(at)
                 )
             }
-            Must::ComponentOf(at) => format!("the component type of {}", name(at)),
-            Must::VectorOf(at) => format!("a vector of components like {}", name(at)),
-            Must::PartsOf(at) => format!("a scalar or vector of components like {}", name(at)),
-            Must::Pair(kinds) => {
-                format!("a struct of two members of one type, {} scalar or vector", told(kinds))
+            TypeConstraint::ComponentOf(at) => format!("the component type of {}", name(at)),
+            TypeConstraint::VectorOf(at) => format!("a vector of components like {}", name(at)),
+            TypeConstraint::ScalarOrVectorOf(at) => {
+                format!("a scalar or vector of components like {}", name(at))
             }
-            Must::MemberOf(at) => format!("the type of the members of {}", name(at)),
-            Must::PointerTo(at) => format!("a pointer to the type of {}", name(at)),
-            Must::Pointee(at) => format!("what {} leads to", name(at)),
-            Must::Condition(at) => format!("a bool, or as many as {} has components", name(at)),
+            TypeConstraint::Pair(kinds) => {
+                format!("a struct of two members of one type, {} scalar or vector", kind_name(kinds))
+            }
+            TypeConstraint::MemberOf(at) => format!("the type of the members of {}", name(at)),
+            TypeConstraint::PointerTo(at) => format!("a pointer to the type of {}", name(at)),
+            TypeConstraint::Pointee(at) => format!("what {} leads to", name(at)),
+            TypeConstraint::Condition(at) => format!("a bool, or as many as {} has components", name(at)),
         }
     }
 }
 
-fn told(set: u32) -> &'static str {
+fn kind_name(set: u32) -> &'static str {
     match set {
         kinds::BOOL => "a bool",
         kinds::SINT => "a signed integer",
@@ -322,12 +329,12 @@ fn told(set: u32) -> &'static str {
     }
 }
 
-/// What rules leave alone: types that are only carried, floats of another encoding, and what is
-/// made of them.
-fn is_foreign(module: &Module, ty: TypeId) -> bool {
+/// Whether rules do not check a type: opaque types, floats of another encoding, and vectors of
+/// them.
+fn is_unchecked(module: &Module, ty: TypeId) -> bool {
     match *module.ty(ty) {
         Type::Other(_) | Type::Float { encoding: Some(_), .. } => true,
-        Type::Vector { component, .. } => is_foreign(module, component),
+        Type::Vector { component, .. } => is_unchecked(module, component),
         _ => false,
     }
 }

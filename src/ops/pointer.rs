@@ -7,11 +7,11 @@ use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
-use crate::ops::image::access::TexelPlace;
-use crate::ops::integer_operand::Reading;
+use crate::ops::image::access::TexelRef;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
-use crate::ops::object::check_moved;
+use crate::ops::object::check_copyable;
 use crate::ops::op::Op;
 use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, Words};
 use crate::ops::{address, builtin};
@@ -66,14 +66,14 @@ pub enum PointerBase {
         buffers: bool,
     },
     /// A texel, for atomic instructions only.
-    Texel(Box<TexelPlace>),
+    Texel(Box<TexelRef>),
 }
 
 /// A pointer: a base and an offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pointer {
     /// The base.
-    pub place: PointerBase,
+    pub base: PointerBase,
     /// What it points to.
     pub pointee: TypeId,
     /// Its storage class.
@@ -91,12 +91,12 @@ pub struct Pointer {
 
 impl Pointer {
     /// A pointer to the start of a base.
-    pub fn new(place: PointerBase, pointee: TypeId, storage_class: u32) -> Self {
+    pub fn new(base: PointerBase, pointee: TypeId, storage_class: u32) -> Self {
         let (index, matrix, component_stride) = (None, None, None);
-        Self { place, pointee, storage_class, offset: 0, index, matrix, component_stride }
+        Self { base, pointee, storage_class, offset: 0, index, matrix, component_stride }
     }
 
-    /// For [`PointerBase::ComputedRegisters`]: the register from which the index counts.
+    /// The register from which the index of [`PointerBase::ComputedRegisters`] counts.
     pub fn pointed_registers(&self) -> Reg {
         Reg(REGISTER_POINTER.wrapping_add(self.offset))
     }
@@ -160,7 +160,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
     let Type::Pointer { pointee: Some(pointee), .. } = *translator.module.ty(variable.pointer) else {
         return Err(translator.invalid(format!("variable %{} has no pointer type", id.0)));
     };
-    let pointer = |place| Pointer::new(place, pointee, variable.storage_class);
+    let pointer = |base| Pointer::new(base, pointee, variable.storage_class);
     match variable.storage_class {
         storage::INPUT => {
             let number = translator.module.decorations.literal(id, 11);
@@ -185,11 +185,11 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
         | storage::HIT_OBJECT_ATTRIBUTE_EXT => {
             let count = translator.word_count(pointee)?;
             let first = translator.fresh(count)?;
-            let scalars = match variable.storage_class {
+            let scalar_fingerprint = match variable.storage_class {
                 storage::CALLABLE_DATA
                 | storage::INCOMING_CALLABLE_DATA
                 | storage::RAY_PAYLOAD
-                | storage::INCOMING_RAY_PAYLOAD => translator.scalars(pointee)?,
+                | storage::INCOMING_RAY_PAYLOAD => translator.scalar_fingerprint(pointee)?,
                 _ => 0,
             };
             let registers = InterfaceRegisters {
@@ -198,7 +198,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
                 ty: pointee,
                 first,
                 count,
-                scalars,
+                scalar_fingerprint,
             };
             translator.interface.push(registers);
             translator.variables.push((first, count));
@@ -254,19 +254,19 @@ fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> E
     translator.invalid(message + ", and has no Location").note("VUID-StandaloneSpirv-Location-04916")
 }
 
-/// A pointer as words that a phi, a select or a call can carry. The null pointer is zeros, and so
-/// is the initial value of a variable; no other pointer begins with zeros.
+/// A pointer as the words of a value, for phis, selects and calls. The null pointer is all zeros,
+/// as is the initial value of a variable; no other pointer is.
 pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {
-    match pointer.place {
+    match pointer.base {
         PointerBase::Registers { first, count, .. } => {
             translator.addressed.push((first, count));
-            translator.forget();
+            translator.invalidate_known_values();
             let base = translator.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
-            Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
+            Ok(SmallVec::from_slice(&[add_offset(translator, pointer.index, base)?]))
         }
         PointerBase::ComputedRegisters => {
             let base = translator.constant(pointer.offset)?;
-            Ok(SmallVec::from_slice(&[shifted(translator, pointer.index, base)?]))
+            Ok(SmallVec::from_slice(&[add_offset(translator, pointer.index, base)?]))
         }
         PointerBase::Buffer(buffer) => {
             let handle = match buffer {
@@ -281,11 +281,11 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
                 }
             };
             let base = translator.constant(pointer.offset)?;
-            Ok(SmallVec::from_slice(&[handle, shifted(translator, pointer.index, base)?]))
+            Ok(SmallVec::from_slice(&[handle, add_offset(translator, pointer.index, base)?]))
         }
         PointerBase::Descriptors { first, buffers, .. } => {
             let base = translator.constant(Bindings::element_handle(first, pointer.offset))?;
-            let handle = shifted(translator, pointer.index, base)?;
+            let handle = add_offset(translator, pointer.index, base)?;
             if !buffers {
                 return Ok(SmallVec::from_slice(&[handle]));
             }
@@ -301,7 +301,7 @@ pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[
     let Type::Pointer { storage_class, pointee: Some(pointee), .. } = *translator.module.ty(ty) else {
         return Err(translator.invalid("a pointer is needed here"));
     };
-    let (place, index) = match (storage_class, words) {
+    let (base, index) = match (storage_class, words) {
         (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
             (PointerBase::Buffer(BufferRef::Address(translator.pair(low, high)?)), None)
         }
@@ -334,7 +334,7 @@ pub fn pointer_from_words(translator: &mut Translator<'_>, ty: TypeId, words: &[
             return Err(translator.unsupported(format!("pointers to {name} as values")));
         }
     };
-    Ok(Pointer { index, ..Pointer::new(place, pointee, storage_class) })
+    Ok(Pointer { index, ..Pointer::new(base, pointee, storage_class) })
 }
 
 /// Whether a type is an array of blocks, each in a buffer of its own.
@@ -358,7 +358,7 @@ pub fn descriptor_count(translator: &mut Translator<'_>, mut ty: TypeId) -> Resu
 }
 
 /// The sum of a computed offset and a constant one.
-pub fn shifted(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
+pub fn add_offset(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -> Result<Reg> {
     let Some(index) = index else { return Ok(base) };
     if translator.constant_word(base) == Some(0) {
         return Ok(index);
@@ -377,17 +377,25 @@ pub fn shifted(translator: &mut Translator<'_>, index: Option<Reg>, base: Reg) -
     Ok(to)
 }
 
-/// `OpAccessChain` and similar instructions: follows indices from a pointer.
-pub fn follow(translator: &mut Translator<'_>, mut pointer: Pointer, indices: &[u32]) -> Result<Pointer> {
+/// `OpAccessChain` and similar instructions: the pointer that indices lead to.
+pub fn access_chain(
+    translator: &mut Translator<'_>,
+    mut pointer: Pointer,
+    indices: &[u32],
+) -> Result<Pointer> {
     for &index in indices {
-        pointer = step(translator, pointer, crate::module::Id(index))?;
+        pointer = access_chain_step(translator, pointer, crate::module::Id(index))?;
     }
     Ok(pointer)
 }
 
-fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::module::Id) -> Result<Pointer> {
+fn access_chain_step(
+    translator: &mut Translator<'_>,
+    mut pointer: Pointer,
+    index: crate::module::Id,
+) -> Result<Pointer> {
     let packed = pointer.is_packed(translator);
-    let in_buffer = matches!(pointer.place, PointerBase::Buffer(_)) && !packed;
+    let in_buffer = matches!(pointer.base, PointerBase::Buffer(_)) && !packed;
     match *translator.module.ty(pointer.pointee) {
         Type::Struct { ref members, .. } => {
             let at = translator.constant_integer(index)? as usize;
@@ -396,7 +404,7 @@ fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::mod
             };
             if in_buffer {
                 let offset = member.offset.ok_or_else(|| {
-                    translator.not_laid_out(
+                    translator.missing_layout(
                         pointer.storage_class,
                         format!("member {at} of a buffer's struct has no Offset decoration"),
                     )
@@ -428,7 +436,7 @@ fn step(translator: &mut Translator<'_>, mut pointer: Pointer, index: crate::mod
                 }
                 (true, Some(layout)) => Some(layout.stride),
                 (true, None) => {
-                    return Err(translator.not_laid_out(
+                    return Err(translator.missing_layout(
                         pointer.storage_class,
                         "a buffer's matrix has no MatrixStride decoration",
                     ));
@@ -457,19 +465,19 @@ fn element_step(
     stride: Option<u32>,
     length: Length,
 ) -> Result<Pointer> {
-    let stride = match pointer.place {
+    let stride = match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => translator.word_count(element)? * 4,
         PointerBase::Buffer(_) => stride.ok_or_else(|| {
-            translator.not_laid_out(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
+            translator.missing_layout(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
         })?,
         PointerBase::Descriptors { .. } => descriptor_count(translator, element)?,
         _ => translator.word_count(element)?,
     };
     pointer.pointee = element;
-    let index = translator.integer(index, Reading::Index)?;
+    let index = translator.integer(index, ReadAs::Index)?;
     let constant = translator.constant_word(index);
     // A handle's upper bits name the slot: an index into a runtime array must not reach them.
-    let length = match (&pointer.place, length) {
+    let length = match (&pointer.base, length) {
         (PointerBase::Descriptors { .. }, Length::Unknown) => Length::Known(1 << ELEMENT_BITS),
         _ => length,
     };
@@ -488,7 +496,7 @@ fn element_step(
         }
     }
     let is_array = matches!(translator.module.ty(element), Type::Array { .. } | Type::RuntimeArray { .. });
-    if let PointerBase::Descriptors { first, buffers: true, .. } = pointer.place
+    if let PointerBase::Descriptors { first, buffers: true, .. } = pointer.base
         && !is_array
     {
         // The element of an array of buffers is selected: the indices that follow are into its
@@ -498,10 +506,10 @@ fn element_step(
             None => BufferRef::Handle(handle),
             Some(index) => {
                 let handle = translator.constant(handle)?;
-                BufferRef::Computed(shifted(translator, Some(index), handle)?)
+                BufferRef::Computed(add_offset(translator, Some(index), handle)?)
             }
         };
-        pointer.place = PointerBase::Buffer(buffer);
+        pointer.base = PointerBase::Buffer(buffer);
         pointer.offset = 0;
     }
     Ok(pointer)
@@ -528,15 +536,15 @@ pub fn translate(
         Opcode::Load => {
             let id = translator.id(instruction, 0)?;
             let pointer = translator.pointer(id)?;
-            check_moved(translator, pointer.pointee)?;
+            check_copyable(translator, pointer.pointee)?;
             let alignment = alignment(translator, instruction, 1)?;
             let words = load_aligned(translator, &pointer, alignment)?;
-            translator.result(instruction, words);
+            translator.define_result(instruction, words);
         }
         Opcode::Store => {
             let (to, from) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
             let pointer = translator.pointer(to)?;
-            check_moved(translator, pointer.pointee)?;
+            check_copyable(translator, pointer.pointee)?;
             let words = translator.words(from)?;
             let alignment = alignment(translator, instruction, 2)?;
             store_aligned(translator, &pointer, &words, alignment)?;
@@ -544,7 +552,7 @@ pub fn translate(
         Opcode::CopyMemory => {
             let (to, from) = (translator.id(instruction, 0)?, translator.id(instruction, 1)?);
             let from = translator.pointer(from)?;
-            check_moved(translator, from.pointee)?;
+            check_copyable(translator, from.pointee)?;
             let to = translator.pointer(to)?;
             let words = load(translator, &from)?;
             store(translator, &to, &words)?;
@@ -553,7 +561,7 @@ pub fn translate(
             let base = translator.id(instruction, 0)?;
             let pointer = translator.pointer(base)?;
             let indices = &translator.operands(instruction)[1..];
-            let pointer = follow(translator, pointer, indices)?;
+            let pointer = access_chain(translator, pointer, indices)?;
             if let Some(id) = instruction.result {
                 translator.define(id, crate::ops::translate::IdValue::Pointer(pointer.into()));
             }
@@ -569,13 +577,13 @@ pub fn translate(
                 let Type::RuntimeArray { stride, .. } = translator.module.ty(member.ty) else { return None };
                 Some((member.offset?, (*stride)?))
             });
-            let (Some((offset, stride)), PointerBase::Buffer(buffer)) = (layout, &pointer.place) else {
+            let (Some((offset, stride)), PointerBase::Buffer(buffer)) = (layout, &pointer.base) else {
                 return Err(translator.invalid("OpArrayLength of what is no runtime array in a buffer"));
             };
             let to = translator.fresh(1)?;
             let buffer = *buffer;
             translator.emit(Op::Memory(memory::MemoryOp::ArrayLength { to, buffer, offset, stride }));
-            translator.result(instruction, SmallVec::from_slice(&[to]));
+            translator.define_result(instruction, SmallVec::from_slice(&[to]));
         }
         _ => return Ok(false),
     }

@@ -18,21 +18,21 @@ use crate::ops::translate::{IdValue, Translator};
 /// pointed to, if they are not adjacent: as in [`Pointer`].
 pub type Layout = (Option<MatrixLayout>, Option<u32>);
 
-/// Gives a pointer that was read from registers the layout that its sources agree on.
+/// Infers the layout of a pointer that was read from registers: the one that all its sources have.
 ///
 /// # Errors
 /// `UnsupportedModule` if they do not agree.
-pub fn complete(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
+pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
     let module = translator.module;
-    let concerned = match module.ty(pointer.pointee) {
+    let needs_layout = match module.ty(pointer.pointee) {
         Type::Vector { .. } => true,
         _ => ends_in_matrix(module, pointer.pointee),
     };
-    if !concerned || !matches!(pointer.place, PointerBase::Buffer(_)) || pointer.is_packed(translator) {
+    if !needs_layout || !matches!(pointer.base, PointerBase::Buffer(_)) || pointer.is_packed(translator) {
         return Ok(());
     }
-    let mut trace = Trace { translator, module, seen: HashSet::new() };
-    match *trace.layouts(id) {
+    let mut search = LayoutSearch { translator, module, visited: HashSet::new() };
+    match *search.layouts(id) {
         // Nothing is loaded or stored through null: any layout is correct.
         [] => pointer.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
         [layout] => (pointer.matrix, pointer.component_stride) = layout,
@@ -52,22 +52,22 @@ pub fn ends_in_matrix(module: &Module, mut ty: TypeId) -> bool {
     matches!(module.ty(ty), Type::Matrix { .. })
 }
 
-/// A search through the definitions of pointers.
-struct Trace<'a, 'm> {
+/// A search through the definitions of pointers for their layouts.
+struct LayoutSearch<'a, 'm> {
     translator: &'a Translator<'m>,
     module: &'m Module,
     /// Visited ids: a loop adds nothing new.
-    seen: HashSet<Id>,
+    visited: HashSet<Id>,
 }
 
 type Layouts = SmallVec<[Layout; 1]>;
 
-impl Trace<'_, '_> {
+impl LayoutSearch<'_, '_> {
     fn layouts(&mut self, id: Id) -> Layouts {
         if let Some(IdValue::Pointer(known)) = self.translator.local(id) {
             return SmallVec::from_slice(&[(known.matrix, known.component_stride)]);
         }
-        if !self.seen.insert(id) {
+        if !self.visited.insert(id) {
             return Layouts::new();
         }
         let module = self.module;
@@ -77,11 +77,11 @@ impl Trace<'_, '_> {
                 let calls = instructions(module).filter(move |one| one.opcode == opcode::FUNCTION_CALL);
                 let calls =
                     calls.map(|call| module.operands(call)).filter(|operands| operands[0] == function.0);
-                self.of_all(calls.filter_map(|operands| operands.get(at as usize + 1).copied()))
+                self.merged_layouts(calls.filter_map(|operands| operands.get(at as usize + 1).copied()))
             }
             Some(Definition::Result(function, block, at)) => {
                 let block = &module.functions[function as usize].blocks[block as usize];
-                self.of_result(&block.instructions[at as usize])
+                self.result_layouts(&block.instructions[at as usize])
             }
             // The null pointer points into no matrix: it agrees with every layout.
             Some(Definition::Constant(_)) => Layouts::new(),
@@ -89,7 +89,7 @@ impl Trace<'_, '_> {
         }
     }
 
-    fn of_all(&mut self, sources: impl Iterator<Item = u32>) -> Layouts {
+    fn merged_layouts(&mut self, sources: impl Iterator<Item = u32>) -> Layouts {
         let mut all = Layouts::new();
         for source in sources {
             for layout in self.layouts(Id(source)) {
@@ -101,14 +101,14 @@ impl Trace<'_, '_> {
         all
     }
 
-    fn of_result(&mut self, instruction: &Instruction) -> Layouts {
+    fn result_layouts(&mut self, instruction: &Instruction) -> Layouts {
         let module = self.module;
         let operands = module.operands(instruction);
         match instruction.opcode {
             opcode::UNDEF => Layouts::new(),
-            opcode::PHI => self.of_all(operands.iter().copied().step_by(2)),
-            opcode::SELECT => self.of_all(operands[1..].iter().copied()),
-            opcode::COPY_OBJECT => self.of_all(operands[..1].iter().copied()),
+            opcode::PHI => self.merged_layouts(operands.iter().copied().step_by(2)),
+            opcode::SELECT => self.merged_layouts(operands[1..].iter().copied()),
+            opcode::COPY_OBJECT => self.merged_layouts(operands[..1].iter().copied()),
             opcode::FUNCTION_CALL => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else {
                     return Layouts::new();
@@ -116,19 +116,19 @@ impl Trace<'_, '_> {
                 let blocks = module.functions[index as usize].blocks.iter();
                 let last = blocks.filter_map(|block| block.instructions.last());
                 let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
-                self.of_all(returns.map(|one| module.operands(one)[0]))
+                self.merged_layouts(returns.map(|one| module.operands(one)[0]))
             }
             opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
-                self.of_chain(operands[0], &operands[1..])
+                self.chain_layouts(operands[0], &operands[1..])
             }
             opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
-                self.of_chain(operands[0], &operands[2..])
+                self.chain_layouts(operands[0], &operands[2..])
             }
             _ => SmallVec::from_slice(&[(None, None)]),
         }
     }
 
-    fn of_chain(&mut self, base: u32, indices: &[u32]) -> Layouts {
+    fn chain_layouts(&mut self, base: u32, indices: &[u32]) -> Layouts {
         let module = self.module;
         let mut layouts = self.layouts(Id(base));
         let pointee = module.type_of(Id(base)).and_then(|ty| match *module.ty(ty) {

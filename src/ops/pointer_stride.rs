@@ -12,36 +12,39 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer_layout::{instructions, opcode};
 
-/// What is known of the array that pointers point into.
+/// The stride of the array that pointers point into, as far as it is known.
 pub enum Stride {
     /// The stride of every array that they may point into.
-    One(u32),
-    /// They may point into arrays of several strides.
-    Several,
+    Unique(u32),
+    /// They may point into arrays of different strides.
+    Ambiguous,
     /// No array that they point into is known.
-    None,
+    Unknown,
 }
 
 /// The stride of the array that all of these pointers of one type point into.
-pub fn stride_of_array(module: &Module, pointers: &[Id]) -> Stride {
+pub fn array_stride(module: &Module, pointers: &[Id]) -> Stride {
     let mut all: SmallVec<[u32; 1]> = SmallVec::new();
     for &pointer in pointers {
-        let mut trace = Trace { module, seen: HashSet::new(), found: SmallVec::new(), complete: true };
-        trace.follow(pointer);
-        if let ([stride], true) = (&trace.found[..], trace.complete) {
-            return Stride::One(*stride);
+        let mut search =
+            StrideSearch { module, visited: HashSet::new(), found: SmallVec::new(), complete: true };
+        search.visit(pointer);
+        if let ([stride], true) = (&search.found[..], search.complete) {
+            return Stride::Unique(*stride);
         }
-        if !trace.complete {
-            trace.found.extend(pointee(module, pointer).into_iter().flat_map(|ty| arrays_of(module, ty)));
+        if !search.complete {
+            search
+                .found
+                .extend(pointee(module, pointer).into_iter().flat_map(|ty| strides_of_arrays_of(module, ty)));
         }
-        all.extend(trace.found);
+        all.extend(search.found);
     }
     all.sort_unstable();
     all.dedup();
     match all[..] {
-        [] => Stride::None,
-        [stride] => Stride::One(stride),
-        _ => Stride::Several,
+        [] => Stride::Unknown,
+        [stride] => Stride::Unique(stride),
+        _ => Stride::Ambiguous,
     }
 }
 
@@ -53,7 +56,7 @@ fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
 }
 
 /// The strides of all arrays of a type: for pointers that are loaded from memory.
-fn arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
+fn strides_of_arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
     let mut found = SmallVec::new();
     for ty in &module.types {
         if let Type::Array { element, stride: Some(stride), .. }
@@ -67,19 +70,19 @@ fn arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
     found
 }
 
-/// A search through the definitions of a pointer.
-struct Trace<'m> {
+/// A search through the definitions of a pointer for the strides of arrays.
+struct StrideSearch<'m> {
     module: &'m Module,
     /// Visited ids: a loop adds nothing new.
-    seen: HashSet<Id>,
+    visited: HashSet<Id>,
     found: SmallVec<[u32; 1]>,
     /// Whether each definition was traced back to an array.
     complete: bool,
 }
 
-impl Trace<'_> {
-    fn follow(&mut self, id: Id) {
-        if !self.seen.insert(id) {
+impl StrideSearch<'_> {
+    fn visit(&mut self, id: Id) {
+        if !self.visited.insert(id) {
             return;
         }
         let module = self.module;
@@ -89,12 +92,12 @@ impl Trace<'_> {
                 let calls = instructions(module).filter(move |one| one.opcode == opcode::FUNCTION_CALL);
                 let calls =
                     calls.map(|call| module.operands(call)).filter(|operands| operands[0] == function.0);
-                self.all(calls.filter_map(|operands| operands.get(at as usize + 1).copied()));
+                self.visit_all(calls.filter_map(|operands| operands.get(at as usize + 1).copied()));
             }
             Some(Definition::Result(function, block, at)) => {
                 let block = &module.functions[function as usize].blocks[block as usize];
                 let instruction = &block.instructions[at as usize];
-                self.result(instruction.opcode, module.operands(instruction));
+                self.visit_result(instruction.opcode, module.operands(instruction));
             }
             // The null pointer points to nothing.
             Some(Definition::Constant(_)) => {}
@@ -102,26 +105,28 @@ impl Trace<'_> {
         }
     }
 
-    fn all(&mut self, sources: impl Iterator<Item = u32>) {
-        sources.for_each(|source| self.follow(Id(source)));
+    fn visit_all(&mut self, sources: impl Iterator<Item = u32>) {
+        sources.for_each(|source| self.visit(Id(source)));
     }
 
-    fn result(&mut self, opcode: u16, operands: &[u32]) {
+    fn visit_result(&mut self, opcode: u16, operands: &[u32]) {
         let module = self.module;
         match opcode {
-            opcode::PHI => self.all(operands.iter().copied().step_by(2)),
-            opcode::SELECT => self.all(operands[1..].iter().copied()),
-            opcode::COPY_OBJECT => self.all(operands[..1].iter().copied()),
+            opcode::PHI => self.visit_all(operands.iter().copied().step_by(2)),
+            opcode::SELECT => self.visit_all(operands[1..].iter().copied()),
+            opcode::COPY_OBJECT => self.visit_all(operands[..1].iter().copied()),
             opcode::FUNCTION_CALL => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else { return };
                 let blocks = module.functions[index as usize].blocks.iter();
                 let last = blocks.filter_map(|block| block.instructions.last());
                 let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
-                self.all(returns.map(|one| module.operands(one)[0]));
+                self.visit_all(returns.map(|one| module.operands(one)[0]));
             }
-            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => self.chain(operands[0], &operands[1..]),
+            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
+                self.visit_chain(operands[0], &operands[1..])
+            }
             opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
-                self.chain(operands[0], &operands[2..]);
+                self.visit_chain(operands[0], &operands[2..]);
             }
             opcode::UNDEF => {}
             _ => self.complete = false,
@@ -129,8 +134,8 @@ impl Trace<'_> {
     }
 
     /// Adds the array that the last of the indices selects from.
-    fn chain(&mut self, base: u32, indices: &[u32]) {
-        let Some((_, before)) = indices.split_last() else { return self.follow(Id(base)) };
+    fn visit_chain(&mut self, base: u32, indices: &[u32]) {
+        let Some((_, before)) = indices.split_last() else { return self.visit(Id(base)) };
         match self.stride(base, before) {
             Some(stride) if self.found.contains(&stride) => {}
             Some(stride) => self.found.push(stride),

@@ -2,9 +2,9 @@
 //! `SPV_KHR_ray_tracing_position_fetch` and `SPV_NV_linear_swept_spheres`).
 //!
 //! Candidates come in the declared order (see [`Cursor`](crate::accel::Cursor)), opaque ones are
-//! committed without being shown. Spheres and linear swept spheres count as triangles in
-//! `OpRayQueryGetIntersectionTypeKHR`; their barycentrics, which no specification defines, are
-//! (u, 0), u being 0 for a sphere, and they show no front.
+//! committed without becoming candidates of the shader. Spheres and linear swept spheres count as
+//! triangles in `OpRayQueryGetIntersectionTypeKHR`; their barycentrics, which no specification
+//! defines, are (u, 0), u being 0 for a sphere, and they are never front facing.
 
 use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
@@ -17,10 +17,10 @@ use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::builtin::{ValueShape, floats};
+use crate::ops::intersection_view::{IntersectionView, write_floats, write_word};
 use crate::ops::memory;
-use crate::ops::object::{self, object, result};
+use crate::ops::object::{self, define_result, object_ref};
 use crate::ops::op::{Access, Op as Operation};
-use crate::ops::seen::{Seen, put, word};
 use crate::ops::translate::Translator;
 
 /// Words of the operands of `OpRayQueryInitializeKHR`: acceleration structure (2), ray flags, cull
@@ -56,8 +56,9 @@ pub enum RayQueryOp {
     GetRay { query: ObjectRef, getter: &'static RayGetter, to: Reg },
     /// An instruction that reads the candidate or the committed hit.
     Get { query: ObjectRef, committed: bool, getter: &'static RayQueryGetter, to: Reg },
-    /// The variable that holds `count` queries begins anew.
-    Forget { first: Reg, count: u32 },
+    /// Makes the `count` queries that a variable holds uninitialized, as the variable is declared
+    /// again.
+    Uninitialize { first: Reg, count: u32 },
 }
 
 /// An instruction that reads the ray.
@@ -71,7 +72,7 @@ pub struct RayGetter {
 pub struct RayQueryGetter {
     opcode: Opcode,
     shape: ValueShape,
-    read: fn(Seen<'_>, &mut [u32]) -> Result<(), TrapCode>,
+    read: fn(IntersectionView<'_>, &mut [u32]) -> Result<(), TrapCode>,
 }
 
 impl RayGetter {
@@ -80,7 +81,7 @@ impl RayGetter {
         self.shape.words()
     }
 
-    /// The first word among the operands of `OpRayQueryInitializeKHR` where what it reads stands.
+    /// The first word, among the operands of `OpRayQueryInitializeKHR`, of what it reads.
     pub fn operand(&self) -> Option<u32> {
         match self.opcode {
             Opcode::RayQueryGetRayFlagsKHR => Some(2),
@@ -92,7 +93,7 @@ impl RayGetter {
     }
 }
 
-macro_rules! named {
+macro_rules! impl_by_opcode {
     ($($ty:ty)*) => {$(
         impl std::fmt::Debug for $ty {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -108,7 +109,7 @@ macro_rules! named {
     )*};
 }
 
-named!(RayGetter RayQueryGetter);
+impl_by_opcode!(RayGetter RayQueryGetter);
 
 macro_rules! getters {
     ($table:ident $ty:ident $($name:ident $shape:ident |$from:ident, $to:ident| $read:expr;)*) => {
@@ -127,10 +128,10 @@ getters! { RAY_GETTERS RayGetter
 getters! { GETTERS RayQueryGetter
     RayQueryGetIntersectionTKHR Float |from, to| from.t(to);
     RayQueryGetIntersectionInstanceCustomIndexKHR Int |from, to| from.custom_index(to);
-    RayQueryGetIntersectionInstanceIdKHR Int |from, to| word(to, from.candidate.instance);
+    RayQueryGetIntersectionInstanceIdKHR Int |from, to| write_word(to, from.candidate.instance);
     RayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetKHR Int |from, to| from.sbt_record_offset(to);
-    RayQueryGetIntersectionGeometryIndexKHR Int |from, to| word(to, from.candidate.geometry);
-    RayQueryGetIntersectionPrimitiveIndexKHR Int |from, to| word(to, from.candidate.primitive);
+    RayQueryGetIntersectionGeometryIndexKHR Int |from, to| write_word(to, from.candidate.geometry);
+    RayQueryGetIntersectionPrimitiveIndexKHR Int |from, to| write_word(to, from.candidate.primitive);
     RayQueryGetIntersectionBarycentricsKHR Float2 |from, to| from.barycentrics(to);
     RayQueryGetIntersectionFrontFaceKHR Bool |from, to| from.front_face(to);
     RayQueryGetIntersectionObjectRayDirectionKHR Float3
@@ -140,15 +141,15 @@ getters! { GETTERS RayQueryGetter
     RayQueryGetIntersectionObjectToWorldKHR Matrix4x3 |from, to| from.object_to_world(to);
     RayQueryGetIntersectionWorldToObjectKHR Matrix4x3 |from, to| from.world_to_object(to);
     RayQueryGetIntersectionTriangleVertexPositionsKHR Float3Array3 |from, to| from.vertex_positions(to);
-    RayQueryGetIntersectionClusterIdNV Int |from, to| word(to, from.candidate.cluster_id(from.tlas));
-    RayQueryIsSphereHitNV Bool |from, to| word(to, from.is_sphere().into());
-    RayQueryIsLSSHitNV Bool |from, to| word(to, from.is_lss().into());
-    RayQueryGetIntersectionSpherePositionNV Float3 |from, to| put(to, &from.sphere()?.0);
-    RayQueryGetIntersectionSphereRadiusNV Float |from, to| put(to, &[from.sphere()?.1]);
-    RayQueryGetIntersectionLSSPositionsNV Float3Array2 |from, to| put(to, from.lss()?.0.as_flattened());
-    RayQueryGetIntersectionLSSRadiiNV FloatArray2 |from, to| put(to, &from.lss()?.1);
+    RayQueryGetIntersectionClusterIdNV Int |from, to| write_word(to, from.candidate.cluster_id(from.tlas));
+    RayQueryIsSphereHitNV Bool |from, to| write_word(to, from.is_sphere().into());
+    RayQueryIsLSSHitNV Bool |from, to| write_word(to, from.is_lss().into());
+    RayQueryGetIntersectionSpherePositionNV Float3 |from, to| write_floats(to, &from.sphere()?.0);
+    RayQueryGetIntersectionSphereRadiusNV Float |from, to| write_floats(to, &[from.sphere()?.1]);
+    RayQueryGetIntersectionLSSPositionsNV Float3Array2 |from, to| write_floats(to, from.lss()?.0.as_flattened());
+    RayQueryGetIntersectionLSSRadiiNV FloatArray2 |from, to| write_floats(to, &from.lss()?.1);
     RayQueryGetIntersectionLSSHitValueNV Float
-        |from, to| from.lss().and_then(|_| put(to, &from.candidate.intersection.attributes[..1]));
+        |from, to| from.lss().and_then(|_| write_floats(to, &from.candidate.intersection.attributes[..1]));
 }
 
 /// `OpRayQueryGetIntersectionCandidateAABBOpaqueKHR`, which reads the candidate alone.
@@ -156,7 +157,7 @@ static AABB_OPAQUE: RayQueryGetter = RayQueryGetter {
     opcode: Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR,
     shape: ValueShape::Bool,
     read: |from, to| match from.candidate.is_box() {
-        true => word(to, from.candidate.opaque.into()),
+        true => write_word(to, from.candidate.opaque.into()),
         false => Err(TrapCode::RayQueryNotAabb),
     },
 };
@@ -166,7 +167,7 @@ impl RayQueryOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::Initialize { query, operands, .. } => {
-                object::records(query, visit);
+                object::write_accesses(query, visit);
                 visit(Access::Read(operands, OPERANDS));
             }
             Self::Proceed { query, to } => {
@@ -195,7 +196,7 @@ impl RayQueryOp {
                 object::accesses(query, visit);
                 visit(Access::Write(to, getter.shape.words()));
             }
-            Self::Forget { first, count } => {
+            Self::Uninitialize { first, count } => {
                 visit(Access::Read(first, count));
                 visit(Access::Effect);
             }
@@ -213,7 +214,7 @@ impl RayQueryOp {
             | Self::Type { query, .. }
             | Self::GetRay { query, .. }
             | Self::Get { query, .. } => Some(query),
-            Self::Forget { .. } => None,
+            Self::Uninitialize { .. } => None,
         }
     }
 
@@ -224,26 +225,26 @@ impl RayQueryOp {
             Self::Initialize { query, operands, micromaps } => {
                 initialize(batch, bindings, query, operands, micromaps);
             }
-            Self::Proceed { query, to } => each(batch, query, |batch, handle, lane| {
+            Self::Proceed { query, to } => for_each_lane(batch, query, |batch, handle, lane| {
                 batch.registers[to].0[lane] = u32::from(batch.queries.proceed(handle, batch.op)?);
                 Ok(())
             }),
             Self::Terminate { query } => {
-                each(batch, query, |batch, handle, _| batch.queries.terminate(handle, batch.op));
+                for_each_lane(batch, query, |batch, handle, _| batch.queries.terminate(handle, batch.op));
             }
             Self::Confirm { query } => {
-                each(batch, query, |batch, handle, _| batch.queries.confirm(handle, batch.op));
+                for_each_lane(batch, query, |batch, handle, _| batch.queries.confirm(handle, batch.op));
             }
-            Self::Generate { query, t } => each(batch, query, |batch, handle, lane| {
+            Self::Generate { query, t } => for_each_lane(batch, query, |batch, handle, lane| {
                 let t = f32::from_bits(batch.registers[t].0[lane]);
                 batch.queries.generate(handle, batch.op, t)
             }),
-            Self::Type { query, committed, to } => each(batch, query, |batch, handle, lane| {
+            Self::Type { query, committed, to } => for_each_lane(batch, query, |batch, handle, lane| {
                 let query = batch.queries.query(handle)?;
                 batch.registers[to].0[lane] = intersection_type(query, committed)?;
                 Ok(())
             }),
-            Self::GetRay { query, getter, to } => each(batch, query, |batch, handle, lane| {
+            Self::GetRay { query, getter, to } => for_each_lane(batch, query, |batch, handle, lane| {
                 let query = batch.queries.query(handle)?;
                 let mut words = [0; 3];
                 let words = &mut words[..getter.shape.words() as usize];
@@ -251,18 +252,20 @@ impl RayQueryOp {
                 batch.registers.set_lane_words(to, lane, words.iter().copied());
                 Ok(())
             }),
-            Self::Get { query, committed, getter, to } => each(batch, query, |batch, handle, lane| {
-                let query = batch.queries.query(handle)?;
-                let mut words = [0; 12];
-                let words = &mut words[..getter.shape.words() as usize];
-                (getter.read)(seen(query, committed)?, words)?;
-                batch.registers.set_lane_words(to, lane, words.iter().copied());
-                Ok(())
-            }),
-            Self::Forget { first, count } => {
+            Self::Get { query, committed, getter, to } => {
+                for_each_lane(batch, query, |batch, handle, lane| {
+                    let query = batch.queries.query(handle)?;
+                    let mut words = [0; 12];
+                    let words = &mut words[..getter.shape.words() as usize];
+                    (getter.read)(intersection_view(query, committed)?, words)?;
+                    batch.registers.set_lane_words(to, lane, words.iter().copied());
+                    Ok(())
+                })
+            }
+            Self::Uninitialize { first, count } => {
                 for lane in batch.mask.lanes() {
                     for register in 0..count {
-                        batch.queries.forget(batch.registers[first.plus(register)].0[lane]);
+                        batch.queries.uninitialize(batch.registers[first.plus(register)].0[lane]);
                     }
                 }
             }
@@ -273,7 +276,7 @@ impl RayQueryOp {
 /// Calls a function for each running lane with the handle of its query; lanes that it fails for are
 /// stopped.
 #[inline(always)]
-fn each<const W: usize>(
+fn for_each_lane<const W: usize>(
     batch: &mut Batch<W>,
     query: ObjectRef,
     mut access: impl FnMut(&mut Batch<W>, u32, usize) -> Result<(), TrapCode>,
@@ -334,7 +337,7 @@ fn intersection_type(query: &RayQuery, committed: bool) -> Result<u32, TrapCode>
     })
 }
 
-fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
+fn intersection_view(query: &RayQuery, committed: bool) -> Result<IntersectionView<'_>, TrapCode> {
     let (candidate, t) = if committed {
         let committed = query.committed().ok_or(TrapCode::RayQueryNoCommitted)?;
         (&committed.candidate, committed.t)
@@ -342,7 +345,7 @@ fn seen(query: &RayQuery, committed: bool) -> Result<Seen<'_>, TrapCode> {
         let candidate = query.candidate()?;
         (candidate, candidate.intersection.t)
     };
-    Ok(Seen { tlas: query.tlas(), trace: query.trace(), candidate, t, committed })
+    Ok(IntersectionView { tlas: query.tlas(), trace: query.trace(), candidate, t, committed })
 }
 
 /// Opcodes translated here.
@@ -387,7 +390,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         return Ok(false);
     }
     let id = translator.id(instruction, 0)?;
-    let query = object(translator, id, |ty| matches!(ty, Type::RayQuery))?;
+    let query = object_ref(translator, id, |ty| matches!(ty, Type::RayQuery))?;
     let op = match opcode {
         Opcode::RayQueryInitializeKHR => {
             let mut words: SmallVec<[Reg; 12]> = SmallVec::new();
@@ -405,7 +408,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             RayQueryOp::Initialize { query, operands, micromaps }
         }
         Opcode::RayQueryProceedKHR => {
-            RayQueryOp::Proceed { query, to: result(translator, instruction, ValueShape::Bool)? }
+            RayQueryOp::Proceed { query, to: define_result(translator, instruction, ValueShape::Bool)? }
         }
         Opcode::RayQueryTerminateKHR => RayQueryOp::Terminate { query },
         Opcode::RayQueryConfirmIntersectionKHR => RayQueryOp::Confirm { query },
@@ -415,7 +418,11 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         },
         Opcode::RayQueryGetIntersectionTypeKHR => {
             let committed = committed(translator, instruction)?;
-            RayQueryOp::Type { query, committed, to: result(translator, instruction, ValueShape::Int)? }
+            RayQueryOp::Type {
+                query,
+                committed,
+                to: define_result(translator, instruction, ValueShape::Int)?,
+            }
         }
         Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR => {
             let getter = &AABB_OPAQUE;
@@ -423,19 +430,23 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 query,
                 committed: false,
                 getter,
-                to: result(translator, instruction, getter.shape)?,
+                to: define_result(translator, instruction, getter.shape)?,
             }
         }
         _ => {
             if let Some(getter) = RAY_GETTERS.iter().find(|getter| getter.opcode == opcode) {
-                RayQueryOp::GetRay { query, getter, to: result(translator, instruction, getter.shape)? }
+                RayQueryOp::GetRay {
+                    query,
+                    getter,
+                    to: define_result(translator, instruction, getter.shape)?,
+                }
             } else if let Some(getter) = GETTERS.iter().find(|getter| getter.opcode == opcode) {
                 let committed = committed(translator, instruction)?;
                 RayQueryOp::Get {
                     query,
                     committed,
                     getter,
-                    to: result(translator, instruction, getter.shape)?,
+                    to: define_result(translator, instruction, getter.shape)?,
                 }
             } else {
                 return Ok(false);

@@ -4,36 +4,36 @@ use rspirv::spirv::Op as Opcode;
 
 use crate::accel::RayRule;
 
-/// The rules of one family of instructions, in the order of [`RayRule`]; 0 where there is none.
-struct Family {
+/// The rules of a group of instructions, in the order of [`RayRule`]; 0 where there is none.
+struct InstructionRules {
     opcodes: &'static [Opcode],
-    /// What stands between `VUID-RuntimeSpirv-` and the number.
+    /// The part of the VUID between `VUID-RuntimeSpirv-` and the number.
     name: &'static str,
     numbers: [u32; 10],
 }
 
-const FAMILIES: &[Family] = &[
-    Family {
+const RULES: &[InstructionRules] = &[
+    InstructionRules {
         opcodes: &[Opcode::TraceRayKHR, Opcode::TraceNV],
         name: "OpTraceRayKHR",
         numbers: [6358, 6355, 6356, 6357, 6893, 6892, 6552, 6553, 6554, 0],
     },
-    Family {
+    InstructionRules {
         opcodes: &[Opcode::TraceRayMotionNV, Opcode::TraceMotionNV],
         name: "OpTraceRayMotionNV",
         numbers: [6364, 6361, 6362, 6363, 0, 0, 0, 0, 0, 6366],
     },
-    Family {
+    InstructionRules {
         opcodes: &[Opcode::RayQueryInitializeKHR],
         name: "OpRayQueryInitializeKHR",
         numbers: [6351, 6348, 6349, 6350, 6891, 6890, 6889, 0, 0, 0],
     },
-    Family {
+    InstructionRules {
         opcodes: &[Opcode::HitObjectTraceRayNV, Opcode::HitObjectTraceRayMotionNV],
         name: "OpHitObjectTraceRayNV",
         numbers: [7708, 7705, 7706, 7707, 7714, 7713, 7712, 7715, 7716, 7710],
     },
-    Family {
+    InstructionRules {
         opcodes: &[
             Opcode::HitObjectTraceRayEXT,
             Opcode::HitObjectTraceRayMotionEXT,
@@ -48,8 +48,8 @@ const FAMILIES: &[Family] = &[
 /// What a ray did wrong and, where the specification has numbered it for this instruction, the
 /// rule.
 pub fn describe(opcode: u16, broken: RayRule) -> String {
-    let family = FAMILIES.iter().find(|family| family.opcodes.iter().any(|&known| known as u16 == opcode));
-    match family.map(|family| (family.name, family.numbers[broken as usize])) {
+    let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known as u16 == opcode));
+    match rules.map(|rules| (rules.name, rules.numbers[broken as usize])) {
         None | Some((_, 0)) => broken.describe().to_owned(),
         Some((name, number)) => format!("{} (VUID-RuntimeSpirv-{name}-{number:05})", broken.describe()),
     }
@@ -61,15 +61,15 @@ mod tests {
 
     #[test]
     fn each_instruction_has_its_own_number() {
-        let told = |opcode, broken| describe(opcode as u16, broken);
+        let text = |opcode, broken| describe(opcode as u16, broken);
         assert!(
-            told(Opcode::TraceRayKHR, RayRule::Finite).ends_with("(VUID-RuntimeSpirv-OpTraceRayKHR-06355)")
+            text(Opcode::TraceRayKHR, RayRule::Finite).ends_with("(VUID-RuntimeSpirv-OpTraceRayKHR-06355)")
         );
-        assert!(told(Opcode::TraceRayMotionNV, RayRule::Time).ends_with("OpTraceRayMotionNV-06366)"));
-        assert!(told(Opcode::HitObjectTraceRayMotionEXT, RayRule::Time).ends_with("TraceRayEXT-11882)"));
-        assert!(told(Opcode::RayQueryInitializeKHR, RayRule::BothSkips).ends_with("InitializeKHR-06889)"));
+        assert!(text(Opcode::TraceRayMotionNV, RayRule::Time).ends_with("OpTraceRayMotionNV-06366)"));
+        assert!(text(Opcode::HitObjectTraceRayMotionEXT, RayRule::Time).ends_with("TraceRayEXT-11882)"));
+        assert!(text(Opcode::RayQueryInitializeKHR, RayRule::SkipFlags).ends_with("InitializeKHR-06889)"));
         // The specification has none for the flags of this instruction.
-        assert!(!told(Opcode::TraceRayMotionNV, RayRule::Opacity).contains("VUID"));
-        assert!(!told(Opcode::HitObjectRecordMissEXT, RayRule::Finite).contains("VUID"));
+        assert!(!text(Opcode::TraceRayMotionNV, RayRule::OpacityFlags).contains("VUID"));
+        assert!(!text(Opcode::HitObjectRecordMissEXT, RayRule::Finite).contains("VUID"));
     }
 }

@@ -68,7 +68,7 @@ impl RayTracingOp {
                 visit(Access::Write(accepted, 1));
             }
             Self::HitObjectTrace { object, operands, payload } => {
-                object::records(object, visit);
+                object::write_accesses(object, visit);
                 visit(Access::Read(operands, TRACE_OPERANDS));
                 visit(Access::Read(payload.first, payload.count));
                 visit(Access::Write(payload.first, payload.count));
@@ -86,7 +86,7 @@ impl RayTracingOp {
     }
 
     /// The registers of the payload or callable data that a called shader is given.
-    pub fn given(&self) -> Option<RegSpan> {
+    pub fn payload_span(&self) -> Option<RegSpan> {
         match *self {
             Self::TraceRay { payload, .. }
             | Self::HitObjectTrace { payload, .. }
@@ -114,16 +114,16 @@ impl RayTracingOp {
     }
 }
 
-/// An instruction that traces a ray at a time.
+/// An instruction that traces a ray at a point in time (ray-tracing motion).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timed {
+pub struct MotionInstruction {
     /// Its name.
     pub name: &'static str,
-    /// What asks for a pipeline that allows it, where that is written.
+    /// The rule that demands a pipeline with motion enabled, where one is written.
     pub rule: Option<&'static str>,
 }
 
-impl Timed {
+impl MotionInstruction {
     /// The instruction of an opcode, if it is one.
     pub fn of(opcode: u16) -> Option<Self> {
         let (name, rule) = match Opcode::from_u32(opcode.into())? {
@@ -152,13 +152,13 @@ const RULES: &str = "SPV_KHR_ray_tracing, SPV_NV_ray_tracing, SPV_NV_ray_tracing
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::TraceRayKHR | Opcode::TraceNV | Opcode::TraceRayMotionNV | Opcode::TraceMotionNV => {
-            let moves = matches!(opcode, Opcode::TraceRayMotionNV | Opcode::TraceMotionNV);
-            let count = if moves { 11 } else { 10 };
+            let has_motion = matches!(opcode, Opcode::TraceRayMotionNV | Opcode::TraceMotionNV);
+            let count = if has_motion { 11 } else { 10 };
             let mut words: SmallVec<[Reg; 16]> = SmallVec::new();
             for at in 0..count {
                 words.extend(translator.operand(instruction, at)?);
             }
-            if !moves {
+            if !has_motion {
                 words.push(translator.constant(0)?);
             }
             if words.len() != TRACE_OPERANDS as usize {
@@ -171,7 +171,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let classes = &[storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD];
             let payload = named_variable(translator, opcode, instruction, count, classes)?;
             translator.emit(Operation::Stop(RayTracingOp::TraceRay { operands, payload }));
-            translator.forget();
+            translator.invalidate_known_values();
         }
         Opcode::ExecuteCallableKHR | Opcode::ExecuteCallableNV => {
             let index = translator.operand(instruction, 0)?;
@@ -181,7 +181,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 return Err(translator.invalid("an SBT index without a value").note(RULES));
             };
             translator.emit(Operation::Stop(RayTracingOp::ExecuteCallable { index, data }));
-            translator.forget();
+            translator.invalidate_known_values();
         }
         Opcode::ReportIntersectionKHR => {
             let (t, hit_kind) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
@@ -190,8 +190,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             };
             let accepted = translator.fresh(1)?;
             translator.emit(Operation::Stop(RayTracingOp::ReportIntersection { t, hit_kind, accepted }));
-            translator.forget();
-            translator.result(instruction, SmallVec::from_slice(&[accepted]));
+            translator.invalidate_known_values();
+            translator.define_result(instruction, SmallVec::from_slice(&[accepted]));
         }
         Opcode::ConvertUToAccelerationStructureKHR => {
             let words = translator.operand(instruction, 0)?;
@@ -199,7 +199,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 return Err(translator.invalid("a device address has 64 bits"));
             };
             let first = translator.pair(low, high)?;
-            translator.result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
+            translator.define_result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
         _ => return Ok(false),
     }
@@ -231,7 +231,7 @@ fn named_variable(
     if matches!(opcode, Opcode::TraceNV | Opcode::TraceMotionNV | Opcode::ExecuteCallableNV) {
         match variable_at(translator, id, classes)? {
             Some(variable) => id = variable,
-            // A register of its own, so that no variable of the interface begins there.
+            // A fresh register, so that no interface variable begins there.
             None => return Ok(RegSpan { first: translator.fresh(1)?, count: 0 }),
         }
     }
@@ -251,7 +251,7 @@ pub(super) fn variable_span(translator: &mut Translator<'_>, id: Id, classes: &[
     }
     match pointer {
         memory::Pointer {
-            place: PointerBase::Registers { first, .. }, index: None, offset, pointee, ..
+            base: PointerBase::Registers { first, .. }, index: None, offset, pointee, ..
         } => Ok(RegSpan { first: first.plus(offset), count: translator.word_count(pointee)? }),
         _ => Err(translator.unsupported("a payload that is no whole variable")),
     }

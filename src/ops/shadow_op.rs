@@ -1,5 +1,5 @@
-//! Shadow operations: what stands for a lane kernel when its values are carried along in f64, so
-//! that `--shadow` can tell what rounding did (as LLVM's NSan does).
+//! Shadow operations: the operations on f64 that accompany lane kernels, so that `--shadow` can
+//! tell the effect of rounding (as LLVM's NSan does).
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
@@ -8,7 +8,7 @@ use crate::machine::{Reg, Registers};
 use crate::ops::lane_kernel::{LaneKernel, OpFamily, Width};
 use crate::ops::{SECTIONS, conversion, float_controls, glsl, relational_logical};
 
-/// What a lane kernel does to shadow values, which are f64.
+/// The effect of a lane kernel on shadow values, which are f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShadowOp {
     /// The formula over f64, whose result is a float.
@@ -34,7 +34,7 @@ pub fn shadow_op(kernel: &'static LaneKernel) -> ShadowOp {
         let parts = [glsl::parts::FAMILIES];
         for family in SECTIONS.iter().chain(&parts).flat_map(|section| section.iter().copied()) {
             for kernel in family.kernels {
-                shadow_ops.insert(std::ptr::from_ref(kernel) as usize, of(family, kernel));
+                shadow_ops.insert(std::ptr::from_ref(kernel) as usize, family_shadow(family, kernel));
             }
         }
         shadow_ops
@@ -48,7 +48,7 @@ pub fn shadow_op(kernel: &'static LaneKernel) -> ShadowOp {
     })
 }
 
-fn of(family: &'static OpFamily, kernel: &LaneKernel) -> ShadowOp {
+fn family_shadow(family: &'static OpFamily, kernel: &LaneKernel) -> ShadowOp {
     if kernel.width == 0 {
         return ShadowOp::Logical;
     }
@@ -70,7 +70,7 @@ fn conversion_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
     }
     Some(match (kernel.float_operands[0] > 0, kernel.float_result > 0) {
         (true, true) => ShadowOp::Identity,
-        (true, false) => conversion::from_f64_like(kernel).map_or(ShadowOp::None, ShadowOp::Integer),
+        (true, false) => conversion::f64_counterpart(kernel).map_or(ShadowOp::None, ShadowOp::Integer),
         (false, true) => {
             let kind =
                 if kernel.signed { conversion::Conversion::SToF } else { conversion::Conversion::UToF };
@@ -82,7 +82,7 @@ fn conversion_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
 
 /// The shadow operation of a kernel that float controls substitute for another.
 fn controlled_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
-    if float_controls::Flushed.kernels.contains(kernel) {
+    if float_controls::FlushDenormal.kernels.contains(kernel) {
         return Some(ShadowOp::Identity);
     }
     let name = kernel.name.strip_suffix("TowardZero")?;
@@ -101,17 +101,17 @@ fn controlled_shadow(kernel: &'static LaneKernel) -> Option<ShadowOp> {
     family.kernel(64).map(ShadowOp::Number)
 }
 
-/// A register file in which one kernel runs for one lane.
+/// A register file of one lane, in which single kernels run.
 #[derive(Debug)]
-pub struct Scratch(Registers<1>);
+pub struct ScratchRegisters(Registers<1>);
 
-impl Default for Scratch {
+impl Default for ScratchRegisters {
     fn default() -> Self {
         Self(Registers::new(8))
     }
 }
 
-impl Scratch {
+impl ScratchRegisters {
     /// Runs a kernel on operands given as bits and returns the bits of the result.
     pub fn run(&mut self, kernel: &LaneKernel, operands: [u64; 3]) -> u64 {
         const FROM: [Reg; 3] = [Reg(2), Reg(4), Reg(6)];
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_row_has_its_shadow_operation() {
+    fn every_kind_of_kernel_has_its_shadow_operation() {
         assert_eq!(shadow_op(kernel(&FAdd, 32)), ShadowOp::Number(kernel(&FAdd, 64)));
         assert_eq!(shadow_op(kernel(&FAdd, 64)), ShadowOp::Number(kernel(&FAdd, 64)));
         assert_eq!(shadow_op(kernel(&IAdd, 32)), ShadowOp::None);
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(shadow_op(convert(Conversion::FToS, 32, 32)), to_int);
         let from_int = ShadowOp::Number(convert(Conversion::SToF, 32, 64));
         assert_eq!(shadow_op(convert(Conversion::SToF, 32, 32)), from_int);
-        assert_eq!(shadow_op(&float_controls::Flushed.kernels[1]), ShadowOp::Identity);
+        assert_eq!(shadow_op(&float_controls::FlushDenormal.kernels[1]), ShadowOp::Identity);
         assert_eq!(
             shadow_op(kernel(&float_controls::FAddTowardZero, 32)),
             ShadowOp::Number(kernel(&FAdd, 64))
@@ -158,8 +158,8 @@ mod tests {
     }
 
     #[test]
-    fn a_row_runs_in_scratch() {
-        let mut scratch = Scratch::default();
+    fn a_kernel_runs_in_scratch_registers() {
+        let mut scratch = ScratchRegisters::default();
         let bits = scratch.run(kernel(&FAdd, 64), [1f64.to_bits(), 2f64.powi(-40).to_bits(), 0]);
         assert_eq!(f64::from_bits(bits), 1.0 + 2f64.powi(-40));
         let less = scratch.run(kernel(&relational_logical::FOrdLessThan, 64), [0, 1f64.to_bits(), 0]);

@@ -4,7 +4,7 @@
 //! A subgroup is a run of consecutive launch indices, x fastest; in a called shader, those of the
 //! caller's subgroup that reached the same shader record, by its index. A launch of a pipeline that
 //! has these instructions holds each subgroup in one batch, whatever width was asked for. What the
-//! specification leaves undefined (reading an invocation that does not take part) gives 0; sums go
+//! specification leaves undefined (reading an inactive invocation) gives 0; sums go
 //! from the lowest invocation to the highest, each step rounded.
 
 use rspirv::spirv::{GroupOperation, Op as Opcode};
@@ -15,7 +15,7 @@ use crate::machine::{Batch, Reg, Registers};
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::integer_operand::Reading;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words, registers_from};
@@ -77,64 +77,64 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::GroupSMaxNonUniformAMD,
 ];
 
-/// Lanes of a subgroup that take part, each with its place in the subgroup, ascending.
+/// The active lanes of a subgroup, each with its `SubgroupLocalInvocationId`, ascending.
 type Members = SmallVec<[(usize, u32); 32]>;
 
-/// Which invocation's value another one gets.
+/// The invocation whose value is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
-    /// The lowest that takes part.
+pub enum ReadSource {
+    /// The lowest active invocation.
     First,
-    /// The one that the operand names.
-    At,
-    /// The own place, with the operand's bits flipped.
+    /// The invocation whose id is the operand.
+    Index,
+    /// This invocation's id, exclusive or the operand.
     Xor,
-    /// The operand's number of places below.
+    /// This invocation's id minus the operand.
     Up,
-    /// The operand's number of places above.
+    /// This invocation's id plus the operand.
     Down,
-    /// The operand's number of places above, modulo a cluster of this size.
+    /// This invocation's id plus the operand, modulo a cluster of this size.
     Rotate(u32),
-    /// The operand's place in the own quad.
+    /// The invocation of the same quad whose index is the operand.
     Quad,
-    /// The own place with this bit set: the greater side of the quad along x (1) or y (2).
+    /// This invocation's id with this bit set: the greater side of the quad along x (1) or y (2).
     QuadSet(u32),
-    /// The own place with this bit cleared.
+    /// This invocation's id with this bit cleared.
     QuadClear(u32),
-    /// Across the quad: the own place with these bits flipped.
+    /// The opposite invocation of the quad: horizontally, vertically or diagonally, by the operand.
     QuadSwap,
 }
 
-/// What a ballot's bits are counted or searched for.
+/// How the bits of a ballot are counted or searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BallotCount {
-    /// All bits set.
+    /// The number of bits set.
     Count,
-    /// The bits set up to the own place.
+    /// The number of bits set up to this invocation's id.
     CountInclusive,
-    /// The bits set below the own place.
+    /// The number of bits set below this invocation's id.
     CountExclusive,
-    /// The place of the lowest.
-    Lowest,
-    /// The place of the highest.
-    Highest,
+    /// The index of the lowest bit set.
+    FindLsb,
+    /// The index of the highest bit set.
+    FindMsb,
 }
 
-/// Over which invocations a value is combined.
+/// A reduction or scan (SPIR-V, "Group Operation"): the invocations whose values are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Over {
-    /// All that take part, or those in the same cluster of this size.
-    Cluster(u32),
-    /// The invocations up to the own one: an inclusive scan.
-    Inclusive,
-    /// The invocations below the own one: an exclusive scan. The register holds the identity.
-    Exclusive(Reg),
+pub enum ReductionKind {
+    /// All active invocations (0), or those in the same cluster of this size.
+    Reduce(u32),
+    /// The invocations up to this one.
+    InclusiveScan,
+    /// The invocations below this one. The register holds the identity.
+    ExclusiveScan(Reg),
 }
 
-/// What a subgroup instruction does.
+/// The kind of a subgroup instruction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SubgroupKind {
-    /// Whether this is the lowest invocation that takes part.
+    /// Whether this is the lowest active invocation.
     Elect,
     /// Whether a bool holds everywhere, in clusters of this size.
     All(u32),
@@ -142,26 +142,26 @@ pub enum SubgroupKind {
     Any(u32),
     /// Whether a value is the same everywhere.
     AllEqual,
-    /// The places where a bool holds.
+    /// The mask of the invocations in which a bool holds.
     Ballot,
-    /// The places that have the same value.
+    /// The mask of the invocations with the same value.
     Partition,
     /// Another invocation's value.
-    Read(From),
-    /// The number of bits set in a ballot.
-    Bits(BallotCount),
-    /// The bit of a ballot at the operand's place, or at the own one.
-    Extract {
-        /// Whether the own place is meant.
+    Read(ReadSource),
+    /// A count of the bits set in a ballot, or the index of one.
+    BallotCount(BallotCount),
+    /// The bit of a ballot at the index in the operand, or at this invocation's id.
+    BallotBit {
+        /// Whether this invocation's id is the index.
         own: bool,
     },
-    /// Values combined by a kernel.
-    Combine {
+    /// A reduction or scan of values by a kernel.
+    Reduce {
         /// The kernel that combines two.
         kernel: &'static LaneKernel,
-        /// Over which.
-        over: Over,
-        /// Whether the operand is a ballot that says which invocations belong together.
+        /// The invocations whose values are combined.
+        reduction: ReductionKind,
+        /// Whether the operand is a ballot of the invocations in this invocation's partition.
         partitioned: bool,
     },
 }
@@ -169,7 +169,7 @@ pub enum SubgroupKind {
 /// A subgroup operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubgroupOp {
-    /// What it does.
+    /// The kind.
     pub kind: SubgroupKind,
     /// The first register of the result.
     pub to: Reg,
@@ -190,7 +190,9 @@ impl SubgroupOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Read(self.value, self.values));
         visit(Access::Read(self.operand, self.operands));
-        if let SubgroupKind::Combine { kernel, over: Over::Exclusive(identity), .. } = self.kind {
+        if let SubgroupKind::Reduce { kernel, reduction: ReductionKind::ExclusiveScan(identity), .. } =
+            self.kind
+        {
             visit(Access::Read(identity, kernel.words));
         }
         visit(Access::Write(self.to, self.results));
@@ -201,9 +203,9 @@ impl SubgroupOp {
         let size = batch.invocations.subgroup_size();
         let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
         for lane in batch.mask.lanes() {
-            let invocation = batch.invocations.one(lane);
+            let invocation = batch.invocations.lane(lane);
             let workgroup = invocation.workgroup.map_or(0, |group| group.index());
-            let key = [workgroup, invocation.subgroup_id(), batch.invocations.called_through[lane]];
+            let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane]];
             let member = (lane, invocation.subgroup_local_invocation_id());
             match groups.iter_mut().find(|(found, _)| *found == key) {
                 Some((_, members)) => members.push(member),
@@ -211,14 +213,14 @@ impl SubgroupOp {
             }
         }
         for (_, mut members) in groups {
-            members.sort_unstable_by_key(|&(_, place)| place);
-            self.group(batch, &members, size);
+            members.sort_unstable_by_key(|&(_, id)| id);
+            self.eval_subgroup(batch, &members, size);
         }
     }
 
-    /// Runs the operation for one subgroup; results are written when all are known, as they may
-    /// stand where operands do.
-    fn group<const W: usize>(&self, batch: &mut Batch<W>, members: &Members, size: u32) {
+    /// Runs the operation for one subgroup. Results are written when all are known, as their
+    /// registers may be those of operands.
+    fn eval_subgroup<const W: usize>(&self, batch: &mut Batch<W>, members: &Members, size: u32) {
         let registers = &batch.registers;
         let value = |lane: usize| -> SmallVec<[u32; 4]> {
             registers.lane_words(self.value, self.values, lane).collect()
@@ -227,18 +229,18 @@ impl SubgroupOp {
         let holds = |lane: usize| registers[self.value].0[lane] != 0;
         let ballot = |which: &dyn Fn(usize) -> bool| -> SmallVec<[u32; 4]> {
             let mut words = SmallVec::from_elem(0, 4);
-            for &(_, place) in members.iter().filter(|&&(lane, _)| which(lane)) {
-                words[place as usize / 32] |= 1 << (place % 32);
+            for &(_, id) in members.iter().filter(|&&(lane, _)| which(lane)) {
+                words[id as usize / 32] |= 1 << (id % 32);
             }
             words
         };
         let one = |word: bool| SmallVec::<[u32; 4]>::from_slice(&[u32::from(word)]);
         let same = |cluster: u32, a: u32, b: u32| cluster == 0 || a / cluster == b / cluster;
         let mut results: SmallVec<[(usize, SmallVec<[u32; 4]>); 32]> = SmallVec::new();
-        for &(lane, place) in members {
-            let peers = |cluster: u32| members.iter().filter(move |peer| same(cluster, place, peer.1));
+        for &(lane, id) in members {
+            let peers = |cluster: u32| members.iter().filter(move |peer| same(cluster, id, peer.1));
             let words = match self.kind {
-                SubgroupKind::Elect => one(place == members[0].1),
+                SubgroupKind::Elect => one(id == members[0].1),
                 SubgroupKind::All(cluster) => one(peers(cluster).all(|peer| holds(peer.0))),
                 SubgroupKind::Any(cluster) => one(peers(cluster).any(|peer| holds(peer.0))),
                 SubgroupKind::AllEqual => one(self.all_equal(registers, members)),
@@ -248,33 +250,35 @@ impl SubgroupOp {
                     ballot(&|peer| value(peer) == own)
                 }
                 SubgroupKind::Read(from) => {
-                    let sought = source(from, place, operand(lane), size).unwrap_or(members[0].1);
-                    let found = members.iter().find(|peer| peer.1 == sought);
+                    let source = source_id(from, id, operand(lane), size).unwrap_or(members[0].1);
+                    let found = members.iter().find(|peer| peer.1 == source);
                     found.map_or_else(|| SmallVec::from_elem(0, self.values as usize), |peer| value(peer.0))
                 }
-                SubgroupKind::Bits(bits) => SmallVec::from_slice(&[count(bits, &value(lane), place, size)]),
-                SubgroupKind::Extract { own } => {
-                    let at = if own { place } else { operand(lane) };
+                SubgroupKind::BallotCount(bits) => {
+                    SmallVec::from_slice(&[count_ballot(bits, &value(lane), id, size)])
+                }
+                SubgroupKind::BallotBit { own } => {
+                    let at = if own { id } else { operand(lane) };
                     let word = value(lane).get(at as usize / 32).copied().unwrap_or(0);
                     one(word >> (at % 32) & 1 != 0)
                 }
-                SubgroupKind::Combine { kernel, over, partitioned } => {
-                    let belongs = |peer: &(usize, u32)| {
+                SubgroupKind::Reduce { kernel, reduction, partitioned } => {
+                    let in_partition = |peer: &(usize, u32)| {
                         if !partitioned {
                             return true;
                         }
                         let word = registers[self.operand.plus(peer.1 / 32)].0[lane];
                         word >> (peer.1 % 32) & 1 != 0
                     };
-                    let taken = |peer: &(usize, u32)| match over {
-                        Over::Cluster(cluster) => same(cluster, place, peer.1),
-                        Over::Inclusive => peer.1 <= place,
-                        Over::Exclusive(_) => peer.1 < place,
+                    let in_range = |peer: &(usize, u32)| match reduction {
+                        ReductionKind::Reduce(cluster) => same(cluster, id, peer.1),
+                        ReductionKind::InclusiveScan => peer.1 <= id,
+                        ReductionKind::ExclusiveScan(_) => peer.1 < id,
                     };
-                    let chosen = members.iter().filter(|peer| belongs(peer) && taken(peer));
-                    let combined = combine(kernel, chosen.map(|peer| value(peer.0)));
-                    combined.unwrap_or_else(|| match over {
-                        Over::Exclusive(identity) => {
+                    let chosen = members.iter().filter(|peer| in_partition(peer) && in_range(peer));
+                    let combined = reduce(kernel, chosen.map(|peer| value(peer.0)));
+                    combined.unwrap_or_else(|| match reduction {
+                        ReductionKind::ExclusiveScan(identity) => {
                             registers.lane_words(identity, kernel.words, lane).collect()
                         }
                         _ => value(lane),
@@ -294,27 +298,27 @@ impl SubgroupOp {
     }
 }
 
-/// The place that a value comes from; `None` is the lowest that takes part.
-fn source(from: From, place: u32, operand: u32, size: u32) -> Option<u32> {
+/// The id of the invocation that a value is read from; `None` for the lowest active one.
+fn source_id(from: ReadSource, id: u32, operand: u32, size: u32) -> Option<u32> {
     Some(match from {
-        From::First => return None,
-        From::At => operand,
-        From::Xor => place ^ operand,
-        From::Up => place.checked_sub(operand).unwrap_or(u32::MAX),
-        From::Down => place.saturating_add(operand),
-        From::Rotate(cluster) => {
+        ReadSource::First => return None,
+        ReadSource::Index => operand,
+        ReadSource::Xor => id ^ operand,
+        ReadSource::Up => id.checked_sub(operand).unwrap_or(u32::MAX),
+        ReadSource::Down => id.saturating_add(operand),
+        ReadSource::Rotate(cluster) => {
             let cluster = if cluster == 0 { size } else { cluster };
-            place / cluster * cluster + (place % cluster).wrapping_add(operand) % cluster
+            id / cluster * cluster + (id % cluster).wrapping_add(operand) % cluster
         }
-        From::QuadSet(bit) => place | bit,
-        From::QuadClear(bit) => place & !bit,
-        From::Quad => place / 4 * 4 + operand % 4,
-        // Horizontal, vertical, diagonal.
-        From::QuadSwap => place ^ (operand % 3 + 1),
+        ReadSource::QuadSet(bit) => id | bit,
+        ReadSource::QuadClear(bit) => id & !bit,
+        ReadSource::Quad => id / 4 * 4 + operand % 4,
+        // The operand is 0 for horizontal, 1 for vertical, 2 for diagonal.
+        ReadSource::QuadSwap => id ^ (operand % 3 + 1),
     })
 }
 
-fn count(bits: BallotCount, ballot: &[u32], place: u32, size: u32) -> u32 {
+fn count_ballot(bits: BallotCount, ballot: &[u32], id: u32, size: u32) -> u32 {
     let mut wide = 0u128;
     for (at, &word) in ballot.iter().enumerate().take(4) {
         wide |= u128::from(word) << (32 * at);
@@ -323,15 +327,15 @@ fn count(bits: BallotCount, ballot: &[u32], place: u32, size: u32) -> u32 {
     let counted = wide & below(size);
     match bits {
         BallotCount::Count => counted.count_ones(),
-        BallotCount::CountInclusive => (counted & below(place + 1)).count_ones(),
-        BallotCount::CountExclusive => (counted & below(place)).count_ones(),
-        BallotCount::Lowest => counted.trailing_zeros(),
-        BallotCount::Highest => 127u32.wrapping_sub(counted.leading_zeros()),
+        BallotCount::CountInclusive => (counted & below(id + 1)).count_ones(),
+        BallotCount::CountExclusive => (counted & below(id)).count_ones(),
+        BallotCount::FindLsb => counted.trailing_zeros(),
+        BallotCount::FindMsb => 127u32.wrapping_sub(counted.leading_zeros()),
     }
 }
 
 /// Combines values from left to right; `None` where there are none.
-fn combine(
+fn reduce(
     kernel: &LaneKernel,
     mut values: impl Iterator<Item = SmallVec<[u32; 4]>>,
 ) -> Option<SmallVec<[u32; 4]>> {
@@ -340,7 +344,7 @@ fn combine(
     for value in values {
         registers.set_lane_words(Reg(0), 0, sum.iter().copied());
         registers.set_lane_words(Reg(2), 0, value);
-        (kernel.one)(registers.all_mut(), Reg(4), &[Reg(0), Reg(2), Reg(0)]);
+        (kernel.eval_1)(registers.all_mut(), Reg(4), &[Reg(0), Reg(2), Reg(0)]);
         sum = registers.lane_words(Reg(4), kernel.words, 0).collect();
     }
     Some(sum)
@@ -374,20 +378,24 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         O::GroupNonUniformAllEqual | O::SubgroupAllEqualKHR => SubgroupKind::AllEqual,
         O::GroupNonUniformBallot | O::SubgroupBallotKHR => SubgroupKind::Ballot,
         O::GroupNonUniformPartitionEXT => SubgroupKind::Partition,
-        O::GroupNonUniformBroadcastFirst | O::SubgroupFirstInvocationKHR => SubgroupKind::Read(From::First),
-        O::GroupNonUniformBroadcast | O::GroupNonUniformShuffle | O::SubgroupReadInvocationKHR => {
-            SubgroupKind::Read(From::At)
+        O::GroupNonUniformBroadcastFirst | O::SubgroupFirstInvocationKHR => {
+            SubgroupKind::Read(ReadSource::First)
         }
-        O::GroupNonUniformShuffleXor => SubgroupKind::Read(From::Xor),
-        O::GroupNonUniformShuffleUp => SubgroupKind::Read(From::Up),
-        O::GroupNonUniformShuffleDown => SubgroupKind::Read(From::Down),
-        O::GroupNonUniformQuadBroadcast => SubgroupKind::Read(From::Quad),
-        O::GroupNonUniformQuadSwap => SubgroupKind::Read(From::QuadSwap),
-        O::GroupNonUniformRotateKHR => SubgroupKind::Read(From::Rotate(cluster(translator, instruction, 3)?)),
-        O::GroupNonUniformInverseBallot => SubgroupKind::Extract { own: true },
-        O::GroupNonUniformBallotBitExtract => SubgroupKind::Extract { own: false },
-        O::GroupNonUniformBallotFindLSB => SubgroupKind::Bits(BallotCount::Lowest),
-        O::GroupNonUniformBallotFindMSB => SubgroupKind::Bits(BallotCount::Highest),
+        O::GroupNonUniformBroadcast | O::GroupNonUniformShuffle | O::SubgroupReadInvocationKHR => {
+            SubgroupKind::Read(ReadSource::Index)
+        }
+        O::GroupNonUniformShuffleXor => SubgroupKind::Read(ReadSource::Xor),
+        O::GroupNonUniformShuffleUp => SubgroupKind::Read(ReadSource::Up),
+        O::GroupNonUniformShuffleDown => SubgroupKind::Read(ReadSource::Down),
+        O::GroupNonUniformQuadBroadcast => SubgroupKind::Read(ReadSource::Quad),
+        O::GroupNonUniformQuadSwap => SubgroupKind::Read(ReadSource::QuadSwap),
+        O::GroupNonUniformRotateKHR => {
+            SubgroupKind::Read(ReadSource::Rotate(cluster(translator, instruction, 3)?))
+        }
+        O::GroupNonUniformInverseBallot => SubgroupKind::BallotBit { own: true },
+        O::GroupNonUniformBallotBitExtract => SubgroupKind::BallotBit { own: false },
+        O::GroupNonUniformBallotFindLSB => SubgroupKind::BallotCount(BallotCount::FindLsb),
+        O::GroupNonUniformBallotFindMSB => SubgroupKind::BallotCount(BallotCount::FindMsb),
         O::GroupNonUniformBallotBitCount => {
             let operation = translator.literal(instruction, 1)?;
             let bits = match GroupOperation::from_u32(operation) {
@@ -397,10 +405,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 _ => return Err(translator.invalid("a group operation that counts no bits")),
             };
             let value = translator.id(instruction, 2)?;
-            emit(translator, instruction, SubgroupKind::Bits(bits), Some(value), None)?;
+            emit(translator, instruction, SubgroupKind::BallotCount(bits), Some(value), None)?;
             return Ok(true);
         }
-        _ => return arithmetic(translator, opcode, instruction).map(|()| true),
+        _ => return reduction(translator, opcode, instruction).map(|()| true),
     };
     let count = translator.operands(instruction).len();
     let id = |translator: &Translator<'_>, at: usize| {
@@ -436,10 +444,10 @@ fn emit(
         registers[0] = (translator.consecutive(&words)?, words.len() as u32);
     }
     if let Some(id) = operand {
-        // An invocation's place, or a bit's, an integer of any width.
+        // The id of an invocation, or the index of a bit: an integer of any width.
         registers[1] = match kind {
-            SubgroupKind::Read(_) | SubgroupKind::Extract { .. } => {
-                (translator.integer(id, Reading::Unsigned)?, 1)
+            SubgroupKind::Read(_) | SubgroupKind::BallotBit { .. } => {
+                (translator.integer(id, ReadAs::Unsigned)?, 1)
             }
             _ => {
                 let words = translator.words(id)?;
@@ -449,15 +457,15 @@ fn emit(
     }
     let ty = translator.result_type(instruction)?;
     let results = translator.word_count(ty)?;
-    if let SubgroupKind::Bits(_) = kind {
-        // Counted in 32 bits, and given in those of the result.
-        let counted = append(translator, kind, 1, registers)?;
+    if let SubgroupKind::BallotCount(_) = kind {
+        // The count has 32 bits, and is converted to the width of the result.
+        let counted = emit_op(translator, kind, 1, registers)?;
         let width = translator.scalar_width(ty)?;
         let first = match conversion::kernel(Conversion::U, 32, width) {
             Some(kernel) => translator.emit_kernel(kernel, &[counted])?,
             None => counted,
         };
-        translator.result(instruction, registers_from(first, results));
+        translator.define_result(instruction, registers_from(first, results));
         return Ok(());
     }
     let fits = match kind {
@@ -468,14 +476,14 @@ fn emit(
     if !fits {
         return Err(translator.invalid("a subgroup instruction with a result of another type"));
     }
-    let to = append(translator, kind, results, registers)?;
-    translator.result(instruction, registers_from(to, results));
+    let to = emit_op(translator, kind, results, registers)?;
+    translator.define_result(instruction, registers_from(to, results));
     Ok(())
 }
 
 /// Appends an operation on a value and a second operand, each its first register and how many there
 /// are, and gives the first register of the result.
-fn append(
+fn emit_op(
     translator: &mut Translator<'_>,
     kind: SubgroupKind,
     results: u32,
@@ -495,24 +503,25 @@ fn append(
     Ok(to)
 }
 
-/// Reads a value of some words from another invocation that the own place tells.
-pub fn read(translator: &mut Translator<'_>, from: From, value: Reg, words: u32) -> Result<Reg> {
-    append(translator, SubgroupKind::Read(from), words, [(value, words), (Reg(0), 0)])
+/// Appends a read of a value of some words from another invocation, which depends on this
+/// invocation's id alone.
+pub fn read(translator: &mut Translator<'_>, from: ReadSource, value: Reg, words: u32) -> Result<Reg> {
+    emit_op(translator, SubgroupKind::Read(from), words, [(value, words), (Reg(0), 0)])
 }
 
-/// Appends a read from the invocation whose number an operand holds.
-pub fn read_at(
+/// Appends a read of a value of some words from an invocation that an operand determines.
+pub fn read_from_index(
     translator: &mut Translator<'_>,
-    from: From,
+    from: ReadSource,
     value: Reg,
     words: u32,
     operand: Reg,
 ) -> Result<Reg> {
-    append(translator, SubgroupKind::Read(from), words, [(value, words), (operand, 1)])
+    emit_op(translator, SubgroupKind::Read(from), words, [(value, words), (operand, 1)])
 }
 
 /// Reductions and scans, component by component.
-fn arithmetic(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+fn reduction(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     use Opcode as O;
     let (family, identity): (&'static OpFamily, fn(u32) -> u64) = match opcode {
         O::GroupNonUniformIAdd | O::GroupIAddNonUniformAMD => (&arithmetic::IAdd, |_| 0),
@@ -546,17 +555,19 @@ fn arithmetic(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Ins
         let bits = identity(width);
         if kernel.words == 2 { translator.wide_constant(bits)? } else { translator.constant(bits as u32)? }
     };
-    let (over, partitioned) = match GroupOperation::from_u32(operation) {
-        Some(GroupOperation::Reduce) => (Over::Cluster(0), false),
-        Some(GroupOperation::InclusiveScan) => (Over::Inclusive, false),
-        Some(GroupOperation::ExclusiveScan) => (Over::Exclusive(identity), false),
-        Some(GroupOperation::ClusteredReduce) => (Over::Cluster(cluster(translator, instruction, 3)?), false),
-        Some(GroupOperation::PartitionedReduceEXT) => (Over::Cluster(0), true),
-        Some(GroupOperation::PartitionedInclusiveScanEXT) => (Over::Inclusive, true),
-        Some(GroupOperation::PartitionedExclusiveScanEXT) => (Over::Exclusive(identity), true),
+    let (reduction, partitioned) = match GroupOperation::from_u32(operation) {
+        Some(GroupOperation::Reduce) => (ReductionKind::Reduce(0), false),
+        Some(GroupOperation::InclusiveScan) => (ReductionKind::InclusiveScan, false),
+        Some(GroupOperation::ExclusiveScan) => (ReductionKind::ExclusiveScan(identity), false),
+        Some(GroupOperation::ClusteredReduce) => {
+            (ReductionKind::Reduce(cluster(translator, instruction, 3)?), false)
+        }
+        Some(GroupOperation::PartitionedReduceEXT) => (ReductionKind::Reduce(0), true),
+        Some(GroupOperation::PartitionedInclusiveScanEXT) => (ReductionKind::InclusiveScan, true),
+        Some(GroupOperation::PartitionedExclusiveScanEXT) => (ReductionKind::ExclusiveScan(identity), true),
         _ => return Err(translator.invalid(format!("group operation {operation}"))),
     };
-    let kind = SubgroupKind::Combine { kernel, over, partitioned };
+    let kind = SubgroupKind::Reduce { kernel, reduction, partitioned };
     let partition = if partitioned {
         let words = translator.operand(instruction, 3)?;
         if words.len() != 4 {
@@ -575,16 +586,16 @@ fn arithmetic(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Ins
     }
     let mut words = Words::new();
     for value in translator.components(id)? {
-        let to = append(translator, kind, kernel.words, [(value, kernel.words), partition])?;
+        let to = emit_op(translator, kind, kernel.words, [(value, kernel.words), partition])?;
         words.extend((0..kernel.words).map(|word| to.plus(word)));
     }
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(())
 }
 
 fn float(width: u32, value: f64) -> u64 {
     match width {
-        16 => crate::math::float::half_of(value).to_bits().into(),
+        16 => crate::math::float::f64_to_f16(value).to_bits().into(),
         32 => (value as f32).to_bits().into(),
         _ => value.to_bits(),
     }
@@ -596,34 +607,40 @@ mod tests {
 
     #[test]
     fn sources() {
-        assert_eq!(source(From::First, 5, 0, 32), None);
-        assert_eq!(source(From::At, 5, 7, 32), Some(7));
-        assert_eq!(source(From::Xor, 5, 1, 32), Some(4));
-        assert_eq!(source(From::Up, 5, 2, 32), Some(3));
-        assert_eq!(source(From::Up, 1, 2, 32), Some(u32::MAX));
-        assert_eq!(source(From::Down, 5, 2, 32), Some(7));
-        assert_eq!(source(From::Rotate(0), 31, 2, 32), Some(1));
-        assert_eq!(source(From::Rotate(4), 7, 1, 32), Some(4));
-        assert_eq!(source(From::Quad, 6, 3, 32), Some(7));
-        assert_eq!([4, 5, 6, 7].map(|place| source(From::QuadSet(2), place, 0, 32)), [6, 7, 6, 7].map(Some));
+        assert_eq!(source_id(ReadSource::First, 5, 0, 32), None);
+        assert_eq!(source_id(ReadSource::Index, 5, 7, 32), Some(7));
+        assert_eq!(source_id(ReadSource::Xor, 5, 1, 32), Some(4));
+        assert_eq!(source_id(ReadSource::Up, 5, 2, 32), Some(3));
+        assert_eq!(source_id(ReadSource::Up, 1, 2, 32), Some(u32::MAX));
+        assert_eq!(source_id(ReadSource::Down, 5, 2, 32), Some(7));
+        assert_eq!(source_id(ReadSource::Rotate(0), 31, 2, 32), Some(1));
+        assert_eq!(source_id(ReadSource::Rotate(4), 7, 1, 32), Some(4));
+        assert_eq!(source_id(ReadSource::Quad, 6, 3, 32), Some(7));
         assert_eq!(
-            [4, 5, 6, 7].map(|place| source(From::QuadClear(1), place, 0, 32)),
+            [4, 5, 6, 7].map(|id| source_id(ReadSource::QuadSet(2), id, 0, 32)),
+            [6, 7, 6, 7].map(Some)
+        );
+        assert_eq!(
+            [4, 5, 6, 7].map(|id| source_id(ReadSource::QuadClear(1), id, 0, 32)),
             [4, 4, 6, 6].map(Some)
         );
-        assert_eq!([0, 1, 2].map(|way| source(From::QuadSwap, 4, way, 32)), [Some(5), Some(6), Some(7)]);
+        assert_eq!(
+            [0, 1, 2].map(|way| source_id(ReadSource::QuadSwap, 4, way, 32)),
+            [Some(5), Some(6), Some(7)]
+        );
     }
 
     #[test]
     fn bits_of_ballots() {
         let ballot = [0b1011_0100, 0, 0, 0];
-        let of = |bits| count(bits, &ballot, 4, 32);
+        let of = |bits| count_ballot(bits, &ballot, 4, 32);
         assert_eq!(of(BallotCount::Count), 4);
         assert_eq!(of(BallotCount::CountInclusive), 2);
         assert_eq!(of(BallotCount::CountExclusive), 1);
-        assert_eq!(of(BallotCount::Lowest), 2);
-        assert_eq!(of(BallotCount::Highest), 7);
+        assert_eq!(of(BallotCount::FindLsb), 2);
+        assert_eq!(of(BallotCount::FindMsb), 7);
         // Bits beyond the subgroup do not count.
-        assert_eq!(count(BallotCount::Count, &ballot, 0, 4), 1);
-        assert_eq!(count(BallotCount::Count, &[u32::MAX; 4], 0, 128), 128);
+        assert_eq!(count_ballot(BallotCount::Count, &ballot, 0, 4), 1);
+        assert_eq!(count_ballot(BallotCount::Count, &[u32::MAX; 4], 0, 128), 128);
     }
 }

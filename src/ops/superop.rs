@@ -6,17 +6,17 @@
 //! an *accumulator*, a register that the compiler keeps in vector registers from one
 //! superinstruction to the next: an operand that the one before it computed is not loaded, and a
 //! result without other uses is never stored. Frequent pairs and chains of operations have an
-//! opcode of their own, because dispatch takes time, too. Each of their operations rounds as it
-//! does by itself.
+//! opcode of their own, because dispatch takes time, too. Each of their operations is rounded
+//! separately; none is fused.
 //!
-//! Lane kernels write every NaN as the same bits ([`crate::machine::Scalar::to_words`]). Here that
-//! is a superinstruction of its own, `Settle`. It is emitted only after results whose NaN payload
-//! may be observed: an operation on floats treats all NaNs alike.
+//! Lane kernels write every NaN as the canonical one ([`crate::machine::Scalar::to_words`]). Here
+//! that is a superinstruction of its own, `CanonicalizeNan`. It is emitted only after results whose
+//! NaN payload may be observed: an operation on floats treats all NaNs alike.
 //!
-//! Operands that are constants are often read as one word for all lanes. Such opcodes keep the word
-//! in a vector register, where the register would be loaded vector by vector. A batch has its
-//! constants in all lanes from the beginning, and no operation writes their registers, so it does
-//! not matter which lanes run.
+//! Operands that are constants are often uniform: read as one word for all lanes. Such opcodes keep
+//! the word in a vector register, where the register would be loaded vector by vector. A batch has
+//! its constants in all lanes from the beginning, and no operation writes their registers, so it
+//! does not matter which lanes are active.
 //!
 //! `plan` selects superinstructions for operations. A lane kernel without an opcode is called as a
 //! function, and so is one that reads or writes an extended register ([`DIRECT_REGISTERS`]); an
@@ -41,7 +41,9 @@ use crate::ops::relational_logical::select;
 use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
 use pairs::{After, PairShape, Then, ThenWith, WithItself};
 pub use plan::{ResultUse, takes_float};
-use words::{BinaryWord, Chain, Last, Same, Settled, TernaryWord, UnaryWord, WithBoth, WordFunction};
+use words::{
+    BinaryWord, CanonicalNan, Chain, Identity, Last, OnBothOperands, TernaryWord, UnaryWord, WordFunction,
+};
 
 /// One superinstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,8 +55,9 @@ pub struct SuperOp {
     from: Operands<u8>,
 }
 
-/// The operands of a superinstruction: one operation has up to three, chains have more. With eight
-/// the compiler loads their numbers as one vector and splits it, which takes longer.
+/// The operands of a superinstruction: one operation has up to three, chains have more. With an
+/// array of eight, the compiler loads the register numbers as one vector and splits it, which takes
+/// longer.
 type Operands<T> = [T; 6];
 
 /// The operations of a program as superinstructions.
@@ -74,20 +77,20 @@ pub const DIRECT_REGISTERS: usize = 256;
 /// The direct registers.
 type DirectRegisters<const W: usize> = [Lanes<W>; DIRECT_REGISTERS];
 
-/// Applies a function to registers and puts the result into the accumulator. Operand `AT`, counted
-/// from one, is the accumulator's old value (0 for none); if `STORED`, the result goes to its
-/// register, too. Operands whose bit is set in `UNIFORM` are the same in all lanes: one word is
-/// read of each, and kept in a vector register. Those whose bit is set in `AMOUNTS` are shift
-/// amounts less than 32.
+/// Applies a function to registers and puts the result into the accumulator. Operand `ACC_OPERAND`,
+/// counted from one, is the accumulator's old value (0 for none); if `STORED`, the result is stored
+/// in its register, too. Operands whose bit is set in `UNIFORM` are the same in all lanes: one word
+/// is read of each, and kept in a vector register. Those whose bit is set in `SHIFT_AMOUNTS` are
+/// shift amounts less than 32.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
 fn apply<
     const W: usize,
     F: WordFunction,
-    const AT: usize,
+    const ACC_OPERAND: usize,
     const STORED: bool,
     const UNIFORM: u8,
-    const AMOUNTS: u8,
+    const SHIFT_AMOUNTS: u8,
 >(
     accumulator: &mut [u32; W],
     registers: &mut DirectRegisters<W>,
@@ -96,30 +99,54 @@ fn apply<
     // Written out: closures would be compiled anew for each of the many instances of this function.
     let held = Lanes(*accumulator);
     let [a, b, c, d, e, f] = [
-        if const { reads::<F>(AT, UNIFORM, 0) } { &registers[usize::from(superop.from[0])] } else { &held },
-        if const { reads::<F>(AT, UNIFORM, 1) } { &registers[usize::from(superop.from[1])] } else { &held },
-        if const { reads::<F>(AT, UNIFORM, 2) } { &registers[usize::from(superop.from[2])] } else { &held },
-        if const { reads::<F>(AT, UNIFORM, 3) } { &registers[usize::from(superop.from[3])] } else { &held },
-        if const { reads::<F>(AT, UNIFORM, 4) } { &registers[usize::from(superop.from[4])] } else { &held },
-        if const { reads::<F>(AT, UNIFORM, 5) } { &registers[usize::from(superop.from[5])] } else { &held },
+        if const { reads::<F>(ACC_OPERAND, UNIFORM, 0) } {
+            &registers[usize::from(superop.from[0])]
+        } else {
+            &held
+        },
+        if const { reads::<F>(ACC_OPERAND, UNIFORM, 1) } {
+            &registers[usize::from(superop.from[1])]
+        } else {
+            &held
+        },
+        if const { reads::<F>(ACC_OPERAND, UNIFORM, 2) } {
+            &registers[usize::from(superop.from[2])]
+        } else {
+            &held
+        },
+        if const { reads::<F>(ACC_OPERAND, UNIFORM, 3) } {
+            &registers[usize::from(superop.from[3])]
+        } else {
+            &held
+        },
+        if const { reads::<F>(ACC_OPERAND, UNIFORM, 4) } {
+            &registers[usize::from(superop.from[4])]
+        } else {
+            &held
+        },
+        if const { reads::<F>(ACC_OPERAND, UNIFORM, 5) } {
+            &registers[usize::from(superop.from[5])]
+        } else {
+            &held
+        },
     ];
     let words = [
-        if const { has(UNIFORM, 0) } { uniform(registers, superop, 0, AMOUNTS) } else { 0 },
-        if const { has(UNIFORM, 1) } { uniform(registers, superop, 1, AMOUNTS) } else { 0 },
-        if const { has(UNIFORM, 2) } { uniform(registers, superop, 2, AMOUNTS) } else { 0 },
-        if const { has(UNIFORM, 3) } { uniform(registers, superop, 3, AMOUNTS) } else { 0 },
-        if const { has(UNIFORM, 4) } { uniform(registers, superop, 4, AMOUNTS) } else { 0 },
-        if const { has(UNIFORM, 5) } { uniform(registers, superop, 5, AMOUNTS) } else { 0 },
+        if const { has_operand(UNIFORM, 0) } { uniform(registers, superop, 0, SHIFT_AMOUNTS) } else { 0 },
+        if const { has_operand(UNIFORM, 1) } { uniform(registers, superop, 1, SHIFT_AMOUNTS) } else { 0 },
+        if const { has_operand(UNIFORM, 2) } { uniform(registers, superop, 2, SHIFT_AMOUNTS) } else { 0 },
+        if const { has_operand(UNIFORM, 3) } { uniform(registers, superop, 3, SHIFT_AMOUNTS) } else { 0 },
+        if const { has_operand(UNIFORM, 4) } { uniform(registers, superop, 4, SHIFT_AMOUNTS) } else { 0 },
+        if const { has_operand(UNIFORM, 5) } { uniform(registers, superop, 5, SHIFT_AMOUNTS) } else { 0 },
     ];
     let mut result = [0; W];
     for lane in 0..W {
         result[lane] = F::apply([
-            if const { has(UNIFORM, 0) } { words[0] } else { a.0[lane] },
-            if const { has(UNIFORM, 1) } { words[1] } else { b.0[lane] },
-            if const { has(UNIFORM, 2) } { words[2] } else { c.0[lane] },
-            if const { has(UNIFORM, 3) } { words[3] } else { d.0[lane] },
-            if const { has(UNIFORM, 4) } { words[4] } else { e.0[lane] },
-            if const { has(UNIFORM, 5) } { words[5] } else { f.0[lane] },
+            if const { has_operand(UNIFORM, 0) } { words[0] } else { a.0[lane] },
+            if const { has_operand(UNIFORM, 1) } { words[1] } else { b.0[lane] },
+            if const { has_operand(UNIFORM, 2) } { words[2] } else { c.0[lane] },
+            if const { has_operand(UNIFORM, 3) } { words[3] } else { d.0[lane] },
+            if const { has_operand(UNIFORM, 4) } { words[4] } else { e.0[lane] },
+            if const { has_operand(UNIFORM, 5) } { words[5] } else { f.0[lane] },
         ]);
     }
     if STORED {
@@ -131,25 +158,30 @@ fn apply<
 /// Whether an operand of a function is read lane by lane from its register: if the function has it,
 /// and it is neither the accumulator nor uniform.
 const fn reads<F: WordFunction>(accumulator: usize, uniform: u8, at: usize) -> bool {
-    at < F::OPERANDS && at + 1 != accumulator && !has(uniform, at)
+    at < F::OPERANDS && at + 1 != accumulator && !has_operand(uniform, at)
 }
 
 /// The word of a uniform operand.
 #[inline(always)]
-fn uniform<const W: usize>(registers: &DirectRegisters<W>, superop: &SuperOp, at: usize, amounts: u8) -> u32 {
+fn uniform<const W: usize>(
+    registers: &DirectRegisters<W>,
+    superop: &SuperOp,
+    at: usize,
+    shift_amounts: u8,
+) -> u32 {
     // The mask lets the compiler leave out a comparison with 32.
-    registers[usize::from(superop.from[at])].0[0] & if has(amounts, at) { 31 } else { !0 }
+    registers[usize::from(superop.from[at])].0[0] & if has_operand(shift_amounts, at) { 31 } else { !0 }
 }
 
 /// Whether the bit of an operand is set in a mask of operands.
-const fn has(uniform: u8, operand: usize) -> bool {
+const fn has_operand(uniform: u8, operand: usize) -> bool {
     uniform >> operand & 1 == 1
 }
 
-/// As [`apply`], for floats to integers: the compiler does not make the processor's conversion of
-/// eight from a loop.
+/// Does what [`apply`] does for the conversion of floats to integers: the compiler does not emit
+/// the processor's conversion of eight lanes for a loop.
 #[inline(always)]
-fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
+fn to_integers<const W: usize, V: LaneOps, const ACC_OPERAND: usize, const STORED: bool>(
     vectors: V,
     accumulator: &mut [u32; W],
     registers: &mut DirectRegisters<W>,
@@ -157,7 +189,7 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
 ) {
     const { assert!(W.is_multiple_of(8)) }
     let held = *accumulator;
-    let floats = if AT == 0 { &registers[usize::from(superop.from[0])].0 } else { &held };
+    let floats = if ACC_OPERAND == 0 { &registers[usize::from(superop.from[0])].0 } else { &held };
     let mut result = [0; W];
     for (eight, to) in floats.as_chunks::<8>().0.iter().zip(result.as_chunks_mut::<8>().0) {
         *to = vectors.to_i32(vectors.load(&eight.map(f32::from_bits))).map(|integer| integer as u32);
@@ -168,17 +200,17 @@ fn to_integers<const W: usize, V: LaneOps, const AT: usize, const STORED: bool>(
     *accumulator = result;
 }
 
-/// Stores the accumulator, or a register; if not every lane runs, in those whose word in `running`
-/// is all ones.
+/// Stores the accumulator, or a register; if not every lane is active, only in the lanes whose word
+/// in `running` is all ones.
 #[allow(clippy::needless_range_loop, reason = "the shape that is vectorised")]
 #[inline(always)]
-fn store<const W: usize, const AT: usize>(
+fn store<const W: usize, const ACC_OPERAND: usize>(
     accumulator: &mut [u32; W],
     registers: &mut DirectRegisters<W>,
     superop: &SuperOp,
     running: Option<&Lanes<W>>,
 ) {
-    if AT == 0 {
+    if ACC_OPERAND == 0 {
         *accumulator = registers[usize::from(superop.from[0])].0;
     }
     let to = &mut registers[usize::from(superop.to)];
@@ -193,10 +225,11 @@ fn store<const W: usize, const AT: usize>(
     }
 }
 
-/// The opcode of a function: whether some operands are read as one word for all lanes
-/// ([`Function::uniform`]), the operand that is the accumulator, and whether the result is stored.
-const fn opcode(function: Function, uniform: bool, at: usize, stored: bool) -> u16 {
-    (function as u16) << 4 | (uniform as u16) << 3 | (at as u16) << 1 | stored as u16
+/// Encodes an opcode: the function, whether some operands are uniform ([`Function::uniform`]), the
+/// operand that is the accumulator (counted from one; 0 for none), and whether the result is
+/// stored.
+const fn opcode(function: Function, uniform: bool, acc_operand: usize, stored: bool) -> u16 {
+    (function as u16) << 4 | (uniform as u16) << 3 | (acc_operand as u16) << 1 | stored as u16
 }
 
 /// The second operand's bit in [`Function::uniform`].
@@ -210,32 +243,32 @@ macro_rules! functions {
         shifts { $($shift:ident $shift_section:ident $shift_type:ident,)* }
         ternary { $($ternary:ident $ternary_section:ident $ternary_type:ident,)* }
         conversions { $($conversion:ident $from:ident $into:ident,)* }
-        two { $($two:ident $two_amounts:literal $two_shape:ident $two_first:ident $two_second:ident $two_type:ty;)* }
-        three { $($three:ident $three_uniform:literal $three_amounts:literal $three_shape:ident $three_first:ident $three_second:ident $three_type:ty;)* }
-        chains { $($chain:ident $chain_uniform:literal $chain_amounts:literal $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
+        binary_pairs { $($binary_pair:ident $binary_pair_shift_amounts:literal $binary_pair_shape:ident $binary_pair_first:ident $binary_pair_second:ident $binary_pair_type:ty;)* }
+        ternary_pairs { $($ternary_pair:ident $ternary_pair_uniform:literal $ternary_pair_shift_amounts:literal $ternary_pair_shape:ident $ternary_pair_first:ident $ternary_pair_second:ident $ternary_pair_type:ty;)* }
+        chains { $($chain:ident $chain_uniform:literal $chain_shift_amounts:literal $chain_shape:ident $chain_first:ident $chain_second:ident $chain_type:ty;)* }
     ) => {
         /// The function that a superinstruction computes.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         enum Function {
             Move,
             MoveMasked,
-            Settle,
-            /// `Settle`, then `MoveMasked`.
-            SettleMasked,
+            CanonicalizeNan,
+            /// `CanonicalizeNan`, then `MoveMasked`.
+            CanonicalizeNanMasked,
             FToS,
             /// A float times itself.
             Square,
-            $($unary,)* $($commuting,)* $($binary,)* $($shift,)* $($ternary,)* $($conversion,)* $($two,)* $($three,)* $($chain,)*
-            /// No superinstruction: leaves the loop. It is the last, so that the others begin with
-            /// 0.
+            $($unary,)* $($commuting,)* $($binary,)* $($shift,)* $($ternary,)* $($conversion,)* $($binary_pair,)* $($ternary_pair,)* $($chain,)*
+            /// An operation that is no superinstruction: leaves the loop. It is the last variant,
+            /// so that the numbers of the others begin with 0.
             Other,
         }
 
         /// Opcodes by the names of their functions, as patterns.
         #[allow(non_snake_case)]
         mod codes {
-            functions! { @codes Move MoveMasked Settle SettleMasked FToS Square
-                $($unary)* $($commuting)* $($binary)* $($shift)* $($ternary)* $($conversion)* $($two)* $($three)* $($chain)* }
+            functions! { @codes Move MoveMasked CanonicalizeNan CanonicalizeNanMasked FToS Square
+                $($unary)* $($commuting)* $($binary)* $($shift)* $($ternary)* $($conversion)* $($binary_pair)* $($ternary_pair)* $($chain)* }
         }
 
         impl Function {
@@ -257,9 +290,9 @@ macro_rules! functions {
                 all.filter_map(|(kernel, function)| Some((kernel?, function))).collect()
             }
 
-            /// Whether the first two operands may change places.
+            /// Whether the first two operands may be swapped.
             fn commutes(self) -> bool {
-                matches!(self, $(Self::$commuting)|* | Self::TwoProducts | Self::ThreeProducts)
+                matches!(self, $(Self::$commuting)|* | Self::DotProduct2 | Self::DotProduct3)
             }
 
             /// The operands that an opcode of its own reads as one word for all lanes, if all of
@@ -267,28 +300,28 @@ macro_rules! functions {
             /// opcode.
             const fn uniform(self) -> u8 {
                 match self {
-                    $(Self::$commuting)|* | $(Self::$binary)|* | $(Self::$shift)|* | $(Self::$two)|* => SECOND,
-                    $(Self::$three => $three_uniform,)*
+                    $(Self::$commuting)|* | $(Self::$binary)|* | $(Self::$shift)|* | $(Self::$binary_pair)|* => SECOND,
+                    $(Self::$ternary_pair => $ternary_pair_uniform,)*
                     $(Self::$chain => $chain_uniform,)*
                     _ => 0,
                 }
             }
 
             /// The uniform operands that are shift amounts: a bit for each.
-            const fn amounts(self) -> u8 {
+            const fn shift_amounts(self) -> u8 {
                 match self {
                     $(Self::$shift)|* => SECOND,
-                    $(Self::$two => $two_amounts,)*
-                    $(Self::$three => $three_amounts,)*
-                    $(Self::$chain => $chain_amounts,)*
+                    $(Self::$binary_pair => $binary_pair_shift_amounts,)*
+                    $(Self::$ternary_pair => $ternary_pair_shift_amounts,)*
+                    $(Self::$chain => $chain_shift_amounts,)*
                     _ => 0,
                 }
             }
 
             /// Pairs: both functions, how the second uses the first, and the function that is both.
             const PAIRS: &'static [(Self, Self, PairShape, Self)] = &[
-                $((Self::$two_first, Self::$two_second, PairShape::$two_shape, Self::$two),)*
-                $((Self::$three_first, Self::$three_second, PairShape::$three_shape, Self::$three),)*
+                $((Self::$binary_pair_first, Self::$binary_pair_second, PairShape::$binary_pair_shape, Self::$binary_pair),)*
+                $((Self::$ternary_pair_first, Self::$ternary_pair_second, PairShape::$ternary_pair_shape, Self::$ternary_pair),)*
                 $((Self::$chain_first, Self::$chain_second, PairShape::$chain_shape, Self::$chain),)*
             ];
         }
@@ -306,115 +339,115 @@ macro_rules! functions {
             let mut rest = superops.iter();
             while let Some(superop) = rest.next() {
                 match superop.opcode {
-                    codes::Move::REGISTERS => apply::<W, UnaryWord<Same>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::Move::FIRST => {}
-                    codes::Move::REGISTERS_STORED => apply::<W, UnaryWord<Same>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::Move::FIRST_STORED => apply::<W, UnaryWord<Same>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::MoveMasked::REGISTERS_STORED => store::<W, 0>(acc, registers, superop, running),
-                    codes::MoveMasked::FIRST_STORED => store::<W, 1>(acc, registers, superop, running),
-                    codes::SettleMasked::FIRST_STORED => {
-                        apply::<W, UnaryWord<Settled>, 1, false, 0, 0>(acc, registers, superop);
+                    codes::Move::NO_ACC => apply::<W, UnaryWord<Identity>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::Move::ACC_FIRST => {}
+                    codes::Move::NO_ACC_STORED => apply::<W, UnaryWord<Identity>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::Move::ACC_FIRST_STORED => apply::<W, UnaryWord<Identity>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::MoveMasked::NO_ACC_STORED => store::<W, 0>(acc, registers, superop, running),
+                    codes::MoveMasked::ACC_FIRST_STORED => store::<W, 1>(acc, registers, superop, running),
+                    codes::CanonicalizeNanMasked::ACC_FIRST_STORED => {
+                        apply::<W, UnaryWord<CanonicalNan>, 1, false, 0, 0>(acc, registers, superop);
                         store::<W, 1>(acc, registers, superop, running);
                     }
-                    codes::FToS::REGISTERS => to_integers::<W, V, 0, false>(vectors, acc, registers, superop),
-                    codes::FToS::REGISTERS_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, superop),
-                    codes::FToS::FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, superop),
-                    codes::FToS::FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, superop),
-                    codes::Square::FIRST => apply::<W, UnaryWord<WithBoth<FMul>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::Square::FIRST_STORED => apply::<W, UnaryWord<WithBoth<FMul>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::Settle::FIRST => apply::<W, UnaryWord<Settled>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::Settle::FIRST_STORED => apply::<W, UnaryWord<Settled>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::FToS::NO_ACC => to_integers::<W, V, 0, false>(vectors, acc, registers, superop),
+                    codes::FToS::NO_ACC_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, superop),
+                    codes::FToS::ACC_FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, superop),
+                    codes::FToS::ACC_FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, superop),
+                    codes::Square::ACC_FIRST => apply::<W, UnaryWord<OnBothOperands<FMul>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::Square::ACC_FIRST_STORED => apply::<W, UnaryWord<OnBothOperands<FMul>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::CanonicalizeNan::ACC_FIRST => apply::<W, UnaryWord<CanonicalNan>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::CanonicalizeNan::ACC_FIRST_STORED => apply::<W, UnaryWord<CanonicalNan>, 1, true, 0, 0>(acc, registers, superop),
                     $(
-                    codes::$unary::REGISTERS => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$unary::REGISTERS_STORED => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$unary::FIRST => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$unary::FIRST_STORED => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$unary::NO_ACC => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$unary::NO_ACC_STORED => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$unary::ACC_FIRST => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$unary::ACC_FIRST_STORED => apply::<W, UnaryWord<$unary_section::$unary<$unary_type>>, 1, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$conversion::REGISTERS => apply::<W, UnaryWord<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$conversion::REGISTERS_STORED => apply::<W, UnaryWord<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$conversion::FIRST => apply::<W, UnaryWord<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$conversion::FIRST_STORED => apply::<W, UnaryWord<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$conversion::NO_ACC => apply::<W, UnaryWord<Between<$from, $into>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$conversion::NO_ACC_STORED => apply::<W, UnaryWord<Between<$from, $into>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$conversion::ACC_FIRST => apply::<W, UnaryWord<Between<$from, $into>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$conversion::ACC_FIRST_STORED => apply::<W, UnaryWord<Between<$from, $into>>, 1, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$commuting::REGISTERS => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$commuting::REGISTERS_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$commuting::FIRST => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$commuting::FIRST_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_REGISTERS => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_FIRST => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, superop),
-                    codes::$commuting::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::NO_ACC => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$commuting::NO_ACC_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$commuting::ACC_FIRST => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$commuting::ACC_FIRST_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_NO_ACC => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, false, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_NO_ACC_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 0, true, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_ACC_FIRST => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, false, SECOND, 0>(acc, registers, superop),
+                    codes::$commuting::UNIFORM_ACC_FIRST_STORED => apply::<W, BinaryWord<$commuting_section::$commuting<$commuting_type>>, 1, true, SECOND, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$binary::REGISTERS => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$binary::REGISTERS_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$binary::FIRST => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$binary::FIRST_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$binary::SECOND => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$binary::SECOND_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_REGISTERS => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_FIRST => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, superop),
-                    codes::$binary::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::NO_ACC => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::NO_ACC_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::ACC_FIRST => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::ACC_FIRST_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::ACC_SECOND => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$binary::ACC_SECOND_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_NO_ACC => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, false, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_NO_ACC_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 0, true, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_ACC_FIRST => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, false, SECOND, 0>(acc, registers, superop),
+                    codes::$binary::UNIFORM_ACC_FIRST_STORED => apply::<W, BinaryWord<$binary_section::$binary<$binary_type>>, 1, true, SECOND, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$shift::REGISTERS => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$shift::REGISTERS_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$shift::FIRST => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$shift::FIRST_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$shift::SECOND => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$shift::SECOND_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$shift::UNIFORM_REGISTERS => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, superop),
-                    codes::$shift::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, superop),
-                    codes::$shift::UNIFORM_FIRST => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, superop),
-                    codes::$shift::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::NO_ACC => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::NO_ACC_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::ACC_FIRST => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::ACC_FIRST_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::ACC_SECOND => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$shift::ACC_SECOND_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$shift::UNIFORM_NO_ACC => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, false, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_NO_ACC_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 0, true, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_ACC_FIRST => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, false, SECOND, SECOND>(acc, registers, superop),
+                    codes::$shift::UNIFORM_ACC_FIRST_STORED => apply::<W, BinaryWord<$shift_section::$shift<$shift_type>>, 1, true, SECOND, SECOND>(acc, registers, superop),
                     )*
                     $(
-                    codes::$two::REGISTERS => apply::<W, BinaryWord<$two_type>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$two::REGISTERS_STORED => apply::<W, BinaryWord<$two_type>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$two::FIRST => apply::<W, BinaryWord<$two_type>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$two::FIRST_STORED => apply::<W, BinaryWord<$two_type>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$two::SECOND => apply::<W, BinaryWord<$two_type>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$two::SECOND_STORED => apply::<W, BinaryWord<$two_type>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$two::UNIFORM_REGISTERS => apply::<W, BinaryWord<$two_type>, 0, false, SECOND, $two_amounts>(acc, registers, superop),
-                    codes::$two::UNIFORM_REGISTERS_STORED => apply::<W, BinaryWord<$two_type>, 0, true, SECOND, $two_amounts>(acc, registers, superop),
-                    codes::$two::UNIFORM_FIRST => apply::<W, BinaryWord<$two_type>, 1, false, SECOND, $two_amounts>(acc, registers, superop),
-                    codes::$two::UNIFORM_FIRST_STORED => apply::<W, BinaryWord<$two_type>, 1, true, SECOND, $two_amounts>(acc, registers, superop),
+                    codes::$binary_pair::NO_ACC => apply::<W, BinaryWord<$binary_pair_type>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$binary_pair::NO_ACC_STORED => apply::<W, BinaryWord<$binary_pair_type>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$binary_pair::ACC_FIRST => apply::<W, BinaryWord<$binary_pair_type>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$binary_pair::ACC_FIRST_STORED => apply::<W, BinaryWord<$binary_pair_type>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$binary_pair::ACC_SECOND => apply::<W, BinaryWord<$binary_pair_type>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$binary_pair::ACC_SECOND_STORED => apply::<W, BinaryWord<$binary_pair_type>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$binary_pair::UNIFORM_NO_ACC => apply::<W, BinaryWord<$binary_pair_type>, 0, false, SECOND, $binary_pair_shift_amounts>(acc, registers, superop),
+                    codes::$binary_pair::UNIFORM_NO_ACC_STORED => apply::<W, BinaryWord<$binary_pair_type>, 0, true, SECOND, $binary_pair_shift_amounts>(acc, registers, superop),
+                    codes::$binary_pair::UNIFORM_ACC_FIRST => apply::<W, BinaryWord<$binary_pair_type>, 1, false, SECOND, $binary_pair_shift_amounts>(acc, registers, superop),
+                    codes::$binary_pair::UNIFORM_ACC_FIRST_STORED => apply::<W, BinaryWord<$binary_pair_type>, 1, true, SECOND, $binary_pair_shift_amounts>(acc, registers, superop),
                     )*
                     $(
-                    codes::$ternary::REGISTERS => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::REGISTERS_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$ternary::FIRST => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::FIRST_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$ternary::SECOND => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::SECOND_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$ternary::THIRD => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, superop),
-                    codes::$ternary::THIRD_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::NO_ACC => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::NO_ACC_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::ACC_FIRST => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::ACC_FIRST_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::ACC_SECOND => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::ACC_SECOND_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary::ACC_THIRD => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 3, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary::ACC_THIRD_STORED => apply::<W, TernaryWord<$ternary_section::$ternary<$ternary_type>>, 3, true, 0, 0>(acc, registers, superop),
                     )*
                     $(
-                    codes::$three::REGISTERS => apply::<W, TernaryWord<$three_type>, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$three::REGISTERS_STORED => apply::<W, TernaryWord<$three_type>, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$three::FIRST => apply::<W, TernaryWord<$three_type>, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$three::FIRST_STORED => apply::<W, TernaryWord<$three_type>, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$three::SECOND => apply::<W, TernaryWord<$three_type>, 2, false, 0, 0>(acc, registers, superop),
-                    codes::$three::SECOND_STORED => apply::<W, TernaryWord<$three_type>, 2, true, 0, 0>(acc, registers, superop),
-                    codes::$three::THIRD => apply::<W, TernaryWord<$three_type>, 3, false, 0, 0>(acc, registers, superop),
-                    codes::$three::THIRD_STORED => apply::<W, TernaryWord<$three_type>, 3, true, 0, 0>(acc, registers, superop),
-                    codes::$three::UNIFORM_REGISTERS => apply::<W, TernaryWord<$three_type>, 0, false, $three_uniform, $three_amounts>(acc, registers, superop),
-                    codes::$three::UNIFORM_REGISTERS_STORED => apply::<W, TernaryWord<$three_type>, 0, true, $three_uniform, $three_amounts>(acc, registers, superop),
-                    codes::$three::UNIFORM_FIRST => apply::<W, TernaryWord<$three_type>, 1, false, $three_uniform, $three_amounts>(acc, registers, superop),
-                    codes::$three::UNIFORM_FIRST_STORED => apply::<W, TernaryWord<$three_type>, 1, true, $three_uniform, $three_amounts>(acc, registers, superop),
+                    codes::$ternary_pair::NO_ACC => apply::<W, TernaryWord<$ternary_pair_type>, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::NO_ACC_STORED => apply::<W, TernaryWord<$ternary_pair_type>, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::ACC_FIRST => apply::<W, TernaryWord<$ternary_pair_type>, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::ACC_FIRST_STORED => apply::<W, TernaryWord<$ternary_pair_type>, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::ACC_SECOND => apply::<W, TernaryWord<$ternary_pair_type>, 2, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::ACC_SECOND_STORED => apply::<W, TernaryWord<$ternary_pair_type>, 2, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::ACC_THIRD => apply::<W, TernaryWord<$ternary_pair_type>, 3, false, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::ACC_THIRD_STORED => apply::<W, TernaryWord<$ternary_pair_type>, 3, true, 0, 0>(acc, registers, superop),
+                    codes::$ternary_pair::UNIFORM_NO_ACC => apply::<W, TernaryWord<$ternary_pair_type>, 0, false, $ternary_pair_uniform, $ternary_pair_shift_amounts>(acc, registers, superop),
+                    codes::$ternary_pair::UNIFORM_NO_ACC_STORED => apply::<W, TernaryWord<$ternary_pair_type>, 0, true, $ternary_pair_uniform, $ternary_pair_shift_amounts>(acc, registers, superop),
+                    codes::$ternary_pair::UNIFORM_ACC_FIRST => apply::<W, TernaryWord<$ternary_pair_type>, 1, false, $ternary_pair_uniform, $ternary_pair_shift_amounts>(acc, registers, superop),
+                    codes::$ternary_pair::UNIFORM_ACC_FIRST_STORED => apply::<W, TernaryWord<$ternary_pair_type>, 1, true, $ternary_pair_uniform, $ternary_pair_shift_amounts>(acc, registers, superop),
                     )*
                     $(
-                    codes::$chain::REGISTERS => apply::<W, $chain_type, 0, false, 0, 0>(acc, registers, superop),
-                    codes::$chain::REGISTERS_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, registers, superop),
-                    codes::$chain::FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, registers, superop),
-                    codes::$chain::FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, registers, superop),
-                    codes::$chain::UNIFORM_REGISTERS => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_amounts>(acc, registers, superop),
-                    codes::$chain::UNIFORM_REGISTERS_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_amounts>(acc, registers, superop),
-                    codes::$chain::UNIFORM_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_amounts>(acc, registers, superop),
-                    codes::$chain::UNIFORM_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_amounts>(acc, registers, superop),
+                    codes::$chain::NO_ACC => apply::<W, $chain_type, 0, false, 0, 0>(acc, registers, superop),
+                    codes::$chain::NO_ACC_STORED => apply::<W, $chain_type, 0, true, 0, 0>(acc, registers, superop),
+                    codes::$chain::ACC_FIRST => apply::<W, $chain_type, 1, false, 0, 0>(acc, registers, superop),
+                    codes::$chain::ACC_FIRST_STORED => apply::<W, $chain_type, 1, true, 0, 0>(acc, registers, superop),
+                    codes::$chain::UNIFORM_NO_ACC => apply::<W, $chain_type, 0, false, $chain_uniform, $chain_shift_amounts>(acc, registers, superop),
+                    codes::$chain::UNIFORM_NO_ACC_STORED => apply::<W, $chain_type, 0, true, $chain_uniform, $chain_shift_amounts>(acc, registers, superop),
+                    codes::$chain::UNIFORM_ACC_FIRST => apply::<W, $chain_type, 1, false, $chain_uniform, $chain_shift_amounts>(acc, registers, superop),
+                    codes::$chain::UNIFORM_ACC_FIRST_STORED => apply::<W, $chain_type, 1, true, $chain_uniform, $chain_shift_amounts>(acc, registers, superop),
                     )*
                     _ => return superops.len() - rest.len() - 1,
                 }
@@ -426,18 +459,18 @@ macro_rules! functions {
         #[allow(dead_code)]
         pub mod $name {
             use super::super::{Function, opcode};
-            pub const REGISTERS: u16 = opcode(Function::$name, false, 0, false);
-            pub const REGISTERS_STORED: u16 = opcode(Function::$name, false, 0, true);
-            pub const FIRST: u16 = opcode(Function::$name, false, 1, false);
-            pub const FIRST_STORED: u16 = opcode(Function::$name, false, 1, true);
-            pub const SECOND: u16 = opcode(Function::$name, false, 2, false);
-            pub const SECOND_STORED: u16 = opcode(Function::$name, false, 2, true);
-            pub const THIRD: u16 = opcode(Function::$name, false, 3, false);
-            pub const THIRD_STORED: u16 = opcode(Function::$name, false, 3, true);
-            pub const UNIFORM_REGISTERS: u16 = opcode(Function::$name, true, 0, false);
-            pub const UNIFORM_REGISTERS_STORED: u16 = opcode(Function::$name, true, 0, true);
-            pub const UNIFORM_FIRST: u16 = opcode(Function::$name, true, 1, false);
-            pub const UNIFORM_FIRST_STORED: u16 = opcode(Function::$name, true, 1, true);
+            pub const NO_ACC: u16 = opcode(Function::$name, false, 0, false);
+            pub const NO_ACC_STORED: u16 = opcode(Function::$name, false, 0, true);
+            pub const ACC_FIRST: u16 = opcode(Function::$name, false, 1, false);
+            pub const ACC_FIRST_STORED: u16 = opcode(Function::$name, false, 1, true);
+            pub const ACC_SECOND: u16 = opcode(Function::$name, false, 2, false);
+            pub const ACC_SECOND_STORED: u16 = opcode(Function::$name, false, 2, true);
+            pub const ACC_THIRD: u16 = opcode(Function::$name, false, 3, false);
+            pub const ACC_THIRD_STORED: u16 = opcode(Function::$name, false, 3, true);
+            pub const UNIFORM_NO_ACC: u16 = opcode(Function::$name, true, 0, false);
+            pub const UNIFORM_NO_ACC_STORED: u16 = opcode(Function::$name, true, 0, true);
+            pub const UNIFORM_ACC_FIRST: u16 = opcode(Function::$name, true, 1, false);
+            pub const UNIFORM_ACC_FIRST_STORED: u16 = opcode(Function::$name, true, 1, true);
         }
     )*};
 }
@@ -447,32 +480,32 @@ type FAdd = arithmetic::FAdd<f32>;
 type FSub = arithmetic::FSub<f32>;
 type IMul = arithmetic::IMul<u32>;
 type IAdd = arithmetic::IAdd<u32>;
-type Right = bit::ShiftRightLogical<u32>;
-/// A logical shift to the right whose result is a signed number.
-struct SignedRight;
+type ShiftRight = bit::ShiftRightLogical<u32>;
+/// A logical shift right whose result is a signed number.
+struct SignedShiftRight;
 
-impl Binary for SignedRight {
+impl Binary for SignedShiftRight {
     type A = u32;
     type B = u32;
     type R = i32;
     #[inline(always)]
     fn apply(a: u32, b: u32) -> i32 {
-        Right::apply(a, b) as i32
+        ShiftRight::apply(a, b) as i32
     }
 }
 
-type Left = bit::ShiftLeftLogical<u32>;
+type ShiftLeft = bit::ShiftLeftLogical<u32>;
 type Xor = bit::BitwiseXor<u32>;
 type And = bit::BitwiseAnd<u32>;
 type Or = bit::BitwiseOr<u32>;
 
-type ShiftXor = WithItself<Right, Xor>;
-/// Two rounds by which hashes mix bits.
+type ShiftXor = WithItself<ShiftRight, Xor>;
+/// Two rounds of a hash's bit mixing: shift, exclusive or, multiplication.
 type MixTwice = Chain<TernaryWord<Then<ShiftXor, IMul>>, TernaryWord<Then<ShiftXor, IMul>>>;
-/// A third round ends with its exclusive or.
+/// [`MixTwice`] and the shift and exclusive or of a third round.
 type Mix = Chain<MixTwice, BinaryWord<ShiftXor>>;
-/// Found in inner products, and in products of matrices and vectors.
-type TwoProducts = Last<BinaryWord<FMul>, TernaryWord<Then<FMul, FAdd>>>;
+/// `a * b + c * d`: a dot product of two components, as in products of matrices and vectors.
+type DotProduct2 = Last<BinaryWord<FMul>, TernaryWord<Then<FMul, FAdd>>>;
 
 functions! {
     unary {
@@ -505,36 +538,36 @@ functions! {
     conversions {
     SToF i32 f32, UToF u32 f32,
     }
-    two {
+    binary_pairs {
     ShiftXor 0b10 WithItself ShiftRightLogical BitwiseXor ShiftXor;
-    ShiftLeftXor 0b10 WithItself ShiftLeftLogical BitwiseXor WithItself<Left, Xor>;
-    SignedTimes 0 ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
+    ShiftLeftXor 0b10 WithItself ShiftLeftLogical BitwiseXor WithItself<ShiftLeft, Xor>;
+    SToFMul 0 ThenWith SToF FMul ThenWith<Between<i32, f32>, FMul>;
     }
-    three {
-    ShiftXorTimes 0b110 0b010 Then ShiftXor IMul Then<ShiftXor, IMul>;
-    ShiftTimes 0b110 0b010 Then ShiftRightLogical SignedTimes Then<SignedRight, ThenWith<Between<i32, f32>, FMul>>;
+    ternary_pairs {
+    ShiftXorIMul 0b110 0b010 Then ShiftXor IMul Then<ShiftXor, IMul>;
+    ShiftSToFMul 0b110 0b010 Then ShiftRightLogical SToFMul Then<SignedShiftRight, ThenWith<Between<i32, f32>, FMul>>;
     MulAdd 0b010 0 Then FMul FAdd Then<FMul, FAdd>;
     MulSub 0b010 0 Then FMul FSub Then<FMul, FSub>;
-    SubMul 0b110 0 After FMul FSub After<FMul, FSub>;
+    NegMulAdd 0b110 0 After FMul FSub After<FMul, FSub>;
     MulMul 0b010 0 Then FMul FMul Then<FMul, FMul>;
-    AddTimes 0b110 0 Then FAdd FMul Then<FAdd, FMul>;
-    SubTimes 0b100 0 Then FSub FMul Then<FSub, FMul>;
+    AddMul 0b110 0 Then FAdd FMul Then<FAdd, FMul>;
+    SubMul 0b100 0 Then FSub FMul Then<FSub, FMul>;
     AddAdd 0b110 0 Then FAdd FAdd Then<FAdd, FAdd>;
     SubAdd 0b110 0 Then FSub FAdd Then<FSub, FAdd>;
-    ShiftAnd 0b110 0b010 Then ShiftRightLogical BitwiseAnd Then<Right, And>;
-    ShiftOr 0b010 0b010 Then ShiftRightLogical BitwiseOr Then<Right, Or>;
-    ShiftLeftOr 0b010 0b010 Then ShiftLeftLogical BitwiseOr Then<Left, Or>;
-    XorTimes 0b100 0 Then BitwiseXor IMul Then<Xor, IMul>;
-    TimesPlus 0b010 0 Then IMul IAdd Then<IMul, IAdd>;
-    PlusPlus 0b110 0 Then IAdd IAdd Then<IAdd, IAdd>;
-    PlusTimes 0b110 0 Then IAdd IMul Then<IAdd, IMul>;
+    ShiftAnd 0b110 0b010 Then ShiftRightLogical BitwiseAnd Then<ShiftRight, And>;
+    ShiftOr 0b010 0b010 Then ShiftRightLogical BitwiseOr Then<ShiftRight, Or>;
+    ShiftLeftOr 0b010 0b010 Then ShiftLeftLogical BitwiseOr Then<ShiftLeft, Or>;
+    XorIMul 0b100 0 Then BitwiseXor IMul Then<Xor, IMul>;
+    IMulIAdd 0b010 0 Then IMul IAdd Then<IMul, IAdd>;
+    IAddIAdd 0b110 0 Then IAdd IAdd Then<IAdd, IAdd>;
+    IAddIMul 0b110 0 Then IAdd IMul Then<IAdd, IMul>;
     }
     chains {
-    MixTwice 0b11110 0b01010 Chain ShiftXorTimes ShiftXorTimes MixTwice;
+    MixTwice 0b11110 0b01010 Chain ShiftXorIMul ShiftXorIMul MixTwice;
     Mix 0b111110 0b101010 Chain MixTwice ShiftXor Mix;
-    SubMulTimes 0b0110 0 Chain SubMul FMul Chain<TernaryWord<After<FMul, FSub>>, BinaryWord<FMul>>;
-    TwoProducts 0b1010 0 Last FMul MulAdd TwoProducts;
-    ThreeProducts 0b101010 0 Last TwoProducts MulAdd Last<TwoProducts, TernaryWord<Then<FMul, FAdd>>>;
+    NegMulAddMul 0b0110 0 Chain NegMulAdd FMul Chain<TernaryWord<After<FMul, FSub>>, BinaryWord<FMul>>;
+    DotProduct2 0b1010 0 Last FMul MulAdd DotProduct2;
+    DotProduct3 0b101010 0 Last DotProduct2 MulAdd Last<DotProduct2, TernaryWord<Then<FMul, FAdd>>>;
     }
 }
 
@@ -556,9 +589,9 @@ impl SuperCode {
         let running = (!mask.is_all()).then(|| mask.words());
         loop {
             let superops = &self.superops[first..end];
-            first += self.run_some(registers, superops, running.as_ref());
+            first += self.run_until_exit(registers, superops, running.as_ref());
             let Some(&op) = self.op_of[..end].get(first) else { return range.end };
-            // A lane kernel without a superinstruction.
+            // A lane kernel that has no opcode is called as a function.
             let Op::LaneKernel { kernel, to, from } = &ops[op as usize] else { return op };
             kernel.run(registers, *to, from);
             first += 1;
@@ -566,7 +599,7 @@ impl SuperCode {
     }
 
     /// Runs superinstructions. Returns how many ran before one that leaves the loop.
-    fn run_some<const W: usize>(
+    fn run_until_exit<const W: usize>(
         &self,
         registers: &mut Registers<W>,
         superops: &[SuperOp],

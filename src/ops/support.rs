@@ -1,9 +1,9 @@
-//! What runs, what does not yet, and what this crate will not run.
+//! The parts of SPIR-V that run, that do not run yet, and that this crate will not run.
 //!
-//! Computed from the instruction set itself: an instruction runs where a family of kernels has its
-//! number, or a section lists it among the opcodes that it translates. The rest is classed by hand
-//! in `lists`, mostly by the capability that an instruction needs; a test walks rspirv's grammar
-//! and fails where one is classed nowhere.
+//! They are computed from the instruction set itself: an instruction runs where a family of kernels
+//! has its number, or a section lists it among the opcodes that it translates. The rest is classed
+//! by hand in `lists`, mostly by the capability that an instruction needs; a test walks rspirv's
+//! grammar and fails where one is classed nowhere.
 
 mod lists;
 pub mod table;
@@ -44,7 +44,7 @@ impl Support {
         matches!(self, Self::Supported(_))
     }
 
-    /// What is said of a thing of this class by name, where it does not run.
+    /// The message for a name of this class, where it does not run.
     fn refusal(self, name: &str) -> Option<String> {
         match self {
             Self::Supported(_) => None,
@@ -92,7 +92,7 @@ pub fn glsl(number: u32) -> Option<Support> {
 pub fn instruction_set(name: &str) -> Support {
     match name {
         "GLSL.std.450" => Support::Supported("GLSL.std.450"),
-        // They change no result.
+        // These sets change no result.
         _ if name.starts_with("NonSemantic.") => Support::Supported("debug information"),
         "DebugInfo" | "OpenCL.DebugInfo.100" => Support::Supported("debug information"),
         amd::TRINARY | amd::BALLOT => Support::Supported("SPV_AMD"),
@@ -129,11 +129,11 @@ pub fn storage_class(number: u32) -> Option<Support> {
 pub struct Gap {
     /// The specification's name.
     pub name: String,
-    /// What is said of it.
+    /// The message about it.
     pub message: String,
     /// How many instructions use it.
     pub count: usize,
-    /// Where the first of them stands, in words.
+    /// The offset of the first of them in the module, in words.
     pub offset: u32,
 }
 
@@ -276,7 +276,7 @@ mod tests {
         let mut wrong = Vec::new();
         for entry in INSTRUCTION_TABLE.iter() {
             let number = entry.opcode as u16;
-            // What needs implicit derivatives is refused by the rule that it breaks.
+            // Instructions that need implicit derivatives are rejected by the rule that they break.
             if lists::group_of(lists::READ_BY_MODULE_AND_PROGRAM, entry.opcode).is_some()
                 || image::IMPLICIT.contains(&entry.opcode)
             {

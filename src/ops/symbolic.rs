@@ -1,9 +1,9 @@
 //! Symbolic execution of operations, for checks of the optimizer.
 //!
-//! What a register holds is an expression of what registers held where the code begins. Equal
-//! expressions get equal numbers (hash-based value numbering), so that two sequences of operations
-//! are compared by comparing numbers. Everything is seen by one lane that runs: a masked store is a
-//! store.
+//! The value of a register is an expression of the values that registers have where the code
+//! begins. Equal expressions get equal numbers (hash-based value numbering), so that two sequences
+//! of operations are compared by comparing numbers. The execution is that of one active lane: a
+//! masked store is a store.
 
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
@@ -24,18 +24,18 @@ pub type Values = SmallVec<[ValueNumber; 4]>;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Expression {
-    /// What a register held at the beginning.
+    /// The value of a register at the beginning.
     Initial(Reg),
     /// A register that has not been written.
     Undefined(Reg),
     Constant(u32),
-    /// A word of what a regular operation gives; its kernel by its address.
+    /// A word of the result of a regular operation, whose kernel is named by its address.
     Regular {
         kernel: usize,
         word: u32,
         operands: Values,
     },
-    /// A word of what an irregular operation gives behind so many effects.
+    /// A word of the result of an irregular operation, after a number of effects.
     Irregular {
         op: u32,
         effects: u32,
@@ -44,21 +44,21 @@ enum Expression {
     },
 }
 
-/// All expressions so far.
+/// The value numbers of all expressions so far.
 #[derive(Default)]
-pub struct Numbering {
+pub struct ValueTable {
     numbers: FxHashMap<Expression, ValueNumber>,
     expressions: Vec<Expression>,
-    /// Irregular operations without the registers that they name by themselves.
+    /// The numbers of irregular operations, by their text without renamable registers.
     irregular: FxHashMap<String, u32>,
-    /// By address: regular operations whose two operands may change places.
+    /// The addresses of kernels that commute.
     commuting: Vec<usize>,
-    /// By address: those that expressions name.
+    /// The kernels in expressions, by address.
     kernels: FxHashMap<usize, &'static LaneKernel>,
 }
 
-impl Numbering {
-    /// No expressions.
+impl ValueTable {
+    /// Returns a table without expressions.
     pub fn new() -> Self {
         let families: [&'static crate::ops::lane_kernel::OpFamily; 18] = [
             &arithmetic::IAdd,
@@ -96,7 +96,7 @@ impl Numbering {
         value
     }
 
-    /// What a register held at the beginning.
+    /// The value of a register at the beginning.
     pub fn initial(&mut self, reg: Reg) -> ValueNumber {
         self.number(Expression::Initial(reg))
     }
@@ -119,7 +119,7 @@ impl Numbering {
         }
     }
 
-    /// A word of what a regular operation gives.
+    /// A word of the result of a regular operation.
     pub fn regular(
         &mut self,
         kernel: &'static LaneKernel,
@@ -142,7 +142,7 @@ impl Numbering {
             let inner = self.regular(lower, 0, &low);
             return self.regular(upper, 0, &[inner, high]);
         }
-        // What was shifted to the right by one bit at least is not negative.
+        // A value that was shifted to the right by at least one bit is not negative.
         if let (Some(signed), Some(unsigned)) =
             (conversion::kernel(Conversion::SToF, 32, 32), conversion::kernel(Conversion::UToF, 32, 32))
             && kernel == signed
@@ -169,14 +169,14 @@ impl Numbering {
         self.number(Expression::Irregular { op, effects, word, operands: operands.clone() })
     }
 
-    /// The first place in which two expressions differ, for messages.
+    /// The first operands in which two expressions differ, for messages.
     pub fn difference(&self, one: ValueNumber, other: ValueNumber) -> [String; 2] {
         let [a, b] = [one, other].map(|value| &self.expressions[value.0 as usize]);
         let operands = match (a, b) {
             (
                 Expression::Regular { kernel, word, operands },
-                Expression::Regular { kernel: row2, word: word2, operands: operands2 },
-            ) if (kernel, word) == (row2, word2) => Some((operands, operands2)),
+                Expression::Regular { kernel: kernel2, word: word2, operands: operands2 },
+            ) if (kernel, word) == (kernel2, word2) => Some((operands, operands2)),
             (
                 Expression::Irregular { op, effects, word, operands },
                 Expression::Irregular { op: op2, effects: effects2, word: word2, operands: operands2 },
@@ -219,7 +219,7 @@ impl Numbering {
     }
 }
 
-/// What identifies a kernel of the tables.
+/// The address that identifies a kernel.
 fn address(kernel: &'static LaneKernel) -> usize {
     std::ptr::from_ref(kernel) as usize
 }
@@ -228,55 +228,59 @@ fn address(kernel: &'static LaneKernel) -> usize {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Effect {
     op: u32,
-    /// What it reads.
+    /// The values that it reads.
     pub operands: Values,
 }
 
-/// Registers whose contents operations reach without naming them.
+/// Registers that operations read or write without naming them.
 #[derive(Clone, Debug, Default)]
-pub struct Reached {
-    /// Of variables with computed indices.
+pub struct ImplicitRegisters {
+    /// The registers of variables with computed indices.
     pub addressed: Vec<Reg>,
-    /// Of payloads, callable data and hit attributes, which the pipeline reads where a batch is
-    /// handed to it.
-    pub handed: Vec<Reg>,
-    /// Of those, other interface variables and builtins, which the pipeline may write there.
-    pub interface: Vec<Reg>,
+    /// The registers of payloads, callable data and hit attributes, which the pipeline reads where
+    /// a batch stops.
+    pub read_by_pipeline: Vec<Reg>,
+    /// The registers of those, of other interface variables and of builtins, which the pipeline may
+    /// write there.
+    pub written_by_pipeline: Vec<Reg>,
 }
 
-/// What registers hold, and what has been done.
+/// A symbolic state: the values of registers, and the effects so far.
 #[derive(Clone)]
 pub struct State<'a> {
     registers: FxHashMap<Reg, ValueNumber>,
-    /// What a register holds that is not written here.
-    begin: &'a dyn Fn(Reg, &mut Numbering) -> ValueNumber,
-    reached: &'a Reached,
-    /// What has been done, in order.
+    /// The value of a register that has not been written.
+    begin: &'a dyn Fn(Reg, &mut ValueTable) -> ValueNumber,
+    implicit: &'a ImplicitRegisters,
+    /// The effects so far, in order.
     pub effects: Vec<Effect>,
     /// Registers that regular operations and plain moves have written, in all lanes.
     pub written_in_all_lanes: Vec<Reg>,
 }
 
 impl<'a> State<'a> {
-    /// Before the first operation.
-    pub fn new(begin: &'a dyn Fn(Reg, &mut Numbering) -> ValueNumber, reached: &'a Reached) -> Self {
+    /// Returns the state before the first operation.
+    pub fn new(
+        begin: &'a dyn Fn(Reg, &mut ValueTable) -> ValueNumber,
+        implicit: &'a ImplicitRegisters,
+    ) -> Self {
         Self {
             registers: FxHashMap::default(),
             begin,
-            reached,
+            implicit,
             effects: Vec::new(),
             written_in_all_lanes: Vec::new(),
         }
     }
 
-    /// What a register holds.
-    pub fn get(&mut self, reg: Reg, numbering: &mut Numbering) -> ValueNumber {
-        *self.registers.entry(reg).or_insert_with(|| (self.begin)(reg, numbering))
+    /// The value of a register.
+    pub fn get(&mut self, reg: Reg, table: &mut ValueTable) -> ValueNumber {
+        *self.registers.entry(reg).or_insert_with(|| (self.begin)(reg, table))
     }
 
-    /// Registers whose contents operations reach without naming them.
-    pub fn reached(&self) -> &'a Reached {
-        self.reached
+    /// Registers that operations read or write without naming them.
+    pub fn implicit(&self) -> &'a ImplicitRegisters {
+        self.implicit
     }
 
     /// Writes a register.
@@ -284,44 +288,44 @@ impl<'a> State<'a> {
         self.registers.insert(reg, value);
     }
 
-    fn read(&mut self, first: Reg, count: u32, numbering: &mut Numbering, to: &mut Values) {
+    fn read(&mut self, first: Reg, count: u32, table: &mut ValueTable, to: &mut Values) {
         for word in 0..count {
-            to.push(self.get(first.plus(word), numbering));
+            to.push(self.get(first.plus(word), table));
         }
     }
 
     /// Executes an operation.
-    pub fn execute(&mut self, op: &Op, numbering: &mut Numbering) {
+    pub fn execute(&mut self, op: &Op, table: &mut ValueTable) {
         let mut operands = Values::new();
         match op {
             Op::LaneKernel { kernel, to, from } => {
                 for (&reg, &words) in from.iter().zip(&kernel.operands) {
-                    self.read(reg, words, numbering, &mut operands);
+                    self.read(reg, words, table, &mut operands);
                 }
                 for word in 0..kernel.words {
-                    let value = numbering.regular(kernel, word, &operands);
+                    let value = table.regular(kernel, word, &operands);
                     self.set(to.plus(word), value);
                     self.written_in_all_lanes.push(to.plus(word));
                 }
             }
             Op::Memory(memory::MemoryOp::Move { to, from }) => {
-                let value = self.get(*from, numbering);
+                let value = self.get(*from, table);
                 self.set(*to, value);
                 if to != from {
                     self.written_in_all_lanes.push(*to);
                 }
             }
             Op::Memory(memory::MemoryOp::MoveMasked { to, from }) => {
-                let value = self.get(*from, numbering);
+                let value = self.get(*from, table);
                 self.set(*to, value);
             }
-            _ => self.execute_irregular(op, numbering),
+            _ => self.execute_irregular(op, table),
         }
     }
 
-    fn execute_irregular(&mut self, op: &Op, numbering: &mut Numbering) {
-        let reached = self.reached;
-        let key = key(op, numbering);
+    fn execute_irregular(&mut self, op: &Op, table: &mut ValueTable) {
+        let implicit = self.implicit;
+        let key = key(op, table);
         let mut operands = Values::new();
         let mut writes: SmallVec<[(Reg, u32); 2]> = SmallVec::new();
         let mut effect = false;
@@ -331,34 +335,34 @@ impl<'a> State<'a> {
             Access::Write(first, count) => writes.push((first, count)),
             Access::Effect => effect = true,
         });
-        reads.iter().for_each(|&(first, count)| self.read(first, count, numbering, &mut operands));
+        reads.iter().for_each(|&(first, count)| self.read(first, count, table, &mut operands));
         let addresses = reaches_addressed(op);
         if addresses {
-            reached.addressed.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
+            implicit.addressed.iter().for_each(|&reg| self.read(reg, 1, table, &mut operands));
         }
-        let waits = matches!(op, Op::Stop(_) | Op::Barrier);
-        if waits {
-            reached.handed.iter().for_each(|&reg| self.read(reg, 1, numbering, &mut operands));
+        let stops = matches!(op, Op::Stop(_) | Op::Barrier);
+        if stops {
+            implicit.read_by_pipeline.iter().for_each(|&reg| self.read(reg, 1, table, &mut operands));
         }
         let effects = self.effects.len() as u32;
         let mut word = 0;
         for (first, count) in writes {
             for reg in first.0..first.0 + count {
-                self.set(Reg(reg), numbering.irregular(key, effects, word, &operands));
+                self.set(Reg(reg), table.irregular(key, effects, word, &operands));
                 word += 1;
             }
         }
         let mut changes = |regs: &[Reg], state: &mut Self| {
             for &reg in regs {
-                state.set(reg, numbering.irregular(key, effects, word, &operands));
+                state.set(reg, table.irregular(key, effects, word, &operands));
                 word += 1;
             }
         };
         if addresses && !matches!(op, Op::Memory(memory::MemoryOp::Gather { .. })) {
-            changes(&reached.addressed, self);
+            changes(&implicit.addressed, self);
         }
-        if waits {
-            changes(&reached.interface, self);
+        if stops {
+            changes(&implicit.written_by_pipeline, self);
         }
         if effect {
             self.effects.push(Effect { op: key, operands });
@@ -374,9 +378,8 @@ pub fn reaches_addressed(op: &Op) -> bool {
     )
 }
 
-/// The number of an irregular operation without the registers that it names by themselves: those
-/// may be renamed.
-fn key(op: &Op, numbering: &mut Numbering) -> u32 {
+/// The number of an irregular operation, without the registers that register allocation may rename.
+fn key(op: &Op, table: &mut ValueTable) -> u32 {
     const ANY: Reg = Reg(0);
     let mut plain = op.clone();
     match &mut plain {
@@ -395,6 +398,6 @@ fn key(op: &Op, numbering: &mut Numbering) -> u32 {
         }
         _ => {}
     }
-    let next = numbering.irregular.len() as u32;
-    *numbering.irregular.entry(format!("{plain:?}")).or_insert(next)
+    let next = table.irregular.len() as u32;
+    *table.irregular.entry(format!("{plain:?}")).or_insert(next)
 }

@@ -1,8 +1,8 @@
 //! Translates instructions of a module to operations on registers.
 //!
 //! A [`Translator`] keeps what each id stands for: the registers of its words, or where a pointer
-//! points. Composites vanish here: extracting, inserting and shuffling only rearrange the list of
-//! registers.
+//! points. Composites are scalarized here: extracting, inserting and shuffling only rearrange the
+//! list of registers. It also folds constants and forwards stores of variables to loads.
 
 mod values;
 mod words;
@@ -44,14 +44,15 @@ pub struct InterfaceRegisters {
     pub ty: TypeId,
     /// The first register.
     pub first: Reg,
-    /// How many registers.
+    /// The number of registers.
     pub count: u32,
-    /// For payloads and callable data, a fingerprint of their scalars; see [`Translator::scalars`].
-    pub scalars: u64,
+    /// For payloads and callable data, a hash of their scalar types; see
+    /// [`Translator::scalar_fingerprint`].
+    pub scalar_fingerprint: u64,
 }
 
 impl InterfaceRegisters {
-    /// The registers alone.
+    /// The registers as a span.
     pub fn span(&self) -> RegSpan {
         RegSpan { first: self.first, count: self.count }
     }
@@ -64,7 +65,7 @@ pub struct InputRegisters {
     pub builtin: &'static Builtin,
     /// The first register.
     pub first: Reg,
-    /// How many registers.
+    /// The number of registers.
     pub count: u32,
 }
 
@@ -125,19 +126,20 @@ pub struct Translator<'m> {
     registers: u32,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
-    /// By register: the word of a constant.
+    /// The words of constants, indexed by register.
     words: Vec<Option<u32>>,
-    /// By register of a variable: another register that holds its current value, and the time from
-    /// which this is known.
-    known: Vec<(u32, Reg)>,
-    /// The current time; entries of `known` from another time are outdated.
-    time: u32,
-    /// By type: the number of words of a value.
+    /// By register of a variable: the epoch of the entry, and another register that holds the
+    /// variable's current value (store-to-load forwarding).
+    known_values: Vec<(u32, Reg)>,
+    /// The current epoch; entries of `known_values` from an earlier epoch are invalid.
+    known_values_epoch: u32,
+    /// The number of words of a value, indexed by type.
     word_counts: Vec<Option<u32>>,
     /// Whether a constant of the module is being translated.
     pub(super) in_constant: bool,
-    /// Registers in which operations on constants run: two of the result, and two of each operand.
-    folding: Registers<1>,
+    /// Registers in which operations on constants are folded: two for the result, and two for each
+    /// operand.
+    folding_registers: Registers<1>,
 }
 
 impl<'m> Translator<'m> {
@@ -167,11 +169,11 @@ impl<'m> Translator<'m> {
             constants: FxHashMap::default(),
             wide_constants: FxHashMap::default(),
             words: Vec::new(),
-            known: Vec::new(),
-            time: 1,
+            known_values: Vec::new(),
+            known_values_epoch: 1,
             word_counts: vec![None; module.types.len()],
             in_constant: false,
-            folding: Registers::new(8),
+            folding_registers: Registers::new(8),
         }
     }
 
@@ -240,16 +242,16 @@ impl<'m> Translator<'m> {
         }
     }
 
-    /// The module breaks a rule at the current instruction.
+    /// The error of a module that breaks a rule at the current instruction.
     pub fn invalid(&self, message: impl Into<String>) -> Error {
         self.error(ErrorKind::InvalidModule, message)
     }
 
-    /// A type in a buffer lacks a layout decoration.
+    /// The error of a type in a buffer without a layout decoration.
     ///
     /// The validator requires these in four storage classes; for the others, such as shader
     /// records, no rule does.
-    pub fn not_laid_out(&self, storage_class: u32, message: impl Into<String>) -> Error {
+    pub fn missing_layout(&self, storage_class: u32, message: impl Into<String>) -> Error {
         use crate::ops::pointer::storage;
         match storage_class {
             storage::UNIFORM
@@ -262,7 +264,7 @@ impl<'m> Translator<'m> {
         }
     }
 
-    /// This crate does not run the current instruction.
+    /// The error of an instruction that this crate does not run.
     pub fn unsupported(&self, message: impl Into<String>) -> Error {
         self.error(ErrorKind::UnsupportedModule, message)
     }
@@ -327,13 +329,13 @@ impl<'m> Translator<'m> {
     /// Appends a kernel on the given operands, or folds it if all of them are constants. Returns
     /// the first register of the result.
     pub fn emit_kernel(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
-        if self.float_controls.concern(kernel) {
-            return float_controls::controlled(self, kernel, from);
+        if self.float_controls.affects(kernel) {
+            return float_controls::emit_controlled(self, kernel, from);
         }
         self.emit_uncontrolled(kernel, from)
     }
 
-    /// As [`Translator::emit_kernel`], without regard to the float controls.
+    /// Does what [`Translator::emit_kernel`] does, but ignores the float controls.
     pub fn emit_uncontrolled(&mut self, kernel: &'static LaneKernel, from: &[Reg]) -> Result<Reg> {
         let first = from.first().copied().unwrap_or(Reg(0));
         let operands = std::array::from_fn(|at| from.get(at).copied().unwrap_or(first));
@@ -350,7 +352,8 @@ impl<'m> Translator<'m> {
         Ok(to)
     }
 
-    /// As [`Translator::emit_kernel`], for the kernel of a family for operands of `width` bits.
+    /// Appends the kernel that a family has for operands of `width` bits; see
+    /// [`Translator::emit_kernel`].
     pub fn emit_family(&mut self, family: &'static OpFamily, width: u32, from: &[Reg]) -> Result<Reg> {
         match family.kernel(width) {
             Some(kernel) => self.emit_kernel(kernel, from),
@@ -363,11 +366,11 @@ impl<'m> Translator<'m> {
         for (at, &reg) in from.iter().enumerate() {
             operands[at] = Reg(2 + 2 * at as u32);
             for word in 0..kernel.operands[at] {
-                self.folding[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
+                self.folding_registers[operands[at].plus(word)].0[0] = self.constant_word(reg.plus(word))?;
             }
         }
-        (kernel.one)(self.folding.all_mut(), Reg(0), &operands);
-        let [low, high] = [Reg(0), Reg(1)].map(|reg| u64::from(self.folding[reg].0[0]));
+        (kernel.eval_1)(self.folding_registers.all_mut(), Reg(0), &operands);
+        let [low, high] = [Reg(0), Reg(1)].map(|reg| u64::from(self.folding_registers[reg].0[0]));
         Some(low | high << 32)
     }
 
@@ -405,8 +408,8 @@ impl<'m> Translator<'m> {
     /// `InvalidModule` where variables with and without a layout of their own are mixed,
     /// `UnsupportedModule` for more memory than a workgroup gets.
     pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<u32> {
-        /// More than `maxComputeSharedMemorySize` of any device.
-        const MOST: u64 = 1 << 24;
+        /// More bytes than `maxComputeSharedMemorySize` of any device.
+        const MAX_SIZE: u64 = 1 << 24;
         let block = matches!(self.module.ty(ty), Type::Struct { block: true, .. });
         if block != self.workgroup_blocks && (self.workgroup_size > 0 || !block) {
             let message = "variables in workgroup memory are either all blocks or none of them is";
@@ -419,7 +422,7 @@ impl<'m> Translator<'m> {
         };
         let start = if block { 0 } else { self.workgroup_size.next_multiple_of(8) };
         let end = size + u64::from(start);
-        if end > MOST {
+        if end > MAX_SIZE {
             return Err(self.unsupported(format!("{end} bytes of workgroup memory")));
         }
         self.workgroup_size = self.workgroup_size.max(end as u32);
@@ -427,22 +430,22 @@ impl<'m> Translator<'m> {
     }
 
     /// Records, until the block ends, that a variable's register has the value of another register.
-    pub fn remember(&mut self, variable: Reg, value: Reg) {
-        let registers = self.known.len().max(variable.0 as usize + 1);
-        self.known.resize(registers, (0, Reg(0)));
-        self.known[variable.0 as usize] = (self.time, value);
+    pub fn set_known_value(&mut self, variable: Reg, value: Reg) {
+        let registers = self.known_values.len().max(variable.0 as usize + 1);
+        self.known_values.resize(registers, (0, Reg(0)));
+        self.known_values[variable.0 as usize] = (self.known_values_epoch, value);
     }
 
     /// The register that holds a variable's current value, where that is known.
-    pub fn recall(&self, variable: Reg) -> Option<Reg> {
-        let &(since, value) = self.known.get(variable.0 as usize)?;
-        (self.optimizes && since == self.time).then_some(value)
+    pub fn known_value(&self, variable: Reg) -> Option<Reg> {
+        let &(epoch, value) = self.known_values.get(variable.0 as usize)?;
+        (self.optimizes && epoch == self.known_values_epoch).then_some(value)
     }
 
-    /// Discards the known values of variables: at a block's start, and where something may change
-    /// them.
-    pub fn forget(&mut self) {
-        self.time += 1;
+    /// Invalidates the known values of variables: at a block's start, and where something may
+    /// change them.
+    pub fn invalidate_known_values(&mut self) {
+        self.known_values_epoch += 1;
     }
 
     /// Defines what an id stands for.
@@ -455,18 +458,19 @@ impl<'m> Translator<'m> {
         self.values.local(id)
     }
 
-    /// The number of ids of functions that are defined, for [`Translator::leave`] to return to.
-    pub fn locals(&self) -> usize {
-        self.values.locals()
+    /// The number of defined ids of functions; [`Translator::truncate_locals`] goes back to it.
+    pub fn local_count(&self) -> usize {
+        self.values.local_count()
     }
 
-    /// Leaves functions: discards the definitions of their ids, except for the first `locals`.
-    pub fn leave(&mut self, locals: usize) {
-        self.values.forget(locals);
+    /// Discards the definitions of ids of functions, except for the first `locals`: called at the
+    /// end of a function.
+    pub fn truncate_locals(&mut self, locals: usize) {
+        self.values.truncate_locals(locals);
     }
 
     /// Defines the result of an instruction as words.
-    pub fn result(&mut self, instruction: &Instruction, words: Words) {
+    pub fn define_result(&mut self, instruction: &Instruction, words: Words) {
         if let Some(id) = instruction.result {
             self.define(id, IdValue::Words(words));
         }
@@ -487,7 +491,10 @@ impl<'m> Translator<'m> {
         Err(self.invalid(format!("the operands of {opcode} do not give its result type, {name}")))
     }
 
-    /// The result type of an instruction that must have one.
+    /// The result type of an instruction.
+    ///
+    /// # Errors
+    /// `InvalidModule` where it has none.
     pub fn result_type(&self, instruction: &Instruction) -> Result<TypeId> {
         let id =
             instruction.result_type.ok_or_else(|| self.invalid("an instruction without a result type"))?;
@@ -556,18 +563,18 @@ impl<'m> Translator<'m> {
             return Ok(words_from(words));
         }
         if let IdValue::Pointer(pointer) = self.value(id)?
-            && matches!(pointer.place, memory::PointerBase::Buffer(_))
+            && matches!(pointer.base, memory::PointerBase::Buffer(_))
             && !pointer.is_packed(self)
             && (pointer.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
         {
             return Err(self.unsupported("a pointer into a matrix in memory or in a composite"));
         }
-        self.carried(id)
+        self.words_unchecked(id)
     }
 
-    /// The words of an operand of a phi, select or call, through which [`Translator::pointer`]
-    /// traces a pointer back.
-    pub fn carried(&mut self, id: Id) -> Result<Words> {
+    /// The words of an id, without the check of [`Translator::words`]: for operands of a phi,
+    /// select or call, through which [`Translator::pointer`] traces a pointer back to its layout.
+    pub fn words_unchecked(&mut self, id: Id) -> Result<Words> {
         match self.value(id)? {
             IdValue::Words(words) => Ok(words),
             IdValue::Pointer(pointer) => memory::pointer_words(self, &pointer),
@@ -584,7 +591,7 @@ impl<'m> Translator<'m> {
             IdValue::Words(words) => {
                 let ty = self.type_of(id)?;
                 let mut pointer = memory::pointer_from_words(self, ty, &words)?;
-                pointer_layout::complete(self, id, &mut pointer)?;
+                pointer_layout::infer_layout(self, id, &mut pointer)?;
                 Ok(pointer)
             }
         }

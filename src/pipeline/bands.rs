@@ -1,10 +1,11 @@
-//! Launches whose image is never there as a whole: band after band of its rows is filled, handed
-//! out and forgotten.
+//! Streams the output image of a launch: bands of its rows are rendered, handed out and freed one
+//! after the other, so that the whole image is never in memory.
 //!
-//! That can be done where every invocation keeps to one row of the image, that of its launch index
-//! or the same counted from the other end ([`race_analysis`](crate::program::race_analysis)). A
-//! band is a range of the launch's order that begins where a batch, a tile and a subgroup begin:
-//! so batches, schedule and counts are those of the whole launch, and so is every bit.
+//! This requires that every invocation accesses only one row of the image: the row of its launch
+//! index, or the same row counted from the bottom, as
+//! [`race_analysis`](crate::program::race_analysis) finds out. A band is a range of the launch's
+//! order that begins where a batch, a tile and a subgroup begin. So batches, schedule and counts
+//! are those of the whole launch, and the results are equal bit for bit.
 
 use std::fmt;
 use std::ops::Range;
@@ -22,47 +23,45 @@ use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, OwnRow};
 
 /// The widest batch, and the largest subgroup.
-const WIDEST: u32 = 128;
+const MAX_BATCH_WIDTH: u32 = 128;
 
-/// An image that a launch fills and that is handed out in bands of rows: a plane as wide and high
-/// as the launch, which the launch itself binds.
+/// An output image that is handed out in bands of rows while a launch renders it: a 2D image as
+/// wide and high as the launch, which the launch itself binds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Streamed {
-    /// Where it is bound: the first array element of a storage image.
+pub struct StreamedImage {
+    /// The image's binding: the first array element of a storage image.
     pub binding: Binding,
-    /// How texels are stored.
+    /// The texel format.
     pub format: Format,
-    /// The bytes that every texel begins with.
+    /// The initial bytes of every texel.
     pub texel: Vec<u8>,
-    /// How many bytes a band may take. It has at least the rows that hold a whole number of
-    /// batches: 8 where 16 divides the width, 128 where the width is odd. Two bands are there at a
-    /// time.
+    /// The most bytes of a band. A band has at least the rows that hold a whole number of batches:
+    /// 8 where 16 divides the width, 128 where the width is odd. Two bands are in memory at a time.
     pub band_bytes: u64,
 }
 
-impl Streamed {
-    /// An image that begins as zeros, in bands of 32 MiB.
+impl StreamedImage {
+    /// An image of zeros, in bands of 32 MiB.
     pub fn new(set: u32, binding: u32, format: Format) -> Self {
         let texel = vec![0; format.texel_size() as usize];
         Self { binding: Binding { set, binding }, format, texel, band_bytes: 32 << 20 }
     }
 }
 
-/// Why an image must be there as a whole.
+/// Why an image cannot be streamed in bands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotStreamed {
-    /// The launch is deeper than 1, and so goes over every row several times.
+    /// The launch is deeper than 1, so that it writes every row several times.
     Depth(u32),
-    /// A shader may reach a row that is not that of its launch index, or it is not known that it
-    /// does not.
-    Reached {
-        /// Its stage.
+    /// A shader may access another row than that of its launch index, as far as the analysis knows.
+    CrossesRows {
+        /// The shader's stage.
         stage: Stage,
-        /// Its entry point.
+        /// The shader's entry point.
         name: String,
     },
-    /// Rows are filled from the last one up, and invocations depend on their order, which is the
-    /// other way.
+    /// Rows are mirrored, so that a launch from the image's top row starts at its last launch
+    /// index, and invocations depend on the launch order.
     Order,
 }
 
@@ -70,7 +69,7 @@ impl fmt::Display for NotStreamed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Depth(depth) => write!(f, "the launch has a depth of {depth}, and goes over the image as often"),
-            Self::Reached { stage, name } => write!(
+            Self::CrossesRows { stage, name } => write!(
                 f,
                 "{} `{name}` may reach texels of other rows than that of its own launch index",
                 stage.name()
@@ -84,14 +83,14 @@ impl fmt::Display for NotStreamed {
 
 impl std::error::Error for NotStreamed {}
 
-/// Some rows of an image, filled.
+/// Consecutive rows of an image, rendered.
 #[derive(Clone, Copy, Debug)]
 pub struct Band<'a> {
     image: &'a Image,
 }
 
 impl Band<'_> {
-    /// How texels are stored.
+    /// The texel format.
     pub fn format(&self) -> Format {
         self.image.format()
     }
@@ -102,15 +101,15 @@ impl Band<'_> {
         [width, height]
     }
 
-    /// The rows that are here, counted from the top of the whole image.
+    /// The rows of the band, counted from the top of the whole image.
     pub fn rows(&self) -> Range<u32> {
         self.image.rows()
     }
 
-    /// The bytes of a row that is here, texel by texel from the left.
+    /// The bytes of one of the band's rows, texel by texel from the left.
     ///
     /// # Panics
-    /// For any other row.
+    /// If the row is not in the band.
     #[track_caller]
     pub fn row_bytes(&self, row: u32) -> Vec<u8> {
         let rows = self.rows();
@@ -118,11 +117,11 @@ impl Band<'_> {
         self.image.row_bytes(row)
     }
 
-    /// R, G, B and A of a texel, by its place in the whole image, as a shader reads them; integers
-    /// as numbers. What the format lacks is 0, and A is 1.
+    /// R, G, B and A of the texel at a position in the whole image, as a shader reads them;
+    /// integers as numbers. Components that the format lacks are 0, and A is 1.
     ///
     /// # Panics
-    /// Where the band has no such texel.
+    /// If the texel is not in the band.
     #[track_caller]
     pub fn at(&self, x: u32, y: u32) -> [f32; 4] {
         let position = Position { at: [x.into(), y.into(), 0], ..Position::default() };
@@ -133,80 +132,88 @@ impl Band<'_> {
     }
 }
 
-/// A launch that can be run band by band, and how.
+/// A launch that runs band by band.
 #[derive(Clone, Debug)]
-pub struct Bands<'a> {
+pub struct BandedLaunch<'a> {
     launch: Launch<'a>,
     size: [u32; 2],
-    image: &'a Streamed,
+    image: &'a StreamedImage,
     row: OwnRow,
-    /// Rows of a band, but for the last of the launch.
-    each: u32,
+    /// The number of rows of every band but the last, which may have fewer.
+    band_rows: u32,
 }
 
 impl<'a> Launch<'a> {
-    /// The launch in bands of an image's rows, where that gives the same as the whole at once.
+    /// Splits the launch into bands of an image's rows, if the results are equal to those of the
+    /// launch as a whole.
     ///
     /// # Errors
-    /// Why it would not.
-    pub fn bands(&self, size: [u32; 3], image: &'a Streamed) -> std::result::Result<Bands<'a>, NotStreamed> {
+    /// Why they may differ.
+    pub fn bands(
+        &self,
+        size: [u32; 3],
+        image: &'a StreamedImage,
+    ) -> std::result::Result<BandedLaunch<'a>, NotStreamed> {
         let [width, height, depth] = size;
         if depth > 1 {
             return Err(NotStreamed::Depth(depth));
         }
         let programs: Vec<&Program> = self.pipeline.programs.iter().map(|program| &**program).collect();
         let extent = LaunchExtent { count: size, local: [1; 3], resources: self.resources };
-        let row = extent
-            .own_row(&programs, image.binding)
-            .map_err(|program| NotStreamed::Reached { stage: program.stage, name: program.name.clone() })?;
+        let row = extent.own_row(&programs, image.binding).map_err(|program| NotStreamed::CrossesRows {
+            stage: program.stage,
+            name: program.name.clone(),
+        })?;
         let ordered = || self.pipeline.order_dependent() || extent.shared(&programs).is_some();
         if row == OwnRow::Mirrored && ordered() {
             return Err(NotStreamed::Order);
         }
-        // Powers of two: what both divide is the larger one.
-        let whole_batches = WIDEST >> width.trailing_zeros().min(WIDEST.ilog2());
-        let unit = order::SIDE.max(u64::from(whole_batches));
+        // Both are powers of two: their least common multiple is the larger one.
+        let whole_batches = MAX_BATCH_WIDTH >> width.trailing_zeros().min(MAX_BATCH_WIDTH.ilog2());
+        let unit = order::TILE_SIDE.max(u64::from(whole_batches));
         let row_bytes = u64::from(width) * u64::from(image.format.texel_size());
-        let each = (image.band_bytes / row_bytes.max(1) / unit * unit).max(unit);
-        let each = u32::try_from(each).unwrap_or(u32::MAX / WIDEST * WIDEST);
-        Ok(Bands { launch: self.clone(), size: [width, height], image, row, each })
+        let band_rows = (image.band_bytes / row_bytes.max(1) / unit * unit).max(unit);
+        let band_rows = u32::try_from(band_rows).unwrap_or(u32::MAX / MAX_BATCH_WIDTH * MAX_BATCH_WIDTH);
+        Ok(BandedLaunch { launch: self.clone(), size: [width, height], image, row, band_rows })
     }
 }
 
-impl Bands<'_> {
-    /// How many bands there are.
+impl BandedLaunch<'_> {
+    /// The number of bands.
     pub fn count(&self) -> u32 {
-        self.size[1].div_ceil(self.each)
+        self.size[1].div_ceil(self.band_rows)
     }
 
-    /// The most rows of a band.
-    pub fn rows(&self) -> u32 {
-        self.each.min(self.size[1])
+    /// The greatest number of rows of a band.
+    pub fn max_band_rows(&self) -> u32 {
+        self.band_rows.min(self.size[1])
     }
 
-    /// Runs the launch, and hands out each band when it is filled, the top one first, while the
-    /// next one is being filled. `done` receives how many more invocations have ended.
+    /// Runs the launch. Each band is passed to `sink` when it is rendered, from the image's top to
+    /// its bottom, while the next one is being rendered. `on_progress` receives how many more
+    /// invocations have ended.
     ///
     /// # Errors
-    /// The trap of the lowest launch index, and what `take` returns; bands from there on are not
-    /// handed out, and their invocations need not have run.
+    /// The trap of the lowest launch index, or the error that `sink` returns. Later bands are not
+    /// passed on, and their invocations may not have run.
     pub fn run<const W: usize>(
         &self,
-        done: &(dyn Fn(u64) + Sync),
-        mut take: impl FnMut(Band<'_>) -> Result<()> + Send,
+        on_progress: &(dyn Fn(u64) + Sync),
+        mut sink: impl FnMut(Band<'_>) -> Result<()> + Send,
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
         let [width, height] = self.size;
-        self.launch.count([width, height, 1])?;
+        self.launch.invocation_count([width, height, 1])?;
         let mut stats = Stats::default();
-        let mut filled: Option<Arc<Image>> = None;
-        // One that trapped; those after it have lower launch indices, where rows are mirrored.
+        let mut rendered: Option<Arc<Image>> = None;
+        // The trap of the last band that trapped: if rows are mirrored, later bands have lower
+        // launch indices.
         let mut trapped = None;
-        for at in 0..self.count() {
-            let at = if self.row == OwnRow::Same { at } else { self.count() - 1 - at };
-            let launched = at * self.each..height.min((at + 1).saturating_mul(self.each));
+        for number in 0..self.count() {
+            let at = if self.row == OwnRow::Same { number } else { self.count() - 1 - number };
+            let launched = at * self.band_rows..height.min((at + 1).saturating_mul(self.band_rows));
             let rows = match self.row {
                 OwnRow::Same => launched.clone(),
                 OwnRow::Mirrored => height - launched.end..height - launched.start,
@@ -217,31 +224,31 @@ impl Bands<'_> {
             let run = || {
                 let launch = Launch { pipeline: self.launch.pipeline, resources: &resources };
                 let positions = [launched.start, launched.end].map(|row| u64::from(row) * u64::from(width));
-                launch.run_positions::<W>([width, height, 1], positions[0]..positions[1], done)
+                launch.run_positions::<W>([width, height, 1], positions[0]..positions[1], on_progress)
             };
-            let (taken, ran) = match filled.take() {
+            let (emitted, outcome) = match rendered.take() {
                 None => (Ok(()), run()),
-                Some(before) => rayon::join(|| hand_out(&mut take, &before), run),
+                Some(before) => rayon::join(|| emit_band(&mut sink, &before), run),
             };
-            taken?;
-            match ran {
+            emitted?;
+            match outcome {
                 Ok(more) => stats = stats.plus(&more),
                 Err(error) if self.row == OwnRow::Same => return Err(error),
                 Err(error) => trapped = Some(error),
             }
             if trapped.is_none() {
-                filled = Some(image);
+                rendered = Some(image);
             }
         }
         if let Some(error) = trapped {
             return Err(error);
         }
-        filled.map_or(Ok(()), |last| hand_out(&mut take, &last))?;
+        rendered.map_or(Ok(()), |last| emit_band(&mut sink, &last))?;
         Ok(stats)
     }
 
-    /// The error where a launch cannot be run in bands.
-    pub(crate) fn refused(image: &Streamed, why: &NotStreamed) -> Error {
+    /// The error for an image that cannot be streamed.
+    pub(crate) fn cannot_stream(image: &StreamedImage, why: &NotStreamed) -> Error {
         let Binding { set, binding } = image.binding;
         let message =
             format!("the image at set {set}, binding {binding} cannot be handed out in bands: {why}");
@@ -249,6 +256,6 @@ impl Bands<'_> {
     }
 }
 
-fn hand_out(take: &mut impl FnMut(Band<'_>) -> Result<()>, image: &Image) -> Result<()> {
-    take(Band { image })
+fn emit_band(sink: &mut impl FnMut(Band<'_>) -> Result<()>, image: &Image) -> Result<()> {
+    sink(Band { image })
 }

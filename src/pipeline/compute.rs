@@ -6,9 +6,9 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Observer, Resources, Workgroup};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Stats;
-use crate::pipeline::tasks::{Done, Tasks};
+use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::trapped::Trapped;
-use crate::pipeline::workgroup::{Gang, Observers};
+use crate::pipeline::workgroup::{Observers, WorkgroupRunner};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
 use crate::program::{Program, WorkgroupLayout};
@@ -41,12 +41,13 @@ pub struct Compute {
     /// `SubgroupSize`
     pub subgroup_size: u32,
     layout: WorkgroupLayout,
-    /// Whether the atomic instructions on its workgroups' memory need one schedule.
+    /// Whether atomic instructions on workgroup memory depend on the schedule.
     mixes_atomics: bool,
 }
 
-/// Invocations that one task of a thread runs: enough that stealing costs little.
-const TASK: u64 = 1024;
+/// The number of invocations of a task, in whole workgroups: enough that taking a task costs
+/// little.
+const TASK_INVOCATIONS: u64 = 1024;
 
 impl Compute {
     /// A compute shader with the default fuel and subgroups of 32.
@@ -112,8 +113,8 @@ impl Compute {
         self.run::<64>(resources, groups, &|_| ())
     }
 
-    /// Runs `groups` workgroups, W lanes at a time, on all threads; `done` receives how many more
-    /// invocations have ended. What a dispatch leaves does not depend on W, nor on the threads.
+    /// Runs `groups` workgroups, W lanes at a time, on all threads; `on_progress` receives how many
+    /// more invocations have ended. The results depend neither on W nor on the number of threads.
     ///
     /// # Errors
     /// `InvalidArgument` for more invocations than can be numbered; the trap of the first workgroup
@@ -122,13 +123,13 @@ impl Compute {
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        done: &(dyn Fn(u64) + Sync),
+        on_progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
-        self.check(groups)?;
-        self.run_to_trap::<W>(resources, groups, done).map_err(|trapped| trapped.error)
+        self.check_size(groups)?;
+        self.run_to_trap::<W>(resources, groups, on_progress).map_err(|trapped| trapped.error)
     }
 
     /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one
@@ -144,7 +145,7 @@ impl Compute {
         on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
-        self.check(groups)?;
+        self.check_size(groups)?;
         if self.program.uses_subgroups && self.subgroup_size > 64 {
             return self.run::<64>(resources, groups, &|_| ());
         }
@@ -163,97 +164,101 @@ impl Compute {
         on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats, Box<Trapped>> {
-        let whole = self.program.uses_subgroups;
+        let uses_subgroups = self.program.uses_subgroups;
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let mut stats = Stats::default();
-        // The tasks of a run, so that the same workgroups share a batch.
-        let per_task = self.per_task();
-        for first in (0..count).step_by(per_task as usize) {
-            let groups = &mut (first..count.min(first + per_task)).map(|index| self.group(index, groups));
-            let (done, trapped) = if !whole && self.program.order_dependent {
+        // Tasks as in `run_to_trap`, so that the same workgroups share a batch.
+        let groups_per_task = self.groups_per_task();
+        for first in (0..count).step_by(groups_per_task as usize) {
+            let groups =
+                &mut (first..count.min(first + groups_per_task)).map(|index| self.group(index, groups));
+            let (task_stats, trapped) = if !uses_subgroups && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers)
+                WorkgroupRunner::<1>::new(self, &bindings, self.layout).run(groups, &mut observers)
             } else {
                 let observer: &mut dyn Observer<64> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut observers)
+                WorkgroupRunner::<64>::new(self, &bindings, self.layout).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {
                 return Err(Box::new(trapped));
             }
-            stats = stats.plus(&done);
+            stats = stats.plus(&task_stats);
         }
         Ok(stats)
     }
 
-    /// Workgroups that one task of a thread runs.
-    fn per_task(&self) -> u64 {
-        let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
-        (TASK / each).max(1)
+    /// The number of workgroups of a task.
+    fn groups_per_task(&self) -> u64 {
+        let group_size: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
+        (TASK_INVOCATIONS / group_size).max(1)
     }
 
     /// Runs as [`Compute::run`] does and returns the whole [`Trapped`], for sizes that it accepts.
     ///
     /// # Errors
-    /// The trap, as there; its shader is 0.
+    /// The trap that [`Compute::run`] reports; its shader is 0.
     pub fn run_to_trap<const W: usize>(
         &self,
         resources: &Resources,
         groups: [u32; 3],
-        done: &(dyn Fn(u64) + Sync),
+        on_progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats, Box<Trapped>>
     where
         LaneKernel: Width<W>,
     {
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());
-        let each: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
-        let per_task = self.per_task();
-        let tasks = Tasks::new(count.div_ceil(per_task));
-        let range = |task: u64| task * per_task..count.min((task + 1) * per_task);
+        let group_size: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
+        let groups_per_task = self.groups_per_task();
+        let tasks = TaskQueue::new(count.div_ceil(groups_per_task));
+        let range = |task: u64| task * groups_per_task..count.min((task + 1) * groups_per_task);
         let shares = self.shared_memory(groups, resources).is_some();
         let task = |task: u64| {
             let range = range(task);
-            let invocations = (range.end - range.start) * each;
+            let invocations = (range.end - range.start) * group_size;
             let groups = &mut range.map(|index| self.group(index, groups));
-            let whole = self.program.uses_subgroups.then_some(self.subgroup_size);
-            let result = match whole {
-                // A batch must hold whole subgroups, and their size divides the batch's.
-                Some(..=64) => {
-                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
-                }
-                Some(_) => Gang::<128>::new(self, &bindings, self.layout).run(groups, &mut Observers::none()),
-                // One invocation after the other, so that every width gives the same.
+            let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
+            let result = match subgroup_size {
+                // A batch must hold whole subgroups: their size divides the batch's width.
+                Some(..=64) => WorkgroupRunner::<64>::new(self, &bindings, self.layout)
+                    .run(groups, &mut Observers::none()),
+                Some(_) => WorkgroupRunner::<128>::new(self, &bindings, self.layout)
+                    .run(groups, &mut Observers::none()),
+                // One invocation after the other, so that results do not depend on the width.
                 None if self.program.order_dependent => {
-                    Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
+                    WorkgroupRunner::<1>::new(self, &bindings, self.layout)
+                        .run(groups, &mut Observers::none())
                 }
                 None if shares || self.mixes_atomics => {
-                    Gang::<64>::new(self, &bindings, self.layout).run(groups, &mut Observers::none())
+                    WorkgroupRunner::<64>::new(self, &bindings, self.layout)
+                        .run(groups, &mut Observers::none())
                 }
-                None => Gang::<W>::new(self, &bindings, self.layout).run(groups, &mut Observers::none()),
+                None => WorkgroupRunner::<W>::new(self, &bindings, self.layout)
+                    .run(groups, &mut Observers::none()),
             };
-            done(invocations);
+            on_progress(invocations);
             result
         };
         let worker = || {
-            let mut all = Done::default();
-            for index in tasks.iter().take_while(|&index| !tasks.is_beyond_trap(index)) {
+            let mut all = TaskResults::default();
+            for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(index)) {
                 let (stats, trapped) = task(index);
                 if trapped.is_some() {
-                    tasks.trap_at(index);
+                    tasks.record_trap(index);
                 }
-                all = all.and(Done { stats, trapped: trapped.map(|trapped| (index, trapped)) });
+                all = all.merge(TaskResults { stats, trapped: trapped.map(|trapped| (index, trapped)) });
             }
             all
         };
         tasks.run(self.program.order_dependent || shares, &worker)
     }
 
-    /// The memory that the invocations of a dispatch share otherwise than by atomic instructions
-    /// that commute, where there is any; they then run on one thread, 64 together in their order,
-    /// at every width.
+    /// Memory that the invocations of a dispatch share otherwise than by atomic instructions that
+    /// commute, if there is any. They then run on one thread, in batches of 64 in their order, at
+    /// every batch width.
     pub fn shared_memory(&self, groups: [u32; 3], resources: &Resources) -> Option<Memory> {
         LaunchExtent { count: groups, local: self.layout.size, resources }.shared(&[&*self.program])
     }
@@ -269,7 +274,7 @@ impl Compute {
         groups: [u32; 3],
         observer: &mut dyn Observer<1>,
     ) -> Result<Stats> {
-        self.check(groups)?;
+        self.check_size(groups)?;
         if self.program.uses_subgroups && self.subgroup_size > 1 {
             let message = "watching invocations one by one, of a shader with subgroup instructions";
             return Err(Error::new(ErrorKind::UnsupportedModule, message)
@@ -278,13 +283,14 @@ impl Compute {
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let groups = &mut (0..count).map(|index| self.group(index, groups));
-        let mut observers = Observers::of_operations(observer);
-        let (stats, trapped) = Gang::<1>::new(self, &bindings, self.layout).run(groups, &mut observers);
+        let mut observers = Observers::interpreter_only(observer);
+        let (stats, trapped) =
+            WorkgroupRunner::<1>::new(self, &bindings, self.layout).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 
-    /// Whether every invocation of a dispatch has a number.
-    fn check(&self, groups: [u32; 3]) -> Result<()> {
+    /// Checks that the invocations of a dispatch can be numbered.
+    fn check_size(&self, groups: [u32; 3]) -> Result<()> {
         let sides = groups.iter().zip(self.layout.size);
         let sides: Option<Vec<u32>> = sides.map(|(&count, size)| count.checked_mul(size)).collect();
         let count = sides
@@ -300,7 +306,7 @@ impl Compute {
         }
     }
 
-    /// The workgroup at a place of a dispatch, x fastest.
+    /// The workgroup at a linear index of a dispatch, x fastest.
     fn group(&self, index: u64, count: [u32; 3]) -> Workgroup {
         let (width, height) = (u64::from(count[0]), u64::from(count[1]));
         let id = [(index % width) as u32, (index / width % height) as u32, (index / width / height) as u32];

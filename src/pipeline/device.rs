@@ -1,7 +1,7 @@
-//! What a device offers: features, limits and, for a pipeline, its flags.
+//! What a device supports: features, limits and flags of pipelines.
 //!
-//! A [`DeviceProfile`] lets a test ask what happens on a device without a feature or with a smaller
-//! limit. The default offers everything; presets and single switches take away.
+//! With a [`DeviceProfile`] a test checks what happens on a device without a feature or with a
+//! smaller limit. The default supports everything; presets and single keys turn support off.
 
 use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
@@ -28,7 +28,8 @@ macro_rules! features {
             /// The names, as scenes write them.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),*];
 
-            /// Switches a feature by its name in scenes; `false` for a name that nothing has.
+            /// Turns a feature on or off by its name in scenes; returns `false` for an unknown
+            /// name.
             pub fn set(&mut self, name: &str, on: bool) -> bool {
                 match name {
                     $(stringify!($name) => self.$name = on,)*
@@ -37,7 +38,7 @@ macro_rules! features {
                 true
             }
 
-            /// The feature that a capability needs and that is off, by Vulkan's name.
+            /// The Vulkan name of the feature that a capability needs, if it is off.
             fn lacking(&self, capability: u32) -> Option<&'static str> {
                 $(if !self.$name && [$($capability),*].contains(&capability) {
                     return Some($vulkan);
@@ -115,7 +116,7 @@ macro_rules! limits {
             /// The names, as scenes write them.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),*];
 
-            /// Sets a limit by its name in scenes; `false` for a name that nothing has.
+            /// Sets a limit by its name in scenes; returns `false` for an unknown name.
             pub fn set(&mut self, name: &str, limit: u64) -> bool {
                 match name {
                     $(stringify!($name) => self.$name = limit,)*
@@ -173,16 +174,16 @@ impl DeviceProfile {
     pub const PRESETS: &'static [&'static str] =
         &["permissive", "without_swept_spheres", "khr_only", "vulkan_minimum"];
 
-    /// A device by name; `None` for a name that nothing has.
+    /// The preset of a name; `None` for an unknown name.
     ///
     /// * `permissive`: all features, the greatest limits.
     /// * `vulkan_minimum`: ray-tracing pipelines with the least limits and no optional feature.
     /// * `without_swept_spheres`: all features but `VK_NV_ray_tracing_linear_swept_spheres` and
     ///   clusters, with the least limits.
-    /// * `khr_only`: what KHR extensions offer, with the least limits.
+    /// * `khr_only`: the features of KHR extensions, with the least limits.
     ///
-    /// What a device of a certain make offers changes with its driver: write it down from the
-    /// driver's own report.
+    /// There is no preset for devices of a vendor, as their support changes with the driver: take
+    /// it from the driver's own report.
     pub fn preset(name: &str) -> Option<Self> {
         let without_swept_spheres = Features {
             spheres: false,
@@ -208,7 +209,7 @@ impl DeviceProfile {
     /// Checks the capabilities that a module declares.
     ///
     /// # Errors
-    /// `InvalidModule`, naming capability and feature, for each that the device does not offer.
+    /// `InvalidModule`, naming capability and feature, for each that the device does not support.
     pub fn check_module(&self, module: &Module) -> Result<()> {
         let lacking = module.capabilities.iter().filter_map(|&capability| {
             let feature = self.features.lacking(capability)?;
@@ -383,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn pipelines_are_held_against_the_device() {
+    fn pipelines_are_checked_against_the_device() {
         let least = DeviceProfile::preset("vulkan_minimum").unwrap();
         let none = PipelineFlags::default();
         let rule = |result: Result<()>| result.unwrap_err().notes()[0].clone();

@@ -3,34 +3,38 @@
 use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
 use crate::ops::op::Op;
-use crate::ops::ray_tracing::{self, Timed};
+use crate::ops::ray_tracing::{self, MotionInstruction};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup};
 use crate::program::Program;
 
-/// `VkPipelineCreateFlags2` that change what rays meet.
+/// `VkPipelineCreateFlags2` that change traversal or what shaders a ray may call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PipelineFlags {
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR`, alias
-    /// `..._SKIP_BUILT_IN_PRIMITIVES_BIT_KHR`: no ray meets triangles, spheres or linear swept
+    /// `..._SKIP_BUILT_IN_PRIMITIVES_BIT_KHR`: rays skip triangles, spheres and linear swept
     /// spheres.
     pub skip_triangles: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_AABBS_BIT_KHR`: no ray meets boxes.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_SKIP_AABBS_BIT_KHR`: rays skip boxes.
     pub skip_aabbs: bool,
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_SPHERES_AND_LINEAR_SWEPT_SPHERES_BIT_NV`. Vulkan
-    /// asks for it; on by default, so that only a test which takes it away meets the difference.
+    /// requires it for such geometry. It is on by default, so that only tests that clear it see the
+    /// difference.
     pub allow_spheres_and_linear_swept_spheres: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV`, which Vulkan asks for where
-    /// something moves or a ray has a time; on by default, too.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV`, which Vulkan requires if
+    /// something moves or a ray has a time. It is on by default, too.
     pub allow_motion: bool,
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR`: a candidate whose
     /// any-hit shader is null traps.
     pub no_null_any_hit_shaders: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR`: so does a hit.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR`: a hit
+    /// whose closest-hit shader is null traps.
     pub no_null_closest_hit_shaders: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR`: so does a miss.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR`: a miss whose miss
+    /// shader is null traps.
     pub no_null_miss_shaders: bool,
-    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR`: so does a box.
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR`: a box whose
+    /// intersection shader is null traps.
     pub no_null_intersection_shaders: bool,
 }
 
@@ -50,13 +54,13 @@ impl Default for PipelineFlags {
 }
 
 impl PipelineFlags {
-    /// The ray flags that every ray of the pipeline has besides its own. No shader sees them.
+    /// The ray flags that the pipeline adds to those of every ray. Shaders do not see them.
     pub fn ray_flags(self) -> u32 {
         let skip_triangles = if self.skip_triangles { 0x100 } else { 0 };
         skip_triangles | if self.skip_aabbs { 0x200 } else { 0 }
     }
 
-    /// Checks that hit groups name the shaders that the pipeline promises.
+    /// Checks that hit groups have the shaders that the `NO_NULL` flags promise.
     ///
     /// # Errors
     /// `InvalidScene` where one does not.
@@ -78,12 +82,12 @@ impl PipelineFlags {
         Ok(())
     }
 
-    /// Checks that shaders trace rays at a time only where that is allowed.
+    /// Checks that shaders trace rays with a time only if the pipeline allows motion.
     ///
     /// # Errors
     /// `InvalidScene` at the first instruction of a shader that does.
     pub(super) fn check_times(self, program: &Program) -> Result<()> {
-        let timed = traces(program).find_map(|op| Some((op, timed(program, op)?)));
+        let timed = trace_ops(program).find_map(|op| Some((op, timed(program, op)?)));
         match timed {
             Some((op, timed)) if !self.allow_motion => {
                 let message = format!("{} traces at a time, which the pipeline does not allow", timed.name);
@@ -95,7 +99,7 @@ impl PipelineFlags {
         }
     }
 
-    /// Checks that what a pipeline will meet is allowed.
+    /// Checks that the pipeline allows the geometry of an acceleration structure.
     ///
     /// # Errors
     /// `InvalidScene` where a structure holds spheres or linear swept spheres and the pipeline does
@@ -115,15 +119,15 @@ impl PipelineFlags {
 }
 
 impl Pipeline {
-    /// Checks that nothing moves in a structure where the pipeline traces rays and does not allow
-    /// it.
+    /// Checks that nothing moves in an acceleration structure if the pipeline traces rays and does
+    /// not allow motion.
     ///
     /// # Errors
     /// `InvalidScene` with the first instance that moves.
     pub fn check_motion(&self, tlas: &Tlas) -> Result<()> {
-        let traces = || self.programs.iter().any(|program| traces(program).next().is_some());
+        let traces_rays = || self.programs.iter().any(|program| trace_ops(program).next().is_some());
         match first_moving(tlas) {
-            Some(at) if !self.flags.allow_motion && traces() => {
+            Some(at) if !self.flags.allow_motion && traces_rays() => {
                 let message = format!("instance {at} moves, which the pipeline does not allow");
                 let error = Error::new(ErrorKind::InvalidScene, message).note(MOTION_MISSING);
                 Err(error.note("VUID-RuntimeSpirv-OpTraceRayKHR-06360"))
@@ -135,14 +139,14 @@ impl Pipeline {
 
 const MOTION_MISSING: &str = "VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV is missing";
 
-/// The first instance that moves, or whose geometry does.
+/// The first instance that moves or whose geometry moves.
 pub(super) fn first_moving(tlas: &Tlas) -> Option<usize> {
     tlas.instances().iter().position(|instance| instance.motion.is_some() || instance.blas.moves())
 }
 
-/// The operations that trace rays.
-fn traces(program: &Program) -> impl Iterator<Item = u32> {
-    let traces = |op: &Op| {
+/// The indices of the operations that trace rays.
+fn trace_ops(program: &Program) -> impl Iterator<Item = u32> {
+    let is_trace = |op: &Op| {
         matches!(
             op,
             Op::Stop(
@@ -150,11 +154,11 @@ fn traces(program: &Program) -> impl Iterator<Item = u32> {
             )
         )
     };
-    (0..).zip(&program.ops).filter(move |(_, op)| traces(op)).map(|(at, _)| at)
+    (0..).zip(&program.ops).filter(move |(_, op)| is_trace(op)).map(|(at, _)| at)
 }
 
-/// The instruction of an operation, where it takes a time.
-fn timed(program: &Program, op: u32) -> Option<Timed> {
+/// The instruction of an operation, if one of its operands is a time.
+fn timed(program: &Program, op: u32) -> Option<MotionInstruction> {
     let offset = program.origins.get(op as usize)?.offset;
-    Timed::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
+    MotionInstruction::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
 }

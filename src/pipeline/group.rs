@@ -11,7 +11,7 @@ pub struct Shader(pub u32);
 pub enum Group {
     /// Ray generation, miss or callable.
     General(Shader),
-    /// What happens where geometry is hit.
+    /// The shaders of a hit group.
     Hit(HitGroup),
 }
 
@@ -28,7 +28,7 @@ pub struct HitGroup {
 }
 
 impl HitGroup {
-    /// The place of a stage's shader; `None` for a stage that has none.
+    /// The member for a stage's shader; `None` for a stage that hit groups do not have.
     pub fn member(&mut self, stage: Stage) -> Option<&mut Option<Shader>> {
         match stage {
             Stage::ClosestHit => Some(&mut self.closest_hit),

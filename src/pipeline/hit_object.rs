@@ -1,7 +1,7 @@
 //! Hit objects in the pipeline: executes them and finds their shader records.
 
 use crate::accel::Tlas;
-use crate::machine::hit_object::{Encoded, HitEncoded, HitObject};
+use crate::machine::hit_object::{EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Mask, Observer, Reg, TrapCode};
@@ -10,19 +10,19 @@ use crate::pipeline::observer::{Caller, PipelineObserver};
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{ShaderCallFrame, Stack};
-use crate::pipeline::trace::{Trace, at};
+use crate::pipeline::trace::{Trace, record_at};
 
 impl<const W: usize> Trace<W> {
-    /// The result of a lane's ray.
+    /// The hit object of a lane's ray.
     pub fn hit_object(&self, lane: usize) -> HitObject {
         let trace = self.rays.get(lane);
         match self.committed[lane] {
-            None => HitObject::Miss(Encoded { trace, record: self.miss_record(lane) }),
+            None => HitObject::Miss(EncodedRay { trace, record: self.miss_record_index(lane) }),
             Some(committed) => {
-                let record = self.hit_index(lane, &committed.candidate);
+                let record = self.hit_record_index(lane, &committed.candidate);
                 let attributes = self.committed_attributes(lane).iter().copied().collect();
-                let hit = HitEncoded { tlas: self.tlas(lane).clone(), committed, attributes };
-                HitObject::Hit(Encoded { trace, record }, hit)
+                let hit = EncodedHit { tlas: self.tlas(lane).clone(), committed, attributes };
+                HitObject::Hit(EncodedRay { trace, record }, hit)
             }
         }
     }
@@ -32,18 +32,15 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
     LaneKernel: Width<W>,
 {
-    /// `OpHitObjectExecuteShaderEXT`: closest-hit or miss shaders as for a ray that is over.
-    pub(super) fn begin_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: RegSpan) {
-        let mut trace = self.spare_trace(true);
+    /// Begins `OpHitObjectExecuteShaderEXT`: calls closest-hit or miss shaders as at the end of a
+    /// ray.
+    pub(super) fn begin_hit_object_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: RegSpan) {
+        let mut trace = self.acquire_trace(true);
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        trace.called_from_shader(
-            caller,
-            payload::scalars_given(program, payload),
-            &running.batch.invocations,
-        );
-        trace.settled = true;
+        trace.set_caller(caller, payload::outgoing_scalars(program, payload), &running.batch.invocations);
+        trace.from_hit_objects = true;
         let mut lanes = Mask::NONE;
         for lane in mask.lanes() {
             let batch = &running.batch;
@@ -55,12 +52,12 @@ where
                     _ if trace.depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                     HitObject::Miss(encoded) => {
                         let ray = (Tlas::empty(), &encoded.trace);
-                        trace.add_settled(lane, ray, encoded.record, None);
+                        trace.add_hit_object(lane, ray, encoded.record, None);
                         Ok(true)
                     }
                     HitObject::Hit(encoded, hit) => {
                         let ray = (&hit.tlas, &encoded.trace);
-                        trace.add_settled(lane, ray, encoded.record, Some(hit));
+                        trace.add_hit_object(lane, ray, encoded.record, Some(hit));
                         Ok(true)
                     }
                 }
@@ -91,7 +88,7 @@ where
                     HitObject::Hit(..) => &self.pipeline.sbt.hit,
                     _ => &self.pipeline.sbt.miss,
                 };
-                Ok(at(table, found.encoded()?.record).and_then(Record::shader_record))
+                Ok(record_at(table, found.encoded()?.record).and_then(Record::shader_record))
             });
             match record {
                 Ok(record) => {

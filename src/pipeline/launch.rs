@@ -11,10 +11,10 @@ use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
-use crate::pipeline::order::Order;
+use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
-use crate::pipeline::tasks::{Done, Tasks};
+use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::trapped::{Trapped, missing_record};
 
 /// Counts of what a launch did.
@@ -37,12 +37,12 @@ pub struct Stats {
 pub struct Elided {
     /// Closest hits on opaque geometry whose hit group has an any-hit shader, which did not run.
     pub any_hit: u64,
-    /// Occlusion rays: they ask only whether there is a hit, and end at the first hit found.
+    /// Occlusion rays that ended at the first hit found, because nothing reads which hit it is.
     pub occlusion: u64,
-    /// Invocations of shaders without effect: they are counted, and not run.
+    /// Invocations of shaders without side effects, which did not run.
     pub empty: u64,
     /// Invocations of closest-hit and miss shaders that write only payload words that are never
-    /// read: they are counted, and not run.
+    /// read, which did not run.
     pub unread: u64,
 }
 
@@ -104,7 +104,7 @@ pub struct RayOutcome {
     pub stats: Stats,
 }
 
-/// The operands of a trace that is made without a ray generation shader.
+/// The operands of a ray that the host traces, without a ray generation shader.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RayOperands {
     /// Ray, flags, cull mask.
@@ -131,25 +131,25 @@ pub struct Launch<'a> {
 /// The number of invocations of one task, a multiple of the widest batch: enough that starting a
 /// task costs little, few enough that the threads end at about the same time.
 fn task_size(count: u64) -> u64 {
-    const LEAST: u64 = 128;
-    (count / 1024).clamp(LEAST, 8192) / LEAST * LEAST
+    const MIN_SIZE: u64 = 128;
+    (count / 1024).clamp(MIN_SIZE, 8192) / MIN_SIZE * MIN_SIZE
 }
 
-/// Up to this many invocations run on one thread: starting more would take longer.
-const FEW: u64 = 1024;
+/// Up to this many invocations run on one thread: starting more threads would take longer.
+const MAX_SINGLE_THREADED: u64 = 1024;
 
 impl Launch<'_> {
-    /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `done`
+    /// Runs the ray generation shader over a grid, W lanes at a time, on all threads; `on_progress`
     /// receives how many more invocations have ended.
     ///
     /// # Errors
     /// The trap of the lowest launch index; all other invocations have run nevertheless.
-    pub fn run<const W: usize>(&self, size: [u32; 3], done: &(dyn Fn(u64) + Sync)) -> Result<Stats>
+    pub fn run<const W: usize>(&self, size: [u32; 3], on_progress: &(dyn Fn(u64) + Sync)) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
-        let count = self.count(size)?;
-        self.run_positions::<W>(size, 0..count, done)
+        let count = self.invocation_count(size)?;
+        self.run_positions::<W>(size, 0..count, on_progress)
     }
 
     /// Runs the invocations at a range of positions in a launch's order. The range starts at a
@@ -158,7 +158,7 @@ impl Launch<'_> {
         &self,
         size: [u32; 3],
         positions: Range<u64>,
-        done: &(dyn Fn(u64) + Sync),
+        on_progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
         LaneKernel: Width<W>,
@@ -167,27 +167,35 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
         let ordered = self.pipeline.order_dependent();
-        // These schedules do not depend on the width of a batch: one invocation after the other, or
-        // 64 at a time.
-        let one_thread = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
-        let by_index = one_thread || subgroups.is_some();
-        let order = if by_index { Order::by_index(size) } else { Order::by_tiles(size) };
-        let few = positions.end - positions.start <= FEW;
-        let each = task_size(positions.end - positions.start);
-        let tasks = Tasks::new((positions.end - positions.start).div_ceil(each));
-        let work = Work { record, bindings: &bindings, order, tasks: &tasks, positions, each, done };
-        let worker = || match subgroups {
-            Some(..=64) => self.work::<64>(&work),
-            Some(_) => self.work::<128>(&work),
-            None if ordered => self.work::<1>(&work),
-            None if one_thread => self.work::<64>(&work),
-            None => self.work::<W>(&work),
+        // Invocations that depend on each other run in a schedule that does not depend on the width
+        // of a batch: one after the other, or 64 at a time.
+        let single_threaded = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
+        let by_index = single_threaded || subgroups.is_some();
+        let order = if by_index { LaunchOrder::by_index(size) } else { LaunchOrder::by_tiles(size) };
+        let is_small = positions.end - positions.start <= MAX_SINGLE_THREADED;
+        let task_size = task_size(positions.end - positions.start);
+        let tasks = TaskQueue::new((positions.end - positions.start).div_ceil(task_size));
+        let work = LaunchTasks {
+            record,
+            bindings: &bindings,
+            order,
+            tasks: &tasks,
+            positions,
+            task_size,
+            on_progress,
         };
-        tasks.run(one_thread || few, &worker).map_err(|trapped| trapped.error)
+        let worker = || match subgroups {
+            Some(..=64) => self.run_tasks::<64>(&work),
+            Some(_) => self.run_tasks::<128>(&work),
+            None if ordered => self.run_tasks::<1>(&work),
+            None if single_threaded => self.run_tasks::<64>(&work),
+            None => self.run_tasks::<W>(&work),
+        };
+        tasks.run(single_threaded || is_small, &worker).map_err(|trapped| trapped.error)
     }
 
-    /// The loop of a worker thread: runs tasks until none is left.
-    fn work<const W: usize>(&self, work: &Work<'_>) -> Done
+    /// The loop of a worker thread: runs tasks until the queue is empty.
+    fn run_tasks<const W: usize>(&self, work: &LaunchTasks<'_>) -> TaskResults
     where
         LaneKernel: Width<W>,
     {
@@ -195,43 +203,43 @@ impl Launch<'_> {
         let mut stack =
             Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer);
         for range in work.tasks.iter().map(|task| work.range(task)) {
-            if work.tasks.is_beyond_trap(work.order.least_number(&range)) {
+            if work.tasks.is_after_trap(work.order.min_linear_index(&range)) {
                 continue;
             }
-            stack.launch_all(work.record, &work.order, range.clone());
+            stack.launch_batches(work.record, &work.order, range.clone());
             if let Some(trapped) = &stack.trapped {
-                work.tasks.trap_at(work.order.number(trapped.launch_id));
+                work.tasks.record_trap(work.order.linear_index(trapped.launch_id));
             }
-            (work.done)(range.end - range.start);
+            (work.on_progress)(range.end - range.start);
         }
-        let trapped = stack.trapped.map(|trapped| (work.order.number(trapped.launch_id), trapped));
-        Done { stats: stack.stats, trapped }
+        let trapped = stack.trapped.map(|trapped| (work.order.linear_index(trapped.launch_id), trapped));
+        TaskResults { stats: stack.stats, trapped }
     }
 
     fn observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         bindings: &[Bindings],
         record: &Record,
-        (range, order): (Range<u64>, &Order),
+        (range, order): (Range<u64>, &LaunchOrder),
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
     where
         LaneKernel: Width<W>,
     {
         let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer);
-        stack.launch_all(record, order, range);
+        stack.launch_batches(record, order, range);
         (stack.stats, stack.trapped)
     }
 
-    /// The number of invocations of a launch.
-    pub(super) fn count(&self, size: [u32; 3]) -> Result<u64> {
+    /// The number of invocations of a launch; an error above `maxRayDispatchInvocationCount`.
+    pub(super) fn invocation_count(&self, size: [u32; 3]) -> Result<u64> {
         let count = size.iter().try_fold(1u64, |count, &side| count.checked_mul(side.into()));
-        let most = self.pipeline.max_invocations;
-        count.filter(|&count| count <= most).ok_or_else(|| {
+        let limit = self.pipeline.max_invocations;
+        count.filter(|&count| count <= limit).ok_or_else(|| {
             Error::new(
                 ErrorKind::InvalidArgument,
                 format!(
-                    "a launch of {} x {} x {}: {most} invocations are the most (maxRayDispatchInvocationCount)",
+                    "a launch of {} x {} x {}: {limit} invocations are the most (maxRayDispatchInvocationCount)",
                     size[0], size[1], size[2]
                 ),
             )
@@ -260,19 +268,19 @@ impl Launch<'_> {
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
-        let count = self.count(size)?;
+        let count = self.invocation_count(size)?;
         let bindings = bindings(self.pipeline, self.resources);
         let subgroups = self.pipeline.whole_subgroups();
         if subgroups.is_some_and(|size| size > 64) {
             return self.run::<64>(size, &|_| ());
         }
-        let one = self.pipeline.order_dependent() && subgroups.is_none();
-        let order = Order::by_index(size);
+        let single_lane = self.pipeline.order_dependent() && subgroups.is_none();
+        let order = LaunchOrder::by_index(size);
         let mut stats = Stats::default();
-        let size_of_task = task_size(count);
-        for task in 0..count.div_ceil(size_of_task) {
-            let range = task * size_of_task..count.min((task + 1) * size_of_task);
-            let (done, trapped) = match one {
+        let task_size = task_size(count);
+        for task in 0..count.div_ceil(task_size) {
+            let range = task * task_size..count.min((task + 1) * task_size);
+            let (task_stats, trapped) = match single_lane {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
                     self.observed_task(&bindings, record, (range, &order), (&mut on_event, &mut observer))
@@ -285,7 +293,7 @@ impl Launch<'_> {
             if let Some(trapped) = trapped {
                 return Err(trapped.error);
             }
-            stats = stats.plus(&done);
+            stats = stats.plus(&task_stats);
         }
         Ok(stats)
     }
@@ -312,9 +320,9 @@ impl Launch<'_> {
         }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
-        let order = Order::by_index(size);
-        let position = order.number(id);
-        stack.launch(record, &order, position..position + 1);
+        let order = LaunchOrder::by_index(size);
+        let position = order.linear_index(id);
+        stack.launch_batch(record, &order, position..position + 1);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
@@ -340,7 +348,7 @@ impl Launch<'_> {
         let subgroup = u64::from(self.pipeline.subgroup_size);
         let first = ((z * height + y) * width + x) / subgroup * subgroup;
         let end = (width * height * depth).min(first + subgroup);
-        stack.launch(record, &Order::by_index(size), first..end);
+        stack.launch_batch(record, &LaunchOrder::by_index(size), first..end);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
@@ -377,9 +385,9 @@ impl Launch<'_> {
         let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();
         match (stack.trapped, trace) {
             (Some(trapped), _) => Err(trapped.error),
-            (None, Some(trace)) => match trace.trapped(0) {
+            (None, Some(trace)) => match trace.trap_code(0) {
                 Some(code) => {
-                    let record = missing_record(&self.pipeline.sbt, code, trace.records[0]);
+                    let record = missing_record(&self.pipeline.sbt, code, trace.record_indices[0]);
                     Err(record.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note))
                 }
                 None => Ok(RayOutcome {
@@ -393,23 +401,23 @@ impl Launch<'_> {
     }
 }
 
-/// The data that the threads of a launch share.
-struct Work<'a> {
+/// The tasks of a launch and the data that its worker threads share.
+struct LaunchTasks<'a> {
     record: &'a Record,
     bindings: &'a [Bindings],
-    order: Order,
-    tasks: &'a Tasks,
+    order: LaunchOrder,
+    tasks: &'a TaskQueue,
     /// The positions of all tasks.
     positions: Range<u64>,
-    /// How many positions a task has.
-    each: u64,
-    done: &'a (dyn Fn(u64) + Sync),
+    /// The number of positions of a task.
+    task_size: u64,
+    on_progress: &'a (dyn Fn(u64) + Sync),
 }
 
-impl Work<'_> {
+impl LaunchTasks<'_> {
     /// The positions of a task.
     fn range(&self, task: u64) -> Range<u64> {
-        let first = self.positions.start + task * self.each;
-        first..self.positions.end.min(first + self.each)
+        let first = self.positions.start + task * self.task_size;
+        first..self.positions.end.min(first + self.task_size)
     }
 }

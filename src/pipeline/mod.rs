@@ -1,9 +1,9 @@
 //! Ray-tracing pipelines: shader groups, the shader binding table, traces and launches.
 //!
-//! The interpreter stops where a shader asks for something; here it is served. All that is in
-//! progress stands on one explicit [`stack`]: shaders and, between them, what they wait for. So the
-//! recursion limit, the call stack of an error and the answer to "what is this ray doing" are one
-//! data structure, and nothing recurses natively.
+//! The interpreter stops at an instruction that needs the pipeline; the pipeline executes it and
+//! resumes the shader. Everything in progress is on one explicit [`stack`]: shaders and, between
+//! them, the traces and calls that they wait for. So the recursion limit and the call stack of an
+//! error message come from one data structure, and the host's stack does not recurse.
 
 pub mod bands;
 pub mod compute;
@@ -36,7 +36,7 @@ use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, Memory};
 
-pub use bands::{Band, Bands, NotStreamed, Streamed};
+pub use bands::{Band, BandedLaunch, NotStreamed, StreamedImage};
 pub use compute::Compute;
 pub use device::{DeviceProfile, Features, Limits};
 pub use flags::PipelineFlags;
@@ -69,7 +69,7 @@ pub struct Pipeline {
     pub fuel: u64,
     /// `SubgroupSize`
     pub subgroup_size: u32,
-    /// What changes for every ray.
+    /// The flags that the pipeline is created with.
     pub flags: PipelineFlags,
     /// `maxRayDispatchInvocationCount`
     pub max_invocations: u64,
@@ -86,11 +86,11 @@ impl Pipeline {
     /// # Errors
     /// As [`crate::program::lower()`].
     pub fn unoptimized(&self) -> Result<Self> {
-        let reference = |program: &Arc<Program>| Ok(Arc::new(program.unoptimized()?));
-        Ok(Self { programs: self.programs.iter().map(reference).collect::<Result<_>>()?, ..self.clone() })
+        let unoptimized = |program: &Arc<Program>| Ok(Arc::new(program.unoptimized()?));
+        Ok(Self { programs: self.programs.iter().map(unoptimized).collect::<Result<_>>()?, ..self.clone() })
     }
 
-    /// The words of the largest payload that a shader takes.
+    /// The number of words of the largest payload that a shader declares.
     pub fn payload_words(&self) -> usize {
         let counts = self.programs.iter().filter_map(|program| {
             program
@@ -100,31 +100,31 @@ impl Pipeline {
         counts.max().unwrap_or(0)
     }
 
-    /// Whether a shader leaves nothing behind, whatever it is given.
+    /// Whether a shader has no effect, whatever its inputs are.
     fn is_empty(&self, shader: Shader) -> bool {
         self.programs[shader.0 as usize].is_empty()
     }
 
-    /// Whether a shader's results depend on how invocations interleave: a launch then runs them one
+    /// Whether a shader's results depend on how invocations interleave. A launch then runs them one
     /// after the other, in launch order, on one thread.
     pub fn order_dependent(&self) -> bool {
         self.programs.iter().any(|program| program.order_dependent)
     }
 
-    /// The memory that a launch's invocations share otherwise than by atomic instructions that
-    /// commute, where there is any; they then run on one thread, 64 together in launch order, at
-    /// every width.
+    /// Memory that the invocations of a launch share otherwise than by atomic instructions that
+    /// commute, if there is any. They then run on one thread, in batches of 64 in launch order, at
+    /// every batch width.
     pub fn shared_memory(&self, size: [u32; 3], resources: &Resources) -> Option<Memory> {
         let programs: Vec<&Program> = self.programs.iter().map(|program| &**program).collect();
         LaunchExtent { count: size, local: [1; 3], resources }.shared(&programs)
     }
 
-    /// Whether a shader needs the other invocations of its subgroup beside it.
+    /// Whether a shader uses subgroup instructions, so that whole subgroups must run together.
     pub fn uses_subgroups(&self) -> bool {
         self.programs.iter().any(|program| program.uses_subgroups)
     }
 
-    /// The size of subgroups, where a batch must hold whole ones.
+    /// The size of subgroups, if a batch must hold whole ones.
     fn whole_subgroups(&self) -> Option<u32> {
         self.uses_subgroups().then_some(self.subgroup_size)
     }
@@ -153,7 +153,7 @@ impl Builder {
     /// Adds a group and gives its index.
     ///
     /// # Errors
-    /// `InvalidScene` where a shader has another stage than its place in the group.
+    /// `InvalidScene` if a shader's stage does not fit its member of the group.
     pub fn group(&mut self, group: Group) -> Result<u32> {
         let check = |shader: Shader, stages: &[Stage]| {
             let program = self.programs.get(shader.0 as usize).ok_or_else(|| {
@@ -238,7 +238,7 @@ impl Builder {
         Ok(self)
     }
 
-    /// The shader binding table, to add records with data, shared groups or holes.
+    /// The shader binding table, to add records with data, of shared groups or with null handles.
     pub fn sbt(&mut self) -> &mut Sbt {
         &mut self.sbt
     }
@@ -273,17 +273,18 @@ impl Builder {
         self
     }
 
-    /// Sets the device that the pipeline is for: [`Builder::build`] refuses what it does not offer.
+    /// Sets the device that the pipeline is for: [`Builder::build`] refuses what it does not
+    /// support.
     pub fn device(&mut self, device: DeviceProfile) -> &mut Self {
         self.device = device;
         self
     }
 
-    /// The pipeline.
+    /// Builds the pipeline.
     ///
     /// # Errors
-    /// `InvalidScene` where a record names a group that does not exist or does not fit its table;
-    /// `InvalidModule` and `InvalidScene` for what the device does not offer.
+    /// `InvalidScene` if a record names a group that does not exist or does not fit its table;
+    /// `InvalidModule` and `InvalidScene` for what the device does not support.
     pub fn build(&self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
         let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);

@@ -11,24 +11,25 @@ use crate::pipeline::group::Shader;
 
 /// Receives the events of a pipeline. The unit type receives none and costs nothing.
 pub trait PipelineObserver {
-    /// Whether events are made at all.
+    /// Whether the pipeline emits events at all.
     const ACTIVE: bool;
 
-    /// Whether ray queries make events, too.
+    /// Whether ray queries emit events, too.
     const QUERIES: bool = false;
 
     /// Whether ray queries report every node, instance and primitive that they test.
     const TRAVERSAL: bool = Self::QUERIES;
 
-    /// The events that follow are about the invocation with this launch index.
+    /// Announces that the following events belong to the invocation with this launch index.
     fn invocation(&mut self, _launch_id: [u32; 3]) {}
 
     /// Receives an event.
     fn event(&mut self, event: Event);
 
-    /// The invocation that was named last chose a null record, so no shader runs. The observer may
-    /// write the words that a shader would have left in the payload or callable data of `caller`.
-    fn absent(&mut self, _caller: Caller, _words: &mut [u32]) {}
+    /// Announces that the last announced invocation selects a null shader, so that none runs. The
+    /// observer may write the words that a shader would have left in the payload or callable data
+    /// of `caller`.
+    fn null_shader(&mut self, _caller: Caller, _words: &mut [u32]) {}
 }
 
 impl PipelineObserver for () {
@@ -47,16 +48,16 @@ impl PipelineObserver for Vec<Event> {
     }
 }
 
-/// Passes on the events of one invocation among several.
+/// Passes on the events of one invocation only.
 pub(super) struct OnlyInvocation<'a, T> {
     pub pipeline_observer: &'a mut T,
     pub launch_id: [u32; 3],
-    seen: bool,
+    is_selected: bool,
 }
 
 impl<'a, T: PipelineObserver> OnlyInvocation<'a, T> {
     pub fn new(launch_id: [u32; 3], pipeline_observer: &'a mut T) -> Self {
-        Self { pipeline_observer, launch_id, seen: true }
+        Self { pipeline_observer, launch_id, is_selected: true }
     }
 }
 
@@ -64,17 +65,17 @@ impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
     const ACTIVE: bool = T::ACTIVE;
 
     fn invocation(&mut self, launch_id: [u32; 3]) {
-        self.seen = launch_id == self.launch_id;
+        self.is_selected = launch_id == self.launch_id;
     }
 
     fn event(&mut self, event: Event) {
-        if self.seen {
+        if self.is_selected {
             self.pipeline_observer.event(event);
         }
     }
 
-    fn absent(&mut self, caller: Caller, words: &mut [u32]) {
-        self.pipeline_observer.absent(caller, words);
+    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) {
+        self.pipeline_observer.null_shader(caller, words);
     }
 }
 
@@ -89,7 +90,8 @@ pub struct Caller {
     pub payload: Reg,
 }
 
-/// Passes events to a closure. Of ray queries it sees instructions and commits, not the traversal.
+/// Passes events to a closure. Ray queries emit events of instructions and commits, not of
+/// traversal.
 impl PipelineObserver for &mut dyn FnMut(Event) {
     const ACTIVE: bool = true;
     const QUERIES: bool = true;
@@ -102,8 +104,8 @@ impl PipelineObserver for &mut dyn FnMut(Event) {
 
 /// An event of a pipeline. Words are 32-bit words in the order of a value's scalars.
 ///
-/// At one lane events nest: between `Enter` and its `Leave` stand the events of the shader, between
-/// `Trace` and its `Traced` those of the ray and of its shaders.
+/// The events of one lane nest: the events of a shader are between `Enter` and its `Leave`, those
+/// of a ray and its shaders between `Trace` and its `Traced`.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Event {
@@ -115,23 +117,23 @@ pub enum Event {
         tlas: Arc<Tlas>,
         /// `LaunchIdKHR` of the ray.
         launch_id: [u32; 3],
-        /// How deep in the tree of traces: 1 for a trace by ray generation.
+        /// The recursion depth: 1 for a trace by ray generation.
         depth: u32,
         /// The ray, its flags and its cull mask.
         trace: TraceRay,
-        /// SBT offset, SBT stride and miss index, as given.
+        /// The operands SBT offset, SBT stride and miss index.
         sbt: [u32; 3],
-        /// The payload as given.
+        /// The payload before the trace.
         payload: Vec<u32>,
     },
-    /// A node of an instance's tree was opened, or (`None`) one of the tree over the instances.
+    /// Traversal opened a node of an instance's BVH, or of the TLAS (`None`).
     Node(Option<u32>),
     /// Traversal reached an instance.
     Instance(u32, InstanceVerdict),
     /// Traversal tested a primitive.
     Primitive(HitPrimitive, PrimitiveVerdict),
-    /// A candidate needs a shader's decision, or has no shader to decide: `None` accepts it (a
-    /// triangle, sphere or linear swept sphere) or drops it (a box).
+    /// Traversal found a candidate that a shader decides on. Without a shader (`None`) a triangle,
+    /// sphere or linear swept sphere is accepted, and a box is dropped.
     Candidate {
         /// The candidate.
         candidate: Candidate,
@@ -139,7 +141,7 @@ pub enum Event {
         record: u64,
         /// The terms of `record`: instance offset, geometry index, SBT stride and SBT offset.
         arithmetic: [u32; 4],
-        /// The shader that decides.
+        /// The any-hit or intersection shader that decides.
         shader: Option<Shader>,
     },
     /// An opaque hit was committed without a shader.
@@ -152,9 +154,9 @@ pub enum Event {
         stage: Stage,
         /// The builtins that the shader reads, with their words.
         builtins: Vec<(&'static Builtin, Vec<u32>)>,
-        /// The payload that the shader is given, where it declares one.
+        /// The payload before the shader runs, if it declares one.
         payload: Vec<u32>,
-        /// The hit attributes that the shader is given, where it declares them.
+        /// The hit attributes before the shader runs, if it declares them.
         attributes: Vec<u32>,
     },
     /// A shader ended.
@@ -165,7 +167,7 @@ pub enum Event {
         stage: Stage,
         /// How the shader ended.
         exit: Exit,
-        /// The payload that the shader leaves.
+        /// The payload after the shader ran.
         payload: Vec<u32>,
     },
     /// `OpReportIntersectionKHR` returned.
@@ -177,7 +179,7 @@ pub enum Event {
         /// Whether the hit was accepted.
         accepted: bool,
     },
-    /// A ray query of the running shader changed its state or tested something.
+    /// A ray query of the running shader changed its state, or tested an instance or primitive.
     RayQuery(RayQueryEvent),
     /// Traversal is over; the closest-hit or miss shader has not run yet.
     Traversed {
@@ -185,25 +187,25 @@ pub enum Event {
         committed: Option<Committed>,
         /// The index of the hit or miss record.
         record: u64,
-        /// The shader that runs; `None` for a null record, where the ray skips closest-hit, and
-        /// where a hit object keeps what was found.
+        /// The shader that runs; `None` for a null shader, if the ray's flags skip closest-hit, and
+        /// if a hit object records the result.
         shader: Option<Shader>,
-        /// Whether a hit object keeps what was found: no shader runs.
-        kept: bool,
+        /// Whether a hit object records the result, so that no shader runs.
+        to_hit_object: bool,
     },
-    /// A trace is over with all its shaders.
+    /// A trace and all its shaders have ended.
     Traced {
-        /// The payload as the caller finds it.
+        /// The payload after the trace.
         payload: Vec<u32>,
     },
 }
 
-/// Turns the events of a traversal into events of the pipeline.
-pub(super) struct Traversal<'a, T>(pub &'a mut T);
+/// Passes the events of a traversal on as events of the pipeline.
+pub(super) struct TraversalAdapter<'a, T>(pub &'a mut T);
 
-impl<T: PipelineObserver> TraversalObserver for Traversal<'_, T> {
-    const REASONS: bool = T::ACTIVE;
-    const QUIET: bool = !T::ACTIVE;
+impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
+    const EXPLAINS_MISSES: bool = T::ACTIVE;
+    const IS_NOOP: bool = !T::ACTIVE;
 
     fn node(&mut self, instance: Option<u32>) {
         if T::ACTIVE {
@@ -217,9 +219,9 @@ impl<T: PipelineObserver> TraversalObserver for Traversal<'_, T> {
         }
     }
 
-    fn primitive(&mut self, place: HitPrimitive, verdict: PrimitiveVerdict) {
+    fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         if T::ACTIVE {
-            self.0.event(Event::Primitive(place, verdict));
+            self.0.event(Event::Primitive(hit_primitive, verdict));
         }
     }
 

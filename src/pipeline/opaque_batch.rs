@@ -1,5 +1,5 @@
-//! Rays that can hit only opaque geometry, so that no shader runs during traversal: a batch traces
-//! them together.
+//! Rays that can hit only opaque geometry, so that no shader runs during traversal and a packet
+//! traces them together.
 
 use crate::accel::{Committed, Packet, Tlas, TraceRay};
 

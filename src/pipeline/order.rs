@@ -3,23 +3,23 @@
 use std::ops::Range;
 
 /// The width and height of a tile.
-pub(super) const SIDE: u64 = 8;
+pub(super) const TILE_SIDE: u64 = 8;
 
 /// An order of the launch indices of a grid: each has a position.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Order {
+pub(super) struct LaunchOrder {
     size: [u64; 3],
     tiled: bool,
 }
 
-impl Order {
-    /// The order of launch indices, x fastest: for shaders whose results depend on it.
+impl LaunchOrder {
+    /// Launch indices in row-major order, x fastest: for shaders whose results depend on the order.
     pub fn by_index(size: [u32; 3]) -> Self {
         Self { size: size.map(u64::from), tiled: false }
     }
 
-    /// By tiles of 8 x 8 invocations, row after row of them, so that a batch of 64 is a tile: its
-    /// rays are more coherent than those of 64 invocations in a row.
+    /// Launch indices by tiles of 8 x 8 invocations, row after row of tiles, so that a batch of 64
+    /// is a tile: its rays are more coherent than those of 64 invocations in a row.
     pub fn by_tiles(size: [u32; 3]) -> Self {
         Self { tiled: true, ..Self::by_index(size) }
     }
@@ -31,13 +31,13 @@ impl Order {
         let (x, y) = match self.tiled {
             false => (within % width, within / width),
             true => {
-                let band = within / (width * SIDE);
-                let rows = SIDE.min(height - band * SIDE);
-                let within = within - band * width * SIDE;
-                let tile = within / (SIDE * rows);
-                let columns = SIDE.min(width - tile * SIDE);
-                let within = within - tile * SIDE * rows;
-                (tile * SIDE + within % columns, band * SIDE + within / columns)
+                let band = within / (width * TILE_SIDE);
+                let rows = TILE_SIDE.min(height - band * TILE_SIDE);
+                let within = within - band * width * TILE_SIDE;
+                let tile = within / (TILE_SIDE * rows);
+                let columns = TILE_SIDE.min(width - tile * TILE_SIDE);
+                let within = within - tile * TILE_SIDE * rows;
+                (tile * TILE_SIDE + within % columns, band * TILE_SIDE + within / columns)
             }
         };
         [x as u32, y as u32, z as u32]
@@ -48,34 +48,34 @@ impl Order {
         self.size.map(|side| side as u32)
     }
 
-    /// The launch indices at a range of positions, as runs in which x increases by 1: the first
-    /// index and the length of each run.
-    pub fn lines(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
+    /// The launch indices at a range of positions, as runs along a scanline in which x increases by
+    /// 1: the first index and the length of each run.
+    pub fn scanline_runs(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
         let (order, Range { mut start, end }) = (*self, positions);
         std::iter::from_fn(move || {
             let first = order.launch_id(start);
             let x = u64::from(first[0]);
-            let stop = if order.tiled { (x / SIDE + 1) * SIDE } else { u64::MAX };
+            let stop = if order.tiled { (x / TILE_SIDE + 1) * TILE_SIDE } else { u64::MAX };
             let run = (stop.min(order.size[0]) - x).min(end - start);
             start += run;
             (run > 0).then_some((first, run as usize))
         })
     }
 
-    /// The number of a launch index in the order in which x is fastest.
-    pub fn number(&self, id: [u32; 3]) -> u64 {
+    /// The row-major linear index of a launch index, x fastest.
+    pub fn linear_index(&self, id: [u32; 3]) -> u64 {
         let [x, y, z] = id.map(u64::from);
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// A lower bound of the numbers (as above) of all indices at these positions or later ones.
-    pub fn least_number(&self, positions: &Range<u64>) -> u64 {
+    /// A lower bound of the linear indices of all invocations at these positions or later ones.
+    pub fn min_linear_index(&self, positions: &Range<u64>) -> u64 {
         if !self.tiled {
             return positions.start;
         }
         let [width, height, _] = self.size;
         let slice = positions.start / (width * height) * (width * height);
-        slice + (positions.start - slice) / (width * SIDE) * (width * SIDE)
+        slice + (positions.start - slice) / (width * TILE_SIDE) * (width * TILE_SIDE)
     }
 }
 
@@ -87,11 +87,12 @@ mod tests {
     fn every_index_has_one_position() {
         for size in [[1, 1, 1], [8, 8, 1], [64, 1, 1], [1, 64, 1], [13, 21, 1], [16, 9, 3], [7, 17, 2]] {
             let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
-            for order in [Order::by_index(size), Order::by_tiles(size)] {
-                let mut numbers: Vec<u64> = (0..count).map(|at| order.number(order.launch_id(at))).collect();
+            for order in [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size)] {
+                let mut numbers: Vec<u64> =
+                    (0..count).map(|at| order.linear_index(order.launch_id(at))).collect();
                 for start in 0..count {
                     let least = numbers[start as usize..].iter().min().copied();
-                    assert!(least >= Some(order.least_number(&(start..count))), "{size:?} {start}");
+                    assert!(least >= Some(order.min_linear_index(&(start..count))), "{size:?} {start}");
                 }
                 numbers.sort_unstable();
                 assert!(numbers.into_iter().eq(0..count), "{size:?}");
@@ -100,16 +101,16 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_launch_indices() {
+    fn scanline_runs_are_launch_indices() {
         for size in [[13, 21, 1], [16, 9, 3], [64, 2, 1], [3, 3, 3]] {
             let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
-            for order in [Order::by_index(size), Order::by_tiles(size)] {
+            for order in [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size)] {
                 for positions in [0..count, 1..count - 1, 5..7, 4..4] {
                     let ids = positions.clone().map(|at| order.launch_id(at));
-                    let lines = order
-                        .lines(positions)
+                    let indices = order
+                        .scanline_runs(positions)
                         .flat_map(|([x, y, z], run)| (x..x + run as u32).map(move |x| [x, y, z]));
-                    assert!(lines.eq(ids), "{size:?}");
+                    assert!(indices.eq(ids), "{size:?}");
                 }
             }
         }
@@ -117,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_batch_is_a_tile() {
-        let order = Order::by_tiles([20, 16, 1]);
+        let order = LaunchOrder::by_tiles([20, 16, 1]);
         let tile = |first: u64| (first..first + 64).map(|at| order.launch_id(at)).collect::<Vec<_>>();
         let wanted = |x: u32, y: u32| (0..64).map(|at| [x + at % 8, y + at / 8, 0]).collect::<Vec<_>>();
         assert_eq!(tile(0), wanted(0, 0));

@@ -1,4 +1,5 @@
-//! Payloads and callable data: checks that a shader and the shader that it calls declare one type.
+//! Payloads and callable data: checks that a shader and the shader that it calls declare the same
+//! type.
 
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
@@ -8,49 +9,52 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::program::Program;
 
-/// The interface variable of a shader whose first register this is.
-fn given(program: &Program, first: Reg) -> Option<&InterfaceRegisters> {
+/// The interface variable of a shader that begins at a register: its payload or callable data.
+fn outgoing_variable(program: &Program, first: Reg) -> Option<&InterfaceRegisters> {
     program.interface.iter().find(|registers| registers.first == first)
 }
 
-/// The variable for incoming payload or callable data, if the shader has one that it uses.
-fn taken(program: &Program) -> Option<&InterfaceRegisters> {
+/// The incoming payload or callable data of a shader, if it uses one.
+fn incoming_variable(program: &Program) -> Option<&InterfaceRegisters> {
     let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
     classes.into_iter().find_map(|class| program.interface_registers(class))
 }
 
-/// The scalars of the data that a shader passes from a span; see [`InterfaceRegisters::scalars`].
-pub(super) fn scalars_given(program: &Program, span: RegSpan) -> Option<u64> {
-    given(program, span.first).map(|registers| registers.scalars)
+/// The scalars of the payload or callable data that a shader passes in a span of registers; see
+/// [`InterfaceRegisters::scalar_fingerprint`].
+pub(super) fn outgoing_scalars(program: &Program, span: RegSpan) -> Option<u64> {
+    outgoing_variable(program, span.first).map(|registers| registers.scalar_fingerprint)
 }
 
-/// Whether a shader accepts data of these scalars. A shader that does not use its data accepts any.
-pub(super) fn takes(program: &Program, scalars: Option<u64>) -> bool {
+/// Whether a shader accepts a payload or callable data of these scalars. A shader that does not use
+/// its data accepts any.
+pub(super) fn accepts(program: &Program, scalars: Option<u64>) -> bool {
     let Some(scalars) = scalars else { return true };
-    taken(program).is_none_or(|registers| registers.scalars == scalars)
+    incoming_variable(program).is_none_or(|registers| registers.scalar_fingerprint == scalars)
 }
 
-/// Both types: of the data that a shader passes, and of the data that the called one declares.
+/// Describes both types: the one that the called shader declares, and the one that its caller
+/// passes.
 pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option<String> {
-    let (given, taken) = (given(caller, first)?, taken(called)?);
+    let (outgoing, incoming) = (outgoing_variable(caller, first)?, incoming_variable(called)?);
     Some(format!(
         "{} `{}`{} takes {}, and is given {}",
         called.stage.name(),
         called.name,
-        source(&called.module),
-        of_type(&called.module, taken.ty),
-        of_type(&caller.module, given.ty)
+        source_file(&called.module),
+        describe_with_members(&called.module, incoming.ty),
+        describe_with_members(&caller.module, outgoing.ty)
     ))
 }
 
 /// The source file that a module names, if any: many entry points are called `main`.
-fn source(module: &Module) -> String {
+fn source_file(module: &Module) -> String {
     let file = module.debug_info.files.first().filter(|file| !file.name.is_empty());
     file.map_or_else(String::new, |file| format!(" ({})", file.name))
 }
 
-/// A type as text, a struct with its members.
-fn of_type(module: &Module, ty: TypeId) -> String {
+/// Describes a type, a struct with its members.
+fn describe_with_members(module: &Module, ty: TypeId) -> String {
     let name = module.describe_type(ty);
     let Type::Struct { members, .. } = module.ty(ty) else { return name };
     let id = module.type_ids[ty.0 as usize];

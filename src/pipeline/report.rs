@@ -8,27 +8,30 @@ use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::observer::{Event, PipelineObserver};
-use crate::pipeline::trace::{Data, Trace, hit_group_at};
+use crate::pipeline::trace::{Trace, Words, hit_group_at};
 use crate::program::Program;
 
-/// Reports of the lanes of an intersection shader's batch.
+/// The reported hits of an intersection shader's lanes.
 #[derive(Clone, Debug)]
 pub(super) struct IntersectionReport<const W: usize> {
+    /// The register of the instruction's results.
     accepted: Reg,
-    /// By any-hit shader.
-    waiting: SmallVec<[(Shader, Mask<W>); 1]>,
-    reports: SmallVec<[Option<Reported>; 4]>,
+    /// The any-hit shaders still to run, and the lanes whose hits they decide on.
+    pending: SmallVec<[(Shader, Mask<W>); 1]>,
+    reports: SmallVec<[Option<ReportedHit>; 4]>,
 }
 
+/// A hit that an intersection shader reported and that is not yet decided.
 #[derive(Clone, Debug)]
-struct Reported {
+struct ReportedHit {
     t: f32,
     kind: HitKind,
-    attributes: Data,
+    attributes: Words,
 }
 
 impl<const W: usize> IntersectionReport<W> {
-    /// Makes the reports of an intersection batch.
+    /// Reads the hits that the lanes of an intersection batch report, and decides those that need
+    /// no any-hit shader.
     pub fn new<T: PipelineObserver>(
         pipeline: &Pipeline,
         trace: &mut Trace<W>,
@@ -37,7 +40,7 @@ impl<const W: usize> IntersectionReport<W> {
         (mask, t, hit_kind, accepted): (Mask<W>, Reg, Reg, Reg),
         observer: &mut T,
     ) -> Self {
-        let mut report = Self { accepted, waiting: SmallVec::new(), reports: SmallVec::from_elem(None, W) };
+        let mut report = Self { accepted, pending: SmallVec::new(), reports: SmallVec::from_elem(None, W) };
         for lane in mask.lanes() {
             let t = f32::from_bits(batch.registers[t].0[lane]);
             let kind = HitKind(batch.registers[hit_kind].0[lane]);
@@ -50,18 +53,18 @@ impl<const W: usize> IntersectionReport<W> {
                 Some(registers) => {
                     batch.registers.lane_words(registers.first, registers.count, lane).collect()
                 }
-                None => Data::new(),
+                None => Words::new(),
             };
-            let reported = Reported { t, kind, attributes };
+            let reported = ReportedHit { t, kind, attributes };
             let cursor = trace.cursor(lane);
             let candidate = cursor.candidate().copied();
             let Some(candidate) = candidate.filter(|_| cursor.accepts(t)) else {
-                report.answer(batch, lane, &reported, false, observer);
+                report.write_result(batch, lane, &reported, false, observer);
                 continue;
             };
-            let any_hit = hit_group_at(pipeline, trace.hit_index(lane, &candidate)).1.any_hit;
+            let any_hit = hit_group_at(pipeline, trace.hit_record_index(lane, &candidate)).1.any_hit;
             match any_hit.filter(|_| !candidate.opaque) {
-                Some(shader) if !trace.suits(pipeline, shader) => {
+                Some(shader) if !trace.payload_matches(pipeline, shader) => {
                     let op = batch.op - 1;
                     batch.fault_value[lane] = shader.0.into();
                     batch.trap(Mask::lane(lane), TrapCode::PayloadMismatch, op);
@@ -69,24 +72,24 @@ impl<const W: usize> IntersectionReport<W> {
                 None => {
                     trace.cursor_mut(lane).generate(t, kind);
                     trace.commit_attributes(lane, reported.attributes.clone());
-                    report.answer(batch, lane, &reported, true, observer);
+                    report.write_result(batch, lane, &reported, true, observer);
                 }
                 Some(shader) => {
                     report.reports[lane] = Some(reported);
-                    match report.waiting.iter_mut().find(|group| group.0 == shader) {
+                    match report.pending.iter_mut().find(|group| group.0 == shader) {
                         Some(group) => group.1 = group.1 | Mask::lane(lane),
-                        None => report.waiting.push((shader, Mask::lane(lane))),
+                        None => report.pending.push((shader, Mask::lane(lane))),
                     }
                 }
             }
         }
-        report.waiting.reverse();
+        report.pending.reverse();
         report
     }
 
-    /// The next any-hit shader that must run; `None` when every report is answered.
+    /// The next any-hit shader that must run; `None` when every reported hit is decided.
     pub fn advance(&mut self) -> Option<(Shader, Mask<W>)> {
-        self.waiting.pop()
+        self.pending.pop()
     }
 
     /// Writes the reported hits into the builtins of an any-hit shader.
@@ -108,7 +111,7 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// Applies the decisions of an any-hit shader to lanes of the intersection batch.
-    pub fn deliver<T: PipelineObserver>(
+    pub fn apply_any_hit<T: PipelineObserver>(
         &mut self,
         trace: &mut Trace<W>,
         intersection: &mut Batch<W>,
@@ -135,15 +138,16 @@ impl<const W: usize> IntersectionReport<W> {
                 trace.cursor_mut(lane).terminate();
                 intersection.exit(Mask::lane(lane), Exit::Terminated);
             }
-            self.answer(intersection, lane, &reported, accepted, observer);
+            self.write_result(intersection, lane, &reported, accepted, observer);
         }
     }
 
-    fn answer<T: PipelineObserver>(
+    /// Writes the result of the report into a lane of the intersection batch.
+    fn write_result<T: PipelineObserver>(
         &self,
         batch: &mut Batch<W>,
         lane: usize,
-        reported: &Reported,
+        reported: &ReportedHit,
         accepted: bool,
         observer: &mut T,
     ) {

@@ -36,23 +36,23 @@ impl Record {
     }
 }
 
-/// The shader binding table: one table for each kind of shader. A hole (`None`) is a record with a
-/// null handle: nothing runs there.
+/// The shader binding table: one table for each kind of shader. `None` is a record with a null
+/// handle, for which no shader runs.
 #[derive(Clone, Debug, Default)]
 pub struct Sbt {
     /// The ray generation record that launches run.
     pub ray_generation: Option<Record>,
-    /// By the miss index of a trace.
+    /// Miss records, by the miss index of a trace.
     pub miss: Vec<Option<Record>>,
-    /// By instance offset + geometry index * SBT stride + SBT offset.
+    /// Hit records, by instance offset + geometry index * SBT stride + SBT offset.
     pub hit: Vec<Option<Record>>,
-    /// By the SBT index of `OpExecuteCallableKHR`.
+    /// Callable records, by the SBT index of `OpExecuteCallableKHR`.
     pub callable: Vec<Option<Record>>,
 }
 
-/// Whether a table ends before an index. One without any records is as one whose handles are all
-/// null: an application that has no such shaders gives no memory for it.
-pub(super) fn ends_before(table: &[Option<Record>], index: u64) -> bool {
+/// Whether an index is beyond the end of a table. A table without records is like one whose handles
+/// are all null: an application without such shaders binds no memory for it.
+pub(super) fn is_beyond_end(table: &[Option<Record>], index: u64) -> bool {
     !table.is_empty() && index >= table.len() as u64
 }
 

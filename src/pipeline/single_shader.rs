@@ -8,12 +8,12 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats};
 use crate::pipeline::observer::PipelineObserver;
-use crate::pipeline::order::Order;
+use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::trapped::Trapped;
 
 impl Launch<'_> {
-    /// Runs the ray generation shader of the pipeline's table over a small grid, W lanes at a time.
+    /// Runs the pipeline's ray generation shader over a small grid, W lanes at a time.
     ///
     /// # Errors
     /// The trap of the lowest launch index.
@@ -31,14 +31,14 @@ impl Launch<'_> {
         let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
         for start in (0..count).step_by(W) {
             let end = count.min(start + W as u64);
-            stack.launch(record, &Order::by_index(size), start..end);
+            stack.launch_batch(record, &LaunchOrder::by_index(size), start..end);
         }
-        answer(stack.trapped, stack.stats)
+        outcome(stack.trapped, stack.stats)
     }
 
-    /// Runs a shader for one invocation, as the first of W lanes, without what would call it. What
-    /// it leaves in payload and attributes is dropped. Not for intersection shaders: these report
-    /// to a trace.
+    /// Runs a shader for one invocation, in the first of W lanes, without a caller. The payload and
+    /// attributes that it writes are discarded. Intersection shaders cannot run so: they report to
+    /// a trace.
     ///
     /// # Errors
     /// The trap.
@@ -56,10 +56,10 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         stack.invoke(shader, invocation, payload.into(), attributes.into());
-        answer(stack.trapped, stack.stats)
+        outcome(stack.trapped, stack.stats)
     }
 
-    /// Traces one ray, as the first of W lanes, without a ray generation shader.
+    /// Traces one ray, in the first of W lanes, without a ray generation shader.
     ///
     /// # Errors
     /// The trap.
@@ -75,10 +75,10 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         stack.trace(tlas, operands);
-        answer(stack.trapped, stack.stats)
+        outcome(stack.trapped, stack.stats)
     }
 }
 
-fn answer(trapped: Option<Trapped>, stats: Stats) -> Result<Stats, Box<Trapped>> {
+fn outcome(trapped: Option<Trapped>, stats: Stats) -> Result<Stats, Box<Trapped>> {
     trapped.map_or(Ok(stats), |trapped| Err(Box::new(trapped)))
 }

@@ -1,5 +1,5 @@
-//! The stack of shader calls: shaders that run or wait, and between them the traces, calls and
-//! reports that they wait for.
+//! The stack of shader calls: shaders that run or wait, and between them the traces, callable calls
+//! and reports that they wait for.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -19,11 +19,11 @@ use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{RayOperands, Stats};
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
-use crate::pipeline::order::Order;
+use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::payload;
 use crate::pipeline::report::IntersectionReport;
 use crate::pipeline::sbt::Record;
-use crate::pipeline::trace::{Data, Trace, Waiting, at, general};
+use crate::pipeline::trace::{PendingCall, Trace, Words, general_shader, record_at};
 use crate::pipeline::trapped::Trapped;
 use crate::program::Program;
 
@@ -40,37 +40,37 @@ pub(super) enum Role {
     Callable,
 }
 
-/// A shader that runs or waits. Its lanes are the lanes of its caller that called it.
+/// A shader that runs or waits, in the lanes of its caller that called it.
 #[derive(Clone, Debug)]
-pub(super) struct Running<const W: usize> {
+pub(super) struct RunningShader<const W: usize> {
     pub shader: Shader,
     role: Role,
     pub batch: Batch<W>,
     lanes: Mask<W>,
-    /// The registers of the payload, or of callable data.
+    /// The registers of the incoming payload or callable data.
     data: Option<RegSpan>,
     attributes: Option<RegSpan>,
 }
 
-impl<const W: usize> Running<W> {
-    /// Copies the payload (or callable data) from a caller's registers.
-    fn take_data(&mut self, from: &Registers<W>, span: RegSpan) {
+impl<const W: usize> RunningShader<W> {
+    /// Copies the payload (or callable data) in from the caller's registers.
+    fn copy_data_in(&mut self, from: &Registers<W>, span: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(span.count);
-            // Nothing reads the other lanes.
+            // All lanes are copied: nothing reads those that did not call.
             self.batch.registers.copy_span(own.first, from, span.first, count, Mask::ALL);
         }
     }
 
-    /// Copies the payload (or callable data) back to a caller's registers.
-    fn leave_data(&self, to: &mut Registers<W>, span: RegSpan) {
+    /// Copies the payload (or callable data) out to the caller's registers.
+    fn copy_data_out(&self, to: &mut Registers<W>, span: RegSpan) {
         if let Some(own) = self.data {
             let count = own.count.min(span.count);
             to.copy_span(span.first, &self.batch.registers, own.first, count, self.lanes);
         }
     }
 
-    /// The registers of its hit attributes.
+    /// The registers of the hit attributes.
     fn attributes(&mut self) -> Option<&mut [Lanes<W>]> {
         self.attributes.map(|span| self.batch.registers.span_mut(span.first, span.count))
     }
@@ -78,25 +78,25 @@ impl<const W: usize> Running<W> {
 
 /// `OpExecuteCallableKHR` in progress.
 #[derive(Clone, Debug)]
-pub(super) struct Call<const W: usize> {
-    /// The register of the record indices.
+pub(super) struct ExecuteCallable<const W: usize> {
+    /// The register of the callable records' indices.
     index: Reg,
     data: RegSpan,
-    /// Callable shaders and the lanes that call them.
-    waiting: Vec<(Shader, Mask<W>)>,
+    /// The callable shaders still to run, and the lanes that call them.
+    pending: Vec<(Shader, Mask<W>)>,
 }
 
 /// One frame of the stack of shader calls: a shader that runs, or what it waits for.
 #[derive(Clone, Debug)]
 pub(super) enum ShaderCallFrame<const W: usize> {
-    Shader(Box<Running<W>>),
-    /// `object`: the hit objects that receive the result, if any.
+    Shader(Box<RunningShader<W>>),
+    /// A trace. `object` is the variable of hit objects that receive the result, if any.
     Trace {
         trace: Box<Trace<W>>,
         payload: RegSpan,
         object: Option<ObjectRef>,
     },
-    Call(Call<W>),
+    ExecuteCallable(ExecuteCallable<W>),
     Report(Box<IntersectionReport<W>>),
 }
 
@@ -110,10 +110,10 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     /// The trap of the lowest launch index.
     pub trapped: Option<Trapped>,
     pub frames: Vec<ShaderCallFrame<W>>,
-    /// Batches whose memory can be used again, by shader.
-    free_batches: Vec<Vec<Box<Running<W>>>>,
-    /// Traces whose memory can be used again.
-    #[allow(clippy::vec_box, reason = "the boxes are what is used again")]
+    /// By shader, the batches whose memory can be reused.
+    free_batches: Vec<Vec<Box<RunningShader<W>>>>,
+    /// Traces whose memory can be reused.
+    #[allow(clippy::vec_box, reason = "the boxes are what is reused")]
     pub free_traces: Vec<Box<Trace<W>>>,
 }
 
@@ -159,34 +159,34 @@ where
     }
 
     /// Runs the ray generation shader for the invocations at a range of positions, batch by batch.
-    pub fn launch_all(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
+    pub fn launch_batches(&mut self, record: &Record, order: &LaunchOrder, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
-            self.launch(record, order, start..positions.end.min(start + W as u64));
+            self.launch_batch(record, order, start..positions.end.min(start + W as u64));
         }
     }
 
     /// Runs the ray generation shader for one batch: the invocations at a range of positions in a
     /// launch's order.
-    pub fn launch(&mut self, record: &Record, order: &Order, positions: Range<u64>) {
+    pub fn launch_batch(&mut self, record: &Record, order: &LaunchOrder, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
-        let Some(shader) = general(self.pipeline, record) else { return };
-        let mut running = self.ready(shader, Role::RayGeneration);
+        let Some(shader) = general_shader(self.pipeline, record) else { return };
+        let mut running = self.acquire_batch(shader, Role::RayGeneration);
         let record = record.shader_record();
         let invocations = &mut running.batch.invocations;
         invocations.launch_size = order.size();
         let mut lane = 0;
-        for (first, run) in order.lines(positions) {
-            invocations.set_line(lane, first, run);
+        for (first, run) in order.scanline_runs(positions) {
+            invocations.set_launch_ids(lane, first, run);
             lane += run;
         }
         (0..count).for_each(|lane| invocations.set_record(lane, record.as_ref()));
         begin(self.pipeline, &mut running, Mask::first(count));
-        self.push(running);
+        self.push_shader(running);
         self.run();
     }
 
-    /// Runs any shader but an intersection shader for one invocation, without a caller.
-    pub fn invoke(&mut self, shader: Shader, invocation: Invocation, payload: Data, attributes: Data) {
+    /// Runs one invocation of a shader that is no intersection shader, without a caller.
+    pub fn invoke(&mut self, shader: Shader, invocation: Invocation, payload: Words, attributes: Words) {
         let role = match self.pipeline.programs[shader.0 as usize].stage {
             Stage::RayGeneration => Role::RayGeneration,
             Stage::AnyHit => Role::AnyHit,
@@ -194,7 +194,7 @@ where
             Stage::Callable => Role::Callable,
             _ => Role::Miss,
         };
-        let mut running = self.ready(shader, role);
+        let mut running = self.acquire_batch(shader, role);
         running.batch.invocations.set(0, invocation);
         begin(self.pipeline, &mut running, Mask::lane(0));
         for (span, words) in [(running.data, payload), (running.attributes, attributes)] {
@@ -203,20 +203,19 @@ where
                 running.batch.registers.set_lane_words(span.first, 0, words);
             }
         }
-        self.push(running);
+        self.push_shader(running);
         self.run();
     }
 
-    /// Traces one ray without a ray generation shader, in the first lane; returns the finished
-    /// trace.
+    /// Traces one ray from the host in the first lane; returns the finished trace.
     pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
-        let mut trace = self.spare_trace(true);
-        let payload = trace.take_host_operands(tlas, operands);
+        let mut trace = self.acquire_trace(true);
+        let payload = trace.set_host_operands(tlas, operands);
         self.push_trace(trace, payload, None);
         self.run()
     }
 
-    /// Runs until the stack is empty; returns the trace if it has no caller.
+    /// Runs until the stack is empty; returns the finished trace if the host called it.
     fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
             match self.frames.last_mut()? {
@@ -238,7 +237,7 @@ where
                             .for_each(|event| self.pipeline_observer.event(Event::RayQuery(event)));
                     }
                     match stop {
-                        Stop::Done => self.leave(),
+                        Stop::Done => self.pop_shader(),
                         Stop::TraceRay { mask, operands, payload } => {
                             self.begin_trace(mask, operands, payload, None);
                         }
@@ -246,12 +245,14 @@ where
                             self.begin_trace(mask, operands, payload, Some(object));
                         }
                         Stop::HitObjectExecute { mask, object, payload } => {
-                            self.begin_execute(mask, object, payload);
+                            self.begin_hit_object_execute(mask, object, payload);
                         }
                         Stop::HitObjectRecordHandle { mask, object, to } => {
                             self.record_handle(mask, object, to);
                         }
-                        Stop::ExecuteCallable { mask, index, data } => self.begin_call(mask, index, data),
+                        Stop::ExecuteCallable { mask, index, data } => {
+                            self.begin_execute_callable(mask, index, data)
+                        }
                         Stop::ReportIntersection { mask, t, hit_kind, accepted } => {
                             self.begin_report((mask, t, hit_kind, accepted));
                         }
@@ -266,37 +267,37 @@ where
                         return Some(trace);
                     }
                 }
-                ShaderCallFrame::Call(_) => self.advance_call(),
+                ShaderCallFrame::ExecuteCallable(_) => self.advance_execute_callable(),
                 ShaderCallFrame::Report(_) => self.advance_report(),
             }
         }
     }
 
-    /// Pushes a shader that rays of the trace on top of the stack wait for.
-    pub(super) fn enter_traced(&mut self, waiting: Waiting<W>) {
-        let Waiting { shader, role, lanes } = waiting;
-        let mut running = self.ready(shader, role);
+    /// Pushes a shader that rays of the trace on top of the stack call.
+    pub(super) fn push_traced_shader(&mut self, call: PendingCall<W>) {
+        let PendingCall { shader, role, lanes } = call;
+        let mut running = self.acquire_batch(shader, role);
         let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
             unreachable!("bug in anyhit: a shader outside a trace");
         };
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         begin(self.pipeline, &mut running, lanes);
-        running.take_data(trace.payload(below), *payload);
+        running.copy_data_in(trace.payload(below), *payload);
         if let Some(attributes) = running.attributes() {
             trace.write_hit_attributes(role, lanes, attributes);
         }
-        self.push(running);
+        self.push_shader(running);
     }
 
-    /// A batch for a shader, without lanes yet.
-    fn ready(&mut self, shader: Shader, role: Role) -> Box<Running<W>> {
+    /// Takes a free batch for a shader, or makes one; no lane runs yet.
+    fn acquire_batch(&mut self, shader: Shader, role: Role) -> Box<RunningShader<W>> {
         let mut running = self.free_batches[shader.0 as usize].pop().unwrap_or_else(|| {
             let program = &*self.pipeline.programs[shader.0 as usize];
             let data = match role {
                 Role::Callable => program.interface_registers(storage::INCOMING_CALLABLE_DATA),
                 _ => program.interface_registers(storage::INCOMING_RAY_PAYLOAD),
             };
-            Box::new(Running {
+            Box::new(RunningShader {
                 shader,
                 role,
                 batch: program.batch(),
@@ -310,8 +311,8 @@ where
         running
     }
 
-    /// Pushes a batch whose lanes have begun.
-    fn push(&mut self, mut running: Box<Running<W>>) {
+    /// Pushes a shader whose lanes have begun.
+    fn push_shader(&mut self, mut running: Box<RunningShader<W>>) {
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let mask = running.lanes;
         self.stats.count(program.stage, mask.count());
@@ -340,11 +341,11 @@ where
         self.frames.push(ShaderCallFrame::Shader(running));
     }
 
-    /// Pops a shader that is done and passes its results to its caller.
-    fn leave(&mut self) {
+    /// Pops a shader that has returned, and passes its payload and exits to its caller.
+    fn pop_shader(&mut self) {
         let pipeline = self.pipeline;
         let Some(ShaderCallFrame::Shader(running)) = self.frames.pop() else {
-            unreachable!("bug in anyhit: what ends is no shader");
+            unreachable!("bug in anyhit: the frame that returns is no shader");
         };
         let program = &*pipeline.programs[running.shader.0 as usize];
         self.stats.ray_queries += running.batch.queries.initialized;
@@ -367,11 +368,11 @@ where
         match &mut self.frames[..] {
             [] => {}
             [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] => {
-                running.leave_data(trace.payload(below), *payload);
-                trace.deliver(running.role, lanes, batch);
+                running.copy_data_out(trace.payload(below), *payload);
+                trace.apply_exits(running.role, lanes, batch);
             }
-            [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(call)] => {
-                running.leave_data(&mut below.batch.registers, call.data);
+            [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] => {
+                running.copy_data_out(&mut below.batch.registers, call.data);
                 for lane in lanes.lanes().filter(|&lane| matches!(batch.exits[lane], Exit::Trapped(_))) {
                     let op = below.batch.op - 1;
                     below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
@@ -383,17 +384,17 @@ where
                 ShaderCallFrame::Shader(intersection),
                 ShaderCallFrame::Report(report),
             ] => {
-                running.leave_data(trace.payload(below), *payload);
-                report.deliver(trace, &mut intersection.batch, (batch, lanes), self.pipeline_observer);
+                running.copy_data_out(trace.payload(below), *payload);
+                report.apply_any_hit(trace, &mut intersection.batch, (batch, lanes), self.pipeline_observer);
             }
             _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
         self.free_batches[running.shader.0 as usize].push(running);
     }
 
-    fn begin_call(&mut self, mask: Mask<W>, index: Reg, data: RegSpan) {
+    fn begin_execute_callable(&mut self, mask: Mask<W>, index: Reg, data: RegSpan) {
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
-        let mut waiting: Vec<(Shader, Mask<W>)> = Vec::new();
+        let mut pending: Vec<(Shader, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {
             let Some(record) =
                 self.pipeline.sbt.callable.get(running.batch.registers[index].0[lane] as usize)
@@ -402,33 +403,36 @@ where
                 running.batch.trap(Mask::lane(lane), TrapCode::ShaderRecordMissing, op);
                 continue;
             };
-            let Some(shader) = record.as_ref().and_then(|record| general(self.pipeline, record)) else {
+            let Some(shader) = record.as_ref().and_then(|record| general_shader(self.pipeline, record))
+            else {
                 if T::ACTIVE {
                     let caller =
                         Caller { shader: running.shader, op: running.batch.op - 1, payload: data.first };
                     let registers = &mut running.batch.registers;
-                    let mut words: Data = registers.lane_words(data.first, data.count, lane).collect();
+                    let mut words: Words = registers.lane_words(data.first, data.count, lane).collect();
                     self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
-                    self.pipeline_observer.absent(caller, &mut words);
+                    self.pipeline_observer.null_shader(caller, &mut words);
                     registers.set_lane_words(data.first, lane, words);
                 }
                 continue;
             };
-            match waiting.iter_mut().find(|group| group.0 == shader) {
+            match pending.iter_mut().find(|group| group.0 == shader) {
                 Some(group) => group.1 = group.1 | Mask::lane(lane),
-                None => waiting.push((shader, Mask::lane(lane))),
+                None => pending.push((shader, Mask::lane(lane))),
             }
         }
-        waiting.reverse();
-        self.frames.push(ShaderCallFrame::Call(Call { index, data, waiting }));
+        pending.reverse();
+        self.frames.push(ShaderCallFrame::ExecuteCallable(ExecuteCallable { index, data, pending }));
     }
 
-    fn advance_call(&mut self) {
-        let deep = self.frames.len() as u64 > 2 * CALL_LIMIT;
-        let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(call)] = &mut self.frames[..] else {
+    fn advance_execute_callable(&mut self) {
+        let deep = self.frames.len() as u64 > 2 * MAX_CALLABLE_DEPTH;
+        let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] =
+            &mut self.frames[..]
+        else {
             unreachable!("bug in anyhit: a call without a caller");
         };
-        let Some((shader, lanes)) = call.waiting.pop() else {
+        let Some((shader, lanes)) = call.pending.pop() else {
             self.frames.pop();
             return;
         };
@@ -438,27 +442,30 @@ where
             return;
         }
         let (data, index) = (call.data, call.index);
-        let given = payload::scalars_given(&self.pipeline.programs[below.shader.0 as usize], data);
-        if !payload::takes(&self.pipeline.programs[shader.0 as usize], given) {
+        let given = payload::outgoing_scalars(&self.pipeline.programs[below.shader.0 as usize], data);
+        if !payload::accepts(&self.pipeline.programs[shader.0 as usize], given) {
             let op = below.batch.op - 1;
             lanes.lanes().for_each(|lane| below.batch.fault_value[lane] = shader.0.into());
             below.batch.trap(lanes, TrapCode::PayloadMismatch, op);
             return;
         }
-        let mut running = self.ready(shader, Role::Callable);
-        let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::Call(_)] = &self.frames[..] else { return };
+        let mut running = self.acquire_batch(shader, Role::Callable);
+        let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(_)] = &self.frames[..]
+        else {
+            return;
+        };
         let (from, to) = (&below.batch.invocations, &mut running.batch.invocations);
-        to.take_places(from);
+        to.copy_launch_ids(from);
         to.depth = from.depth;
         for lane in lanes.lanes() {
             let index = u64::from(below.batch.registers[index].0[lane]);
-            to.called_through[lane] = index;
-            let record = at(&self.pipeline.sbt.callable, index).and_then(Record::shader_record);
+            to.record_indices[lane] = index;
+            let record = record_at(&self.pipeline.sbt.callable, index).and_then(Record::shader_record);
             to.set_record(lane, record.as_ref());
         }
         begin(self.pipeline, &mut running, lanes);
-        running.take_data(&below.batch.registers, data);
-        self.push(running);
+        running.copy_data_in(&below.batch.registers, data);
+        self.push_shader(running);
     }
 
     fn begin_report(&mut self, operands: (Mask<W>, Reg, Reg, Reg)) {
@@ -485,9 +492,9 @@ where
             unreachable!("bug in anyhit: a report outside a trace");
         };
         match report.advance() {
-            Some((shader, lanes)) => self.enter_reported(shader, lanes),
+            Some((shader, lanes)) => self.push_reported_any_hit(shader, lanes),
             None => {
-                // RayTmaxKHR may have shrunk.
+                // An accepted hit lowers RayTmaxKHR.
                 let program = &self.pipeline.programs[running.shader.0 as usize];
                 program.refresh_inputs(&mut running.batch, Mask::ALL, true);
                 self.frames.pop();
@@ -495,10 +502,10 @@ where
         }
     }
 
-    /// Pushes an any-hit shader that decides on reports.
-    fn enter_reported(&mut self, shader: Shader, lanes: Mask<W>) {
+    /// Pushes the any-hit shader that decides on reported hits.
+    fn push_reported_any_hit(&mut self, shader: Shader, lanes: Mask<W>) {
         let role = Role::ReportedAnyHit;
-        let mut running = self.ready(shader, role);
+        let mut running = self.acquire_batch(shader, role);
         let [
             below @ ..,
             ShaderCallFrame::Trace { trace, payload, .. },
@@ -511,26 +518,26 @@ where
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         report.write_builtins(lanes, &mut running.batch);
         begin(self.pipeline, &mut running, lanes);
-        running.take_data(trace.payload(below), *payload);
+        running.copy_data_in(trace.payload(below), *payload);
         if let Some(attributes) = running.attributes() {
             report.write_hit_attributes(lanes, attributes);
         }
-        self.push(running);
+        self.push_shader(running);
     }
 }
 
-/// Begins the lanes of a batch, whose invocations are set.
-fn begin<const W: usize>(pipeline: &Pipeline, running: &mut Running<W>, lanes: Mask<W>) {
+/// Begins the lanes of a batch. Their invocations must be set.
+fn begin<const W: usize>(pipeline: &Pipeline, running: &mut RunningShader<W>, lanes: Mask<W>) {
     let program = &pipeline.programs[running.shader.0 as usize];
     running.lanes = lanes;
     program.begin(&mut running.batch, lanes, pipeline.fuel);
 }
 
-/// Callables may nest this deep: Vulkan sets no limit but the stack's size.
-const CALL_LIMIT: u64 = 1024;
+/// The greatest depth of nested callable shaders. Vulkan's only limit is the stack's size.
+const MAX_CALLABLE_DEPTH: u64 = 1024;
 
 impl Stats {
-    /// Counts a batch of a stage and its lanes.
+    /// Counts a batch of a stage and the invocations in its lanes.
     pub(super) fn count(&mut self, stage: Stage, lanes: u32) {
         let entry = self.shaders.entry(stage).or_default();
         entry.batches += 1;

@@ -15,12 +15,12 @@ use crate::pipeline::launch::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::payload;
 use crate::pipeline::stack::{ShaderCallFrame, Stack};
-use crate::pipeline::trace::{Data, Trace};
+use crate::pipeline::trace::{Trace, Words};
 
 impl<const W: usize> Trace<W> {
     /// Reads the operands of an instruction for the lanes of a mask; returns the lanes whose
     /// acceleration structure exists.
-    fn take_operands(
+    fn read_operands(
         &mut self,
         registers: &Registers<W>,
         operands: Reg,
@@ -45,9 +45,9 @@ impl<const W: usize> Trace<W> {
 
     /// Sets the first lane to the operands of a ray from the host; returns the registers of its
     /// payload.
-    pub fn take_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
+    pub fn set_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
-        self.called_from_host();
+        self.set_host_caller();
         self.structures.set(Mask::lane(0), tlas);
         self.rays.set(0, &trace);
         (self.sbt_offset.0[0], self.sbt_stride.0[0], self.miss_index.0[0]) =
@@ -81,28 +81,28 @@ where
         payload: RegSpan,
         object: Option<ObjectRef>,
     ) {
-        let mut trace = self.spare_trace(object.is_none());
+        let mut trace = self.acquire_trace(object.is_none());
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
         let batch = &mut running.batch;
         let caller = Caller { shader: running.shader, op: batch.op - 1, payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
-        trace.called_from_shader(caller, payload::scalars_given(program, payload), &batch.invocations);
-        let found = trace.take_operands(&batch.registers, operands, bindings, mask);
+        trace.set_caller(caller, payload::outgoing_scalars(program, payload), &batch.invocations);
+        let found = trace.read_operands(&batch.registers, operands, bindings, mask);
         let flags = self.pipeline.flags;
-        let mut lanes = found & trace.rays.within_rules(flags.ray_flags());
+        let mut lanes = found & trace.rays.valid_rays(flags.ray_flags());
         if trace.depth > self.pipeline.max_recursion || matches!(object, Some(ObjectRef::Computed { .. })) {
             lanes = Mask::NONE;
         }
-        // Lanes that may break a rule are checked one by one.
+        // Lanes whose rays may break a rule are checked one by one.
         for lane in mask.without(lanes).lanes() {
-            let place = object.map_or(Ok(Reg(0)), |object| object.register(&batch.registers, lane));
+            let register = object.map_or(Ok(Reg(0)), |object| object.register(&batch.registers, lane));
             let handle = || {
                 let word = |at: u32| u64::from(batch.registers[operands.plus(at)].0[lane]);
                 word(0) | word(1) << 32
             };
-            let refused = match check(&trace.rays.get(lane), flags) {
-                _ if let Err(code) = place => Some((code, handle())),
+            let trap = match check(&trace.rays.get(lane), flags) {
+                _ if let Err(code) = register => Some((code, handle())),
                 _ if !found.contains(lane) => Some((TrapCode::AccelerationStructureMissing, handle())),
                 _ if trace.depth > self.pipeline.max_recursion => {
                     Some((TrapCode::RecursionTooDeep, handle()))
@@ -110,7 +110,7 @@ where
                 Err(broken) => Some((TrapCode::InvalidTrace, broken as u64)),
                 Ok(()) => None,
             };
-            match refused {
+            match trap {
                 None => lanes = lanes | Mask::lane(lane),
                 Some((code, fault_value)) => {
                     let op = batch.op - 1;
@@ -123,7 +123,7 @@ where
         self.push_trace(trace, payload, object);
     }
 
-    /// Pushes a trace whose rays begin.
+    /// Pushes a trace whose rays have begun.
     pub(super) fn push_trace(
         &mut self,
         mut trace: Box<Trace<W>>,
@@ -153,50 +153,51 @@ where
     }
 
     /// Advances the trace on top of the stack: pushes the next shader that its rays call, or ends
-    /// the trace. Returns an ended trace that has no caller.
+    /// the trace. Returns the ended trace if the host called it.
     pub(super) fn advance_trace(&mut self) -> Option<Box<Trace<W>>> {
         let [below @ .., ShaderCallFrame::Trace { trace, payload, .. }] = &mut self.frames[..] else {
-            unreachable!("bug in anyhit: what goes on is no trace");
+            unreachable!("bug in anyhit: the top frame is no trace");
         };
         let registers = match below.last_mut() {
             Some(ShaderCallFrame::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),
             _ => None,
         };
         match trace.advance(self.pipeline, registers, self.pipeline_observer) {
-            Some(waiting) => {
-                self.enter_traced(waiting);
+            Some(call) => {
+                self.push_traced_shader(call);
                 None
             }
             None => self.end_trace(),
         }
     }
 
-    /// Pops a trace whose rays are done; returns it if it has no caller.
+    /// Pops a trace whose rays are done; returns it if the host called it.
     fn end_trace(&mut self) -> Option<Box<Trace<W>>> {
         let Some(ShaderCallFrame::Trace { mut trace, payload, object }) = self.frames.pop() else {
             return None;
         };
         self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
-        if T::ACTIVE && !trace.settled {
+        if T::ACTIVE && !trace.from_hit_objects {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);
-                let payload: Data = registers.lane_words(payload.first, payload.count, lane).collect();
+                let payload: Words = registers.lane_words(payload.first, payload.count, lane).collect();
                 self.pipeline_observer.invocation(trace.launch_id(lane));
                 self.pipeline_observer.event(Event::Traced { payload: payload.to_vec() });
             }
         }
         let Some(ShaderCallFrame::Shader(below)) = self.frames.last_mut() else { return Some(trace) };
-        for lane in trace.trapping().lanes() {
+        for lane in trace.trapped_lanes().lanes() {
             let op = below.batch.op - 1;
-            let code = trace.trapped(lane).unwrap_or(TrapCode::Callee);
-            let asks = [TrapCode::HitRecordMissing, TrapCode::MissRecordMissing, TrapCode::PayloadMismatch];
-            if asks.contains(&code) {
-                below.batch.fault_value[lane] = trace.records[lane];
+            let code = trace.trap_code(lane).unwrap_or(TrapCode::Callee);
+            let has_fault_value =
+                [TrapCode::HitRecordMissing, TrapCode::MissRecordMissing, TrapCode::PayloadMismatch];
+            if has_fault_value.contains(&code) {
+                below.batch.fault_value[lane] = trace.record_indices[lane];
             }
             below.batch.trap(Mask::lane(lane), code, op);
         }
         if let Some(object) = object {
-            for lane in trace.lanes().without(trace.trapping()).lanes() {
+            for lane in trace.lanes().without(trace.trapped_lanes()).lanes() {
                 hit_object::store(&mut below.batch, object, lane, trace.hit_object(lane))
                     .expect("bug in anyhit: a hit object has moved");
             }
@@ -205,9 +206,10 @@ where
         None
     }
 
-    pub(super) fn spare_trace(&mut self, shades: bool) -> Box<Trace<W>> {
+    /// Takes a free trace, or makes one; no ray has begun yet.
+    pub(super) fn acquire_trace(&mut self, invokes_hit_or_miss: bool) -> Box<Trace<W>> {
         let mut trace = self.free_traces.pop().unwrap_or_default();
-        trace.clear(shades);
+        trace.reset(invokes_hit_or_miss);
         trace.observed = T::ACTIVE || O::active();
         trace.pipeline_flags = self.pipeline.flags.ray_flags();
         trace
@@ -217,13 +219,14 @@ where
 /// `SkipTrianglesKHR` and `SkipAABBsKHR`
 const SKIPS: u32 = 0x300;
 
-/// Checks a ray. If the pipeline skips one kind of primitive, the ray must not skip the other.
+/// Checks a ray against the valid usage of `OpTraceRayKHR`. If the pipeline skips one kind of
+/// primitive, the ray must not skip the other.
 fn check(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
     trace.check()?;
     if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
         return Err(match trace.flags.contains(RayFlags::SKIP_TRIANGLES) {
-            true => RayRule::SkipsTrianglesBesidePipeline,
-            false => RayRule::SkipsAabbsBesidePipeline,
+            true => RayRule::SkipTrianglesWithPipelineSkipAabbs,
+            false => RayRule::SkipAabbsWithPipelineSkipTriangles,
         });
     }
     Ok(())

@@ -9,35 +9,35 @@ use crate::pipeline::group::Shader;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
-use crate::pipeline::stack::{Running, ShaderCallFrame, Stack};
+use crate::pipeline::stack::{RunningShader, ShaderCallFrame, Stack};
 use crate::program::Program;
 
-/// A trap with all that is known of it.
+/// A trap, where it happened, and its error message.
 #[derive(Clone, Debug)]
 pub struct Trapped {
     /// The launch index of the invocation.
     pub launch_id: [u32; 3],
     /// The code of the trap.
     pub code: TrapCode,
-    /// The offset or device address of the access.
+    /// The value that caused it, such as the offset or device address of the access.
     pub fault_value: u64,
-    /// The shader.
+    /// The shader that trapped.
     pub shader: Shader,
     /// The instruction, in words from the start of the shader's module.
     pub offset: u32,
-    /// The report.
+    /// The error message.
     pub error: Error,
 }
 
-/// The number of callers that a report names from each end of the stack.
+/// The number of callers that a report names at each end of the stack.
 const SHOWN_CALLERS: usize = 8;
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O>
 where
     LaneKernel: Width<W>,
 {
-    /// Keeps the report of a trap, if it is that of the lowest launch index so far.
-    pub(super) fn trap(&mut self, running: &Running<W>, lane: usize, trap: Trap) {
+    /// Records a trap, if its launch index is the lowest so far.
+    pub(super) fn trap(&mut self, running: &RunningShader<W>, lane: usize, trap: Trap) {
         if trap.code == TrapCode::Callee {
             return;
         }
@@ -73,7 +73,7 @@ where
                 format!("called by {} `{}`{line}", program.stage.name(), program.name)
             })
             .collect();
-        // The two ends of a deep recursion are enough.
+        // Of a deep recursion, only the callers at both ends are named.
         let between = callers.len().saturating_sub(2 * SHOWN_CALLERS);
         for (at, caller) in callers.into_iter().enumerate() {
             error = match at.checked_sub(SHOWN_CALLERS) {
@@ -89,15 +89,15 @@ where
 }
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
-    /// The types that two shaders declare of a payload, and the rule that they break.
-    fn mismatch(&self, running: &Running<W>, op: u32, called: u64) -> Option<Vec<String>> {
+    /// The types that two shaders declare for one payload, and the rule that they break.
+    fn mismatch(&self, running: &RunningShader<W>, op: u32, called: u64) -> Option<Vec<String>> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
-        let own = match program(running.shader).ops.get(op as usize)? {
-            Op::Stop(op) => op.given().map(|span| (running.shader, span.first)),
+        let passed = match program(running.shader).ops.get(op as usize)? {
+            Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
             _ => None,
         };
-        // A reported hit's any-hit shader has the payload of the shader that traces.
-        let traces = || {
+        // The any-hit shader of a reported hit has the payload of the shader that traced.
+        let traced = || {
             self.frames.iter().rev().find_map(|frame| match frame {
                 ShaderCallFrame::Trace { trace, payload, .. } => {
                     Some((trace.caller()?.shader, payload.first))
@@ -105,7 +105,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
                 _ => None,
             })
         };
-        let (caller, first) = own.or_else(traces)?;
+        let (caller, first) = passed.or_else(traced)?;
         let called = program(Shader(u32::try_from(called).ok()?));
         let rule = match called.stage {
             Stage::Callable => "SPV_KHR_ray_tracing, OpExecuteCallableKHR: both are of one type",
@@ -115,7 +115,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     }
 }
 
-/// Names the missing record that a trap is about.
+/// Describes the missing record that a trap is about.
 pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<String> {
     let (what, count) = match code {
         TrapCode::HitRecordMissing => {
@@ -128,16 +128,17 @@ pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<St
     Some(format!("record {index} ({what}), counted from 0, of a table with {records}"))
 }
 
-/// The report of a trap without callers: message, source position, and access.
+/// The error of a trap without its callers: message, source position, and access.
 pub(crate) fn trap_error<const W: usize>(
     program: &Program,
     batch: &Batch<W>,
     lane: usize,
     trap: Trap,
 ) -> Error {
-    let error = located(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
-    let (fault_value, accessed) = (batch.fault_value[lane], batch.accessed(lane));
-    let index = program.describe_index(trap, fault_value, accessed, |op| batch.missed.last(op, lane));
+    let error = with_location(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+    let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
+    let index =
+        program.describe_index(trap, fault_value, accessed, |op| batch.out_of_bounds_indices.last(op, lane));
     let access = program.describe_access(trap, fault_value, accessed);
     let bound = match trap.code {
         TrapCode::DescriptorMissing => program.describe_bound(accessed),
@@ -146,14 +147,15 @@ pub(crate) fn trap_error<const W: usize>(
     [index, access, bound].into_iter().flatten().fold(error, Error::note)
 }
 
-/// Adds the place of an operation to an error: its word, its source line, the inlined calls.
-fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
+/// Adds the location of an operation to an error: its word offset, its source line and the inlined
+/// calls.
+fn with_location(program: &Program, op: u32, error: Error, label: &str) -> Error {
     let Some(origin) = program.origins.get(op as usize) else { return error };
     let mut error = match program.place_at(origin.offset) {
         Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
         None => match program.place_near(origin.offset) {
             Some(line) => {
-                let near = format!("near {}: the instruction has no line of its own", words(&line));
+                let near = format!("near {}: the instruction has no line of its own", file_and_line(&line));
                 error.at_with(line, near).at(Place::Word(origin.offset as usize))
             }
             None => error.at_with(Place::Word(origin.offset as usize), label),
@@ -170,7 +172,7 @@ fn located(program: &Program, op: u32, error: Error, label: &str) -> Error {
     error
 }
 
-fn words(place: &Place) -> String {
+fn file_and_line(place: &Place) -> String {
     match place {
         Place::Line { file, line, .. } => format!("{file}:{line}"),
         Place::Text { file, text, span } => {
@@ -184,11 +186,11 @@ pub(super) fn source_line(program: &Program, op: u32) -> String {
     program.origins.get(op as usize).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
 }
 
-/// The source line of the instruction at a word offset, or a line near it, with a preposition.
+/// ` at FILE:LINE` or ` near FILE:LINE`, for the instruction at a word offset.
 fn source_line_of(program: &Program, offset: u32) -> String {
     match (program.place_at(offset), program.place_near(offset)) {
-        (Some(place), _) => format!(" at {}", words(&place)),
-        (None, Some(place)) => format!(" near {}", words(&place)),
+        (Some(place), _) => format!(" at {}", file_and_line(&place)),
+        (None, Some(place)) => format!(" near {}", file_and_line(&place)),
         (None, None) => String::new(),
     }
 }

@@ -1,9 +1,10 @@
-//! Runs workgroups: batches of lanes run until each lane has ended or waits at a barrier, and again
-//! behind the barrier.
+//! Runs workgroups: batches of lanes run until each lane has ended or waits at a barrier, and then
+//! from the barrier on.
 //!
-//! A workgroup larger than a batch is spread over several; several small ones share a batch. At a
-//! barrier it counts that every invocation of a workgroup has come to the same instruction, not
-//! which batch it was in: so neither what a workgroup does nor how it fails depends on the width.
+//! A workgroup larger than a batch is spread over several; several small ones share a batch. A
+//! barrier requires that every invocation of the workgroup arrives at the same instruction, in
+//! whichever batch it is. So neither the results of a workgroup nor its traps depend on the batch
+//! width.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -22,20 +23,20 @@ use crate::pipeline::observer::Event;
 use crate::pipeline::trapped::{Trapped, source_line, trap_error};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
-/// Lanes of a batch that wait behind a barrier.
+/// Lanes of a batch that wait at a barrier.
 #[derive(Clone, Copy, Debug)]
-struct Waiting<const W: usize> {
+struct WaitingLanes<const W: usize> {
     block: u32,
-    /// The operation behind the barrier.
+    /// The operation after the barrier.
     op: u32,
     mask: Mask<W>,
 }
 
-/// A batch with its lanes that wait.
+/// A batch of the workgroups' invocations, with its lanes that wait at barriers.
 #[derive(Debug)]
-struct Member<const W: usize> {
+struct WorkgroupBatch<const W: usize> {
     batch: Batch<W>,
-    waiting: SmallVec<[Waiting<W>; 1]>,
+    waiting: SmallVec<[WaitingLanes<W>; 1]>,
 }
 
 /// The observers of running workgroups.
@@ -51,7 +52,7 @@ impl Observers<'_, ()> {
 }
 
 impl<'a, O> Observers<'a, O> {
-    pub fn of_operations(observer: O) -> Self {
+    pub fn interpreter_only(observer: O) -> Self {
         Self { observer, on_event: None }
     }
 
@@ -60,74 +61,75 @@ impl<'a, O> Observers<'a, O> {
     }
 }
 
-/// Runs workgroups, as many at a time as fill a batch.
-pub(super) struct Gang<'a, const W: usize> {
+/// Runs workgroups, at a time as many as fill a batch.
+pub(super) struct WorkgroupRunner<'a, const W: usize> {
     compute: &'a Compute,
     program: &'a Program,
     bindings: &'a Bindings,
-    members: Vec<Member<W>>,
-    /// Workgroups that run together.
-    together: usize,
-    each: usize,
+    batches: Vec<WorkgroupBatch<W>>,
+    /// The number of workgroups that run together.
+    concurrent: usize,
+    group_size: usize,
     layout: WorkgroupLayout,
     stats: Stats,
     trapped: Option<Trapped>,
 }
 
-impl<'a, const W: usize> Gang<'a, W>
+impl<'a, const W: usize> WorkgroupRunner<'a, W>
 where
     LaneKernel: Width<W>,
 {
     pub fn new(compute: &'a Compute, bindings: &'a Bindings, layout: WorkgroupLayout) -> Self {
         let program = &*compute.program;
-        let each = layout.size.iter().product::<u32>() as usize;
-        // A call returns when all lanes of its batch have: workgroups that wait for themselves in
-        // one must not share a batch.
-        let calls = program.blocks.iter().any(|block| matches!(block.terminator, Terminator::Call { .. }));
-        let waits = program.ops.iter().any(|op| matches!(op, Op::Barrier));
-        let together = if calls && waits { 1 } else { (W / each).max(1) };
-        let members = (0..(each * together).div_ceil(W))
-            .map(|_| Member { batch: program.batch(), waiting: SmallVec::new() })
+        let group_size = layout.size.iter().product::<u32>() as usize;
+        // A call returns when all lanes of its batch have returned. So workgroups with barriers in
+        // calls must not share a batch: each waits only for itself.
+        let has_calls =
+            program.blocks.iter().any(|block| matches!(block.terminator, Terminator::Call { .. }));
+        let has_barriers = program.ops.iter().any(|op| matches!(op, Op::Barrier));
+        let concurrent = if has_calls && has_barriers { 1 } else { (W / group_size).max(1) };
+        let batches = (0..(group_size * concurrent).div_ceil(W))
+            .map(|_| WorkgroupBatch { batch: program.batch(), waiting: SmallVec::new() })
             .collect();
         let (stats, trapped) = (Stats::default(), None);
-        Self { compute, program, bindings, members, together, each, layout, stats, trapped }
+        Self { compute, program, bindings, batches, concurrent, group_size, layout, stats, trapped }
     }
 
-    /// Runs workgroups; the trap of the first that has one.
+    /// Runs workgroups. Returns the trap of the first workgroup that has one.
     pub fn run<O: Observer<W>>(
         mut self,
         groups: &mut dyn Iterator<Item = Workgroup>,
         observers: &mut Observers<'_, O>,
     ) -> (Stats, Option<Trapped>) {
-        for member in &mut self.members {
+        for member in &mut self.batches {
             member.batch.queries.events = observers.on_event.is_some().then(Vec::new);
         }
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
-            let together: Vec<_> = groups.by_ref().take(self.together).collect();
-            self.begin(&together);
-            while self.advance(&together, observers) {}
-            let used = (together.len() * self.each).div_ceil(W);
-            let queries = self.members[..used].iter().map(|member| member.batch.queries.initialized);
+            let running: Vec<_> = groups.by_ref().take(self.concurrent).collect();
+            self.begin(&running);
+            while self.advance(&running, observers) {}
+            let used = (running.len() * self.group_size).div_ceil(W);
+            let queries = self.batches[..used].iter().map(|member| member.batch.queries.initialized);
             self.stats.ray_queries += queries.sum::<u64>();
         }
         (self.stats, self.trapped)
     }
 
-    /// The positions of a workgroup's invocations among all lanes of the gang.
+    /// The positions of a workgroup's invocations among the lanes of all batches.
     fn positions(&self, group: usize) -> Range<usize> {
-        group * self.each..(group + 1) * self.each
+        group * self.group_size..(group + 1) * self.group_size
     }
 
     fn begin(&mut self, groups: &[Arc<Workgroup>]) {
-        let used = groups.len() * self.each;
-        for (at, member) in self.members.iter_mut().enumerate() {
+        let used = groups.len() * self.group_size;
+        for (at, member) in self.batches.iter_mut().enumerate() {
             member.waiting.clear();
             let lanes = used.saturating_sub(at * W).min(W);
             for lane in 0..lanes {
                 let position = at * W + lane;
-                let group = &groups[position / self.each];
-                let place = (position % self.each) as u32;
+                let group = &groups[position / self.group_size];
+                let place = (position % self.group_size) as u32;
                 let local_index = self.layout.index_of(place);
                 let invocation = Invocation {
                     launch_id: group.global_id(local_index),
@@ -135,7 +137,7 @@ where
                     subgroup_size: self.compute.subgroup_size,
                     workgroup: Some(group.clone()),
                     local_index,
-                    place,
+                    subgroup_order: place,
                     ..Invocation::default()
                 };
                 member.batch.invocations.set(lane, invocation);
@@ -145,32 +147,33 @@ where
             }
             let mask = Mask::first(lanes);
             self.program.begin(&mut member.batch, mask, self.compute.fuel);
-            member.waiting.push(Waiting { block: member.batch.block, op: member.batch.op, mask });
+            member.waiting.push(WaitingLanes { block: member.batch.block, op: member.batch.op, mask });
             self.stats.count(self.program.stage, mask.count());
         }
     }
 
-    /// Runs every lane that waits until it ends or comes to a barrier; `false` when all have ended.
+    /// Runs every waiting lane until it ends or arrives at a barrier; `false` when all have ended.
     fn advance<O: Observer<W>>(
         &mut self,
         groups: &[Arc<Workgroup>],
         observers: &mut Observers<'_, O>,
     ) -> bool {
-        for member in &mut self.members {
+        for member in &mut self.batches {
             for start in std::mem::take(&mut member.waiting) {
                 member.run(start, self.program, self.bindings, observers);
             }
         }
         for (group, workgroup) in groups.iter().enumerate() {
-            self.meet(group, workgroup);
+            self.resolve_barrier(group, workgroup);
         }
-        self.members.iter().any(|member| !member.waiting.is_empty())
+        self.batches.iter().any(|member| !member.waiting.is_empty())
     }
 
-    /// Decides at the barrier whether a workgroup goes on.
-    fn meet(&mut self, group: usize, workgroup: &Workgroup) {
+    /// Checks that either all invocations of a workgroup wait at the same barrier or none waits;
+    /// otherwise traps and ends the workgroup.
+    fn resolve_barrier(&mut self, group: usize, workgroup: &Workgroup) {
         let positions = self.positions(group);
-        let trapped = positions.clone().find_map(|at| match self.members[at / W].batch.exits[at % W] {
+        let trapped = positions.clone().find_map(|at| match self.batches[at / W].batch.exits[at % W] {
             Exit::Trapped(trap) => Some((at, trap)),
             _ => None,
         });
@@ -179,7 +182,7 @@ where
             return self.end(positions);
         }
         let barrier = |at: usize| {
-            let waiting = &self.members[at / W].waiting;
+            let waiting = &self.batches[at / W].waiting;
             waiting.iter().find(|waiting| waiting.mask.contains(at % W)).map(|waiting| waiting.op)
         };
         let Some(first) = positions.clone().find(|&at| barrier(at).is_some()) else { return };
@@ -200,7 +203,7 @@ where
     /// Ends all invocations of a workgroup.
     fn end(&mut self, positions: Range<usize>) {
         for at in positions {
-            let member = &mut self.members[at / W];
+            let member = &mut self.batches[at / W];
             member.batch.exit(Mask::lane(at % W), Exit::Returned);
             for waiting in &mut member.waiting {
                 waiting.mask = waiting.mask.without(Mask::lane(at % W));
@@ -209,12 +212,12 @@ where
         }
     }
 
-    /// Keeps the report of a trap, if it is the first.
+    /// Records a trap, if it is the first.
     fn report(&mut self, at: usize, trap: Trap, workgroup: &Workgroup, note: Option<String>) {
         if self.trapped.is_some() {
             return;
         }
-        let batch = &self.members[at / W].batch;
+        let batch = &self.batches[at / W].batch;
         let (lane, invocations) = (at % W, &batch.invocations);
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
@@ -234,14 +237,14 @@ where
     }
 }
 
-impl<const W: usize> Member<W>
+impl<const W: usize> WorkgroupBatch<W>
 where
     LaneKernel: Width<W>,
 {
-    /// Runs lanes until each has ended or waits.
+    /// Runs lanes until each has ended or waits at a barrier.
     fn run<O: Observer<W>>(
         &mut self,
-        start: Waiting<W>,
+        start: WaitingLanes<W>,
         program: &Program,
         bindings: &Bindings,
         observers: &mut Observers<'_, O>,
@@ -264,14 +267,17 @@ where
                 Stop::Done => return,
                 Stop::Barrier { mask } => {
                     running = running & batch.live();
-                    let calling = !batch.frames().is_empty();
-                    if calling && running != mask {
-                        // Invocations in the call cannot wait for those outside of it.
+                    let in_call = !batch.frames().is_empty();
+                    if in_call && running != mask {
+                        // Invocations inside a call cannot wait for those outside of it.
                         batch.trap(mask, TrapCode::BarrierDivergence, batch.op - 1);
                     } else {
-                        wait(&mut self.waiting, Waiting { block: batch.block, op: batch.op, mask });
+                        add_waiting(
+                            &mut self.waiting,
+                            WaitingLanes { block: batch.block, op: batch.op, mask },
+                        );
                         running = running.without(mask);
-                        if calling || running.is_empty() {
+                        if in_call || running.is_empty() {
                             return;
                         }
                     }
@@ -295,8 +301,8 @@ where
     }
 }
 
-/// Adds lanes to those that wait behind the same barrier.
-fn wait<const W: usize>(waiting: &mut SmallVec<[Waiting<W>; 1]>, new: Waiting<W>) {
+/// Adds lanes to those that wait at the same barrier.
+fn add_waiting<const W: usize>(waiting: &mut SmallVec<[WaitingLanes<W>; 1]>, new: WaitingLanes<W>) {
     match waiting.iter_mut().find(|known| known.op == new.op) {
         Some(known) => known.mask = known.mask | new.mask,
         None => waiting.push(new),

@@ -1,23 +1,24 @@
-//! How large functions are and how often they are called: what decides whether a call is inlined.
+//! The cost of inlining functions: how large they are and how often they are called.
 
 use crate::module::Module;
 
-/// How large a function is with its callees inlined, and how often it is called.
+/// The size of a function with its callees inlined, and how often it is called.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Size {
-    /// Of the function and all that it calls.
+pub(super) struct InlineCost {
+    /// The number of instructions of the function and of all that it calls.
     pub instructions: u64,
-    /// Calls in the text of the module.
+    /// The number of calls in the module.
     pub calls: u32,
 }
 
-/// The size of every function that is called from one, itself among them, by index.
-pub(super) fn sizes(module: &Module, root: u32) -> Vec<Size> {
-    let mut sizes = vec![Size::default(); module.functions.len()];
+/// By function index: the cost of inlining, for `root` and all functions that are reachable from
+/// it.
+pub(super) fn inline_costs(module: &Module, root: u32) -> Vec<InlineCost> {
+    let mut inline_costs = vec![InlineCost::default(); module.functions.len()];
     for callee in module.functions.iter().flat_map(|function| &function.calls) {
-        sizes[*callee as usize].calls += 1;
+        inline_costs[*callee as usize].calls += 1;
     }
-    // Callees first: a walk without recursion, as the depth is the module's.
+    // Visits callees first, with a stack of its own, because the module decides the depth.
     let mut done = vec![false; module.functions.len()];
     let mut stack = vec![(root, false)];
     while let Some((at, ready)) = stack.pop() {
@@ -27,16 +28,16 @@ pub(super) fn sizes(module: &Module, root: u32) -> Vec<Size> {
         let function = &module.functions[at as usize];
         if ready {
             let own = function.blocks.iter().map(|block| block.instructions.len() as u64).sum();
-            let below = function.calls.iter().map(|&callee| sizes[callee as usize].instructions);
-            sizes[at as usize].instructions = below.fold(own, u64::saturating_add);
+            let callees = function.calls.iter().map(|&callee| inline_costs[callee as usize].instructions);
+            inline_costs[at as usize].instructions = callees.fold(own, u64::saturating_add);
             done[at as usize] = true;
         } else {
             stack.push((at, true));
-            let below = function.calls.iter().filter(|&&callee| !done[callee as usize]);
-            stack.extend(below.map(|&callee| (callee, false)));
+            let callees = function.calls.iter().filter(|&&callee| !done[callee as usize]);
+            stack.extend(callees.map(|&callee| (callee, false)));
         }
     }
-    sizes
+    inline_costs
 }
 
 #[cfg(test)]
@@ -72,9 +73,9 @@ mod tests {
     #[test]
     fn uncalled_functions_may_be_mutually_recursive() {
         let module = module(&[(10, &[40, 40]), (20, &[30]), (30, &[20]), (40, &[])]);
-        let sizes = sizes(&module, 0);
+        let inline_costs = inline_costs(&module, 0);
         // Three instructions of its own, and one of each call.
-        assert_eq!((sizes[0].instructions, sizes[0].calls), (5, 0));
-        assert_eq!((sizes[3].instructions, sizes[3].calls), (1, 2));
+        assert_eq!((inline_costs[0].instructions, inline_costs[0].calls), (5, 0));
+        assert_eq!((inline_costs[3].instructions, inline_costs[3].calls), (1, 2));
     }
 }

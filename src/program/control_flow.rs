@@ -1,25 +1,25 @@
-//! The order of a function's blocks, and which values outlive the loop that makes them.
+//! The structured order of a function's blocks, and the values that are live after their loop.
 
 use rustc_hash::FxHashSet;
 
 use crate::module::{Definition, Function, Id, Module};
 
-/// Opcodes that this file looks at.
+/// Opcodes of control flow.
 const LOOP_MERGE: u16 = 246;
 const SELECTION_MERGE: u16 = 247;
 const PHI: u16 = 245;
 
-/// The blocks of a function that can be reached, in structured order: a merge block stands after
+/// The blocks of a function that can be reached, in structured order: a merge block comes after
 /// everything that it merges, a continue target after the loop's body, a loop's merge block after
 /// the loop.
 ///
-/// It is the reverse postorder of a walk that visits merge block and continue target before the
-/// other successors.
+/// It is the reverse postorder of a depth-first search that visits merge block and continue target
+/// before the other successors.
 pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
     let mut seen = vec![false; function.blocks.len()];
     let mut order = Vec::with_capacity(function.blocks.len());
-    // The blocks on the way from the first one, and where their successors begin among all that are
-    // still to be visited.
+    // The blocks on the path from the first one, and where their successors begin among all blocks
+    // that are still to be visited.
     let mut open: Vec<(u32, u32)> = Vec::new();
     let mut next: Vec<u32> = Vec::new();
     if !function.blocks.is_empty() {
@@ -45,8 +45,8 @@ pub fn structured_order(module: &Module, function: &Function) -> Vec<usize> {
     order
 }
 
-/// Pushes the successors of a block, the first one last: merge block and continue target, then the
-/// targets, the last of them first, so that they come out in the order in which they are written.
+/// Pushes the successors of a block on a stack: the targets of its branch, then continue target and
+/// merge block, which are thus popped first.
 fn push_successors(module: &Module, function: &Function, block: usize, next: &mut Vec<u32>) {
     let instructions = &function.blocks[block].instructions;
     let mut push = |id: Id| next.extend(block_of(module, function, id).map(|block| block as u32));
@@ -63,50 +63,51 @@ fn push_successors(module: &Module, function: &Function, block: usize, next: &mu
     }
 }
 
-/// The block of a function that a label opens.
+/// The index of a function's block, by its label.
 pub fn block_of(module: &Module, function: &Function, label: Id) -> Option<usize> {
     let Some(Definition::Label(_, block)) = module.definition(label) else { return None };
-    // Labels of other functions are no blocks of this one.
+    // The label may be that of another function.
     function.blocks.get(block as usize).filter(|block| block.label == label)?;
     Some(block as usize)
 }
 
-/// Values that are used after the loop in which they are made.
+/// The values that are used after the loop in which they are computed.
 ///
-/// A lane that has left a loop waits while others go round again, and an operation writes all
-/// lanes: such a value needs a register of its own that is written for the running lanes only.
+/// A lane that has left a loop waits while others run further iterations, and an operation writes
+/// all lanes. So such a value needs a register of its own that is written for the running lanes
+/// only.
 pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) -> FxHashSet<Id> {
-    let mut place = vec![usize::MAX; function.blocks.len()];
+    let mut position_of_block = vec![usize::MAX; function.blocks.len()];
     for (position, &block) in order.iter().enumerate() {
-        place[block] = position;
+        position_of_block[block] = position;
     }
-    let position_of = |label: Id| block_of(module, function, label).map(|block| place[block]);
-    // The loop around each position, innermost: its end. Loops nest, so a stack serves.
-    let mut loop_end = vec![usize::MAX; order.len()];
+    let position_of = |label: Id| block_of(module, function, label).map(|block| position_of_block[block]);
+    // By position: the end of the innermost loop around it. Loops nest, so a stack suffices.
+    let mut loop_ends = vec![usize::MAX; order.len()];
     let mut open: Vec<usize> = Vec::new();
     for (position, &block) in order.iter().enumerate() {
         open.retain(|&end| position < end);
         let merge = function.blocks[block].instructions.iter().rev().nth(1);
         if let Some(merge) = merge.filter(|merge| merge.opcode == LOOP_MERGE) {
             let end = module.operands(merge).first().and_then(|&id| position_of(Id(id)));
-            // A merge block that is never reached stands nowhere: the loop then ends with the rest.
+            // If the merge block is unreachable, the loop ends with the function.
             let end = end.filter(|&end| end > position && end != usize::MAX).unwrap_or(order.len());
             open.push(end);
         }
-        loop_end[position] = open.iter().copied().min().unwrap_or(usize::MAX);
+        loop_ends[position] = open.iter().copied().min().unwrap_or(usize::MAX);
     }
     let mut escaping = FxHashSet::default();
-    // What is used before any loop ends escapes none.
-    let Some(&first_end) = loop_end.iter().min().filter(|&&end| end != usize::MAX) else { return escaping };
+    // Before the end of the first loop no value escapes.
+    let Some(&first_end) = loop_ends.iter().min().filter(|&&end| end != usize::MAX) else { return escaping };
     let this = module.definition(function.id);
     let escapes = |id: Id, position: usize| {
         matches!(module.definition(id), Some(Definition::Result(index, block, _))
             if this == Some(Definition::Function(index))
-                && loop_end.get(place[block as usize]).is_some_and(|&end| position >= end))
+                && loop_ends.get(position_of_block[block as usize]).is_some_and(|&end| position >= end))
     };
     for (position, &block) in order.iter().enumerate().skip(first_end) {
         for instruction in &function.blocks[block].instructions {
-            // Most use none, whichever of their words are ids.
+            // A quick check that takes all operand words for ids.
             let may = |&word: &u32| escapes(Id(word), position);
             if instruction.opcode != PHI && module.operands(instruction).iter().any(may) {
                 let ids = module.operand_ids(instruction).into_iter();
@@ -114,7 +115,7 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
             }
         }
     }
-    let goes_back = |from: usize| {
+    let has_back_edge = |from: usize| {
         let terminator = function.blocks[order[from]].instructions.last();
         let targets = terminator.map(|terminator| module.branch_targets(terminator)).into_iter().flatten();
         targets.filter_map(position_of).any(|to| to <= from)
@@ -122,12 +123,13 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
     for &block in order {
         let phis = function.blocks[block].instructions.iter();
         for phi in phis.take_while(|instruction| instruction.opcode == PHI) {
-            // A phi reads at the end of the block that its value comes from. Where that one goes
-            // back, too, lanes that leave wait on their edge while others go round again: then it
-            // reads behind the loop.
+            // A phi reads at the end of the parent block. If that has a back edge, too, lanes that
+            // leave wait on their edge while others run further iterations: the phi then reads
+            // after the loop.
             for pair in module.operands(phi).chunks_exact(2) {
                 let from = position_of(Id(pair[1])).filter(|&from| from != usize::MAX);
-                let read = from.map(|from| if goes_back(from) { place[block].max(from) } else { from });
+                let read = from
+                    .map(|from| if has_back_edge(from) { position_of_block[block].max(from) } else { from });
                 if read.is_some_and(|read| escapes(Id(pair[0]), read)) {
                     escaping.insert(Id(pair[0]));
                 }

@@ -18,17 +18,17 @@ use crate::ops::memory;
 use crate::ops::op::{Access, Op};
 use crate::program::{Program, Terminator};
 
-/// More bits of liveness than this are not worth their memory.
-const MOST_BITS: usize = 1 << 28;
+/// The most bits of liveness that are computed: more would take too much memory.
+const MAX_LIVENESS_BITS: usize = 1 << 28;
 
-/// Registers that are also accessed in ways that operations do not name.
-pub(super) struct Shared(Vec<bool>);
+/// Registers that are also accessed in ways that the operands of operations do not tell.
+pub(super) struct AliasedRegisters(Vec<bool>);
 
-impl Shared {
+impl AliasedRegisters {
     /// Registers of interface variables, of inputs, and of variables with computed register
     /// numbers.
     pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
-        let mut shared = vec![false; program.register_count as usize + 1];
+        let mut aliased = vec![false; program.register_count as usize + 1];
         let interface = program.interface.iter().map(|registers| (registers.first, registers.count));
         let inputs = program.inputs.iter().map(|registers| (registers.first, registers.count));
         for (first, count) in interface.chain(inputs).chain(addressed.iter().copied()) {
@@ -36,22 +36,22 @@ impl Shared {
                 |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
             for register in first.0..first.0 + count {
-                shared[register as usize] = true;
+                aliased[register as usize] = true;
             }
         }
-        Self(shared)
+        Self(aliased)
     }
 
-    pub fn holds(&self, reg: Reg) -> bool {
+    pub fn contains(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize]
     }
 }
 
-/// Makes operations read a variable's register itself, if its copy is used in this block only;
-/// `eliminate_dead_code` removes what has no uses then.
+/// Makes operations read a variable's register itself if its copy is used in one block only;
+/// `eliminate_dead_code` then removes copies without uses.
 pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
-    let shared = Shared::of(program, addressed);
-    // How often a register is written.
+    let aliased = AliasedRegisters::of(program, addressed);
+    // By register: how many operations write it.
     let mut writes = vec![0u32; program.register_count as usize + 1];
     for op in &program.ops {
         op.accesses(|access| {
@@ -60,14 +60,14 @@ pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
             }
         });
     }
-    // Each copy that still equals its original.
+    // The copies that still equal their originals, by the register of the copy.
     let mut copies: FxHashMap<Reg, Reg> = FxHashMap::default();
     for block in &mut program.blocks {
         copies.clear();
         for at in block.first as usize..block.end as usize {
             if !copies.is_empty() {
                 let op = &mut program.ops[at];
-                each_single(op, |reg| {
+                for_each_renameable_use(op, |reg| {
                     *reg = copies.get(reg).copied().unwrap_or(*reg);
                 });
                 let mut written: SmallVec<[(Reg, u32); 2]> = SmallVec::new();
@@ -76,19 +76,19 @@ pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
                         written.push((first, count));
                     }
                 });
-                let lost = |reg: &Reg| {
+                let overwritten = |reg: &Reg| {
                     written.iter().any(|&(first, count)| (first.0..first.0 + count).contains(&reg.0))
                 };
-                copies.retain(|copy, original| !lost(copy) && !lost(original));
+                copies.retain(|copy, original| !overwritten(copy) && !overwritten(original));
                 if let Op::Stop(_) = op {
-                    // The pipeline may write any register meanwhile.
+                    // The pipeline may write any register before execution continues.
                     copies.clear();
                 }
             }
             if let Op::Memory(memory::MemoryOp::Move { to, from }) = program.ops[at]
                 && writes[to.0 as usize] == 1
-                && !shared.holds(to)
-                && !shared.holds(from)
+                && !aliased.contains(to)
+                && !aliased.contains(from)
             {
                 copies.insert(to, from);
             }
@@ -103,8 +103,8 @@ pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     }
 }
 
-/// The registers that a terminator reads.
-pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
+/// Visits the registers that a terminator reads.
+pub(super) fn for_each_terminator_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     match *terminator {
         Terminator::BranchConditional { condition, .. } => visit(condition),
         Terminator::Switch { selector, wide, .. } => {
@@ -117,8 +117,9 @@ pub(super) fn each_read(terminator: &Terminator, mut visit: impl FnMut(Reg)) {
     }
 }
 
-/// Visits the operands of an operation that are one register each, which may be any register.
-fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
+/// Visits the operands that an operation reads and that are single registers, which may be renamed
+/// to any other.
+fn for_each_renameable_use(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
     match op {
         Op::LaneKernel { kernel, from, .. } => {
             for (reg, &words) in from.iter_mut().zip(&kernel.operands) {
@@ -139,17 +140,17 @@ fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
 }
 
 /// By operation: `false` for masked stores to registers that no lane reads before it writes them
-/// again. `None` where nothing is known.
+/// again. `None` if there are none, or too many to tell.
 pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bool>> {
-    let shared = Shared::of(program, addressed);
-    let stores = Stores::of(program, &shared)?;
+    let aliased = AliasedRegisters::of(program, addressed);
+    let stores = Stores::of(program, &aliased)?;
     let count = program.blocks.len();
     let mut live = vec![0u64; stores.words];
-    let mut before: Vec<SmallVec<[u32; 2]>> = vec![SmallVec::new(); count];
+    let mut predecessors: Vec<SmallVec<[u32; 2]>> = vec![SmallVec::new(); count];
     for (at, block) in program.blocks.iter().enumerate() {
-        each_target(&block.terminator, |to| before[to as usize].push(at as u32));
+        for_each_successor(&block.terminator, |to| predecessors[to as usize].push(at as u32));
     }
-    let mut begins = Begins::of(program, &stores, &before);
+    let mut live_in = LiveInSets::of(program, &stores, &predecessors);
     // The result of the last visit of each block.
     let mut needed = vec![true; program.ops.len()];
     // Blocks whose live-out set may have grown since the last visit.
@@ -161,10 +162,10 @@ pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bo
             if !std::mem::take(&mut stale[block]) {
                 continue;
             }
-            begins.behind(program, block, &mut live);
-            stores.back(block, &mut live, &mut needed);
-            if begins.take(block, &live) {
-                before[block].iter().for_each(|&block| stale[block as usize] = true);
+            live_in.live_out(program, block, &mut live);
+            stores.transfer(block, &mut live, &mut needed);
+            if live_in.set(block, &live) {
+                predecessors[block].iter().for_each(|&block| stale[block as usize] = true);
                 changed = true;
             }
         }
@@ -172,14 +173,15 @@ pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bo
     Some(needed)
 }
 
-/// No bit.
+/// Stands for a register that has no bit.
 const NONE: u32 = u32::MAX;
 
-/// The accesses of registers that have masked stores; each such register has a bit.
+/// The accesses of registers that have masked stores; each such register has a bit in the sets of
+/// live registers.
 struct Stores {
-    /// Words of 64 bits.
+    /// The number of 64-bit words of a set.
     words: usize,
-    /// By block, in reverse order.
+    /// The accesses, by block; within a block from the last to the first.
     events: Vec<Event>,
     /// The end of each block's events, where those of the next block begin.
     ends: Vec<usize>,
@@ -200,12 +202,12 @@ enum Event {
 
 impl Stores {
     /// `None` if nothing is stored, or if the sets would be too large.
-    fn of(program: &Program, shared: &Shared) -> Option<Self> {
+    fn of(program: &Program, aliased: &AliasedRegisters) -> Option<Self> {
         let mut bits = vec![NONE; program.register_count as usize + 1];
         let mut used = 0;
         for op in &program.ops {
             if let Op::Memory(memory::MemoryOp::MoveMasked { to, .. }) = op
-                && !shared.holds(*to)
+                && !aliased.contains(*to)
                 && bits[to.0 as usize] == NONE
             {
                 bits[to.0 as usize] = used;
@@ -213,13 +215,13 @@ impl Stores {
             }
         }
         let words = (used as usize).div_ceil(64);
-        if used == 0 || words * 64 * program.blocks.len() > MOST_BITS {
+        if used == 0 || words * 64 * program.blocks.len() > MAX_LIVENESS_BITS {
             return None;
         }
         let mut stores = Self { words, events: Vec::new(), ends: Vec::new() };
         let mut reads: Vec<(Reg, u32)> = Vec::new();
         for block in &program.blocks {
-            each_read(&block.terminator, |reg| stores.note(&bits, reg, 1, Event::Read));
+            for_each_terminator_read(&block.terminator, |reg| stores.record(&bits, reg, 1, Event::Read));
             for at in (block.first..block.end).rev() {
                 let op = &program.ops[at as usize];
                 if let &Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = op
@@ -231,18 +233,18 @@ impl Stores {
                 }
                 reads.clear();
                 op.accesses(|access| match access {
-                    Access::Write(first, count) => stores.note(&bits, first, count, Event::Write),
+                    Access::Write(first, count) => stores.record(&bits, first, count, Event::Write),
                     Access::Read(first, count) => reads.push((first, count)),
                     Access::Effect => {}
                 });
-                reads.iter().for_each(|&(first, count)| stores.note(&bits, first, count, Event::Read));
+                reads.iter().for_each(|&(first, count)| stores.record(&bits, first, count, Event::Read));
             }
             stores.ends.push(stores.events.len());
         }
         Some(stores)
     }
 
-    /// By word: the first and the last block that name one of its bits.
+    /// By word: the first and the last block that access one of its bits.
     fn spans(&self) -> Vec<(u32, u32)> {
         let mut spans = vec![(u32::MAX, 0); self.words];
         let mut first = 0;
@@ -262,22 +264,22 @@ impl Stores {
         spans
     }
 
-    fn note(&mut self, bits: &[u32], first: Reg, count: u32, event: fn(u32) -> Event) {
+    fn record(&mut self, bits: &[u32], first: Reg, count: u32, event: fn(u32) -> Event) {
         let bits = &bits[first.0 as usize..(first.0 + count) as usize];
         self.events.extend(bits.iter().filter(|&&bit| bit != NONE).map(|&bit| event(bit)));
     }
 
-    /// Goes backwards over a block from its live-out set; stores to registers that are not live are
-    /// not needed, and read nothing.
-    fn back(&self, block: usize, live: &mut [u64], needed: &mut [bool]) {
+    /// The transfer function of a block: turns its live-out set into its live-in set. Stores to
+    /// registers that are not live are not needed, and read nothing.
+    fn transfer(&self, block: usize, live: &mut [u64], needed: &mut [bool]) {
         let first = if block == 0 { 0 } else { self.ends[block - 1] };
         for event in &self.events[first..self.ends[block]] {
-            let place = |bit: u32| (bit as usize / 64, 1u64 << (bit % 64));
+            let word_and_bit = |bit: u32| (bit as usize / 64, 1u64 << (bit % 64));
             let (read, written) = match *event {
                 Event::Read(bit) => (bit, NONE),
                 Event::Write(bit) => (NONE, bit),
                 Event::Store { at, to, from } => {
-                    let (word, bit) = place(to);
+                    let (word, bit) = word_and_bit(to);
                     needed[at as usize] = live[word] & bit != 0;
                     if !needed[at as usize] {
                         continue;
@@ -286,11 +288,11 @@ impl Stores {
                 }
             };
             if written != NONE {
-                let (word, bit) = place(written);
+                let (word, bit) = word_and_bit(written);
                 live[word] &= !bit;
             }
             if read != NONE {
-                let (word, bit) = place(read);
+                let (word, bit) = word_and_bit(read);
                 live[word] |= bit;
             }
         }
@@ -299,28 +301,29 @@ impl Stores {
 
 /// The live-in sets of blocks.
 ///
-/// Bits are numbered in the order of the program, so that the bits of a word are named by few
-/// blocks that lie together. These and the loops around them are the word's span: no path leaves it
-/// and returns, so the word is kept nowhere else.
-struct Begins {
+/// The sets are sparse. Bits are numbered in the order of the program, so the bits of a word are
+/// accessed by few adjacent blocks. These and the loops around them are the word's span: no path
+/// leaves it and returns, so the word is stored for the blocks of its span only.
+struct LiveInSets {
     /// By word: the first and the last block of its span.
     spans: Vec<(u32, u32)>,
-    /// By block: whether a path leads from it to a call or a return, where all is live.
+    /// By block: whether a path leads from it to a call or a return, where all registers are live.
     reaches_call: Vec<bool>,
-    /// By block: where its entries in `words` begin; and one more.
+    /// By block: where its entries in `words` begin; then the number of all entries.
     first: Vec<u32>,
-    /// The numbers of kept words.
+    /// By block: the indices of the words that are stored for it.
     words: Vec<u32>,
+    /// By entry of `words`: the live bits.
     live: Vec<u64>,
 }
 
-impl Begins {
+impl LiveInSets {
     /// Makes empty sets.
-    fn of(program: &Program, stores: &Stores, before: &[SmallVec<[u32; 2]>]) -> Self {
+    fn of(program: &Program, stores: &Stores, predecessors: &[SmallVec<[u32; 2]>]) -> Self {
         let blocks = program.blocks.len() as u32;
         let mut loops: Vec<(u32, u32)> = Vec::new();
         for (at, block) in (0..).zip(&program.blocks) {
-            each_target(&block.terminator, |to| loops.extend((to <= at).then_some((to, at))));
+            for_each_successor(&block.terminator, |to| loops.extend((to <= at).then_some((to, at))));
         }
         let mut spans = stores.spans();
         // By block: the words whose span begins there.
@@ -338,11 +341,11 @@ impl Begins {
         }
         let reaches_call = vec![false; blocks as usize];
         let mut all = Self { spans, reaches_call, first: vec![0], words: Vec::new(), live: Vec::new() };
-        let mut open: Vec<u32> = Vec::new();
+        let mut active: Vec<u32> = Vec::new();
         for block in 0..blocks {
-            open.append(&mut starting[block as usize]);
-            open.retain(|&word| all.spans[word as usize].1 >= block);
-            all.words.extend(&open);
+            active.append(&mut starting[block as usize]);
+            active.retain(|&word| all.spans[word as usize].1 >= block);
+            all.words.extend(&active);
             all.first.push(all.words.len() as u32);
         }
         all.live = vec![0; all.words.len()];
@@ -350,7 +353,7 @@ impl Begins {
         let mut work: Vec<u32> = calls.map(|(block, _)| block).collect();
         while let Some(block) = work.pop() {
             if !std::mem::replace(&mut all.reaches_call[block as usize], true) {
-                work.extend(&before[block as usize]);
+                work.extend(&predecessors[block as usize]);
             }
         }
         all
@@ -360,18 +363,18 @@ impl Begins {
         self.first[block] as usize..self.first[block + 1] as usize
     }
 
-    /// The live-out set of a block, of the words that are kept there.
-    fn behind(&self, program: &Program, block: usize, live: &mut [u64]) {
+    /// Computes the live-out set of a block, of the words that are stored for it.
+    fn live_out(&self, program: &Program, block: usize, live: &mut [u64]) {
         let terminator = &program.blocks[block].terminator;
         let words = &self.words[self.range(block)];
         let begin = if all_is_live(terminator) { u64::MAX } else { 0 };
         words.iter().for_each(|&word| live[word as usize] = begin);
-        each_target(terminator, |to| {
+        for_each_successor(terminator, |to| {
             for at in self.range(to as usize) {
                 live[self.words[at] as usize] |= self.live[at];
             }
             if self.reaches_call[to as usize] {
-                // Words that are not kept there are not written on that path.
+                // Words that are not stored there are not written on that path.
                 for &word in words {
                     let (first, last) = self.spans[word as usize];
                     if !(first..=last).contains(&to) {
@@ -383,7 +386,7 @@ impl Begins {
     }
 
     /// Sets the live-in set of a block; returns whether it has changed.
-    fn take(&mut self, block: usize, live: &[u64]) -> bool {
+    fn set(&mut self, block: usize, live: &[u64]) -> bool {
         let mut changed = false;
         for at in self.range(block) {
             let live = live[self.words[at] as usize];
@@ -393,13 +396,13 @@ impl Begins {
     }
 }
 
-/// Whether all is live after a terminator: functions share registers with their callers.
+/// Whether all registers are live after a terminator: functions share registers with callers.
 fn all_is_live(terminator: &Terminator) -> bool {
     matches!(terminator, Terminator::Call { .. } | Terminator::Return)
 }
 
-/// The successors of a terminator, except for calls.
-fn each_target(terminator: &Terminator, mut visit: impl FnMut(u32)) {
+/// Visits the successors of a terminator, except for calls.
+fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(u32)) {
     match terminator {
         Terminator::Branch(to) => visit(*to),
         Terminator::BranchConditional { then, other, .. } => [*then, *other].into_iter().for_each(visit),

@@ -7,36 +7,37 @@ use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
 use crate::ops::{memory, ray_tracing};
 use crate::program::Program;
-use crate::program::copy_propagation::each_read;
+use crate::program::copy_propagation::for_each_terminator_read;
 
-/// No entry.
+/// The end of a linked list.
 const NONE: u32 = u32::MAX;
 
-/// The operations and registers that are needed, found from the last operation to the first.
-struct Needs<'a> {
+/// Marks the operations and registers that are live, from the last operation to the first.
+struct LivenessMarker<'a> {
     ops: &'a [Op],
-    /// By operation.
+    /// By operation: whether it is needed.
     needed: Vec<bool>,
     /// By register: whether it is live.
     live: Vec<bool>,
-    /// By register: the operations passed so far that write it and whose results are not read
-    /// later. `last` has the last of them, `passed` for each entry the one before.
-    last: Vec<u32>,
-    passed: Vec<(u32, u32)>,
+    /// By register: a linked list of the visited operations that write it, as long as it is not
+    /// live. This is the list's head, an index into `unread_writers`.
+    unread_head: Vec<u32>,
+    /// Entries of the lists: an operation and the next entry.
+    unread_writers: Vec<(u32, u32)>,
     /// Operations whose reads are not marked yet.
-    work: Vec<u32>,
+    worklist: Vec<u32>,
 }
 
-impl<'a> Needs<'a> {
+impl<'a> LivenessMarker<'a> {
     fn new(program: &'a Program) -> Self {
         let registers = program.register_count as usize + 1;
         Self {
             ops: &program.ops,
             needed: vec![false; program.ops.len()],
             live: vec![false; registers],
-            last: vec![NONE; registers],
-            passed: Vec::with_capacity(2 * program.ops.len()),
-            work: Vec::new(),
+            unread_head: vec![NONE; registers],
+            unread_writers: Vec::with_capacity(2 * program.ops.len()),
+            worklist: Vec::new(),
         }
     }
 
@@ -45,36 +46,38 @@ impl<'a> Needs<'a> {
         for register in first.0..first.0 + count {
             let register = register as usize;
             if register < self.live.len() && !std::mem::replace(&mut self.live[register], true) {
-                let mut next = self.last[register];
-                while let Some(&(op, before)) = self.passed.get(next as usize) {
-                    self.work.push(op);
-                    next = before;
+                let mut next = self.unread_head[register];
+                while let Some(&(op, after)) = self.unread_writers.get(next as usize) {
+                    self.worklist.push(op);
+                    next = after;
                 }
             }
         }
     }
 
-    /// Marks what is needed, after the registers that others read; operations for which `stores` is
-    /// false are not.
-    fn find(&mut self, stores: Option<&[bool]>) {
+    /// Marks all live operations, after the registers that are read elsewhere are marked;
+    /// operations for which `stores` is false are dead.
+    fn mark(&mut self, stores: Option<&[bool]>) {
         let ops = self.ops;
         for (at, op) in ops.iter().enumerate().rev() {
             if stores.is_some_and(|stores| !stores[at]) {
                 continue;
             }
             let mut needed = false;
-            let Self { live, last, passed, .. } = self;
+            let Self { live, unread_head, unread_writers, .. } = self;
             op.accesses(
                 #[inline(always)]
                 |access| match access {
                     Access::Write(first, count) => {
                         let registers = first.0 as usize..(first.0 + count) as usize;
-                        for (&live, last) in live[registers.clone()].iter().zip(&mut last[registers]) {
+                        for (&live, unread_head) in
+                            live[registers.clone()].iter().zip(&mut unread_head[registers])
+                        {
                             if live {
                                 needed = true;
                             } else {
-                                passed.push((at as u32, *last));
-                                *last = passed.len() as u32 - 1;
+                                unread_writers.push((at as u32, *unread_head));
+                                *unread_head = unread_writers.len() as u32 - 1;
                             }
                         }
                     }
@@ -82,8 +85,8 @@ impl<'a> Needs<'a> {
                     Access::Read(..) => {}
                 },
             );
-            self.work.extend(needed.then_some(at as u32));
-            while let Some(at) = self.work.pop() {
+            self.worklist.extend(needed.then_some(at as u32));
+            while let Some(at) = self.worklist.pop() {
                 if std::mem::replace(&mut self.needed[at as usize], true) {
                     continue;
                 }
@@ -97,26 +100,26 @@ impl<'a> Needs<'a> {
     }
 }
 
-/// Removes operations whose results are not read; `addressed` are registers that computed register
-/// numbers reach, an operation for which `stores` is false is of no use. Also finds whether the
-/// rest depends on the order of invocations.
+/// Removes operations whose results are not read. `addressed` are registers that computed register
+/// numbers can address; operations for which `stores` is false are dead. Also finds whether the
+/// remaining program depends on the order of invocations.
 pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stores: Option<&[bool]>) {
-    let mut needs = Needs::new(program);
+    let mut marker = LivenessMarker::new(program);
     for &(first, count) in addressed {
-        // A computed index may reach every register of the variable.
+        // A computed index may address every register of the variable.
         let holds = |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
         let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
-        needs.read(first, count);
+        marker.read(first, count);
     }
     // The caller of this program reads payload, attributes and callable data.
     for interface in program.interface.iter().filter(|registers| registers.storage_class >= 5328) {
-        needs.read(interface.first, interface.count);
+        marker.read(interface.first, interface.count);
     }
     for block in &program.blocks {
-        each_read(&block.terminator, |reg| needs.read(reg, 1));
+        for_each_terminator_read(&block.terminator, |reg| marker.read(reg, 1));
     }
-    needs.find(stores);
-    let Needs { needed, live, .. } = needs;
+    marker.mark(stores);
+    let LivenessMarker { needed, live, .. } = marker;
     program.inputs.retain(|input| (0..input.count).any(|word| live[(input.first.0 + word) as usize]));
     program.order_dependent = program.ops.iter().zip(&needed).any(|(op, &kept)| match op {
         Op::Atomic(op) if kept => {
@@ -132,19 +135,19 @@ pub fn eliminate_dead_code(program: &mut Program, addressed: &[(Reg, u32)], stor
 
 /// Removes the operations that are not needed and adjusts the blocks' ranges.
 fn remove(program: &mut Program, needed: &[bool]) {
-    let mut before = Vec::with_capacity(needed.len() + 1);
+    let mut kept_before = Vec::with_capacity(needed.len() + 1);
     let mut count = 0;
     for &needed in needed {
-        before.push(count);
+        kept_before.push(count);
         count += u32::from(needed);
     }
-    before.push(count);
+    kept_before.push(count);
     for block in &mut program.blocks {
-        block.first = before[block.first as usize];
-        block.end = before[block.end as usize];
+        block.first = kept_before[block.first as usize];
+        block.end = kept_before[block.end as usize];
     }
     let mut keep = needed.iter();
-    program.ops.retain(|_| *keep.next().expect("bug in anyhit: an operation without a verdict"));
+    program.ops.retain(|_| *keep.next().expect("bug in anyhit: an operation that is neither live nor dead"));
     // The origins of terminators follow those of operations.
     let mut keep = needed.iter();
     program.origins.retain(|_| *keep.next().unwrap_or(&true));

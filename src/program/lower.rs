@@ -28,7 +28,7 @@ use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::ray_query;
 use crate::ops::translate::{IdValue, Origin, Translator, Words};
 use crate::ops::translate_checked;
-use crate::program::call_graph::{Size, sizes};
+use crate::program::call_graph::{InlineCost, inline_costs};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::copy_propagation::{live_stores, propagate_copies};
 use crate::program::dce::eliminate_dead_code;
@@ -45,35 +45,35 @@ const OPACITY_MICROMAP_ID: u32 = 6031;
 const INLINE_SIZE: u64 = 2_000;
 /// Beyond this many instructions only functions that are called once are inlined.
 const INLINE_TOTAL: usize = 400_000;
-/// Calls are inlined up to this depth; deeper ones become real calls.
+/// Calls are inlined up to this depth.
 const INLINE_DEPTH: usize = 48;
 
-/// Whether calls are inlined.
+/// Which calls are inlined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Inlining {
-    /// Where the function is small or called once.
+    /// Calls of functions that are small or called once.
     #[default]
-    WherePaying,
-    /// Never: every call is a real one. Results are the same.
+    WhereProfitable,
+    /// No calls. Results do not change.
     Never,
 }
 
-/// Whether a program is optimized.
+/// How much a program is optimized.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Optimization {
     /// Every pass runs.
     #[default]
     Full,
     /// No pass runs: no value is forwarded from a store to a load, no expression is folded, nothing
-    /// is eliminated, no registers are shared, no superinstruction is formed. Results are the same.
-    /// This is the reference that the optimizer is checked against.
+    /// is eliminated, no registers are shared, no superinstruction is formed. Results do not
+    /// change. This is the reference that the optimizer is checked against.
     None,
 }
 
 /// How an entry point is lowered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LowerOptions {
-    /// Whether calls are inlined.
+    /// Which calls are inlined.
     pub inlining: Inlining,
     /// Which passes run.
     pub optimization: Optimization,
@@ -116,8 +116,8 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
     Ok(program)
 }
 
-/// Translates an entry point; returns the program, not optimized, and the registers that computed
-/// register numbers reach.
+/// Translates an entry point; returns the unoptimized program, and the registers that computed
+/// register numbers can address.
 fn translate(
     module: &Arc<Module>,
     entry: &EntryPoint,
@@ -138,7 +138,7 @@ fn translate(
     let mut lowering = Lowering {
         translator: Translator::new(module, entry.stage),
         module,
-        placed: Vec::new(),
+        block_of_label: Vec::new(),
         blocks: Vec::new(),
         instruction_spans: Vec::new(),
         terminators: Vec::new(),
@@ -147,13 +147,13 @@ fn translate(
         scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
         depth: 0,
         inlining,
-        sizes: sizes(module, function),
-        standing: FxHashMap::default(),
+        inline_costs: inline_costs(module, function),
+        called_functions: FxHashMap::default(),
         queue: VecDeque::new(),
     };
     lowering.translator.float_controls = FloatControls::of(entry);
     lowering.translator.optimizes = optimization == Optimization::Full;
-    lowering.make_room(function);
+    lowering.reserve_memory(function);
     let variables = module.interface_of(entry);
     interface_check::check(&mut lowering.translator, entry, &variables)?;
     lowering.translator.micromap_mode = entry.modes.iter().find_map(|(mode, operands)| match operands[..] {
@@ -164,13 +164,13 @@ fn translate(
     let start = lowering.label();
     lowering.begin(start);
     lowering.initialize_globals(&variables)?;
-    lowering.body(&module.functions[function as usize], &Return::Entry)?;
+    lowering.body(&module.functions[function as usize], &ReturnTarget::Entry)?;
     while let Some(function) = lowering.queue.pop_front() {
-        lowering.stand_alone(function)?;
+        lowering.lower_called_function(function)?;
     }
     let workgroup = match entry.stage {
         Stage::Compute => {
-            refuse_pipeline(&lowering)?;
+            refuse_pipeline_instructions(&lowering)?;
             Some(WorkgroupLayout::of(&mut lowering.translator, entry)?)
         }
         _ => None,
@@ -186,11 +186,11 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
         let verifier = if verify { Verifier::new(program, addressed, None) } else { None };
         pass(program);
         if let Some(verifier) = verifier {
-            expect_same(program, name, verifier.compare(&Version::of(program), &|reg| reg));
+            expect_equivalent(program, name, verifier.compare(&Version::of(program), &|reg| reg));
         }
     };
     pass(program, "dead-code elimination", &|program| eliminate_dead_code(program, addressed, None));
-    // The memory of eliminated operations, and unused capacity, would stay with the program.
+    // Frees the memory of eliminated operations and unused capacity.
     program.ops.shrink_to_fit();
     program.origins.shrink_to_fit();
     program.blocks.shrink_to_fit();
@@ -212,9 +212,9 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
     if let Some(verifier) = verifier {
         let after = Version { ops: program.optimized.ops.clone(), ..Version::of(program) };
         let renamed = |reg: Reg| renamed.get(reg.0 as usize).copied().unwrap_or(reg);
-        expect_same(program, "register allocation", verifier.compare(&after, &renamed));
+        expect_equivalent(program, "register allocation", verifier.compare(&after, &renamed));
         if let Some(supercode) = &program.optimized.supercode {
-            expect_same(
+            expect_equivalent(
                 program,
                 "superinstructions",
                 verifier.compare_supercode(&after, &renamed, supercode),
@@ -224,14 +224,14 @@ fn optimize(program: &mut Program, addressed: &[(Reg, u32)], verify: bool) {
 }
 
 /// Panics where a pass has changed what a program does.
-fn expect_same(program: &Program, pass: &str, compared: std::result::Result<(), String>) {
+fn expect_equivalent(program: &Program, pass: &str, compared: std::result::Result<(), String>) {
     if let Err(problem) = compared {
         panic!("bug in anyhit: the pass `{pass}` changes what `{}` does: {problem}", program.name);
     }
 }
 
-/// Rejects instructions that only a ray-tracing pipeline can run.
-fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
+/// Rejects instructions that only a ray-tracing pipeline can execute.
+fn refuse_pipeline_instructions(lowering: &Lowering<'_>) -> Result<()> {
     let translator = &lowering.translator;
     let stop = translator.ops.iter().position(|op| matches!(op, Op::Stop(_)));
     let exits = lowering
@@ -242,61 +242,67 @@ fn refuse_pipeline(lowering: &Lowering<'_>) -> Result<()> {
         return Ok(());
     }
     let error = translator.invalid("an instruction of ray-tracing pipelines in GLCompute");
-    let place = stop.map(|at| Place::Word(translator.origins[at].offset as usize));
-    Err(place.map_or(error.clone(), |place| error.at(place)).note("SPV_KHR_ray_tracing, execution models"))
+    let location = stop.map(|at| Place::Word(translator.origins[at].offset as usize));
+    Err(location
+        .map_or(error.clone(), |location| error.at(location))
+        .note("SPV_KHR_ray_tracing, execution models"))
 }
 
-/// What a function's return does.
-enum Return {
+/// What a return does, in the function that is being lowered.
+enum ReturnTarget {
     /// Ends the invocation.
     Entry,
     /// Continues in the caller; the value is left in registers.
     Inlined { label: u32, result: Words },
-    /// Ends a real call; the value is left in registers.
-    StandingAlone { result: Words },
+    /// Returns from a real call; the value is left in registers.
+    Called { result: Words },
 }
 
-/// A function that is called, not inlined.
+/// A function that is not inlined: its first block, and the registers through which callers pass
+/// arguments and get the result.
 #[derive(Clone)]
-struct Standing {
+struct CalledFunction {
     label: u32,
     parameters: Vec<Words>,
     result: Words,
 }
 
-/// A lowering in progress. Targets of its blocks are labels, not indices yet.
+/// A lowering in progress. Its terminators name labels, which `finish` resolves to block indices.
 struct Lowering<'m> {
     translator: Translator<'m>,
     module: &'m Module,
     /// By label: the index of its block.
-    placed: Vec<u32>,
+    block_of_label: Vec<u32>,
     blocks: Vec<Block>,
     instruction_spans: Vec<InstructionSpan>,
-    /// By block: where its terminator comes from.
+    /// By block: the instruction that its terminator comes from.
     terminators: Vec<Origin>,
     /// The first operation of the open block.
     first: u32,
     /// How many instructions have been lowered.
     instructions: usize,
     scopes: Vec<Scope>,
+    /// The depth of inlined calls.
     depth: usize,
     inlining: Inlining,
-    /// By function.
-    sizes: Vec<Size>,
-    standing: FxHashMap<Id, Standing>,
+    /// By function index.
+    inline_costs: Vec<InlineCost>,
+    called_functions: FxHashMap<Id, CalledFunction>,
+    /// Called functions that are not lowered yet.
     queue: VecDeque<Id>,
 }
 
 impl<'m> Lowering<'m> {
+    /// Makes a new label.
     fn label(&mut self) -> u32 {
-        self.placed.push(u32::MAX);
-        self.placed.len() as u32 - 1
+        self.block_of_label.push(u32::MAX);
+        self.block_of_label.len() as u32 - 1
     }
 
-    /// Reserves memory for about one operation an instruction and one block for four, as growing
-    /// copies everything.
-    fn make_room(&mut self, entry: u32) {
-        let operations = self.sizes[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
+    /// Reserves memory for about one operation per instruction and one block per four instructions,
+    /// because growing copies everything.
+    fn reserve_memory(&mut self, entry: u32) {
+        let operations = self.inline_costs[entry as usize].instructions.min(INLINE_TOTAL as u64) as usize;
         self.translator.ops.reserve_exact(operations);
         self.translator.origins.reserve_exact(operations);
         self.blocks.reserve_exact(operations / 4);
@@ -305,9 +311,9 @@ impl<'m> Lowering<'m> {
 
     /// Opens a block under a label.
     fn begin(&mut self, label: u32) {
-        self.placed[label as usize] = self.blocks.len() as u32;
+        self.block_of_label[label as usize] = self.blocks.len() as u32;
         self.first = self.translator.ops.len() as u32;
-        self.translator.forget();
+        self.translator.invalidate_known_values();
     }
 
     /// Closes the open block.
@@ -341,7 +347,7 @@ impl<'m> Lowering<'m> {
     }
 
     /// Lowers the blocks of a function into the open block and those after it.
-    fn body(&mut self, function: &Function, plan: &Return) -> Result<()> {
+    fn body(&mut self, function: &Function, return_target: &ReturnTarget) -> Result<()> {
         let module = self.module;
         let order = structured_order(module, function);
         if order.is_empty() {
@@ -354,14 +360,14 @@ impl<'m> Lowering<'m> {
         let mut labels = vec![None; function.blocks.len()];
         order.iter().for_each(|&block| labels[block] = Some(self.label()));
         for &block in &order {
-            // Phis begin their block.
+            // Gives phis their registers, which the edges to their block write.
             let instructions = function.blocks[block].instructions.iter();
             for phi in instructions.take_while(|instruction| instruction.opcode == opcode::PHI) {
                 self.translator.origin.offset = phi.offset;
                 let ty = self.translator.result_type(phi)?;
                 let count = self.translator.word_count(ty)?;
                 let words = self.translator.fresh_words(count)?;
-                self.translator.result(phi, words);
+                self.translator.define_result(phi, words);
             }
         }
         for (position, &block) in order.iter().enumerate() {
@@ -369,44 +375,44 @@ impl<'m> Lowering<'m> {
             let block = &function.blocks[block];
             if position == 0 {
                 // The function's first block continues the open block.
-                self.placed[label as usize] = self.blocks.len() as u32;
+                self.block_of_label[label as usize] = self.blocks.len() as u32;
             } else {
                 self.begin(label);
             }
             for instruction in &block.instructions {
                 self.translator.origin.offset = instruction.offset;
-                let place = Site { function, block: block.label, labels: &labels, plan };
-                self.instruction(instruction, &place)?;
-                // A phi's own registers are written for the running lanes only, by the edges to it.
+                let site = Site { function, block: block.label, labels: &labels, return_target };
+                self.instruction(instruction, &site)?;
+                // Phis need no copy: edges write their registers for the running lanes only.
                 let kept = instruction.result.filter(|id| escaping.contains(id));
                 if let Some(id) = kept.filter(|_| instruction.opcode != opcode::PHI) {
-                    self.keep(id)?;
+                    self.copy_masked(id)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Gives a value registers that only the running lanes write.
-    fn keep(&mut self, id: Id) -> Result<()> {
+    /// Copies a value that outlives its loop to registers that only the running lanes write.
+    fn copy_masked(&mut self, id: Id) -> Result<()> {
         match self.translator.value(id)? {
             IdValue::Words(words) => {
-                let kept = self.keep_words(&words)?;
+                let kept = self.copy_words_masked(&words)?;
                 self.translator.define(id, IdValue::Words(kept));
             }
             IdValue::Pointer(pointer) => {
                 let mut kept = pointer.clone();
                 if let Some(index) = pointer.index {
-                    kept.index = Some(self.keep_words(&[index])?[0]);
+                    kept.index = Some(self.copy_words_masked(&[index])?[0]);
                 }
-                match pointer.place {
+                match pointer.base {
                     PointerBase::Buffer(memory::BufferRef::Computed(handle)) => {
-                        let handle = self.keep_words(&[handle])?[0];
-                        kept.place = PointerBase::Buffer(memory::BufferRef::Computed(handle));
+                        let handle = self.copy_words_masked(&[handle])?[0];
+                        kept.base = PointerBase::Buffer(memory::BufferRef::Computed(handle));
                     }
                     PointerBase::Buffer(memory::BufferRef::Address(base)) => {
-                        let base = self.keep_words(&[base, base.plus(1)])?[0];
-                        kept.place = PointerBase::Buffer(memory::BufferRef::Address(base));
+                        let base = self.copy_words_masked(&[base, base.plus(1)])?[0];
+                        kept.base = PointerBase::Buffer(memory::BufferRef::Address(base));
                     }
                     _ => {}
                 }
@@ -416,7 +422,7 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    fn keep_words(&mut self, words: &[Reg]) -> Result<Words> {
+    fn copy_words_masked(&mut self, words: &[Reg]) -> Result<Words> {
         if words.iter().all(|&reg| self.translator.constant_word(reg).is_some()) {
             return Ok(words.into());
         }
@@ -427,9 +433,9 @@ impl<'m> Lowering<'m> {
         Ok(kept)
     }
 
-    fn instruction(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+    fn instruction(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
         self.translator.tick();
-        self.note(instruction);
+        self.record_instruction(instruction);
         match instruction.opcode {
             opcode::PHI | opcode::LOOP_MERGE | opcode::SELECTION_MERGE => Ok(()),
             opcode::VARIABLE => self.variable(instruction),
@@ -437,15 +443,15 @@ impl<'m> Lowering<'m> {
             opcode::BRANCH..=opcode::UNREACHABLE
             | opcode::TERMINATE_INVOCATION
             | opcode::IGNORE_INTERSECTION
-            | opcode::TERMINATE_RAY => self.terminator(instruction, place),
+            | opcode::TERMINATE_RAY => self.terminator(instruction, site),
             opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
             opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
             number => translate_checked(&mut self.translator, number, instruction),
         }
     }
 
-    /// Records that the open block runs an instruction.
-    fn note(&mut self, instruction: &Instruction) {
+    /// Adds an instruction to the instruction spans of the open block.
+    fn record_instruction(&mut self, instruction: &Instruction) {
         self.instructions += 1;
         let (block, scope) = (self.blocks.len() as u32, self.translator.origin.scope);
         let offset = instruction.offset;
@@ -481,11 +487,11 @@ impl<'m> Lowering<'m> {
         let count = self.translator.word_count(pointee)?;
         let first = self.translator.fresh(count)?;
         self.translator.variables.push((first, count));
-        let place = PointerBase::Registers { first, count, constant: false };
-        let pointer = Pointer::new(place, pointee, storage_class);
-        // Each call of the function gets a new query.
+        let base = PointerBase::Registers { first, count, constant: false };
+        let pointer = Pointer::new(base, pointee, storage_class);
+        // Each call of the function begins with a new query.
         if self.translator.origin.scope != 0 && is_query(self.module, pointee) {
-            self.translator.emit(Op::RayQuery(ray_query::RayQueryOp::Forget { first, count }));
+            self.translator.emit(Op::RayQuery(ray_query::RayQueryOp::Uninitialize { first, count }));
         }
         if self.module.operands(instruction).len() > 1 {
             let initializer = self.translator.id(instruction, 1)?;
@@ -498,29 +504,29 @@ impl<'m> Lowering<'m> {
         Ok(())
     }
 
-    /// Returns the lowered program, and the registers that computed register numbers reach.
+    /// Returns the lowered program, and the registers that computed register numbers can address.
     fn finish(
         self,
         module: &Arc<Module>,
         entry: &EntryPoint,
         workgroup: Option<WorkgroupLayout>,
     ) -> (Program, Vec<(Reg, u32)>) {
-        let place = |label: &mut u32| *label = self.placed[*label as usize];
+        let resolve = |label: &mut u32| *label = self.block_of_label[*label as usize];
         let mut blocks = self.blocks;
         for block in &mut blocks {
             match &mut block.terminator {
-                Terminator::Branch(label) => place(label),
+                Terminator::Branch(label) => resolve(label),
                 Terminator::BranchConditional { then, other, .. } => {
-                    place(then);
-                    place(other);
+                    resolve(then);
+                    resolve(other);
                 }
                 Terminator::Switch { cases, default, .. } => {
-                    place(default);
-                    cases.iter_mut().for_each(|(_, label)| place(label));
+                    resolve(default);
+                    cases.iter_mut().for_each(|(_, label)| resolve(label));
                 }
                 Terminator::Call { function, return_to } => {
-                    place(function);
-                    place(return_to);
+                    resolve(function);
+                    resolve(return_to);
                 }
                 Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
             }
@@ -573,13 +579,13 @@ fn is_query(module: &Module, mut ty: TypeId) -> bool {
     matches!(module.ty(ty), Type::RayQuery)
 }
 
-/// The position of an instruction.
+/// The function, block and labels that a terminator is lowered with.
 struct Site<'a> {
     function: &'a Function,
     block: Id,
-    /// By block of the function: the lowering's label, if the block is reachable.
+    /// By block index in the function: its label, if the block is reachable.
     labels: &'a [Option<u32>],
-    plan: &'a Return,
+    return_target: &'a ReturnTarget,
 }
 
 /// Opcodes of control flow.

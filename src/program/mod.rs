@@ -8,8 +8,8 @@ pub mod control_flow;
 mod copy_propagation;
 pub mod dce;
 pub mod lower;
-mod missed_index;
 mod obstacles;
+mod out_of_bounds;
 pub mod payload;
 pub mod print;
 pub mod race_analysis;
@@ -25,7 +25,7 @@ use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{
-    Accessed, Batch, Binding, Bindings, Bound, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
+    AccessFault, Batch, Binding, BindingSummary, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
@@ -41,36 +41,36 @@ pub use obstacles::obstacles;
 pub use regalloc::{OptimizedCode, Superblock};
 pub use workgroup::{DerivativeGroup, WorkgroupLayout};
 
-/// Where a block goes when its operations are done.
+/// How a block ends, and its successors.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Terminator {
-    /// To one block.
+    /// Branches to a block.
     Branch(u32),
-    /// To `then` where the register is not zero, else to `other`.
+    /// Branches to `then` where the register is not zero, else to `other`.
     BranchConditional {
-        /// A bool.
+        /// The register of the bool.
         condition: Reg,
-        /// A block.
+        /// The block where it is true.
         then: u32,
-        /// A block.
+        /// The block where it is false.
         other: u32,
     },
-    /// To the block of the first case that equals the selector.
+    /// Branches to the block of the first case that equals the selector.
     Switch {
         /// One register, or two where the selector has 64 bits.
         selector: Reg,
         /// Whether it has 64 bits.
         wide: bool,
-        /// Values and blocks.
+        /// The values of the cases and their blocks.
         cases: Box<[(u64, u32)]>,
         /// The block where no case matches.
         default: u32,
     },
-    /// Calls a function that begins at a block; goes on at another.
+    /// Calls a function; continues at `return_to` afterwards.
     Call {
         /// The function's first block.
         function: u32,
-        /// The block at which the caller goes on.
+        /// The block at which the caller continues.
         return_to: u32,
     },
     /// Ends the function.
@@ -90,8 +90,8 @@ pub struct Block {
     pub end: u32,
     /// How the block ends.
     pub terminator: Terminator,
-    /// How many instructions of the module the blocks up to the end of this one have, eliminated
-    /// ones among them: what a back edge costs.
+    /// The number of module instructions in the blocks up to the end of this one, including
+    /// eliminated ones. The difference of two blocks is the fuel that a back edge costs.
     pub instructions: u32,
 }
 
@@ -122,10 +122,10 @@ pub struct Scope {
     pub function: Id,
 }
 
-/// One entry point, ready to run. Plain data.
+/// One entry point, ready to run. It does not change while it runs.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// The module that it came from.
+    /// The module of the entry point.
     pub module: Arc<Module>,
     /// The stage.
     pub stage: Stage,
@@ -136,11 +136,11 @@ pub struct Program {
     /// By operation of a program that is not optimised: whether the optimizer eliminates it, so
     /// that it must not trap here either. Empty in optimised programs.
     pub silent: Vec<bool>,
-    /// The operations as batches run them that have no observer.
+    /// The operations that batches without an observer run.
     pub optimized: OptimizedCode,
-    /// Where each operation comes from; behind them, where each block's terminator comes from.
+    /// The origin of each operation, then the origin of each block's terminator.
     pub origins: Vec<Origin>,
-    /// Inlined calls; the first is the entry point itself.
+    /// The inlined calls; the first is the entry point itself.
     pub scopes: Vec<Scope>,
     /// All blocks in structured order; the entry point begins at 0.
     pub blocks: Vec<Block>,
@@ -150,28 +150,28 @@ pub struct Program {
     pub register_count: u32,
     /// Registers that hold constants.
     pub constants: Vec<(Reg, u32)>,
-    /// Descriptor bindings, the position is the slot.
+    /// The descriptor bindings, by slot.
     pub slots: Vec<Slot>,
-    /// Builtins that are read.
+    /// The builtins that are read.
     pub inputs: Vec<InputRegisters>,
-    /// Registers of payload, attribute and other interface variables.
+    /// The registers of payload, attribute and other interface variables.
     pub interface: Vec<InterfaceRegisters>,
-    /// Registers of all variables.
+    /// The registers of all variables.
     pub variables: Vec<(Reg, u32)>,
-    /// Whether what a launch leaves behind depends on how its invocations interleave; see
+    /// Whether the results of a launch depend on how its invocations interleave; see
     /// [`crate::ops::atomic`].
     pub order_dependent: bool,
-    /// How it reaches memory that all invocations reach.
+    /// Its accesses to memory that all invocations share.
     pub accesses: Vec<MemoryAccess>,
-    /// Whether it needs the other invocations of its subgroup beside it.
+    /// Whether it has subgroup operations, so that its subgroup must run together.
     pub uses_subgroups: bool,
     /// The workgroups of a compute entry point.
     pub workgroup: Option<WorkgroupLayout>,
-    /// Whether it asks for device addresses of shader records.
+    /// Whether it queries device addresses of shader records.
     pub addresses_records: bool,
     /// What lowering eliminated, as no output depends on it.
     pub eliminated: Eliminated,
-    /// What it does with payloads.
+    /// Which words of payloads it reads and writes.
     pub payloads: Payloads,
 }
 
@@ -223,8 +223,8 @@ impl Program {
     /// # Errors
     /// As [`lower()`].
     pub fn unoptimized(&self) -> Result<Self> {
-        let same = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
-        let entry = self.module.entry_points.iter().find(same);
+        let is_this = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
+        let entry = self.module.entry_points.iter().find(is_this);
         let entry = entry.expect("bug in anyhit: a program of no entry point of its module");
         lower_with(
             &self.module,
@@ -233,7 +233,7 @@ impl Program {
         )
     }
 
-    /// Whether it does nothing at all: no output, no effect, and nothing that could trap.
+    /// Whether it has no output and no effect, and cannot trap.
     pub fn is_empty(&self) -> bool {
         let ends =
             |block: &Block| matches!(block.terminator, Terminator::Return | Terminator::Exit(Exit::Returned));
@@ -262,8 +262,8 @@ impl Program {
         batch.begin(mask, 0, self.blocks[0].first, fuel);
     }
 
-    /// Fills the registers of builtins again; only those that may change while running where so
-    /// asked.
+    /// Fills the registers of builtins; with `volatile`, only of those that may change while
+    /// running.
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
         let Batch { registers, invocations, .. } = batch;
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
@@ -271,26 +271,26 @@ impl Program {
         }
     }
 
-    /// The registers of the one variable of a storage class that an entry point may have.
+    /// The registers of the variable of a storage class of which an entry point has at most one.
     pub fn interface_registers(&self, storage_class: u32) -> Option<&InterfaceRegisters> {
         self.interface.iter().find(|registers| registers.storage_class == storage_class)
     }
 
-    /// What an access that trapped asked for: where, and of which buffer or image.
+    /// Describes the access that trapped: the offset or coordinate, and the buffer or image.
     pub fn describe_access(
         &self,
         trap: Trap,
         fault_value: u64,
-        accessed: Option<&Accessed>,
+        accessed: Option<&AccessFault>,
     ) -> Option<String> {
         if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
-            // The rule that was broken, by its number.
+            // The fault value is the number of the rule that was violated.
             let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
             let broken = *RayRule::ALL.get(fault_value as usize)?;
             return Some(ray_rules::describe(opcode as u16, broken));
         }
         if trap.code == TrapCode::AccelerationStructureMissing {
-            // What is no descriptor is a device address, which may not be known here.
+            // A handle that is no descriptor is a device address.
             let (handle, high) = (fault_value as u32, (fault_value >> 32) as u32);
             let name = self.describe_descriptor(handle).filter(|_| high == STRUCTURE_HANDLE)?;
             return Some(format!("{name} holds none"));
@@ -301,7 +301,7 @@ impl Program {
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => Some(chunk),
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => Some(chunk),
+                atomic::AtomicTarget::Buffer(chunk) => Some(chunk),
                 _ => None,
             },
             _ => None,
@@ -313,17 +313,17 @@ impl Program {
             _ => format!("{bytes} bytes at offset {fault_value} of "),
         };
         let (handle, size) = match accessed {
-            Some(&Accessed::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
-            Some(&Accessed::Descriptor { handle, .. }) => (Some(handle), String::new()),
+            Some(&AccessFault::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
+            Some(&AccessFault::Descriptor { handle, .. }) => (Some(handle), String::new()),
             _ => (None, String::new()),
         };
         let name = match chunk.buffer {
             BufferRef::Address(_) => {
-                let near = accessed.filter(|_| trap.code != TrapCode::NullPointer);
-                let near = near.and_then(|accessed| self.describe_address(fault_value, accessed));
+                let nearest = accessed.filter(|_| trap.code != TrapCode::NullPointer);
+                let nearest = nearest.and_then(|accessed| self.describe_address(fault_value, accessed));
                 return Some(format!(
                     "{bytes} bytes at address {fault_value:#x}{}",
-                    near.unwrap_or_default()
+                    nearest.unwrap_or_default()
                 ));
             }
             BufferRef::PushConstants => "the push constants".to_owned(),
@@ -337,12 +337,12 @@ impl Program {
         Some(format!("{extent}{name}{size}"))
     }
 
-    fn describe_texel(&self, accessed: &Accessed) -> Option<String> {
+    fn describe_texel(&self, accessed: &AccessFault) -> Option<String> {
         let words = |numbers: &mut dyn Iterator<Item = String>, between: &str| {
             numbers.collect::<Vec<_>>().join(between)
         };
         match accessed {
-            Accessed::Texel { handle, coordinate, extent, level, sample } => {
+            AccessFault::Texel { handle, coordinate, extent, level, sample } => {
                 let name = self.describe_descriptor(*handle)?;
                 let at = words(&mut coordinate.iter().map(i64::to_string), ", ");
                 let sides = words(&mut extent.iter().map(u32::to_string), " x ");
@@ -355,37 +355,39 @@ impl Program {
                 }
                 Some(text)
             }
-            Accessed::Descriptor { handle, .. } | Accessed::Buffer { handle: Some(handle), .. } => {
+            AccessFault::Descriptor { handle, .. } | AccessFault::Buffer { handle: Some(handle), .. } => {
                 self.describe_descriptor(*handle)
             }
-            Accessed::Buffer { handle: None, .. } | Accessed::Address { .. } => None,
+            AccessFault::Buffer { handle: None, .. } | AccessFault::Address { .. } => None,
         }
     }
 
-    /// How a device address lies to the buffer that is nearest.
-    fn describe_address(&self, fault_value: u64, accessed: &Accessed) -> Option<String> {
-        let Accessed::Address { start, size, handle } = *accessed else { return None };
+    /// Describes where a device address is relative to the nearest buffer.
+    fn describe_address(&self, fault_value: u64, accessed: &AccessFault) -> Option<String> {
+        let AccessFault::Address { start, size, handle } = *accessed else { return None };
         let name = handle.and_then(|handle| self.describe_descriptor(handle));
         let name = name.map_or_else(String::new, |name| format!(" {name}"));
-        let place =
+        let position =
             match (fault_value.checked_sub(start), fault_value.checked_sub(start.saturating_add(size))) {
                 (None, _) => format!("{} bytes before the nearest buffer,", start - fault_value),
                 (Some(offset), None) => format!("offset {offset} of the buffer"),
                 (Some(_), Some(0)) => "at the end of the buffer".to_owned(),
-                (Some(_), Some(behind)) => format!("{behind} bytes behind the end of the nearest buffer,"),
+                (Some(_), Some(distance)) => {
+                    format!("{distance} bytes behind the end of the nearest buffer,")
+                }
             };
-        Some(format!(": {place}{name} at {start:#x}, which has {size} bytes"))
+        Some(format!(": {position}{name} at {start:#x}, which has {size} bytes"))
     }
 
-    /// What is bound, where a descriptor is not.
-    pub fn describe_bound(&self, accessed: Option<&Accessed>) -> Option<String> {
-        /// More would hide the rest of the report.
+    /// Lists what is bound, if a descriptor is not.
+    pub fn describe_bound(&self, accessed: Option<&AccessFault>) -> Option<String> {
+        /// The most bindings that are listed: more would hide the rest of the report.
         const SHOWN: usize = 16;
-        let Some(Accessed::Descriptor { bound, .. }) = accessed else { return None };
+        let Some(AccessFault::Descriptor { bound, .. }) = accessed else { return None };
         if bound.is_empty() {
             return Some("nothing is bound".to_owned());
         }
-        let one = |bound: &Bound| {
+        let one = |bound: &BindingSummary| {
             let Binding { set, binding } = bound.binding;
             let slot = self.slots.iter().find(|slot| slot.binding == bound.binding);
             let slot = slot.filter(|slot| !slot.name.is_empty());
@@ -400,7 +402,7 @@ impl Program {
         Some(format!("bound: {text}"))
     }
 
-    /// Name, set, binding and array element of a handle.
+    /// Describes a handle: name, set, binding and array element.
     fn describe_descriptor(&self, handle: u32) -> Option<String> {
         let Some((slot, element)) = Bindings::slot_of(handle) else {
             return Some("a null descriptor".to_owned());

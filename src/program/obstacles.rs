@@ -1,4 +1,4 @@
-//! Why an entry point would not run.
+//! Lists why an entry point cannot run.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -8,16 +8,16 @@ use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::support::{self, Gap};
 
-/// Why an entry point would not run, from the error that [`lower()`](crate::program::lower())
-/// stopped with.
+/// The reasons why an entry point cannot run, given the error of
+/// [`lower()`](crate::program::lower()).
 ///
-/// Lowering stops at the first obstacle; everything that is known by name not to run is listed with
-/// it.
+/// Lowering stops at the first obstacle; this lists all features that are known to be unsupported,
+/// too.
 pub fn obstacles(module: &Arc<Module>, entry: &EntryPoint, error: &Error) -> Vec<String> {
-    let foreign = matches!(entry.stage, Stage::Other(_));
-    let gaps = if foreign { Vec::new() } else { support::gaps(module, entry) };
-    let told = gaps.iter().any(|gap| error.message().contains(&gap.name));
-    let first = (!told).then(|| error.to_string());
+    let is_other_stage = matches!(entry.stage, Stage::Other(_));
+    let gaps = if is_other_stage { Vec::new() } else { support::gaps(module, entry) };
+    let is_listed = gaps.iter().any(|gap| error.message().contains(&gap.name));
+    let first = (!is_listed).then(|| error.to_string());
     first.into_iter().chain(gaps.iter().map(|gap| obstacle(module, gap))).collect()
 }
 

@@ -1,6 +1,6 @@
-//! What becomes of payloads: which words a shader reads of one behind the instruction that traces,
-//! and what a shader leaves but its payload. Whether a closest-hit or miss shader ran cannot be
-//! observed where it leaves nothing else, and of its payload only words that are not read.
+//! Liveness of payloads: which words of a payload a shader reads after the instruction that traces,
+//! and whether a shader has other outputs than its payload. A closest-hit or miss shader need not
+//! run if it has no other output, and writes only payload words that are not read.
 
 use crate::machine::stop::RegSpan;
 use crate::machine::{Exit, Reg};
@@ -8,10 +8,10 @@ use crate::ops::memory;
 use crate::ops::op::{Access, Op};
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing;
-use crate::program::copy_propagation::each_read;
+use crate::program::copy_propagation::for_each_terminator_read;
 use crate::program::{Block, Program, Terminator};
 
-/// Words of a payload, as bits; the highest stands for all that have no bit of their own.
+/// A set of words of a payload, as bits; the highest bit stands for all words from the 64th on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PayloadWords(u64);
 
@@ -19,12 +19,12 @@ impl PayloadWords {
     /// All words of a payload.
     pub const ALL: Self = Self(u64::MAX);
 
-    /// Whether both have a word.
-    pub fn meets(self, other: Self) -> bool {
+    /// Whether both sets contain some word.
+    pub fn intersects(self, other: Self) -> bool {
         self.0 & other.0 != 0
     }
 
-    /// The words of a payload that lie in some registers.
+    /// The words of a payload that are in a range of registers.
     fn of(payload: RegSpan, first: Reg, count: u32) -> Self {
         let from = first.0.max(payload.first.0);
         let to = (first.0 + count).min(payload.first.0 + payload.count);
@@ -32,11 +32,11 @@ impl PayloadWords {
         Self((from..to).map(bit).fold(0, |words, bit: u64| words | bit))
     }
 
-    fn with(self, other: Self) -> Self {
+    fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Less what is written; the highest bit stays, as it stands for several words.
+    /// Without words that are written; the highest bit stays, as it stands for several words.
     fn without(self, other: Self) -> Self {
         Self(self.0 & !(other.0 & !(1 << 63)))
     }
@@ -45,23 +45,23 @@ impl PayloadWords {
 /// What a program does with payloads.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Payloads {
-    /// The words of its own payload that it may write, where it leaves nothing else behind whatever
-    /// its inputs are: it stores nothing, calls no shader, and cannot trap.
+    /// The words of its own payload that it may write, if it has no other output for any input: it
+    /// stores nothing, calls no shader, and cannot trap.
     pub writes_only: Option<PayloadWords>,
     /// By operation that traces or executes a hit object, ascending: the words of its payload that
-    /// may be read behind it.
+    /// may be read after it.
     reads: Vec<(u32, PayloadWords)>,
 }
 
 impl Payloads {
-    /// The words of the payload that may be read behind the operation that traces.
-    pub fn reads_behind(&self, op: u32) -> PayloadWords {
+    /// The words of its payload that may be read after an operation that traces.
+    pub fn read_after(&self, op: u32) -> PayloadWords {
         self.reads
             .binary_search_by_key(&op, |&(at, _)| at)
             .map_or(PayloadWords::ALL, |place| self.reads[place].1)
     }
 
-    /// Looks at a program; `addressed` are registers that computed register numbers reach.
+    /// Analyses a program; `addressed` are registers that computed register numbers can address.
     pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
         let tracing = program.ops.iter().enumerate().filter_map(|(at, op)| {
             let payload = match *op {
@@ -83,10 +83,12 @@ impl Payloads {
         }
         let mut reads = Vec::new();
         for payload in payloads {
-            let behind = Liveness::of(program, payload, addressed);
+            let liveness = Liveness::of(program, payload, addressed);
             let of_it = tracing.iter().filter(|(_, other)| *other == payload);
             reads.extend(
-                of_it.map(|&(op, _)| (op, behind.as_ref().map_or(PayloadWords::ALL, |all| all.behind(op)))),
+                of_it.map(|&(op, _)| {
+                    (op, liveness.as_ref().map_or(PayloadWords::ALL, |all| all.live_after(op)))
+                }),
             );
         }
         reads.sort_unstable_by_key(|&(op, _)| op);
@@ -94,7 +96,7 @@ impl Payloads {
     }
 }
 
-/// See [`Payloads::writes_only`].
+/// Computes [`Payloads::writes_only`].
 fn writes_only(program: &Program) -> Option<PayloadWords> {
     let ends = |(at, block): (usize, &Block)| match &block.terminator {
         // Without back edges the program ends, however little fuel it has.
@@ -106,7 +108,7 @@ fn writes_only(program: &Program) -> Option<PayloadWords> {
         Terminator::Exit(Exit::Returned) => true,
         _ => false,
     };
-    // What is computed from registers and goes to known registers. A load may trap.
+    // Operations that compute registers from registers. A load may trap.
     let harmless = |op: &Op| match op {
         Op::LaneKernel { .. } => true,
         Op::Memory(op) => {
@@ -129,41 +131,41 @@ fn writes_only(program: &Program) -> Option<PayloadWords> {
     for op in &program.ops {
         op.accesses(|access| {
             if let Access::Write(first, count) = access {
-                written = written.with(PayloadWords::of(payload.span(), first, count));
+                written = written.union(PayloadWords::of(payload.span(), first, count));
             }
         });
     }
     Some(written)
 }
 
-/// Which words of a payload may be read from a place on.
+/// Which words of a payload are live: may be read later.
 struct Liveness<'a> {
     program: &'a Program,
     payload: RegSpan,
-    /// By block, at its beginning.
-    begins: Vec<PayloadWords>,
+    /// By block: the words that are live at its beginning.
+    live_in: Vec<PayloadWords>,
 }
 
 impl<'a> Liveness<'a> {
-    /// `None` where reads of the payload cannot be told by their registers.
+    /// `None` if computed register numbers can address the payload.
     fn of(program: &'a Program, payload: RegSpan, addressed: &[(Reg, u32)]) -> Option<Self> {
-        let meets =
+        let intersects =
             |first: Reg, count: u32| PayloadWords::of(payload, first, count) != PayloadWords::default();
         for &(first, count) in addressed {
-            // A computed index may reach every register of the variable.
+            // A computed index may address every register of the variable.
             let holds =
                 |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             let (first, count) = program.variables.iter().find(holds).copied().unwrap_or((first, count));
-            if meets(first, count) {
+            if intersects(first, count) {
                 return None;
             }
         }
-        let mut all = Self { program, payload, begins: vec![PayloadWords::default(); program.blocks.len()] };
+        let mut all = Self { program, payload, live_in: vec![PayloadWords::default(); program.blocks.len()] };
         loop {
             let mut changed = false;
             for (at, block) in program.blocks.iter().enumerate().rev() {
-                let begins = all.back(block.first..block.end, all.end(block));
-                changed |= std::mem::replace(&mut all.begins[at], begins) != begins;
+                let live_in = all.transfer(block.first..block.end, all.live_out(block));
+                changed |= std::mem::replace(&mut all.live_in[at], live_in) != live_in;
             }
             if !changed {
                 return Some(all);
@@ -171,58 +173,64 @@ impl<'a> Liveness<'a> {
         }
     }
 
-    /// What may be read behind the end of a block.
-    fn end(&self, block: &Block) -> PayloadWords {
-        let begins = |block: &u32| self.begins[*block as usize];
+    /// The words that are live at the end of a block.
+    fn live_out(&self, block: &Block) -> PayloadWords {
+        let live_in = |block: &u32| self.live_in[*block as usize];
         let mut words = match &block.terminator {
-            Terminator::Branch(to) => begins(to),
-            Terminator::BranchConditional { then, other, .. } => begins(then).with(begins(other)),
+            Terminator::Branch(to) => live_in(to),
+            Terminator::BranchConditional { then, other, .. } => live_in(then).union(live_in(other)),
             Terminator::Switch { cases, default, .. } => {
-                cases.iter().fold(begins(default), |words, (_, to)| words.with(begins(to)))
+                cases.iter().fold(live_in(default), |words, (_, to)| words.union(live_in(to)))
             }
             // The caller of this program reads the variable that it was given.
             Terminator::Exit(_) => {
-                let own =
-                    self.program.interface.iter().filter(|registers| is_handed_back(registers.storage_class));
+                let own = self
+                    .program
+                    .interface
+                    .iter()
+                    .filter(|registers| is_returned_to_caller(registers.storage_class));
                 own.fold(PayloadWords::default(), |words, registers| {
-                    words.with(PayloadWords::of(self.payload, registers.first, registers.count))
+                    words.union(PayloadWords::of(self.payload, registers.first, registers.count))
                 })
             }
             Terminator::Unreachable => PayloadWords::default(),
-            // Which call a function returns to is not followed.
+            // A return may go to any call.
             Terminator::Call { .. } | Terminator::Return => PayloadWords::ALL,
         };
-        each_read(&block.terminator, |reg| words = words.with(PayloadWords::of(self.payload, reg, 1)));
+        for_each_terminator_read(&block.terminator, |reg| {
+            words = words.union(PayloadWords::of(self.payload, reg, 1))
+        });
         words
     }
 
-    /// What may be read at the first of some operations, given what may be behind the last.
-    fn back(&self, ops: std::ops::Range<u32>, behind: PayloadWords) -> PayloadWords {
+    /// The transfer function of operations: the words that are live before the first, given those
+    /// that are live after the last.
+    fn transfer(&self, ops: std::ops::Range<u32>, live_after: PayloadWords) -> PayloadWords {
         let ops = &self.program.ops[ops.start as usize..ops.end as usize];
-        ops.iter().rev().fold(behind, |behind, op| {
+        ops.iter().rev().fold(live_after, |live_after, op| {
             let (mut read, mut written) = (PayloadWords::default(), PayloadWords::default());
             op.accesses(|access| match access {
-                Access::Read(first, count) => read = read.with(PayloadWords::of(self.payload, first, count)),
+                Access::Read(first, count) => read = read.union(PayloadWords::of(self.payload, first, count)),
                 Access::Write(first, count) => {
-                    written = written.with(PayloadWords::of(self.payload, first, count))
+                    written = written.union(PayloadWords::of(self.payload, first, count))
                 }
                 Access::Effect => {}
             });
-            behind.without(written).with(read)
+            live_after.without(written).union(read)
         })
     }
 
-    /// What may be read behind an operation.
-    fn behind(&self, op: u32) -> PayloadWords {
+    /// The words that are live after an operation.
+    fn live_after(&self, op: u32) -> PayloadWords {
         let blocks = &self.program.blocks;
         let Some(block) = blocks.iter().find(|block| (block.first..block.end).contains(&op)) else {
             return PayloadWords::ALL;
         };
-        self.back(op + 1..block.end, self.end(block))
+        self.transfer(op + 1..block.end, self.live_out(block))
     }
 }
 
-/// Whether a shader's caller sees what is left in variables of a storage class.
-fn is_handed_back(storage_class: u32) -> bool {
+/// Whether a shader's caller reads variables of a storage class when the shader returns.
+fn is_returned_to_caller(storage_class: u32) -> bool {
     matches!(storage_class, storage::INCOMING_RAY_PAYLOAD | storage::INCOMING_CALLABLE_DATA)
 }

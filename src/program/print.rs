@@ -1,4 +1,4 @@
-//! A program as text, for people.
+//! Prints a program as text.
 
 use std::fmt;
 

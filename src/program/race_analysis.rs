@@ -1,19 +1,18 @@
-//! Race analysis: which memory the invocations of a launch share otherwise than by atomic
-//! instructions that commute.
+//! Race analysis: which memory the invocations of a launch share, other than by commuting atomic
+//! instructions.
 //!
-//! Where one invocation stores plainly what another one loads or stores, the result depends on the
-//! schedule. So it does where both change it by atomic instructions of two kinds, one adding, the
-//! other exchanging bits. (Atomic instructions whose own results are read, or that do not commute
-//! even with themselves, depend on the schedule wherever they access memory: see
-//! [`crate::ops::atomic`].) To know it before running, the index of every [`MemoryAccess`] is
-//! followed back to what distinguishes invocations: the launch index, or workgroup and local index.
-//! Invocations access disjoint memory where the index is an affine function of these that takes no
-//! value twice. Accesses of which this cannot be shown (an index that was loaded lane by lane, the
-//! neighbour's texel) count as shared.
+//! If one invocation stores non-atomically what another one loads or stores, the result depends on
+//! the schedule. It also does if both modify it by atomic instructions of different kinds, for
+//! example an addition and a bitwise or. (Atomic instructions whose results are read, or that do
+//! not commute with themselves, always depend on the schedule: see [`crate::ops::atomic`].) To find
+//! this before running, the index of every [`MemoryAccess`] is expressed by what distinguishes
+//! invocations: the launch index, or workgroup and local index. Invocations access disjoint memory
+//! if the index is an injective affine function of these. Accesses for which this cannot be shown
+//! (an index that was loaded per lane, a neighbouring texel) count as shared.
 //!
-//! Bindings that hold one buffer or image count as one, and one whose buffer has a device address
-//! counts as what lies behind addresses. Plain accesses to workgroup memory are left out: it is
-//! there to be shared, between barriers.
+//! Bindings with one buffer or image count as one, and a binding whose buffer has a device address
+//! counts as memory behind addresses. Non-atomic accesses to workgroup memory are not considered:
+//! its purpose is to be shared, with barriers.
 
 mod affine;
 mod image_rows;
@@ -26,10 +25,10 @@ use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
-use crate::ops::atomic::{AtomicKind, Target as AtomicTarget, Update};
+use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::ImageOp;
-use crate::ops::image::access::TexelPlace;
+use crate::ops::image::access::TexelRef;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{
     BufferRef, Chunk, Length, MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
@@ -40,55 +39,54 @@ use crate::program::Program;
 use affine::{AffineExpr, AffineRange, Symbol, scaled};
 pub use image_rows::OwnRow;
 
-/// Where memory is reached from.
+/// How memory is accessed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Memory {
-    /// The descriptors of a binding.
+    /// By the descriptors of a binding.
     Binding(Binding),
-    /// Device addresses.
+    /// By device addresses.
     Addresses,
-    /// A descriptor that is not known before running.
+    /// By a descriptor that is not known before running.
     Unknown,
 }
 
-/// An access to memory that all invocations reach.
+/// An access to memory that all invocations share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MemoryAccess {
     /// The memory that is accessed.
     pub memory: Memory,
-    /// Whether it stores, plainly or by an atomic instruction.
+    /// Whether it stores, atomically or not.
     pub stores: bool,
     /// What it does, where it is atomic.
     pub atomic: Option<Update>,
-    /// The place in it, where that is known: the bytes of a buffer, or one after the other the
-    /// coordinates of a texel.
+    /// The location in it, if known: the bytes of a buffer, or the coordinates of a texel.
     place: Option<SmallVec<[AffineRange; 3]>>,
 }
 
-/// How many invocations a launch has along what tells them apart, and what it is given.
+/// The dimensions of a launch, and its resources.
 #[derive(Clone, Copy, Debug)]
 pub struct LaunchExtent<'a> {
     /// `LaunchSizeKHR`, or `NumWorkgroups`.
     pub count: [u32; 3],
     /// `WorkgroupSize`; 1 in ray-tracing pipelines.
     pub local: [u32; 3],
-    /// Push constants and buffers, which may tell how long a row is.
+    /// Push constants and buffers, which may contain the length of a row.
     pub resources: &'a Resources,
 }
 
 impl LaunchExtent<'_> {
-    /// The sides longer than 1, with what tells their invocations apart.
-    fn sides(&self) -> impl Iterator<Item = (Symbol, u64)> {
-        let of = |sides: [u32; 3], symbol: fn(u8) -> Symbol| {
-            sides.into_iter().enumerate().map(move |(axis, side)| (symbol(axis as u8), u64::from(side)))
+    /// The dimensions larger than 1: the index along each, and its size.
+    fn dimensions(&self) -> impl Iterator<Item = (Symbol, u64)> {
+        let of = |dimensions: [u32; 3], symbol: fn(u8) -> Symbol| {
+            dimensions.into_iter().enumerate().map(move |(axis, size)| (symbol(axis as u8), u64::from(size)))
         };
-        of(self.count, Symbol::Index).chain(of(self.local, Symbol::Local)).filter(|&(_, side)| side > 1)
+        of(self.count, Symbol::Index).chain(of(self.local, Symbol::Local)).filter(|&(_, size)| size > 1)
     }
 
-    /// The sides that a sum tells apart with steps of at least `count`; `None` where it may take
-    /// one value twice.
-    fn told_apart(&self, sum: &AffineExpr, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
-        let sides: SmallVec<[(Symbol, u64); 6]> = self.sides().collect();
+    /// The dimensions in which an expression is injective, with steps of at least `count`; `None`
+    /// where it may take one value twice.
+    fn distinguished_dimensions(&self, sum: &AffineExpr, count: u64) -> Option<SmallVec<[Symbol; 6]>> {
+        let dimensions: SmallVec<[(Symbol, u64); 6]> = self.dimensions().collect();
         let mut steps: SmallVec<[(i64, u64, Symbol); 6]> = SmallVec::new();
         for (symbols, factor) in &sum.0 {
             let (mut step, mut by, mut known) = (*factor, None, true);
@@ -96,11 +94,11 @@ impl LaunchExtent<'_> {
                 match *symbol {
                     Symbol::Size(axis) => step = step.checked_mul(self.count[axis as usize].into())?,
                     Symbol::Index(_) | Symbol::Local(_) => {
-                        match sides.iter().find(|side| side.0 == *symbol) {
+                        match dimensions.iter().find(|dimension| dimension.0 == *symbol) {
                             // The only value is 0.
                             None => step = 0,
                             Some(_) if by.is_some() => return None,
-                            Some(&side) => by = Some(side),
+                            Some(&dimension) => by = Some(dimension),
                         }
                     }
                     Symbol::Word(place, offset) => match self.word(place, offset) {
@@ -111,31 +109,31 @@ impl LaunchExtent<'_> {
             }
             match by {
                 Some(_) if !known && step != 0 => return None,
-                Some((symbol, side)) if step != 0 => match steps.iter_mut().find(|known| known.2 == symbol) {
+                Some((symbol, size)) if step != 0 => match steps.iter_mut().find(|known| known.2 == symbol) {
                     Some(known) => known.0 = known.0.checked_add(step)?,
-                    None => steps.push((step, side, symbol)),
+                    None => steps.push((step, size, symbol)),
                 },
                 _ => {}
             }
         }
-        // Whether an index steps up or down, its steps are as far apart.
-        steps.sort_unstable_by_key(|&(step, side, symbol)| (step.unsigned_abs(), side, symbol));
-        let mut reach = count;
-        for &(step, side, _) in &steps {
+        // The sign of a step does not matter.
+        steps.sort_unstable_by_key(|&(step, size, symbol)| (step.unsigned_abs(), size, symbol));
+        let mut extent = count;
+        for &(step, size, _) in &steps {
             let step = step.unsigned_abs();
-            if step < reach {
+            if step < extent {
                 return None;
             }
-            reach = step.checked_mul(side - 1)?.checked_add(reach)?;
+            extent = step.checked_mul(size - 1)?.checked_add(extent)?;
         }
-        // Beyond, numbers of 32 bits begin anew.
-        if reach > u64::from(u32::MAX) {
+        // Larger values wrap around in 32 bits.
+        if extent > u64::from(u32::MAX) {
             return None;
         }
         Some(steps.into_iter().map(|(.., symbol)| symbol).collect())
     }
 
-    /// A word that is the same for all invocations.
+    /// The value of a word in memory that is uniform over all invocations.
     fn word(&self, place: Option<(Binding, u32)>, offset: u32) -> Option<u32> {
         let buffer = match place {
             None => self.resources.push_constants.as_ref()?,
@@ -148,7 +146,7 @@ impl LaunchExtent<'_> {
         buffer.load(offset.into(), 32)
     }
 
-    /// Bindings one of whose buffers has a device address.
+    /// Bindings with a buffer that has a device address.
     fn addressed(&self, accesses: &[&MemoryAccess]) -> Vec<Binding> {
         if !accesses.iter().any(|access| access.memory == Memory::Addresses) {
             return Vec::new();
@@ -164,8 +162,8 @@ impl LaunchExtent<'_> {
         bindings.filter(|(_, all)| all.iter().any(has_address)).map(|(&binding, _)| binding).collect()
     }
 
-    /// For each binding that a buffer or image of another one is bound to, too, the first of these.
-    fn one_memory(&self, accesses: &[&MemoryAccess]) -> BTreeMap<Binding, Binding> {
+    /// For each binding that shares a buffer or an image with another one: the first of these.
+    fn aliased_bindings(&self, accesses: &[&MemoryAccess]) -> BTreeMap<Binding, Binding> {
         let binding = |access: &&MemoryAccess| match access.memory {
             Memory::Binding(binding) => Some(binding),
             _ => None,
@@ -191,7 +189,7 @@ impl LaunchExtent<'_> {
                 let owner = *owners.entry(place).or_insert(binding);
                 let [owner, own] = [owner, binding].map(|one| *first.get(&one).unwrap_or(&one));
                 if owner != own {
-                    // Those that stand for the later one stand for the earlier one now.
+                    // Replaces the later one by the earlier one everywhere.
                     let [owner, own] = [owner.min(own), owner.max(own)];
                     first.values_mut().filter(|one| **one == own).for_each(|one| *one = owner);
                     first.insert(own, owner);
@@ -201,11 +199,11 @@ impl LaunchExtent<'_> {
         first
     }
 
-    /// Whether every invocation has a place of its own for these accesses; `stored` tells of a
-    /// binding whether something may be stored to it.
-    fn keeps_apart(&self, accesses: &[&MemoryAccess], stored: impl Fn(Binding) -> bool) -> bool {
+    /// Whether these accesses of different invocations are disjoint; `stored` returns whether a
+    /// binding may be stored to.
+    fn are_disjoint(&self, accesses: &[&MemoryAccess], stored: impl Fn(Binding) -> bool) -> bool {
         let Some(first) = accesses[0].place.as_ref() else { return false };
-        let mut told: SmallVec<[Symbol; 6]> = SmallVec::new();
+        let mut distinguished: SmallVec<[Symbol; 6]> = SmallVec::new();
         for (at, range) in first.iter().enumerate() {
             let (_, rest) = range.from.split();
             let changes = |symbol: &Symbol| match symbol {
@@ -224,59 +222,59 @@ impl LaunchExtent<'_> {
                 }
                 (low, high) = (low.min(constant), high.max(constant.saturating_add_unsigned(own.count)));
             }
-            told.extend(self.told_apart(&rest, high.abs_diff(low)).unwrap_or_default());
+            distinguished
+                .extend(self.distinguished_dimensions(&rest, high.abs_diff(low)).unwrap_or_default());
         }
-        self.sides().all(|(symbol, _)| told.contains(&symbol))
+        self.dimensions().all(|(symbol, _)| distinguished.contains(&symbol))
     }
 
-    /// The first memory that invocations share otherwise than by atomic instructions that commute;
-    /// `None` where there is none.
+    /// The first memory that invocations share other than by commuting atomic instructions; `None`
+    /// if there is none.
     pub fn shared(&self, programs: &[&Program]) -> Option<Memory> {
-        self.sides().next()?;
+        self.dimensions().next()?;
         let accesses: Vec<&MemoryAccess> = programs.iter().flat_map(|program| &program.accesses).collect();
-        let stored = Stored::new(self, &accesses);
+        let stored = StoredMemory::new(self, &accesses);
         stored.memories.iter().copied().find(|&memory| {
             let unknown = memory == Memory::Unknown;
             let same = |access: &&&MemoryAccess| {
                 unknown || [memory, Memory::Unknown].contains(&stored.of(access.memory))
             };
             let same: Vec<&MemoryAccess> = accesses.iter().filter(same).copied().collect();
-            !commute(&same) && !self.keeps_apart(&same, |binding| stored.may_change(binding))
+            !commute(&same) && !self.are_disjoint(&same, |binding| stored.may_change(binding))
         })
     }
 }
 
-/// Whether all of these accesses are atomic and commute with each other, but for those that never
-/// meet.
+/// Whether all of these accesses are atomic, and those that may overlap commute with each other.
 fn commute(accesses: &[&MemoryAccess]) -> bool {
     let pairs = accesses.iter().enumerate().flat_map(|(at, a)| accesses[at..].iter().map(move |b| (a, b)));
     accesses.iter().all(|access| access.atomic.is_some())
         && pairs.into_iter().all(|(a, b)| {
             let commute = a.atomic.zip(b.atomic).is_some_and(|(a, b)| a.commutes_with(b));
-            commute || never_meet(a, b)
+            commute || never_overlap(a, b)
         })
 }
 
-/// Whether two accesses to one memory reach different places, whatever invocations make them.
-fn never_meet(a: &MemoryAccess, b: &MemoryAccess) -> bool {
+/// Whether two accesses to one memory never overlap, whatever invocations make them.
+fn never_overlap(a: &MemoryAccess, b: &MemoryAccess) -> bool {
     let (Some(a), Some(b)) = (&a.place, &b.place) else { return false };
-    a.len() == b.len() && a.iter().zip(b).any(|(a, b)| a.avoids(b))
+    a.len() == b.len() && a.iter().zip(b).any(|(a, b)| a.is_disjoint_from(b))
 }
 
-/// What shaders store to.
-struct Stored {
-    /// Of bindings that hold the same, the first.
+/// The memory that shaders store to.
+struct StoredMemory {
+    /// The first of the bindings that share a buffer or an image.
     first: BTreeMap<Binding, Binding>,
-    /// Bindings whose memory is reached by device addresses, too.
+    /// Bindings whose memory is accessed by device addresses, too.
     addressed: Vec<Binding>,
     memories: Vec<Memory>,
 }
 
-impl Stored {
+impl StoredMemory {
     fn new(extent: &LaunchExtent<'_>, accesses: &[&MemoryAccess]) -> Self {
-        let first = extent.one_memory(accesses);
+        let first = extent.aliased_bindings(accesses);
         let mut addressed = extent.addressed(accesses);
-        // With one binding all that stand for the same.
+        // If one of several aliased bindings has an address, all have.
         addressed.iter_mut().for_each(|binding| *binding = *first.get(binding).unwrap_or(binding));
         let mut all = Self { first, addressed, memories: Vec::new() };
         let mut memories: Vec<Memory> =
@@ -287,7 +285,7 @@ impl Stored {
         all
     }
 
-    /// What stands for a memory.
+    /// The representative of a memory among its aliases.
     fn of(&self, memory: Memory) -> Memory {
         match memory {
             Memory::Binding(binding) => match *self.first.get(&binding).unwrap_or(&binding) {
@@ -304,7 +302,7 @@ impl Stored {
     }
 }
 
-/// The accesses of a program to memory that all invocations reach, each kind once.
+/// The accesses of a program to memory that all invocations share, without duplicates.
 pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
     let stores = program.ops.iter().any(|op| match op {
         Op::Memory(MemoryOp::BufferStore { .. }) | Op::Atomic(_) => true,
@@ -321,7 +319,7 @@ pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
     if !stores && !program.ops.iter().any(loads) {
         return Vec::new();
     }
-    let mut trace = Trace::new(program);
+    let mut values = ValueTracking::new(program);
     let mut found: Vec<MemoryAccess> = Vec::new();
     let mut add = |access: Option<MemoryAccess>| {
         if let Some(access) = access.filter(|access| !found.contains(access)) {
@@ -330,20 +328,20 @@ pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
     };
     for op in &program.ops {
         match op {
-            Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(trace.bytes(chunk, false, None)),
-            Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(trace.bytes(chunk, true, None)),
-            Op::Image(ImageOp::Read(op)) => add(Some(trace.texel(&op.place, false, None))),
-            Op::Image(ImageOp::Write(op)) => add(Some(trace.texel(&op.place, true, None))),
-            // Which texels a sampler reads is not followed.
-            Op::Image(ImageOp::Sample(op)) => add(Some(MemoryAccess::anywhere(trace.handle(op.image)))),
+            Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => add(values.bytes(chunk, false, None)),
+            Op::Memory(MemoryOp::BufferStore { chunk, .. }) => add(values.bytes(chunk, true, None)),
+            Op::Image(ImageOp::Read(op)) => add(Some(values.texel(&op.texel, false, None))),
+            Op::Image(ImageOp::Write(op)) => add(Some(values.texel(&op.texel, true, None))),
+            // The texels that a sampler reads are not analysed.
+            Op::Image(ImageOp::Sample(op)) => add(Some(MemoryAccess::load_anywhere(values.handle(op.image)))),
             Op::Image(ImageOp::Process(op)) => {
-                op.images().for_each(|image| add(Some(MemoryAccess::anywhere(trace.handle(image)))));
+                op.images().for_each(|image| add(Some(MemoryAccess::load_anywhere(values.handle(image)))));
             }
             Op::Atomic(op) => {
                 let (stores, update) = (op.kind != AtomicKind::Load, Some(op.update()));
                 match &op.target {
-                    AtomicTarget::Buffer(chunk) => add(trace.bytes(chunk, stores, update)),
-                    AtomicTarget::Texel(place) => add(Some(trace.texel(place, stores, update))),
+                    AtomicTarget::Buffer(chunk) => add(values.bytes(chunk, stores, update)),
+                    AtomicTarget::Texel(place) => add(Some(values.texel(place, stores, update))),
                     AtomicTarget::Registers { .. } => {}
                 }
             }
@@ -354,14 +352,14 @@ pub fn accesses(program: &Program) -> Vec<MemoryAccess> {
 }
 
 impl MemoryAccess {
-    /// A load from a place that is not known.
-    fn anywhere(memory: Memory) -> Self {
+    /// A load from an unknown location.
+    fn load_anywhere(memory: Memory) -> Self {
         Self { memory, stores: false, atomic: None, place: None }
     }
 }
 
-/// Whether the invocations of a workgroup change its memory by atomic instructions that do not
-/// commute: what that leaves depends on which of them run together.
+/// Whether the invocations of a workgroup modify its memory by atomic instructions that do not
+/// commute: the result depends on which of them run together.
 pub fn mixes_workgroup_atomics(program: &Program) -> bool {
     let concerned = |op: &Op| match op {
         Op::Atomic(op) => match op.target {
@@ -376,10 +374,10 @@ pub fn mixes_workgroup_atomics(program: &Program) -> bool {
     if found.len() < 2 || program.workgroup.is_none_or(|layout| layout.memory == 0) {
         return false;
     }
-    // A pointer that may lead elsewhere counts as one that leads here.
-    let mut trace = Trace::new(program);
+    // A pointer that may point elsewhere counts as a pointer to workgroup memory.
+    let mut values = ValueTracking::new(program);
     let access = |(chunk, update): &(Chunk, Update)| {
-        let place = trace.reached(chunk, None);
+        let place = values.byte_range(chunk, None);
         MemoryAccess {
             memory: Memory::Unknown,
             stores: update.kind != AtomicKind::Load,
@@ -391,20 +389,22 @@ pub fn mixes_workgroup_atomics(program: &Program) -> bool {
     !commute(&accesses.iter().collect::<Vec<_>>())
 }
 
-/// No operation, or more than one.
+/// No operation writes a register.
 const NONE: u32 = u32::MAX;
+/// Several operations write a register.
 const SEVERAL: u32 = u32::MAX - 1;
 
-/// What registers hold, followed back to what writes them.
-struct Trace<'a> {
+/// Value tracking: expresses the values of registers by launch indices, through the operations that
+/// write them.
+struct ValueTracking<'a> {
     program: &'a Program,
-    /// The only operation that writes each register; [`NONE`], or [`SEVERAL`].
+    /// By register: the only operation that writes it, [`NONE`], or [`SEVERAL`].
     writers: Vec<u32>,
     constants: FxHashMap<Reg, u32>,
     known: FxHashMap<Reg, Option<AffineRange>>,
 }
 
-impl<'a> Trace<'a> {
+impl<'a> ValueTracking<'a> {
     fn new(program: &'a Program) -> Self {
         let mut writers = vec![NONE; program.register_count as usize + 1];
         for (at, op) in program.ops.iter().enumerate() {
@@ -420,7 +420,7 @@ impl<'a> Trace<'a> {
         Self { program, writers, constants, known: FxHashMap::default() }
     }
 
-    /// The access to a range of a buffer; `None` for memory that is not shared, or only read.
+    /// An access to a range of a buffer; `None` for memory that is not shared, or only read.
     fn bytes(&mut self, chunk: &Chunk, stores: bool, atomic: Option<Update>) -> Option<MemoryAccess> {
         let mut address = None;
         let memory = match chunk.buffer {
@@ -435,11 +435,11 @@ impl<'a> Trace<'a> {
                 Memory::Addresses
             }
         };
-        Some(MemoryAccess { memory, stores, atomic, place: self.reached(chunk, address) })
+        Some(MemoryAccess { memory, stores, atomic, place: self.byte_range(chunk, address) })
     }
 
-    /// The bytes that an access reaches, counted from the beginning of the buffer, or as addresses.
-    fn reached(&mut self, chunk: &Chunk, address: Option<Reg>) -> Option<SmallVec<[AffineRange; 3]>> {
+    /// The bytes of an access, as offsets in the buffer or as addresses.
+    fn byte_range(&mut self, chunk: &Chunk, address: Option<Reg>) -> Option<SmallVec<[AffineRange; 3]>> {
         let mut base = Some(AffineRange { from: AffineExpr::constant(chunk.offset.into()), count: 1 });
         if let Some(address) = address {
             base = plus(base, self.value(address));
@@ -453,7 +453,7 @@ impl<'a> Trace<'a> {
         })
     }
 
-    fn texel(&mut self, texel: &TexelPlace, stores: bool, atomic: Option<Update>) -> MemoryAccess {
+    fn texel(&mut self, texel: &TexelRef, stores: bool, atomic: Option<Update>) -> MemoryAccess {
         let memory = self.handle(texel.image);
         let plain = texel.offset.is_none() && texel.level.is_none() && texel.sample.is_none();
         let place: Option<SmallVec<[AffineRange; 3]>> =
@@ -472,7 +472,8 @@ impl<'a> Trace<'a> {
             return self.binding(handle);
         }
         match self.writer(reg) {
-            // An element's number, behind the handle of the first one: see `pointer::shifted`.
+            // The index of an element is added to the handle of the first one: see
+            // `pointer::shifted`.
             Some(&Op::Memory(MemoryOp::Index { base: Some(_), stride, index, .. }))
                 if self.constants.get(&index) == Some(&1) && Bindings::slot_of(stride).is_some() =>
             {
@@ -490,19 +491,19 @@ impl<'a> Trace<'a> {
         self.program.ops.get(*self.writers.get(reg.0 as usize)? as usize)
     }
 
-    /// What a register holds, up to `count - 1` more; `None` where that is not known.
+    /// The range of a register's values; `None` if it is not known.
     fn value(&mut self, reg: Reg) -> Option<AffineRange> {
         if let Some(known) = self.known.get(&reg) {
             return known.clone();
         }
-        // To arrive here again while it is looked for is a cycle.
+        // Marks the register as unknown while its value is computed, as there may be a cycle.
         self.known.insert(reg, None);
-        let value = self.fresh_value(reg);
+        let value = self.compute_value(reg);
         self.known.insert(reg, value.clone());
         value
     }
 
-    fn fresh_value(&mut self, reg: Reg) -> Option<AffineRange> {
+    fn compute_value(&mut self, reg: Reg) -> Option<AffineRange> {
         let exactly = |from| Some(AffineRange { from, count: 1 });
         if let Some(&word) = self.constants.get(&reg) {
             return exactly(AffineExpr::constant(word.into()));
@@ -565,7 +566,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// What a builtin's component is.
+    /// A component of a builtin as an expression.
     fn builtin(&self, number: u32, axis: u8) -> Option<AffineExpr> {
         let size = self.program.workgroup.map_or([1; 3], |layout| layout.size).map(i64::from);
         let of = |symbol, factor| AffineExpr::of(SmallVec::from_slice(&[symbol]), factor);
@@ -599,7 +600,7 @@ fn plus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> {
 
 fn minus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> {
     let b = b?;
-    // The numbers from `b` on, with their signs changed, begin at the last of them.
+    // The negated range begins at the negated last value of `b`.
     let last = b.from.plus(&AffineExpr::constant(i64::try_from(b.count - 1).ok()?))?;
     plus(a, Some(AffineRange { from: last.times(&AffineExpr::constant(-1))?, ..b }))
 }

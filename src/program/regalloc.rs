@@ -1,12 +1,12 @@
 //! Register allocation for superblocks, and the passes that go with it.
 //!
-//! Lowering gives every value a register of its own, and an observer may read it there at any time
-//! later. Batches without an observer run a copy of the operations, [`OptimizedCode`], made here:
+//! Lowering gives every value a register of its own, where an observer may read it at any later
+//! time. Batches without an observer run a copy of the operations, [`OptimizedCode`], made here:
 //!
 //! * basic blocks that only follow one another form a [`Superblock`];
-//! * a value, or a variable, that is written and then read within one superblock, by operations
-//!   that name it as a single register, gets a register that another such value no longer needs, so
-//!   that the registers of a batch stay in the L1 cache;
+//! * a local value (or variable: written and then read within one superblock, as a single register)
+//!   gets a register whose previous value has had its last use, so that the registers of a batch
+//!   stay in the L1 cache;
 //! * copies of such values are propagated to their uses;
 //! * regular operations are scheduled so that each uses the result of the one before it, where
 //!   possible ([`crate::program::schedule`]).
@@ -27,8 +27,8 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::op::{Access, Op};
 use crate::ops::superop::{ResultUse, SuperCode, takes_float};
 use crate::ops::{bit, memory};
-use crate::program::copy_propagation::{Shared, each_read};
-use crate::program::schedule::Schedule;
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
+use crate::program::schedule::ListScheduler;
 use crate::program::{Program, Terminator};
 use direct_registers::{rename_constants, rename_values};
 
@@ -52,23 +52,23 @@ pub struct Superblock {
     pub last: u32,
 }
 
-/// The access of a single register that an operation names by itself.
+/// How an operation accesses an operand that is a single register, which may be renamed.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Single {
-    Read,
-    Write,
+enum OperandKind {
+    Use,
+    Def,
 }
 
 /// Makes the [`OptimizedCode`] of a program. Returns, by register, the one that now holds its
 /// value, if that outlives a superblock.
 pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
     let superblocks = superblocks(program);
-    let starts = starts(program, &superblocks);
+    let superblock_starts = superblock_starts(program, &superblocks);
     let mut ops = program.ops.clone();
-    let shared = Shared::of(program, addressed);
-    let values = LocalValues::of(program, &mut ops, &starts, &shared);
+    let aliased = AliasedRegisters::of(program, addressed);
+    let values = LocalValues::of(program, &mut ops, &superblock_starts, &aliased);
     for op in &mut ops {
-        // All lanes that read such a value later in the superblock run now.
+        // All lanes that read such a value later in the superblock are running now.
         if let Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = *op
             && values.is_local(to)
         {
@@ -77,68 +77,68 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     }
     let mut written = vec![0u32; program.register_count as usize];
     let mut copies = Copies::new(program.register_count);
-    for &(start, superblock) in &starts {
+    for &(start, superblock) in &superblock_starts {
         let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
-        forward(&mut ops, superblock, &values, &shared, &mut written, &mut copies);
+        propagate_local_copies(&mut ops, superblock, &values, &aliased, &mut written, &mut copies);
     }
     // Tables by register are large: the passes below reuse their memory.
     drop((written, copies));
-    for &(start, superblock) in &starts {
+    for &(start, superblock) in &superblock_starts {
         let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
-        sign_casts(&mut ops[superblock], &program.constants);
+        use_signed_conversions(&mut ops[superblock], &program.constants);
     }
-    let mut schedule = Schedule::new(program.register_count);
-    for &(start, superblock) in &starts {
-        schedule.order(&mut ops[program.blocks[start as usize].first as usize..superblock.end as usize]);
+    let mut scheduler = ListScheduler::new(program.register_count);
+    for &(start, superblock) in &superblock_starts {
+        scheduler.order(&mut ops[program.blocks[start as usize].first as usize..superblock.end as usize]);
     }
-    drop(schedule);
-    let mut pool = RegisterPool::new(program.register_count, values.vanishing());
-    let mut left: SmallVec<[Reg; 4]> = SmallVec::new();
-    // Where a value is now, and the operation that reads it last.
-    let mut place = vec![Reg(0); program.register_count as usize];
-    let mut last = vec![0u32; program.register_count as usize];
-    for &(start, superblock) in &starts {
+    drop(scheduler);
+    let mut pool = RegisterPool::new(program.register_count, values.freed_registers());
+    let mut expired: SmallVec<[Reg; 4]> = SmallVec::new();
+    // By value: its assigned register, and the last operation that uses it.
+    let mut assigned = vec![Reg(0); program.register_count as usize];
+    let mut last_use = vec![0u32; program.register_count as usize];
+    for &(start, superblock) in &superblock_starts {
         let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
         for at in superblock.clone() {
-            each_single(&mut ops[at], |reg, _| last[reg.0 as usize] = at as u32);
+            for_each_renameable(&mut ops[at], |reg, _| last_use[reg.0 as usize] = at as u32);
         }
         for at in superblock {
             let op = &mut ops[at];
-            if is_idle(op) {
+            if is_noop(op) {
                 continue;
             }
-            each_single(op, |reg, single| {
+            for_each_renameable(op, |reg, kind| {
                 let value = reg.0 as usize;
-                if single == Single::Read && values.is_local(*reg) {
-                    *reg = place[value];
-                    if last[value] == at as u32 && !left.contains(reg) {
-                        left.push(*reg);
+                if kind == OperandKind::Use && values.is_local(*reg) {
+                    *reg = assigned[value];
+                    if last_use[value] == at as u32 && !expired.contains(reg) {
+                        expired.push(*reg);
                     }
                 }
             });
-            // A regular operation reads all lanes before it writes one: it may write a register
-            // that it reads.
+            // A regular operation reads all lanes before it writes one, so its result may have the
+            // register of an operand whose last use it is.
             if let Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }) = op {
-                pool.free.extend(left.drain(..));
+                pool.free.extend(expired.drain(..));
             }
-            each_single(op, |reg, single| {
+            for_each_renameable(op, |reg, kind| {
                 let value = reg.0 as usize;
-                if single == Single::Write && values.is_local(*reg) {
+                if kind == OperandKind::Def && values.is_local(*reg) {
                     *reg = pool.take();
-                    place[value] = *reg;
-                    if last[value] == at as u32 {
-                        left.push(*reg);
+                    assigned[value] = *reg;
+                    if last_use[value] == at as u32 {
+                        expired.push(*reg);
                     }
                 }
             });
-            pool.free.extend(left.drain(..));
+            pool.free.extend(expired.drain(..));
         }
     }
-    let result_uses = result_uses(program, &mut ops, &starts, &pool);
-    let (taken, renamed) = rename_values(program, &mut ops, &pool, &shared, &values);
+    let result_uses = result_uses(program, &mut ops, &superblock_starts, &pool);
+    let (taken, renamed) = rename_values(program, &mut ops, &pool, &aliased, &values);
     rename_constants(program, &mut ops, &pool, &taken);
     program.register_count = pool.next;
-    let ranges = starts
+    let ranges = superblock_starts
         .iter()
         .map(|&(start, superblock)| program.blocks[start as usize].first as usize..superblock.end as usize);
     let supercode = SuperCode::of(&ops, ranges, &result_uses, &program.constants);
@@ -146,9 +146,10 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     renamed
 }
 
-/// Replaces casts of unsigned numbers to floats by casts of signed ones if the numbers were shifted
-/// to the right, and so are less than 2^31: processors have those, and the floats are the same.
-fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
+/// Replaces conversions of unsigned integers to floats by conversions of signed ones if the
+/// integers were shifted to the right, and so are less than 2^31. The floats are equal, and
+/// processors have an instruction for signed ones only.
+fn use_signed_conversions(ops: &mut [Op], constants: &[(Reg, u32)]) {
     let cast = |from| conversion::kernel(from, 32, 32);
     let (Some(unsigned), Some(signed)) = (cast(Conversion::UToF), cast(Conversion::SToF)) else { return };
     if !ops.iter().any(|op| matches!(op, Op::LaneKernel { kernel, .. } if std::ptr::eq(*kernel, unsigned))) {
@@ -176,25 +177,25 @@ fn sign_casts(ops: &mut [Op], constants: &[(Reg, u32)]) {
     }
 }
 
-/// How each operation's result is used: for a result in a shared register, the operations that read
-/// it until the register is written again.
+/// How each operation's result is used: for a result in a register of the pool, the operations that
+/// read it until the register is written again.
 ///
-/// The registers are those after sharing. A copy that got the register of its original is gone, and
-/// the uses of the copy read the original.
+/// The registers are those after allocation. A copy that got the register of its original is a
+/// no-op, and the uses of the copy read the original.
 fn result_uses(
     program: &Program,
     ops: &mut [Op],
-    starts: &[(u32, Superblock)],
+    superblock_starts: &[(u32, Superblock)],
     pool: &RegisterPool,
 ) -> Vec<ResultUse> {
-    const NOBODY: u32 = u32::MAX;
+    const NO_DEFINITION: u32 = u32::MAX;
     let mut result_uses = vec![ResultUse::UNKNOWN; ops.len()];
-    // By register: the operation whose result it holds.
-    let mut definition = vec![NOBODY; pool.next as usize];
-    for &(start, superblock) in starts {
+    // By register: the operation that defines its value.
+    let mut definition = vec![NO_DEFINITION; pool.next as usize];
+    for &(start, superblock) in superblock_starts {
         for at in program.blocks[start as usize].first as usize..superblock.end as usize {
             let op = &mut ops[at];
-            if is_idle(op) {
+            if is_noop(op) {
                 continue;
             }
             let kernel = match op {
@@ -202,8 +203,8 @@ fn result_uses(
                 _ => None,
             };
             let mut operand = 0;
-            each_single(op, |reg, single| {
-                if single == Single::Read {
+            for_each_renameable(op, |reg, kind| {
+                if kind == OperandKind::Use {
                     if let Some(result_use) = result_uses.get_mut(definition[reg.0 as usize] as usize) {
                         result_use.reads = result_use.reads.map(|reads| reads + 1);
                         result_use.nan_payload_observed |=
@@ -213,9 +214,9 @@ fn result_uses(
                 }
             });
             let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }));
-            each_single(op, |reg, single| {
-                if single == Single::Write && pool.shares(*reg) {
-                    definition[reg.0 as usize] = if defines { at as u32 } else { NOBODY };
+            for_each_renameable(op, |reg, kind| {
+                if kind == OperandKind::Def && pool.is_pooled(*reg) {
+                    definition[reg.0 as usize] = if defines { at as u32 } else { NO_DEFINITION };
                     if defines {
                         result_uses[at] = ResultUse { reads: Some(0), nan_payload_observed: false };
                     }
@@ -226,11 +227,11 @@ fn result_uses(
     result_uses
 }
 
-/// The superblock that begins with each block.
+/// By block: the superblock that begins with it.
 pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
     let blocks = &program.blocks;
-    let mut ways = vec![0u32; blocks.len() + 1];
-    let mut count = |block: u32| ways[block as usize] += 1;
+    let mut predecessor_counts = vec![0u32; blocks.len() + 1];
+    let mut count = |block: u32| predecessor_counts[block as usize] += 1;
     for block in blocks {
         match &block.terminator {
             Terminator::Branch(to) => count(*to),
@@ -251,73 +252,74 @@ pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
         (0..).zip(blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
     for at in (0..blocks.len().saturating_sub(1)).rev() {
         let next = &blocks[at + 1];
-        let goes_on = blocks[at].terminator == Terminator::Branch(at as u32 + 1);
-        if goes_on && ways[at + 1] == 1 && next.first == blocks[at].end {
+        let falls_through = blocks[at].terminator == Terminator::Branch(at as u32 + 1);
+        if falls_through && predecessor_counts[at + 1] == 1 && next.first == blocks[at].end {
             superblocks[at] = superblocks[at + 1];
         }
     }
     superblocks
 }
 
-/// The blocks at which superblocks begin, each with its superblock: together they hold all blocks.
-fn starts(program: &Program, superblocks: &[Superblock]) -> Vec<(u32, Superblock)> {
-    let mut starts = Vec::new();
+/// The blocks at which superblocks begin, each with its superblock; they partition the blocks.
+fn superblock_starts(program: &Program, superblocks: &[Superblock]) -> Vec<(u32, Superblock)> {
+    let mut superblock_starts = Vec::new();
     let mut at = 0;
     while at < program.blocks.len() {
-        starts.push((at as u32, superblocks[at]));
+        superblock_starts.push((at as u32, superblocks[at]));
         at = superblocks[at].last as usize + 1;
     }
-    starts
+    superblock_starts
 }
 
-/// A copy of a register as it was before operation `at`.
+/// What a register is a copy of: another register as it was before operation `at`.
 #[derive(Clone, Copy)]
-struct Copied {
+struct CopySource {
     at: u32,
     from: Reg,
-    good: bool,
+    /// Whether the copy equals its original wherever it is read.
+    is_valid: bool,
 }
 
-/// The copies within a superblock, by the register of the copy.
+/// The copies within a superblock, found by the register of the copy.
 struct Copies {
-    all: Vec<(Reg, Copied)>,
-    /// By register: the index of its copy in `all` plus one; 0 if it is none.
-    pool: Vec<u32>,
+    entries: Vec<(Reg, CopySource)>,
+    /// By register: the index of its copy in `entries` plus one; 0 if it is no copy.
+    indices: Vec<u32>,
 }
 
 impl Copies {
     fn new(registers: u32) -> Self {
-        Self { all: Vec::new(), pool: vec![0; registers as usize] }
+        Self { entries: Vec::new(), indices: vec![0; registers as usize] }
     }
 
-    fn find(&mut self, reg: Reg) -> Option<&mut Copied> {
-        let place = self.pool[reg.0 as usize].checked_sub(1)?;
-        Some(&mut self.all[place as usize].1)
+    fn find(&mut self, reg: Reg) -> Option<&mut CopySource> {
+        let index = self.indices[reg.0 as usize].checked_sub(1)?;
+        Some(&mut self.entries[index as usize].1)
     }
 
-    fn insert(&mut self, reg: Reg, copy: Copied) {
+    fn insert(&mut self, reg: Reg, copy: CopySource) {
         match self.find(reg) {
             Some(known) => *known = copy,
             None => {
-                self.all.push((reg, copy));
-                self.pool[reg.0 as usize] = self.all.len() as u32;
+                self.entries.push((reg, copy));
+                self.indices[reg.0 as usize] = self.entries.len() as u32;
             }
         }
     }
 
     fn clear(&mut self) {
-        self.all.drain(..).for_each(|(reg, _)| self.pool[reg.0 as usize] = 0);
+        self.entries.drain(..).for_each(|(reg, _)| self.indices[reg.0 as usize] = 0);
     }
 }
 
 /// Makes the operations of a superblock read the originals of local values that are copies; copies
-/// without uses then become idle. `written` has, for each register, the operation that wrote it
+/// without uses then become no-ops. `written` has, for each register, the operation that wrote it
 /// last, plus one.
-fn forward(
+fn propagate_local_copies(
     ops: &mut [Op],
     superblock: Range<usize>,
     values: &LocalValues,
-    shared: &Shared,
+    aliased: &AliasedRegisters,
     written: &mut [u32],
     copies: &mut Copies,
 ) {
@@ -331,10 +333,10 @@ fn forward(
     for at in superblock.clone() {
         let op = &mut ops[at];
         let at = at as u32;
-        each_single(op, |reg, single| {
-            if let (Single::Read, Some(copy)) = (single, copies.find(*reg)) {
+        for_each_renameable(op, |reg, kind| {
+            if let (OperandKind::Use, Some(copy)) = (kind, copies.find(*reg)) {
                 let stopped = if values.is_local(copy.from) { 0 } else { stopped };
-                copy.good &= written[copy.from.0 as usize].max(stopped) <= copy.at;
+                copy.is_valid &= written[copy.from.0 as usize].max(stopped) <= copy.at;
             }
         });
         op.accesses(|access| {
@@ -345,53 +347,56 @@ fn forward(
         match *op {
             Op::Stop(_) | Op::Barrier => stopped = at + 1,
             Op::Memory(memory::MemoryOp::Move { to, from }) if values.is_local(to) => {
-                let good = values.is_written_once(to) && !shared.holds(from);
+                let is_valid = values.is_written_once(to) && !aliased.contains(from);
                 // A copy of a copy is a copy of the first original.
-                let from = copies.find(from).filter(|copy| copy.good).map_or(from, |copy| copy.from);
-                copies.insert(to, Copied { at, from, good });
+                let from = copies.find(from).filter(|copy| copy.is_valid).map_or(from, |copy| copy.from);
+                copies.insert(to, CopySource { at, from, is_valid });
             }
             _ => {}
         }
     }
     for at in superblock {
         let op = &mut ops[at];
-        each_single(op, |reg, single| {
-            if let (Single::Read, Some(&mut Copied { from, good: true, .. })) = (single, copies.find(*reg)) {
+        for_each_renameable(op, |reg, kind| {
+            if let (OperandKind::Use, Some(&mut CopySource { from, is_valid: true, .. })) =
+                (kind, copies.find(*reg))
+            {
                 *reg = from;
             }
         });
         if let Op::Memory(memory::MemoryOp::Move { to, from }) = op
-            && copies.find(*to).is_some_and(|copy| copy.good && copy.at as usize == at)
+            && copies.find(*to).is_some_and(|copy| copy.is_valid && copy.at as usize == at)
         {
             *to = *from;
         }
     }
 }
 
-/// Whether an operation copies a register onto itself.
-pub(super) fn is_idle(op: &Op) -> bool {
+/// Whether an operation copies a register to itself.
+pub(super) fn is_noop(op: &Op) -> bool {
     matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }
 
-/// The pool of registers that values share. The one freed last is taken next; at first the lowest,
-/// so that superinstructions name few extended registers.
+/// The pool of registers that local values share, a stack: the register that was freed last is
+/// taken next. At first the lowest is taken, so that superinstructions have few extended registers.
 struct RegisterPool {
+    /// The number of the next new register.
     next: u32,
     free: Vec<Reg>,
     /// The number of free registers that have never been taken.
-    untaken: usize,
+    never_taken: usize,
     /// By register: whether it has been taken.
     taken: Vec<bool>,
 }
 
 impl RegisterPool {
     fn new(next: u32, free: Vec<Reg>) -> Self {
-        Self { next, untaken: free.len(), free, taken: vec![false; next as usize] }
+        Self { next, never_taken: free.len(), free, taken: vec![false; next as usize] }
     }
 
     fn take(&mut self) -> Reg {
         let free = self.free.pop();
-        self.untaken = self.untaken.min(self.free.len());
+        self.never_taken = self.never_taken.min(self.free.len());
         let reg = free.unwrap_or_else(|| {
             self.next += 1;
             self.taken.push(false);
@@ -401,13 +406,13 @@ impl RegisterPool {
         reg
     }
 
-    /// Whether values share a register.
-    fn shares(&self, reg: Reg) -> bool {
+    /// Whether a register has been taken from the pool.
+    fn is_pooled(&self, reg: Reg) -> bool {
         self.taken[reg.0 as usize]
     }
 
-    fn untaken(&self) -> &[Reg] {
-        &self.free[..self.untaken]
+    fn never_taken(&self) -> &[Reg] {
+        &self.free[..self.never_taken]
     }
 }
 
@@ -417,61 +422,68 @@ struct LocalValues(Vec<RegisterUses>);
 /// How a register is accessed.
 #[derive(Clone)]
 struct RegisterUses {
-    /// The first block of the superblock that writes it first.
-    home: u32,
-    /// How often it is read or written by an operation that does not name it by itself.
-    together: u32,
-    /// How often it is written; 2 stands for more.
+    /// The first block of the superblock that defines it first.
+    defining_block: u32,
+    /// The number of accesses by operands of several registers, or that may not be renamed for
+    /// another reason.
+    grouped_accesses: u32,
+    /// How many operations write it; 2 stands for more.
     writes: u8,
-    /// Whether it is written and then read in one superblock, always by itself.
+    /// Whether it is written and then read in one superblock only, by operands that may be renamed.
     local: bool,
 }
 
 impl LocalValues {
-    fn of(program: &Program, ops: &mut [Op], starts: &[(u32, Superblock)], shared: &Shared) -> Self {
-        const NOWHERE: u32 = u32::MAX;
-        let begin = |register| RegisterUses {
-            home: NOWHERE,
-            together: 0,
+    fn of(
+        program: &Program,
+        ops: &mut [Op],
+        superblock_starts: &[(u32, Superblock)],
+        aliased: &AliasedRegisters,
+    ) -> Self {
+        const NO_BLOCK: u32 = u32::MAX;
+        let initial = |register| RegisterUses {
+            defining_block: NO_BLOCK,
+            grouped_accesses: 0,
             writes: 0,
-            local: !shared.holds(Reg(register)),
+            local: !aliased.contains(Reg(register)),
         };
-        let mut registers: Vec<RegisterUses> = (0..program.register_count).map(begin).collect();
+        let mut registers: Vec<RegisterUses> = (0..program.register_count).map(initial).collect();
         program.constants.iter().for_each(|&(reg, _)| registers[reg.0 as usize].local = false);
-        for &(start, superblock) in starts {
+        for &(start, superblock) in superblock_starts {
             for op in &mut ops[program.blocks[start as usize].first as usize..superblock.end as usize] {
                 op.accesses(|access| {
                     let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
                     let write = matches!(access, Access::Write(..));
                     for register in &mut registers[first.0 as usize..(first.0 + count) as usize] {
-                        register.together = register.together.wrapping_add(1);
+                        register.grouped_accesses = register.grouped_accesses.wrapping_add(1);
                         register.writes = (register.writes + u8::from(write)).min(2);
-                        if register.home == NOWHERE && write {
-                            register.home = start;
+                        if register.defining_block == NO_BLOCK && write {
+                            register.defining_block = start;
                         }
-                        register.local &= register.home == start;
+                        register.local &= register.defining_block == start;
                     }
                 });
-                each_single(op, |reg, _| {
+                for_each_renameable(op, |reg, _| {
                     let register = &mut registers[reg.0 as usize];
-                    register.together = register.together.wrapping_sub(1);
+                    register.grouped_accesses = register.grouped_accesses.wrapping_sub(1);
                 });
             }
         }
         for block in &program.blocks {
-            each_read(&block.terminator, |reg| registers[reg.0 as usize].local = false);
+            for_each_terminator_read(&block.terminator, |reg| registers[reg.0 as usize].local = false);
         }
-        registers.iter_mut().for_each(|register| register.local &= register.together == 0);
+        registers.iter_mut().for_each(|register| register.local &= register.grouped_accesses == 0);
         Self(registers)
     }
 
-    /// Registers that are shared already come after all others, and are not local.
+    /// Whether a register holds a local value. New registers of the pool do not: they come after
+    /// all others.
     fn is_local(&self, reg: Reg) -> bool {
         self.0.get(reg.0 as usize).is_some_and(|register| register.local)
     }
 
-    /// The registers that are free once local values share registers, the lowest last.
-    fn vanishing(&self) -> Vec<Reg> {
+    /// The registers of local values, which are free once these share registers; the lowest last.
+    fn freed_registers(&self) -> Vec<Reg> {
         let registers = (0..self.0.len() as u32).zip(&self.0).rev();
         registers
             .filter(|(_, register)| register.local && register.writes > 0)
@@ -483,45 +495,45 @@ impl LocalValues {
         self.0[reg.0 as usize].writes == 1
     }
 
-    /// Whether the access of a register names it by itself, so that it may be another one.
-    fn stands_alone(&self, reg: Reg) -> bool {
-        self.0[reg.0 as usize].together == 0
+    /// Whether all accesses of a register are operands that may be renamed.
+    fn is_renameable(&self, reg: Reg) -> bool {
+        self.0[reg.0 as usize].grouped_accesses == 0
     }
 }
 
-/// Visits the registers that an operation names by themselves, reads first; a write is of all
-/// running lanes at least. Operations that are not listed here name none.
-fn each_single(op: &mut Op, mut visit: impl FnMut(&mut Reg, Single)) {
+/// Visits the operands of an operation that are single registers and may be renamed, uses first. A
+/// definition writes all running lanes at least.
+fn for_each_renameable(op: &mut Op, mut visit: impl FnMut(&mut Reg, OperandKind)) {
     match op {
         Op::LaneKernel { kernel, to, from } => {
             for (reg, &words) in from.iter_mut().zip(&kernel.operands) {
                 if words == 1 {
-                    visit(reg, Single::Read);
+                    visit(reg, OperandKind::Use);
                 }
             }
             if kernel.words == 1 {
-                visit(to, Single::Write);
+                visit(to, OperandKind::Def);
             }
         }
         Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
-            visit(from, Single::Read);
-            visit(to, Single::Write);
+            visit(from, OperandKind::Use);
+            visit(to, OperandKind::Def);
         }
         Op::Memory(memory::MemoryOp::Index { to, base, index, .. }) => {
-            visit(index, Single::Read);
-            base.iter_mut().for_each(|base| visit(base, Single::Read));
-            visit(to, Single::Write);
+            visit(index, OperandKind::Use);
+            base.iter_mut().for_each(|base| visit(base, OperandKind::Use));
+            visit(to, OperandKind::Def);
         }
         Op::Memory(memory::MemoryOp::BufferLoad { to, chunk }) => {
-            chunk.index.iter_mut().for_each(|index| visit(index, Single::Read));
+            chunk.index.iter_mut().for_each(|index| visit(index, OperandKind::Use));
             if chunk.count == 1 {
-                visit(to, Single::Write);
+                visit(to, OperandKind::Def);
             }
         }
         Op::Memory(memory::MemoryOp::BufferStore { from, chunk }) => {
-            chunk.index.iter_mut().for_each(|index| visit(index, Single::Read));
+            chunk.index.iter_mut().for_each(|index| visit(index, OperandKind::Use));
             if chunk.count == 1 {
-                visit(from, Single::Read);
+                visit(from, OperandKind::Use);
             }
         }
         _ => {}
@@ -533,14 +545,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shader_runs_in_fewer_rows_and_moves_less() {
+    fn a_shader_has_fewer_registers_and_moves() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
         let module = crate::Module::open(path).expect("a valid fixture");
         let program = Program::of(&module, "main").expect("a supported fixture");
         assert_eq!(program.optimized.ops.len(), program.ops.len());
         let named = |ops: &[Op]| {
             let mut registers = std::collections::HashSet::new();
-            for op in ops.iter().filter(|op| !is_idle(op)) {
+            for op in ops.iter().filter(|op| !is_noop(op)) {
                 op.accesses(|access| {
                     if let Access::Read(first, count) | Access::Write(first, count) = access {
                         registers.extend(first.0..first.0 + count);
@@ -549,15 +561,15 @@ mod tests {
             }
             registers.len()
         };
-        let (plain, shared) = (named(&program.ops), named(&program.optimized.ops));
-        assert!(shared * 2 < plain, "{shared} registers of {plain}");
+        let (before, after) = (named(&program.ops), named(&program.optimized.ops));
+        assert!(after * 2 < before, "{after} registers of {before}");
         let moves = |ops: &[Op]| {
             let is_move = |op: &&Op| {
                 let moves = matches!(
                     op,
                     Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. })
                 );
-                moves && !is_idle(op)
+                moves && !is_noop(op)
             };
             ops.iter().filter(is_move).count()
         };
@@ -565,16 +577,16 @@ mod tests {
     }
 
     #[test]
-    fn what_was_shifted_to_the_right_is_cast_as_signed() {
+    fn what_was_shifted_to_the_right_is_converted_as_signed() {
         let shift = bit::ShiftRightLogical.kernel(32).expect("a kernel of 32 bits");
         let [unsigned, signed] = [Conversion::UToF, Conversion::SToF]
             .map(|cast| conversion::kernel(cast, 32, 32).expect("a kernel of 32 bits"));
         let kernel =
             |kernel, to, from| Op::LaneKernel { kernel, to: Reg(to), from: [Reg(from), Reg(9), Reg(9)] };
-        // By one bit at least; by none; and a register that was written again after the shift.
+        // Shifts by one bit at least and by none, and a register that is written after the shift.
         for (by, between, expected) in [(1, 5, signed), (31, 5, signed), (0, 5, unsigned), (8, 1, unsigned)] {
             let mut ops = [kernel(shift, 1, 0), kernel(unsigned, between, 3), kernel(unsigned, 2, 1)];
-            sign_casts(&mut ops, &[(Reg(9), by)]);
+            use_signed_conversions(&mut ops, &[(Reg(9), by)]);
             assert_eq!(ops[2], kernel(expected, 2, 1), "by {by}, with {between} written between");
         }
     }
@@ -590,7 +602,7 @@ mod tests {
             let module = crate::Module::open(&path).expect("a valid fixture");
             let program = Program::of(&module, "main").expect("a supported fixture");
             programs += 1;
-            for op in program.optimized.ops.iter().filter(|op| !is_idle(op)) {
+            for op in program.optimized.ops.iter().filter(|op| !is_noop(op)) {
                 op.accesses(|access| {
                     let Access::Write(first, count) = access else { return };
                     let written = first.0..first.0 + count;

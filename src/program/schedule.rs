@@ -1,5 +1,5 @@
 //! Instruction scheduling: orders the regular operations between two irregular ones so that each
-//! uses the result of the one before it, where possible. The value then stays in the accumulator of
+//! uses the result of the preceding one, if possible. The value then stays in the accumulator of
 //! superinstructions ([`crate::ops::superop`]) and need not be stored and loaded.
 //!
 //! A regular operation neither traps nor stops, and has no effect except on the registers that it
@@ -9,24 +9,27 @@
 use crate::machine::Reg;
 use crate::ops::memory;
 use crate::ops::op::{Access, Op};
-use crate::program::regalloc::is_idle;
+use crate::program::regalloc::is_noop;
 
-/// No entry.
+/// No operation, or the end of a linked list.
 const NONE: u32 = u32::MAX;
 
 /// A list scheduler; its memory is reused for each superblock.
-pub(super) struct Schedule {
-    /// By register: the operation of this region that wrote it last, and the last of those that
-    /// have read it since.
+pub(super) struct ListScheduler {
+    /// By register: the operation of this region that wrote it last, and those that have read it
+    /// since.
     registers: Vec<RegisterUse>,
-    touched: Vec<u32>,
+    /// The registers that operations of this region access.
+    accessed: Vec<u32>,
     /// Operations that read a register, each linked to the previous reader.
     readers: Vec<(u32, u32)>,
-    /// The dependences: an operation, and an earlier one that it waits for.
+    /// The edges of the dependency graph: an operation, and an earlier one that it depends on.
     edges: Vec<(u32, u32)>,
-    waiting: Vec<Waiting>,
-    /// The operations that wait, by the operation that they wait for.
-    followers: Vec<u32>,
+    /// The nodes of the dependency graph, by operation.
+    nodes: Vec<DependencyNode>,
+    /// The successors of all nodes, grouped by node.
+    successors: Vec<u32>,
+    /// The operations in their new order.
     order: Vec<u32>,
 }
 
@@ -38,32 +41,33 @@ struct RegisterUse {
 }
 
 impl RegisterUse {
-    const UNTOUCHED: Self = Self { written: NONE, read: NONE };
+    const UNUSED: Self = Self { written: NONE, read: NONE };
 }
 
-/// An operation that waits for others.
+/// An operation as a node of the dependency graph.
 #[derive(Clone, Copy)]
-struct Waiting {
-    /// The number of operations that it waits for.
-    count: u32,
-    /// The range of `followers` that wait for it.
+struct DependencyNode {
+    /// The number of predecessors that are not scheduled yet.
+    pending: u32,
+    /// The range of its successors in `successors`.
     first: u32,
     end: u32,
-    /// The last operation that was found to wait for it.
+    /// The successor that was found last.
     last: u32,
+    /// Whether it is scheduled.
     done: bool,
 }
 
-impl Schedule {
-    /// For a program of so many registers.
+impl ListScheduler {
+    /// Makes a scheduler for programs with so many registers.
     pub fn new(registers: u32) -> Self {
         Self {
-            registers: vec![RegisterUse::UNTOUCHED; registers as usize],
-            touched: Vec::new(),
+            registers: vec![RegisterUse::UNUSED; registers as usize],
+            accessed: Vec::new(),
             readers: Vec::new(),
             edges: Vec::new(),
-            waiting: Vec::new(),
-            followers: Vec::new(),
+            nodes: Vec::new(),
+            successors: Vec::new(),
             order: Vec::new(),
         }
     }
@@ -92,37 +96,37 @@ impl Schedule {
     /// Finds the order of the operations of a region.
     fn find_order(&mut self, ops: &[Op]) {
         self.find_edges(ops);
-        self.find_followers();
-        let Self { waiting, followers, order, .. } = self;
+        self.find_successors();
+        let Self { nodes, successors, order, .. } = self;
         order.clear();
-        let mut before: Option<u32> = None;
-        // The first that is left has no pending predecessor, as all depend on earlier ones.
+        let mut previous: Option<u32> = None;
+        // The first operation that is left is ready, as all depend on earlier ones.
         let mut earliest = 0;
         while order.len() < ops.len() {
-            while waiting[earliest].done {
+            while nodes[earliest].done {
                 earliest += 1;
             }
-            let behind = |at: u32| {
-                let Waiting { first, end, .. } = waiting[at as usize];
-                &followers[first as usize..end as usize]
+            let successors_of = |at: u32| {
+                let DependencyNode { first, end, .. } = nodes[at as usize];
+                &successors[first as usize..end as usize]
             };
-            let goes_on = before.and_then(|before| {
-                let result = result(&ops[before as usize])?;
-                let is_ready = |at: u32| waiting[at as usize].count == 0 && !waiting[at as usize].done;
-                let mut behind = behind(before).iter().copied();
-                behind.find(|&at| is_ready(at) && reads(&ops[at as usize], result))
+            let chained = previous.and_then(|previous| {
+                let result = result(&ops[previous as usize])?;
+                let is_ready = |at: u32| nodes[at as usize].pending == 0 && !nodes[at as usize].done;
+                let mut candidates = successors_of(previous).iter().copied();
+                candidates.find(|&at| is_ready(at) && reads(&ops[at as usize], result))
             });
-            let next = goes_on.unwrap_or(earliest as u32);
+            let next = chained.unwrap_or(earliest as u32);
             order.push(next);
-            let Waiting { first, end, .. } = waiting[next as usize];
-            waiting[next as usize].done = true;
-            for &follower in &followers[first as usize..end as usize] {
-                waiting[follower as usize].count -= 1;
+            let DependencyNode { first, end, .. } = nodes[next as usize];
+            nodes[next as usize].done = true;
+            for &successor in &successors[first as usize..end as usize] {
+                nodes[successor as usize].pending -= 1;
             }
             // A masked copy leaves the value that it copies in the accumulator.
             let copies = |op: &Op| matches!(op, Op::Memory(memory::MemoryOp::MoveMasked { .. }));
-            if goes_on.is_none() || !copies(&ops[next as usize]) {
-                before = Some(next);
+            if chained.is_none() || !copies(&ops[next as usize]) {
+                previous = Some(next);
             }
         }
     }
@@ -130,19 +134,19 @@ impl Schedule {
     /// Finds what each operation depends on: the operations that wrote what it reads, and those
     /// that read or wrote what it writes.
     fn find_edges(&mut self, ops: &[Op]) {
-        let Self { registers, touched, readers, edges, waiting, .. } = self;
+        let Self { registers, accessed, readers, edges, nodes, .. } = self;
         edges.clear();
         readers.clear();
-        waiting.clear();
-        waiting.resize(ops.len(), Waiting { count: 0, first: 0, end: 0, last: NONE, done: false });
+        nodes.clear();
+        nodes.resize(ops.len(), DependencyNode { pending: 0, first: 0, end: 0, last: NONE, done: false });
         for (at, op) in (0..).zip(ops) {
-            if is_idle(op) {
+            if is_noop(op) {
                 continue;
             }
-            let mut wait = |earlier: u32| {
+            let mut depend_on = |earlier: u32| {
                 if earlier != NONE && earlier != at {
-                    let entry = &mut waiting[earlier as usize];
-                    // Once, however many registers they have in common.
+                    let entry = &mut nodes[earlier as usize];
+                    // One edge, however many registers they have in common.
                     if std::mem::replace(&mut entry.last, at) != at {
                         entry.end += 1;
                         edges.push((at, earlier));
@@ -153,47 +157,47 @@ impl Schedule {
             op.accesses(|access| match access {
                 Access::Read(first, count) => {
                     for register in first.0..first.0 + count {
-                        touched.push(register);
+                        accessed.push(register);
                         let register = &mut registers[register as usize];
-                        wait(register.written);
+                        depend_on(register.written);
                         readers.push((at, register.read));
                         register.read = readers.len() as u32 - 1;
                     }
                 }
                 Access::Write(first, count) => {
                     for register in first.0..first.0 + count {
-                        touched.push(register);
+                        accessed.push(register);
                         let register = &mut registers[register as usize];
-                        wait(std::mem::replace(&mut register.written, at));
+                        depend_on(std::mem::replace(&mut register.written, at));
                         let mut next = std::mem::replace(&mut register.read, NONE);
-                        while let Some(&(reader, before)) = readers.get(next as usize) {
-                            wait(reader);
-                            next = before;
+                        while let Some(&(reader, previous)) = readers.get(next as usize) {
+                            depend_on(reader);
+                            next = previous;
                         }
                     }
                 }
                 Access::Effect => {}
             });
         }
-        touched.drain(..).for_each(|register| registers[register as usize] = RegisterUse::UNTOUCHED);
+        accessed.drain(..).for_each(|register| registers[register as usize] = RegisterUse::UNUSED);
     }
 
-    /// Groups the operations that wait by what they wait for.
-    fn find_followers(&mut self) {
-        let Self { edges, waiting, followers, .. } = self;
+    /// Groups the successors of each node.
+    fn find_successors(&mut self) {
+        let Self { edges, nodes, successors, .. } = self;
         let mut first = 0;
-        for waiting in waiting.iter_mut() {
-            let count = waiting.end;
-            (waiting.first, waiting.end) = (first, first);
+        for node in nodes.iter_mut() {
+            let count = node.end;
+            (node.first, node.end) = (first, first);
             first += count;
         }
-        followers.clear();
-        followers.resize(edges.len(), NONE);
+        successors.clear();
+        successors.resize(edges.len(), NONE);
         for &(later, earlier) in edges.iter() {
-            let end = &mut waiting[earlier as usize].end;
-            followers[*end as usize] = later;
+            let end = &mut nodes[earlier as usize].end;
+            successors[*end as usize] = later;
             *end += 1;
-            waiting[later as usize].count += 1;
+            nodes[later as usize].pending += 1;
         }
     }
 }
@@ -203,7 +207,7 @@ fn result(op: &Op) -> Option<Reg> {
     match *op {
         Op::LaneKernel { kernel, to, .. } => (kernel.words == 1).then_some(to),
         Op::Memory(memory::MemoryOp::Move { to, .. }) => Some(to),
-        // The lanes that do not run keep what the register has.
+        // Not its own register, in which lanes that do not run keep their values.
         Op::Memory(memory::MemoryOp::MoveMasked { from, .. }) => Some(from),
         _ => None,
     }
@@ -232,7 +236,7 @@ mod tests {
 
     #[test]
     fn an_operation_follows_the_one_whose_result_it_reads() {
-        // x * x + z and y * y + z, as a compiler emits them that works by components.
+        // x * x + z and y * y + z, as a compiler emits them component by component.
         let mut ops = [
             kernel(&FMul, 10, 0, 0),
             kernel(&FMul, 11, 1, 1),
@@ -240,17 +244,17 @@ mod tests {
             kernel(&FAdd, 13, 11, 2),
         ];
         let expected = [ops[0].clone(), ops[2].clone(), ops[1].clone(), ops[3].clone()];
-        Schedule::new(20).order(&mut ops);
+        ListScheduler::new(20).order(&mut ops);
         assert_eq!(ops, expected);
     }
 
     #[test]
-    fn reads_and_writes_of_a_row_keep_their_order() {
-        // Register 1 is a variable: what is read of it before the store stays before.
+    fn reads_and_writes_of_a_register_keep_their_order() {
+        // Register 1 is a variable: its read before the store stays before the store.
         let mut ops =
             [kernel(&FMul, 10, 0, 0), kernel(&FAdd, 11, 1, 1), store(1, 10), kernel(&FAdd, 12, 1, 11)];
         let expected = [ops[0].clone(), ops[1].clone(), ops[2].clone(), ops[3].clone()];
-        Schedule::new(20).order(&mut ops);
+        ListScheduler::new(20).order(&mut ops);
         assert_eq!(ops, expected);
     }
 
@@ -264,7 +268,7 @@ mod tests {
             kernel(&FAdd, 13, 11, 2),
         ];
         let expected = ops.clone();
-        Schedule::new(20).order(&mut ops);
+        ListScheduler::new(20).order(&mut ops);
         assert_eq!(ops, expected);
     }
 }

@@ -1,4 +1,4 @@
-//! From operations back to the source.
+//! Maps operations to source lines.
 
 use crate::error::Place;
 use crate::module::debug_info::SourceLine;

@@ -1,11 +1,11 @@
 //! Checks what a pass of the optimizer has done (translation validation).
 //!
 //! Both versions of a program are executed symbolically, superblock by superblock, for a lane that
-//! runs through it. They must have the same effects in the same order, with the same operands,
-//! decide the same way at the end, and leave the same in every register that is live there.
-//! Liveness is found here anew, without the passes' own. Registers that hold something beyond a
-//! superblock may be renamed, each to one of its own; no other operation may write those in all
-//! lanes, as lanes that wait elsewhere would lose what they hold.
+//! runs through it. They must have equal effects in the same order, with equal operands, take the
+//! same branch at the end, and leave equal values in every register that is live there. Liveness is
+//! computed here independently of the passes. Registers that are live beyond a superblock may be
+//! renamed, no two to the same register. No other operation may write these in all lanes, because
+//! lanes that wait elsewhere would lose their values.
 //!
 //! Debug builds check every pass of every program, as do the tests.
 
@@ -16,16 +16,17 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use crate::machine::Reg;
 use crate::ops::op::{Access, Op};
 use crate::ops::superop::SuperCode;
-use crate::ops::symbolic::{Numbering, Reached, State, reaches_addressed};
-use crate::program::copy_propagation::each_read;
-use crate::program::regalloc::is_idle;
+use crate::ops::symbolic::{ImplicitRegisters, State, ValueTable, reaches_addressed};
+use crate::program::copy_propagation::for_each_terminator_read;
+use crate::program::regalloc::is_noop;
 use crate::program::{Block, Program, Superblock, Terminator};
 
-/// Programs of more operations are not looked at.
-const MOST_OPERATIONS: usize = 20_000;
-/// Nor are those that make more of pairs of registers: of an operation with what somebody else may
-/// reach, which each effect remembers, and of what an operation reads with what it writes.
-const MOST_PAIRS: usize = 1 << 24;
+/// Programs of more operations are not checked.
+const MAX_OPERATIONS: usize = 20_000;
+/// Programs with more pairs of registers are not checked either. Each effect records all registers
+/// that code outside the program can access, and each operation pairs what it reads with what it
+/// writes.
+const MAX_PAIRS: usize = 1 << 24;
 
 /// A program between two passes.
 #[derive(Clone, Debug)]
@@ -39,7 +40,7 @@ pub struct Version {
 }
 
 impl Version {
-    /// A program as observers run it.
+    /// A program in the version that observers run.
     pub fn of(program: &Program) -> Self {
         Self {
             ops: program.ops.clone(),
@@ -49,28 +50,28 @@ impl Version {
     }
 }
 
-/// What a pass is checked with.
+/// The state of a program before a pass, with which the result of the pass is compared.
 pub struct Verifier {
     before: Version,
-    /// Blocks that follow one another without a choice, by their first and last.
+    /// The superblocks, by their first and last block.
     superblocks: Vec<(u32, u32)>,
-    reached: Reached,
-    /// Where the program begins: what has a value there.
+    implicit: ImplicitRegisters,
+    /// The registers that have a value where the program begins.
     defined: FxHashSet<Reg>,
-    /// What the caller reads where the program ends.
+    /// The registers that the caller reads where the program ends.
     results: Vec<Reg>,
     /// Registers that are live where a superblock begins or ends.
     global: Vec<Reg>,
-    /// By superblock: those that are live at its end.
+    /// By superblock: the registers that are live at its end.
     live_out: Vec<FxHashSet<Reg>>,
 }
 
 impl Verifier {
-    /// Before a pass; `known` tells by block which ones make a superblock with it.
+    /// Records a program before a pass; `known` has, by block, the superblock that begins with it.
     ///
-    /// `None` where the program is too large to be looked at.
+    /// `None` if the program is too large to be checked.
     pub fn new(program: &Program, addressed: &[(Reg, u32)], known: Option<&[Superblock]>) -> Option<Self> {
-        if program.ops.len() > MOST_OPERATIONS {
+        if program.ops.len() > MAX_OPERATIONS {
             return None;
         }
         let before = Version::of(program);
@@ -83,49 +84,57 @@ impl Verifier {
             at = last + 1;
         }
         let registers = |first: Reg, count: u32| (first.0..first.0 + count).map(Reg);
-        let whole = |&(first, count): &(Reg, u32)| {
+        let whole_variable = |&(first, count): &(Reg, u32)| {
             let holds =
                 |&&(start, registers): &&(Reg, u32)| (start.0..start.0 + registers).contains(&first.0);
             program.variables.iter().find(holds).copied().unwrap_or((first, count))
         };
-        let mut reached = Reached::default();
-        reached
+        let mut implicit = ImplicitRegisters::default();
+        implicit
             .addressed
-            .extend(addressed.iter().map(whole).flat_map(|(first, count)| registers(first, count)));
+            .extend(addressed.iter().map(whole_variable).flat_map(|(first, count)| registers(first, count)));
         // A table of constants is never written.
-        reached.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
-        reached.addressed.sort_unstable();
-        reached.addressed.dedup();
+        implicit.addressed.retain(|reg| !program.constants.iter().any(|(constant, _)| constant == reg));
+        implicit.addressed.sort_unstable();
+        implicit.addressed.dedup();
         let interface = program.interface.iter().flat_map(|one| registers(one.first, one.count));
         let inputs = program.inputs.iter().flat_map(|one| registers(one.first, one.count));
-        reached.interface.extend(interface.chain(inputs));
-        reached.interface.sort_unstable();
-        reached.interface.dedup();
+        implicit.written_by_pipeline.extend(interface.chain(inputs));
+        implicit.written_by_pipeline.sort_unstable();
+        implicit.written_by_pipeline.dedup();
         let variables = program.variables.iter().flat_map(|&(first, count)| registers(first, count));
-        let defined = variables.chain(reached.interface.iter().copied()).collect();
+        let defined = variables.chain(implicit.written_by_pipeline.iter().copied()).collect();
         let results = program.interface.iter().filter(|one| one.storage_class >= 5328);
         let results: Vec<Reg> = results.flat_map(|one| registers(one.first, one.count)).collect();
-        reached.handed.clone_from(&results);
-        let registers = reached.handed.len() + reached.addressed.len() + reached.interface.len();
+        implicit.read_by_pipeline.clone_from(&results);
+        let registers =
+            implicit.read_by_pipeline.len() + implicit.addressed.len() + implicit.written_by_pipeline.len();
         let pairs = before.ops.iter().map(pairs).fold(0, usize::saturating_add);
-        if registers.saturating_mul(before.ops.len()).saturating_add(pairs) > MOST_PAIRS {
+        if registers.saturating_mul(before.ops.len()).saturating_add(pairs) > MAX_PAIRS {
             return None;
         }
-        let mut all =
-            Self { before, superblocks, reached, defined, results, global: Vec::new(), live_out: Vec::new() };
-        all.find_liveness();
-        Some(all)
+        let mut verifier = Self {
+            before,
+            superblocks,
+            implicit,
+            defined,
+            results,
+            global: Vec::new(),
+            live_out: Vec::new(),
+        };
+        verifier.find_liveness();
+        Some(verifier)
     }
 
     fn range(blocks: &[Block], (first, last): (u32, u32)) -> Range<usize> {
         blocks[first as usize].first as usize..blocks[last as usize].end as usize
     }
 
-    /// Runs backwards over a superblock: what is live at its beginning, given what is live at its
-    /// end. An operation that has no effect and whose results are dead reads nothing.
+    /// The transfer function of a superblock: computes what is live at its beginning, given what is
+    /// live at its end. An operation that has no effect and whose results are dead reads nothing.
     fn transfer(&self, superblock: (u32, u32), live: &mut FxHashSet<Reg>) {
         let terminator = &self.before.blocks[superblock.1 as usize].terminator;
-        each_read(terminator, |reg| {
+        for_each_terminator_read(terminator, |reg| {
             live.insert(reg);
         });
         for op in self.before.ops[Self::range(&self.before.blocks, superblock)].iter().rev() {
@@ -153,17 +162,17 @@ impl Verifier {
                 }
             });
             if matches!(op, Op::Stop(_) | Op::Barrier) {
-                live.extend(&self.reached.handed);
+                live.extend(&self.implicit.read_by_pipeline);
             }
             if reaches_addressed(op) {
-                live.extend(&self.reached.addressed);
+                live.extend(&self.implicit.addressed);
             }
         }
         self.before.constants.iter().for_each(|(reg, _)| {
             live.remove(reg);
         });
-        // What computed indices reach is live everywhere.
-        live.extend(&self.reached.addressed);
+        // What computed indices can address is live everywhere.
+        live.extend(&self.implicit.addressed);
     }
 
     fn find_liveness(&mut self) {
@@ -177,14 +186,14 @@ impl Verifier {
                 _ => None,
             })
             .collect();
-        let followers = |last: u32| match &blocks[last as usize].terminator {
+        let successors = |last: u32| match &blocks[last as usize].terminator {
             Terminator::Branch(to) => vec![starts[to]],
             Terminator::BranchConditional { then, other, .. } => vec![starts[then], starts[other]],
             Terminator::Switch { cases, default, .. } => {
                 cases.iter().map(|(_, to)| to).chain([default]).map(|to| starts[to]).collect()
             }
             Terminator::Call { function, return_to } => vec![starts[function], starts[return_to]],
-            // Which call it returns to is not followed.
+            // A return may go to any call.
             Terminator::Return => returns.clone(),
             Terminator::Exit(_) | Terminator::Unreachable => Vec::new(),
         };
@@ -195,11 +204,11 @@ impl Verifier {
         while std::mem::take(&mut changed) {
             for at in (0..count).rev() {
                 let superblock = self.superblocks[at];
-                let mut live: FxHashSet<Reg> = self.reached.addressed.iter().copied().collect();
+                let mut live: FxHashSet<Reg> = self.implicit.addressed.iter().copied().collect();
                 if let Terminator::Exit(_) = blocks[superblock.1 as usize].terminator {
                     live.extend(&self.results);
                 }
-                followers(superblock.1).into_iter().for_each(|follower| live.extend(&live_in[follower]));
+                successors(superblock.1).into_iter().for_each(|successor| live.extend(&live_in[successor]));
                 live_out[at].clone_from(&live);
                 self.transfer(superblock, &mut live);
                 if live != live_in[at] {
@@ -213,17 +222,17 @@ impl Verifier {
         (self.global, self.live_out) = (global, live_out);
     }
 
-    /// Compares what a pass has made with what was there before. `renamed` tells where a register
-    /// is now that holds something beyond a superblock.
+    /// Compares the program after a pass with the one before. `renamed` returns the new name of a
+    /// register that is live beyond a superblock.
     ///
     /// # Errors
     /// What differs, and where.
     pub fn compare(&self, after: &Version, renamed: &dyn Fn(Reg) -> Reg) -> Result<(), String> {
         let constants: FxHashMap<Reg, u32> = self.before.constants.iter().copied().collect();
         let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
-        // Who owns a register now.
+        // By new register: the register that is renamed to it.
         let mut owners: FxHashMap<Reg, Reg> = FxHashMap::default();
-        for &reg in self.global.iter().chain(&self.results).chain(&self.reached.interface) {
+        for &reg in self.global.iter().chain(&self.results).chain(&self.implicit.written_by_pipeline) {
             let now = renamed(reg);
             if let Some(other) = owners.insert(now, reg).filter(|&other| other != reg) {
                 return Err(format!("r{} holds both r{} and r{}", now.0, other.0, reg.0));
@@ -235,27 +244,27 @@ impl Verifier {
                 return Err(format!("r{} begins with a value and is r{} now", reg.0, now.0));
             }
         }
-        let begin = |reg: Reg, numbering: &mut Numbering| match constants.get(&reg) {
-            Some(&word) => numbering.constant(word),
-            None => numbering.initial(reg),
+        let initial_before = |reg: Reg, table: &mut ValueTable| match constants.get(&reg) {
+            Some(&word) => table.constant(word),
+            None => table.initial(reg),
         };
-        let begin_after = |reg: Reg, numbering: &mut Numbering| match (known.get(&reg), owners.get(&reg)) {
-            (Some(&word), _) => numbering.constant(word),
-            (None, Some(&owner)) => numbering.initial(owner),
-            (None, None) => numbering.undefined(reg),
+        let initial_after = |reg: Reg, table: &mut ValueTable| match (known.get(&reg), owners.get(&reg)) {
+            (Some(&word), _) => table.constant(word),
+            (None, Some(&owner)) => table.initial(owner),
+            (None, None) => table.undefined(reg),
         };
         for (at, &superblock) in self.superblocks.iter().enumerate() {
-            let mut numbering = Numbering::new();
-            let mut old = State::new(&begin, &self.reached);
-            let mut new = State::new(&begin_after, &self.reached);
+            let mut table = ValueTable::new();
+            let mut old = State::new(&initial_before, &self.implicit);
+            let mut new = State::new(&initial_after, &self.implicit);
             for op in &self.before.ops[Self::range(&self.before.blocks, superblock)] {
-                old.execute(op, &mut numbering);
+                old.execute(op, &mut table);
             }
             for op in &after.ops[Self::range(&after.blocks, superblock)] {
                 if let Some(constant) = written_constant(op, &known) {
                     return Err(format!("{op:?} writes r{}, which holds a constant", constant.0));
                 }
-                new.execute(op, &mut numbering);
+                new.execute(op, &mut table);
             }
             let place = |what: &str| format!("blocks {superblock:?}: {what}");
             if old.effects.len() != new.effects.len() {
@@ -265,14 +274,14 @@ impl Verifier {
                 let [old, new] = [&old, &new].map(|state| &state.effects[effect].operands);
                 let operand = old.iter().zip(new).position(|(old, new)| old != new);
                 let [old, new] = match operand {
-                    Some(at) => numbering.difference(old[at], new[at]),
+                    Some(at) => table.difference(old[at], new[at]),
                     None => [old.len(), new.len()].map(|count| format!("{count} operands")),
                 };
                 return Err(place(&format!("effect {effect}, operand {operand:?}: {new}, not {old}")));
             }
             let reads = |block: &Block| {
                 let mut regs = Vec::new();
-                each_read(&block.terminator, |reg| regs.push(reg));
+                for_each_terminator_read(&block.terminator, |reg| regs.push(reg));
                 regs
             };
             let [was, is] =
@@ -286,9 +295,9 @@ impl Verifier {
                 pairs.push((format!("r{} (r{} now)", reg.0, renamed(reg).0), reg, renamed(reg)));
             }
             for (what, was, is) in pairs {
-                let (old, new) = (old.get(was, &mut numbering), new.get(is, &mut numbering));
+                let (old, new) = (old.get(was, &mut table), new.get(is, &mut table));
                 if old != new {
-                    let [was, is] = numbering.difference(old, new);
+                    let [was, is] = table.difference(old, new);
                     return Err(place(&format!("{what} holds {is}, not {was}")));
                 }
             }
@@ -305,9 +314,8 @@ impl Verifier {
         Ok(())
     }
 
-    /// Compares superinstructions with the operations that they stand for; `after` and `renamed` as
-    /// for
-    /// [`Verifier::compare`].
+    /// Compares superinstructions with the operations that they replace; `after` and `renamed` as
+    /// for [`Verifier::compare`].
     ///
     /// # Errors
     /// What differs, and where.
@@ -319,24 +327,24 @@ impl Verifier {
     ) -> Result<(), String> {
         let known: FxHashMap<Reg, u32> = after.constants.iter().copied().collect();
         let seen: FxHashSet<Reg> = self.global.iter().chain(&self.results).map(|&reg| renamed(reg)).collect();
-        let begin = |reg: Reg, numbering: &mut Numbering| match known.get(&reg) {
-            Some(&word) => numbering.constant(word),
-            None => numbering.initial(reg),
+        let initial_before = |reg: Reg, table: &mut ValueTable| match known.get(&reg) {
+            Some(&word) => table.constant(word),
+            None => table.initial(reg),
         };
         for &superblock in &self.superblocks {
-            let mut numbering = Numbering::new();
-            let state = State::new(&begin, &self.reached);
+            let mut table = ValueTable::new();
+            let state = State::new(&initial_before, &self.implicit);
             let range = Self::range(&after.blocks, superblock);
             let is_seen = |reg: Reg| seen.contains(&reg);
             supercode
-                .verify(&after.ops, range, &state, &mut numbering, &is_seen)
+                .verify(&after.ops, range, &state, &mut table, &is_seen)
                 .map_err(|problem| format!("blocks {superblock:?}: {problem}"))?;
         }
         Ok(())
     }
 }
 
-/// How many registers an operation reads, for each that it writes.
+/// The number of pairs of a register that an operation reads and one that it writes.
 fn pairs(op: &Op) -> usize {
     let (mut reads, mut writes) = (0usize, 0usize);
     op.accesses(|access| match access {
@@ -347,9 +355,9 @@ fn pairs(op: &Op) -> usize {
     reads.saturating_mul(writes)
 }
 
-/// A register among those that an operation writes that holds a constant.
+/// A register that an operation writes although it holds a constant.
 fn written_constant(op: &Op, constants: &FxHashMap<Reg, u32>) -> Option<Reg> {
-    if is_idle(op) {
+    if is_noop(op) {
         return None;
     }
     let mut found = None;

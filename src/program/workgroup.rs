@@ -1,4 +1,4 @@
-//! What a compute entry point declares of its workgroups.
+//! The workgroup size and the derivative groups of a compute entry point.
 
 use crate::error::Result;
 use crate::module::Id;
@@ -31,14 +31,14 @@ pub struct WorkgroupLayout {
 /// How the invocations of a workgroup form quads (`SPV_KHR_compute_shader_derivatives`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DerivativeGroup {
-    /// Two by two of `LocalInvocationId`.
+    /// Squares of two by two by `LocalInvocationId`.
     Quads,
-    /// Four that follow each other by `LocalInvocationIndex`.
+    /// Four that are consecutive by `LocalInvocationIndex`.
     Linear,
 }
 
 impl DerivativeGroup {
-    /// What an entry point declares.
+    /// The derivative group that an entry point declares.
     pub fn of(entry: &EntryPoint) -> Option<Self> {
         entry.modes.iter().find_map(|(mode, _)| match *mode {
             DERIVATIVE_GROUP_QUADS => Some(Self::Quads),
@@ -60,8 +60,9 @@ impl DerivativeGroup {
 }
 
 impl WorkgroupLayout {
-    /// What an entry point declares, once its instructions are translated: a constant decorated
-    /// with `WorkgroupSize` goes before `LocalSizeId` and `LocalSize` (SPIR-V, Built-In).
+    /// The layout that an entry point declares, once its instructions are translated: a constant
+    /// decorated with `WorkgroupSize` has precedence over `LocalSizeId` and `LocalSize` (SPIR-V,
+    /// Built-In).
     ///
     /// # Errors
     /// `InvalidModule` where nothing tells the size (VUID-StandaloneSpirv-None-10685) or it is
@@ -97,7 +98,7 @@ impl WorkgroupLayout {
             Some(0) => {
                 let message =
                     format!("entry point `{}`: a workgroup of {x} x {y} x {z} invocations", entry.name);
-                // Of constants only the validator asks it: specialization may make them others.
+                // For constants it is no error of the module: specialization may change them.
                 Err(if literal { translator.invalid(message) } else { translator.unsupported(message) })
             }
             Some(1..=MAX_INVOCATIONS) => {
@@ -120,14 +121,14 @@ impl WorkgroupLayout {
 }
 
 impl WorkgroupLayout {
-    /// `LocalInvocationIndex` of the invocation in a place of the order that subgroups and quads
-    /// are cut from.
-    pub fn index_of(&self, place: u32) -> u32 {
+    /// The `LocalInvocationIndex` of the invocation at a position in the order in which invocations
+    /// are assigned to quads and subgroups.
+    pub fn index_of(&self, position: u32) -> u32 {
         if self.derivatives != Some(DerivativeGroup::Quads) {
-            return place;
+            return position;
         }
         let [width, height, _] = self.size;
-        let (quad, part) = (place / 4, place % 4);
+        let (quad, part) = (position / 4, position % 4);
         let (across, layer) = (width / 2, width * height);
         let (z, quad) = (quad / (layer / 4), quad % (layer / 4));
         let (x, y) = (quad % across * 2 + part % 2, quad / across * 2 + part / 2);

@@ -11,12 +11,12 @@ use serde::Serialize;
 
 use crate::accel::{Committed, GeometryKind, HitKind, HitPrimitive, Primitive, RayFlags, TraceRay};
 use crate::math::ulp::{ulp_error, ulp_of};
-use crate::recording::{Driver, Places, Recording, Reference, TracedRay};
+use crate::recording::{Driver, RecordedPrimitives, Recording, Reference, TracedRay};
 
 /// Below this relative margin a reference of 113 bits does not decide (an exact 0 is a tangent).
-const LEAST_MARGIN: f64 = 1e-28;
+const MIN_MARGIN: f64 = 1e-28;
 /// Below this distance from a triangle's edge a reference of 64 bits does not decide.
-const LEAST_EDGE_MARGIN: f64 = 1e-15;
+const MIN_EDGE_MARGIN: f64 = 1e-15;
 /// The number of rows that are described for each kind of comparison.
 const EXAMPLES: usize = 5;
 
@@ -43,7 +43,7 @@ pub struct Comparison {
 
 /// The comparison of hit or miss, of primitives and of t.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Hits {
+pub struct HitComparison {
     /// The number of rows compared.
     pub rows: usize,
     /// The number of rows left out.
@@ -54,9 +54,10 @@ pub struct Hits {
     pub missed: usize,
     /// The number of rows in which only the engine has a hit.
     pub extra: usize,
-    /// Both have one, on different primitives at different t.
+    /// The number of rows in which both have a hit, on different primitives at different t.
     pub other_primitive: usize,
-    /// Both have one, on different primitives at the same correctly rounded t.
+    /// The number of rows in which both have a hit, on different primitives at the same correctly
+    /// rounded t.
     pub ties: usize,
     /// |t - recorded t| in units in the last place of the recorded t, where the primitive is the
     /// same or a tie.
@@ -85,7 +86,7 @@ pub struct Distribution {
 pub struct AgainstReference {
     /// The comparison of the hits.
     #[serde(flatten)]
-    pub hits: Hits,
+    pub hits: HitComparison,
     /// u of linear swept spheres, or barycentrics.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attributes: Option<Attributes>,
@@ -109,7 +110,7 @@ pub struct Attributes {
 pub struct AgainstDriver {
     /// The comparison of the hits.
     #[serde(flatten)]
-    pub hits: Hits,
+    pub hits: HitComparison,
     /// Which of the closest-hit and miss shaders ran.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaders_ran: Option<Agreement>,
@@ -154,20 +155,20 @@ pub struct Agreement {
 
 /// Traces every ray of a recording again and compares.
 pub fn compare(recording: &Recording) -> Comparison {
-    let traced: Vec<Row> =
-        recording.rays.par_iter().enumerate().map(|(at, &ray)| Row::of(recording, at, ray)).collect();
+    let traced: Vec<ComparedRay> =
+        recording.rays.par_iter().enumerate().map(|(at, &ray)| ComparedRay::of(recording, at, ray)).collect();
     Comparison {
         rays: recording.rays.len(),
         geometry: recording.kind().map(|kind| kind.to_string()),
-        reference: recording.reference.as_ref().map(|reference| with_reference(reference, &traced)),
-        driver: recording.driver.as_ref().map(|driver| with_driver(recording, driver, &traced)),
-        ignored_tensors: recording.strange.clone(),
+        reference: recording.reference.as_ref().map(|reference| compare_with_reference(reference, &traced)),
+        driver: recording.driver.as_ref().map(|driver| compare_with_driver(recording, driver, &traced)),
+        ignored_tensors: recording.unknown_tensors.clone(),
         notes: recording.notes.clone(),
     }
 }
 
-/// A ray and the result of the engine.
-struct Row {
+/// A ray of the recording, and the engine's result.
+struct ComparedRay {
     at: usize,
     ray: TraceRay,
     traced: TracedRay,
@@ -175,7 +176,7 @@ struct Row {
     undecidable: bool,
 }
 
-impl Row {
+impl ComparedRay {
     fn of(recording: &Recording, at: usize, ray: TraceRay) -> Self {
         let traced = recording.trace(ray);
         let by_margin = recording.reference.as_ref().is_some_and(|reference| reference.undecidable(at));
@@ -205,7 +206,7 @@ impl Reference {
         };
         // On a triangle's edge the reference hits both neighbours and we one of them, or on an
         // outline both or none.
-        near(&self.margin, LEAST_MARGIN, true) || near(&self.edge_margin, LEAST_EDGE_MARGIN, false)
+        near(&self.margin, MIN_MARGIN, true) || near(&self.edge_margin, MIN_EDGE_MARGIN, false)
     }
 
     fn t(&self, at: usize) -> [f64; 2] {
@@ -213,22 +214,22 @@ impl Reference {
     }
 }
 
-/// One row of a recording: the hit, as far as it was recorded.
-struct Recorded {
+/// The hit of one ray, as far as it was recorded.
+struct RecordedHit {
     hit: bool,
-    /// t as a sum of two, where it was recorded.
+    /// t as the sum of a high and a low part, if it was recorded.
     t: Option<[f64; 2]>,
-    place: [Option<i64>; 3],
+    primitive_ids: [Option<i64>; 3],
 }
 
-/// The relation of our hit to the recorded one.
+/// The relation of the engine's hit to the recorded one.
 enum Relation {
     BothMiss,
     Missed,
     Extra,
     Other,
-    /// Both hit one primitive, or two at one t; `ulp` is the error of our t if the recorded t is
-    /// known.
+    /// Both hit the same primitive, or two at the same t. `ulp` is the error of the engine's t, if
+    /// the recorded t is known.
     Same {
         tie: bool,
         ulp: Option<f64>,
@@ -236,13 +237,13 @@ enum Relation {
     },
 }
 
-impl Places {
+impl RecordedPrimitives {
     fn at(&self, at: usize) -> [Option<i64>; 3] {
         [&self.instance, &self.geometry, &self.primitive].map(|all| all.as_ref().map(|all| all[at]))
     }
 }
 
-impl Recorded {
+impl RecordedHit {
     fn relation(&self, traced: &TracedRay) -> Relation {
         let Some(closest) = &traced.committed else {
             return if self.hit { Relation::Missed } else { Relation::BothMiss };
@@ -254,29 +255,32 @@ impl Recorded {
             let difference = (f64::from(closest.t) - high) - low;
             if difference == 0.0 { 0.0 } else { difference.abs() / ulp_of(high) }
         });
-        if self.names(closest.candidate.hit_primitive()) {
+        if self.matches(closest.candidate.hit_primitive()) {
             return Relation::Same { tie: false, ulp, attributes: traced.attributes };
         }
-        let theirs = traced.met.iter().find(|(place, found)| self.names(*place) && found.t == closest.t);
+        let recorded_primitive = traced
+            .intersections
+            .iter()
+            .find(|(primitive, found)| self.matches(*primitive) && found.t == closest.t);
         let rounds_to_ours = self.t.is_some_and(|[high, low]| (high + low) as f32 == closest.t);
-        match theirs {
+        match recorded_primitive {
             Some((_, found)) => Relation::Same { tie: true, ulp, attributes: found.attributes },
             None if rounds_to_ours => Relation::Same { tie: true, ulp, attributes: traced.attributes },
             None => Relation::Other,
         }
     }
 
-    fn names(&self, place: HitPrimitive) -> bool {
-        let ours = [place.instance, place.geometry, place.primitive];
-        self.place
+    fn matches(&self, hit: HitPrimitive) -> bool {
+        let ours = [hit.instance, hit.geometry, hit.primitive];
+        self.primitive_ids
             .iter()
             .zip(ours)
             .all(|(theirs, ours)| theirs.is_none_or(|theirs| theirs == i64::from(ours)))
     }
 
-    fn describe(&self, row: &Row, what: &str) -> String {
+    fn describe(&self, row: &ComparedRay, what: &str) -> String {
         let word = |part: Option<i64>| part.map_or_else(|| "?".to_owned(), |part| part.to_string());
-        let [instance, geometry, primitive] = self.place.map(word);
+        let [instance, geometry, primitive] = self.primitive_ids.map(word);
         let t = self.t.map_or_else(String::new, |[high, _]| format!(" at t {high:?}"));
         let theirs = match self.hit {
             true => format!("instance {instance}, geometry {geometry}, primitive {primitive}{t}"),
@@ -298,13 +302,13 @@ fn is_hit(t: f64) -> bool {
     t >= 0.0 && t.is_finite()
 }
 
-/// Counts hits, and passes on each row whose hits agree.
-fn count<'a>(
-    rows: &'a [Row],
-    recorded: impl Fn(usize) -> Recorded,
-    mut agreed: impl FnMut(&'a Row, bool, [f32; 2]),
-) -> Hits {
-    let mut hits = Hits::default();
+/// Compares the hits of all rays, and passes on each row whose hits agree.
+fn compare_hits<'a>(
+    rows: &'a [ComparedRay],
+    recorded: impl Fn(usize) -> RecordedHit,
+    mut agreed: impl FnMut(&'a ComparedRay, bool, [f32; 2]),
+) -> HitComparison {
+    let mut hits = HitComparison::default();
     let mut errors = Vec::new();
     for row in rows {
         if row.undecidable {
@@ -355,13 +359,13 @@ impl Distribution {
     }
 }
 
-fn with_reference(reference: &Reference, rows: &[Row]) -> AgainstReference {
+fn compare_with_reference(reference: &Reference, rows: &[ComparedRay]) -> AgainstReference {
     let recorded = |at: usize| {
         let hit = is_hit(reference.t[at]);
-        Recorded { hit, t: hit.then(|| reference.t(at)), place: reference.places.at(at) }
+        RecordedHit { hit, t: hit.then(|| reference.t(at)), primitive_ids: reference.primitives.at(at) }
     };
     let mut attributes = Attributes::default();
-    let hits = count(rows, recorded, |row, _, ours| {
+    let hits = compare_hits(rows, recorded, |row, _, ours| {
         let values: &[f64] = match (&reference.barycentrics, &reference.lss_hit_value) {
             (Some(all), _) => &all[row.at],
             (None, Some(all)) => {
@@ -385,16 +389,16 @@ fn with_reference(reference: &Reference, rows: &[Row]) -> AgainstReference {
     AgainstReference { hits, attributes: (attributes.rows > 0).then_some(attributes) }
 }
 
-fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstDriver {
+fn compare_with_driver(recording: &Recording, driver: &Driver, rows: &[ComparedRay]) -> AgainstDriver {
     let recorded = |at: usize| {
         let hit = driver.miss_ran.as_ref().map_or(is_hit(driver.t[at]), |all| all[at] == 0);
         // If no closest-hit shader ran, nothing of the hit is known.
         let seen = hit && is_hit(driver.t[at]);
-        let place = if seen { driver.places.at(at) } else { [None; 3] };
-        Recorded { hit, t: seen.then(|| [driver.t[at], 0.0]), place }
+        let primitive_ids = if seen { driver.primitives.at(at) } else { [None; 3] };
+        RecordedHit { hit, t: seen.then(|| [driver.t[at], 0.0]), primitive_ids }
     };
     let [mut attributes, mut positions, mut object_ray, mut custom_index] = [Agreement::default(); 4];
-    let hits = count(rows, recorded, |row, tie, ours| {
+    let hits = compare_hits(rows, recorded, |row, tie, ours| {
         let (Some(hit), false) = (row.hit(), tie || !is_hit(driver.t[row.at])) else { return };
         if let Some(all) = &driver.instance_custom_index {
             let instance = &recording.tlas.instances()[hit.candidate.instance as usize];
@@ -423,7 +427,7 @@ fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstD
         hits,
         shaders_ran: shaders_ran(driver, decided()),
         hit_kind: driver.hit_kind.as_ref().and_then(|kinds| {
-            let seen = |row: &&Row| is_hit(driver.t[row.at]) && row.hit().is_some();
+            let seen = |row: &&ComparedRay| is_hit(driver.t[row.at]) && row.hit().is_some();
             agreement(decided().filter(seen), |row| Some(i64::from(row.hit()?.hit_kind.0) == kinds[row.at]))
         }),
         shape: shape(driver, decided()),
@@ -444,7 +448,7 @@ fn with_driver(recording: &Recording, driver: &Driver, rows: &[Row]) -> AgainstD
 
 /// Compares which shaders ran: closest-hit if something is hit, unless the ray's flags skip it;
 /// otherwise miss.
-fn shaders_ran<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Option<Agreement> {
+fn shaders_ran<'a>(driver: &Driver, rows: impl Iterator<Item = &'a ComparedRay>) -> Option<Agreement> {
     agreement(rows, |row| {
         let hit = row.hit().is_some();
         let miss = driver.miss_ran.as_ref().map(|all| (all[row.at] != 0) != hit);
@@ -457,7 +461,7 @@ fn shaders_ran<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Opti
     })
 }
 
-fn shape<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Option<Agreement> {
+fn shape<'a>(driver: &Driver, rows: impl Iterator<Item = &'a ComparedRay>) -> Option<Agreement> {
     agreement(rows, |row| {
         let hit = row.hit().filter(|_| is_hit(driver.t[row.at]))?;
         let agrees = |all: &Option<Vec<i64>>, kind: HitKind| {
@@ -472,10 +476,10 @@ fn shape<'a>(driver: &Driver, rows: impl Iterator<Item = &'a Row>) -> Option<Agr
     })
 }
 
-/// Counts rows of which something is known.
+/// Counts the rows that `agrees` compares: it returns `None` for the others.
 fn agreement<'a>(
-    rows: impl Iterator<Item = &'a Row>,
-    agrees: impl Fn(&Row) -> Option<bool>,
+    rows: impl Iterator<Item = &'a ComparedRay>,
+    agrees: impl Fn(&ComparedRay) -> Option<bool>,
 ) -> Option<Agreement> {
     let mut sum = Agreement::default();
     for row in rows {

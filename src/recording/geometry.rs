@@ -36,7 +36,7 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
         let (positions, radii) = (tensors.points(&name("positions"))?, tensors.singles(&name("radii"))?);
         let (positions, radii) = match (positions, radii) {
             (None, None) => return Ok(None),
-            // A radius stride of 0.
+            // A single radius is used for all positions, as a radius stride of 0.
             (Some(positions), Some(radii)) if radii.len() == 1 => {
                 let radii = vec![radii[0]; positions.len()];
                 (positions, radii)
@@ -45,7 +45,7 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
             (None, Some(_)) => return Err(tensors.missing(&name("positions"))),
             (Some(_), None) => return Err(tensors.missing(&name("radii"))),
         };
-        // Vulkan forbids them, and drivers treat them differently.
+        // Vulkan forbids negative radii, and drivers treat them differently.
         let negative = radii.iter().filter(|radius| **radius < 0.0).count();
         if negative > 0 {
             notes.push(format!(
@@ -54,7 +54,7 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
             ));
         }
         let radii = radii.into_iter().map(|radius| if radius < 0.0 { f32::NAN } else { radius }).collect();
-        swept_or_not(tensors, &name, positions, radii, indices)?
+        spheres_or_linear_swept_spheres(tensors, &name, positions, radii, indices)?
     };
     let flag = |part: &str, flag: GeometryFlags, without: bool| {
         let set = tensors.integer(&name(part))?.map_or(without, |word| word != 0);
@@ -65,9 +65,9 @@ fn geometry(tensors: &Tensors<'_>, index: usize, notes: &mut Vec<String>) -> Res
     Ok(Some(Geometry::new(data, GeometryFlags(flags))))
 }
 
-/// Spheres or linear swept spheres: as the metadata's `kind` says, otherwise as the driver's
-/// shaders saw, otherwise the latter if there are indices.
-fn swept_or_not(
+/// Makes spheres or linear swept spheres: as the metadata's `kind` says, otherwise as the driver's
+/// shaders recorded, otherwise linear swept spheres if there are indices.
+fn spheres_or_linear_swept_spheres(
     tensors: &Tensors<'_>,
     name: &impl Fn(&str) -> String,
     positions: Vec<[f32; 3]>,
@@ -76,7 +76,7 @@ fn swept_or_not(
 ) -> Result<GeometryData> {
     let mode = tensors.integer(&name("indexing_mode"))?;
     let caps = tensors.integer(&name("end_caps"))?;
-    let swept = match tensors.note("kind") {
+    let swept = match tensors.metadata_value("kind") {
         Some("sphere" | "spheres") => false,
         Some("lss" | "linear_swept_spheres") => true,
         _ if mode.is_some() || caps.is_some() || tensors.any("driver.is_lss")? => true,

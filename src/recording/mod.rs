@@ -36,7 +36,7 @@ pub struct Recording {
     /// boxes of all geometries in order.
     spheres: Vec<[f32; 4]>,
     /// Tensors that would define part of the scene, but whose names are unknown.
-    pub strange: Vec<String>,
+    pub unknown_tensors: Vec<String>,
     /// Notes on geometry that was left out.
     pub notes: Vec<String>,
     /// By geometry: the index of its first box's sphere.
@@ -45,7 +45,7 @@ pub struct Recording {
 
 /// The primitive that each ray hit, as far as it was recorded; by ray, -1 for a miss.
 #[derive(Clone, Debug, Default)]
-pub struct Places {
+pub struct RecordedPrimitives {
     /// `InstanceId`
     pub instance: Option<Vec<i64>>,
     /// `RayGeometryIndexKHR`
@@ -62,7 +62,7 @@ pub struct Reference {
     /// The low part of t, which is a sum of two floats.
     pub t_low: Option<Vec<f64>>,
     /// The primitive.
-    pub places: Places,
+    pub primitives: RecordedPrimitives,
     /// The least relative distance of a decision from changing; an exact 0 is a tangent.
     pub margin: Option<Vec<f64>>,
     /// Relative distance of the nearest edge of a triangle.
@@ -79,7 +79,7 @@ pub struct Driver {
     /// t, negative for a miss and where no closest-hit shader ran.
     pub t: Vec<f64>,
     /// The primitive.
-    pub places: Places,
+    pub primitives: RecordedPrimitives,
     /// `InstanceCustomIndexKHR`
     pub instance_custom_index: Option<Vec<i64>>,
     /// `HitKindKHR`
@@ -161,8 +161,8 @@ impl Recording {
             let message = "there is neither `driver.t` nor `reference.t`: nothing to compare with";
             return Err(Error::new(ErrorKind::InvalidRecording, message));
         }
-        let strange = tensors.strange();
-        Ok(Self { tlas, rays, driver, reference, spheres, strange, notes, first_sphere })
+        let unknown_tensors = tensors.unknown_tensors();
+        Ok(Self { tlas, rays, driver, reference, spheres, unknown_tensors, notes, first_sphere })
     }
 
     /// The kind of primitive of its geometries.
@@ -220,8 +220,8 @@ fn instances(tensors: &Tensors<'_>, blas: &Arc<crate::accel::Blas>) -> Result<Ve
     Ok(transforms.iter().enumerate().map(instance).collect())
 }
 
-fn places(tensors: &Tensors<'_>, of: &str, rays: usize) -> Result<Places> {
-    Ok(Places {
+fn primitives(tensors: &Tensors<'_>, of: &str, rays: usize) -> Result<RecordedPrimitives> {
+    Ok(RecordedPrimitives {
         instance: tensors.integers(&format!("{of}.instance_id"), rays)?,
         geometry: tensors.integers(&format!("{of}.geometry_index"), rays)?,
         primitive: tensors.integers(&format!("{of}.primitive_id"), rays)?,
@@ -233,7 +233,7 @@ fn reference(tensors: &Tensors<'_>, rays: usize) -> Result<Option<Reference>> {
     Ok(Some(Reference {
         t,
         t_low: tensors.floats("reference.t_low", rays)?,
-        places: places(tensors, "reference", rays)?,
+        primitives: primitives(tensors, "reference", rays)?,
         margin: tensors.floats("reference.margin", rays)?,
         edge_margin: tensors.floats("reference.edge_margin", rays)?,
         lss_hit_value: tensors.floats("reference.lss_hit_value", rays)?,
@@ -246,7 +246,7 @@ fn driver(tensors: &Tensors<'_>, rays: usize) -> Result<Option<Driver>> {
     let integers = |part: &str| tensors.integers(&format!("driver.{part}"), rays);
     Ok(Some(Driver {
         t,
-        places: places(tensors, "driver", rays)?,
+        primitives: primitives(tensors, "driver", rays)?,
         instance_custom_index: integers("instance_custom_index")?,
         hit_kind: integers("hit_kind")?,
         closest_hit_ran: integers("closest_hit_ran")?,
@@ -257,7 +257,7 @@ fn driver(tensors: &Tensors<'_>, rays: usize) -> Result<Option<Driver>> {
         lss_hit_value: tensors.floats("driver.lss_hit_value", rays)?,
         is_lss: integers("is_lss")?,
         is_sphere: integers("is_sphere")?,
-        position_radius: tensors.long_rows("driver.position_radius", rays, &[4, 8])?,
+        position_radius: tensors.rows_of_lengths("driver.position_radius", rays, &[4, 8])?,
         object_ray: [
             tensors.float_rows("driver.object_ray_origin", rays)?,
             tensors.float_rows("driver.object_ray_direction", rays)?,

@@ -38,12 +38,12 @@ pub(super) fn read(tensors: &Tensors<'_>) -> Result<Vec<TraceRay>> {
 pub struct TracedRay {
     /// The closest hit.
     pub committed: Option<Committed>,
-    /// Its attributes.
+    /// The attributes of the closest hit.
     pub attributes: [f32; 2],
     /// How often the any-hit shader ran.
     pub any_hits: i64,
-    /// Every primitive that was hit and not culled, also behind the closest.
-    pub met: Vec<(HitPrimitive, Intersection)>,
+    /// Every primitive that was hit and not culled, including those behind the closest hit.
+    pub intersections: Vec<(HitPrimitive, Intersection)>,
     /// Whether the recorded intersection shader's rounding decides which sphere is hit.
     pub nearly_tangent: bool,
 }
@@ -51,10 +51,10 @@ pub struct TracedRay {
 impl Recording {
     /// Traces a ray with an any-hit shader that counts and accepts.
     pub fn trace(&self, ray: TraceRay) -> TracedRay {
-        let mut met = Met::default();
+        let mut recorder = IntersectionRecorder::default();
         let mut cursor = Cursor::new(&self.tlas, ray);
         let (mut any_hits, mut nearly_tangent, mut reported) = (0, false, [0.0; 2]);
-        while let Some(candidate) = cursor.proceed_with(&self.tlas, &mut met) {
+        while let Some(candidate) = cursor.proceed_with(&self.tlas, &mut recorder) {
             if candidate.is_box() {
                 let sphere = self.spheres[self.first_sphere[candidate.geometry as usize]..]
                     [candidate.primitive as usize];
@@ -70,7 +70,7 @@ impl Recording {
             true => reported,
             false => hit.candidate.intersection.attributes,
         });
-        TracedRay { committed, attributes, any_hits, met: met.0, nearly_tangent }
+        TracedRay { committed, attributes, any_hits, intersections: recorder.0, nearly_tangent }
     }
 
     /// The candidates of a ray whose any-hit shader ignores all.
@@ -122,10 +122,10 @@ impl Recording {
 
 /// Records every primitive that is hit and not culled.
 #[derive(Default)]
-struct Met(Vec<(HitPrimitive, Intersection)>);
+struct IntersectionRecorder(Vec<(HitPrimitive, Intersection)>);
 
-impl TraversalObserver for Met {
-    const REASONS: bool = false;
+impl TraversalObserver for IntersectionRecorder {
+    const EXPLAINS_MISSES: bool = false;
 
     fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         use PrimitiveVerdict as V;

@@ -47,12 +47,12 @@ impl<'a> Tensors<'a> {
     }
 
     /// The value of a key in the file's metadata.
-    pub fn note(&self, key: &str) -> Option<&str> {
+    pub fn metadata_value(&self, key: &str) -> Option<&str> {
         self.metadata.metadata().as_ref()?.get(key).map(String::as_str)
     }
 
     /// Tensors that would define part of the scene, but whose names are unknown, sorted.
-    pub fn strange(&self) -> Vec<String> {
+    pub fn unknown_tensors(&self) -> Vec<String> {
         let known = |name: &str| match name.split_once('.') {
             Some(("ray", part)) => RAY.contains(&part),
             Some(("instance", part)) => INSTANCE.contains(&part),
@@ -98,7 +98,12 @@ impl<'a> Tensors<'a> {
     }
 
     /// Floats for each ray; their number is one of `lengths`.
-    pub fn long_rows(&self, name: &str, rays: usize, lengths: &[usize]) -> Result<Option<Vec<Vec<f64>>>> {
+    pub fn rows_of_lengths(
+        &self,
+        name: &str,
+        rays: usize,
+        lengths: &[usize],
+    ) -> Result<Option<Vec<Vec<f64>>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         tensor.check_count(rays)?;
         let length = tensor.view.shape().iter().skip(1).product();
@@ -227,7 +232,7 @@ impl<'a> Tensors<'a> {
     }
 
     fn tensor(&self, name: &str) -> Option<Tensor<'_>> {
-        // The name is that in the file, which lives as long.
+        // The name in the file lives as long as the tensor.
         let view = self.tensors.tensor(name).ok()?;
         let name = self.tensors.names().into_iter().find(|known| *known == name)?;
         Some(Tensor { name, view })

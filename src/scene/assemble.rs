@@ -29,7 +29,7 @@ use crate::scene::resources::Resource;
 pub struct Assembled {
     /// Shaders and the shader binding table.
     pub pipeline: Pipeline,
-    /// What the descriptor sets hold.
+    /// The contents of the descriptor sets.
     pub resources: Resources,
     /// Width, height and depth of the launch.
     pub size: [u32; 3],
@@ -44,12 +44,12 @@ pub struct Dispatch {
     pub compute: Compute,
     /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
-    /// Push constants of its own.
+    /// Push constants of its own, in place of the scene's.
     pub push_constants: Option<Arc<Buffer>>,
 }
 
 impl Dispatch {
-    /// These resources with push constants of its own.
+    /// These resources with the push constants of the dispatch.
     pub fn resources<'a>(&self, resources: &'a Resources) -> Cow<'a, Resources> {
         match &self.push_constants {
             None => Cow::Borrowed(resources),
@@ -71,7 +71,7 @@ impl Assembled {
         Ok(reference)
     }
 
-    /// The launch.
+    /// The launch of the pipeline.
     pub fn launch(&self) -> Launch<'_> {
         Launch { pipeline: &self.pipeline, resources: &self.resources }
     }
@@ -127,25 +127,25 @@ impl Assembled {
 /// # Errors
 /// Every mistake in shaders, groups and images, each at its place in the scene, as one error.
 pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
-    assemble_but(scene, None)
+    assemble_excluding(scene, None)
 }
 
 /// Assembles a scene without one binding, that of an image which the caller binds.
 ///
 /// # Errors
 /// As [`assemble`].
-pub fn assemble_without(scene: &ResolvedScene, left_out: &resolved::ResolvedBinding) -> Result<Assembled> {
-    assemble_but(scene, Some((left_out.set, left_out.binding, left_out.element)))
+pub fn assemble_without(scene: &ResolvedScene, excluded: &resolved::ResolvedBinding) -> Result<Assembled> {
+    assemble_excluding(scene, Some((excluded.set, excluded.binding, excluded.element)))
 }
 
-fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Result<Assembled> {
+fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) -> Result<Assembled> {
     let mut errors = Vec::new();
     let mut shaders = Shaders { scene, modules: HashMap::new(), programs: Vec::new() };
     let pipeline = pipeline(&mut shaders, &mut errors);
     let dispatches = dispatches(&mut shaders, &mut errors);
-    let resources = resources(scene, left_out, &mut errors);
+    let resources = resources(scene, excluded, &mut errors);
     let pipeline = match pipeline {
-        // One that lacks a shader fails for that reason alone, which is reported already.
+        // A pipeline that lacks a shader fails for that reason, which is already reported.
         Err(error) if errors.is_empty() => {
             errors.push(error);
             None
@@ -166,34 +166,34 @@ fn assemble_but(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>) -> Res
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
     let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
-        return Err(once(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
+        return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
     };
     Ok(Assembled { pipeline, resources, size: scene.launch, dispatches })
 }
 
-/// Each mistake once, however many groups name its shader; of a tool that is missing it is enough
-/// to hear once at all. Beyond the most that are shown, the others are counted.
-fn once(errors: Vec<Error>, most: u64) -> Error {
-    let mut told: Vec<Error> = Vec::new();
+/// Removes duplicate errors, as several groups may name one shader. A missing tool is reported only
+/// once. Beyond the most that are shown, the others are counted.
+fn deduplicate(errors: Vec<Error>, most: u64) -> Error {
+    let mut distinct: Vec<Error> = Vec::new();
     let mut more = 0;
     for error in errors {
-        let again = |known: &Error| {
+        let is_duplicate = |known: &Error| {
             let anywhere = error.kind() == ErrorKind::UnsupportedTool;
             known.message() == error.message() && (anywhere || known.places().eq(error.places()))
         };
-        if told.iter().any(again) {
+        if distinct.iter().any(is_duplicate) {
             continue;
         }
-        if (told.len() as u64) < most.max(1) {
-            told.push(error);
+        if (distinct.len() as u64) < most.max(1) {
+            distinct.push(error);
         } else {
             more += 1;
         }
     }
-    Error::several(told).and_more(more)
+    Error::several(distinct).and_more(more)
 }
 
-/// Shaders of a scene, each module read and each entry point lowered once.
+/// The shaders of a scene; each module is loaded and each entry point lowered once.
 struct Shaders<'a> {
     scene: &'a ResolvedScene,
     modules: HashMap<usize, Result<Arc<Module>>>,
@@ -215,9 +215,9 @@ impl<'a> Shaders<'a> {
         }
         let mut module = self.module(shader.module)?;
         if !shader.specialization.is_empty() {
-            let special = Arc::make_mut(&mut module);
+            let specialized = Arc::make_mut(&mut module);
             for (id, value) in &shader.specialization {
-                value.give(special, *id)?;
+                value.specialize(specialized, *id)?;
             }
         }
         let entry =
@@ -248,7 +248,7 @@ fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
         ShaderCode::Source(bytes, folders) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
-                // A file on disk may include its neighbours.
+                // A file on disk may include other files.
                 Ok(text) if Path::new(&shader.path).is_file() => compile::Source::of_file(name, text)?,
                 Ok(text) => compile::Source::from_text(name, text)?,
                 Err(_) => {
@@ -346,10 +346,10 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     builder.build()
 }
 
-fn resources(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
+fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
     let mut resources = Resources { policy: scene.memory, ..Resources::default() };
-    let absent = |one: &resolved::ResolvedBinding| left_out == Some((one.set, one.binding, one.element));
-    for binding in scene.resources.iter().filter(|one| !absent(one)) {
+    let is_excluded = |one: &resolved::ResolvedBinding| excluded == Some((one.set, one.binding, one.element));
+    for binding in scene.resources.iter().filter(|one| !is_excluded(one)) {
         let descriptor = match &binding.resource {
             Resource::NullBuffer => scene
                 .device
@@ -390,7 +390,7 @@ fn resources(scene: &ResolvedScene, left_out: Option<(u32, u32, u32)>, errors: &
     resources
 }
 
-/// An image in memory.
+/// Creates an image.
 ///
 /// # Errors
 /// `InvalidScene` where it is too large, and as [`machine::Image::new`].

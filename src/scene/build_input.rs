@@ -108,7 +108,7 @@ impl BuildEntry {
                 let data = table.required("radius_data");
                 let stride = table.optional("radius_stride");
                 let format = table.or("radius_format", RadiusFormat::R32Sfloat);
-                // A missing one is reported; what else is wrong shows in the same run.
+                // A missing key is reported by `finish`, after all other keys are read.
                 data.map(|data| Some((Buffer { data, stride }, format)))
             }
             Kind::Triangles(_) | Kind::Aabbs => Some(None),

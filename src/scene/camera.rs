@@ -13,11 +13,11 @@ use crate::scene::read::{Parse, Table, TomlValue};
 /// A camera as a scene writes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// Where it stands.
+    /// Its position.
     pub eye: [f32; 3],
-    /// What it looks at.
+    /// The point that it looks at.
     pub look_at: [f32; 3],
-    /// Which way is up.
+    /// The upward direction.
     pub up: [f32; 3],
     /// The vertical angle of view, in degrees.
     pub fov: f32,
@@ -25,7 +25,7 @@ pub struct Camera {
     pub near: f32,
     /// The distance of the far plane.
     pub far: f32,
-    /// Width through height; without it, the launch's.
+    /// Width divided by height; the launch's if `None`.
     pub aspect: Option<f32>,
 }
 

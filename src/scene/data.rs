@@ -5,8 +5,8 @@
 //! data = { f32 = [[1, 0, 0], [0, 1, 0]] }                # nested arrays are flattened
 //! data = [{ u32 = 3 }, { align = 16 }, { f32 = [0.5] }]  # pieces follow each other
 //! ```
-//! Everything is little-endian, and nothing is padded that does not say so: the file shows the very
-//! bytes that a shader's `std430`, `scalar` or `std140` layout will find.
+//! Everything is little-endian, and padding is explicit: the file determines every byte that a
+//! shader's `std430`, `scalar` or `std140` layout reads.
 
 use std::path::Path;
 
@@ -15,12 +15,12 @@ use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
-use crate::scene::read::{At, OneOrMore, Parse, Span, Table, TomlValue};
+use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// A sequence of pieces.
 #[derive(Clone, Debug)]
-pub struct DataPieces(Vec<At<Piece>>);
+pub struct DataPieces(Vec<Spanned<Piece>>);
 
 #[derive(Clone, Debug)]
 struct Piece {
@@ -33,7 +33,7 @@ enum Content {
     Bytes(Vec<u8>),
     /// So many zeros.
     Zeros(u32),
-    /// Zeros up to the next multiple.
+    /// Zeros up to the next multiple of a number of bytes.
     Align(u32),
     /// The whole content of a file.
     File(String),
@@ -42,13 +42,13 @@ enum Content {
 }
 
 impl DataPieces {
-    /// The bytes; `aspect` is the width of the picture through its height, for cameras.
+    /// Encodes the bytes; `aspect` is the width of the picture divided by its height, for cameras.
     ///
     /// # Errors
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
     pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        for At { value: piece, span } in &self.0 {
+        for Spanned { value: piece, span } in &self.0 {
             let content = match &piece.content {
                 Content::Bytes(content) => content.clone(),
                 Content::Zeros(count) => {
@@ -118,7 +118,7 @@ impl Parse for Piece {
             Scalar::ALL.iter().filter_map(|scalar| scalar.column(&table)).map(Content::Bytes).collect();
         contents.extend(table.optional::<Hex>("hex").map(|hex| Content::Bytes(hex.0)));
         contents.extend(table.optional::<u32>("zeros").map(Content::Zeros));
-        contents.extend(table.optional::<At<u32>>("align").and_then(|to| align(&table, &to)));
+        contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
         contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
         let repeat = table.or("repeat", 1);
@@ -136,8 +136,8 @@ impl Parse for Piece {
     }
 }
 
-fn align(table: &Table<'_>, to: &At<u32>) -> Option<Content> {
-    // Larger ones than 4096 are typing errors.
+fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
+    // Alignments above 4096 are assumed to be mistakes.
     if to.value.is_power_of_two() && to.value <= 4096 {
         return Some(Content::Align(to.value));
     }
@@ -207,10 +207,10 @@ impl Scalar {
     /// The little-endian bytes of one value.
     fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
         match self {
-            Self::F16 => bytes.extend(small(value, FloatFormat::Binary16, "f16")?),
-            Self::Bf16 => bytes.extend(small(value, FloatFormat::BFloat16, "bf16")?),
-            Self::E4m3 => bytes.extend(small(value, FloatFormat::E4M3, "e4m3")?),
-            Self::E5m2 => bytes.extend(small(value, FloatFormat::E5M2, "e5m2")?),
+            Self::F16 => bytes.extend(small_float_bytes(value, FloatFormat::Binary16, "f16")?),
+            Self::Bf16 => bytes.extend(small_float_bytes(value, FloatFormat::BFloat16, "bf16")?),
+            Self::E4m3 => bytes.extend(small_float_bytes(value, FloatFormat::E4M3, "e4m3")?),
+            Self::E5m2 => bytes.extend(small_float_bytes(value, FloatFormat::E5M2, "e5m2")?),
             Self::F32 => bytes.extend(f32::parse(value)?.to_le_bytes()),
             Self::F64 => bytes.extend(f64::parse(value)?.to_le_bytes()),
             Self::U8 => bytes.extend(u8::parse(value)?.to_le_bytes()),
@@ -244,10 +244,10 @@ impl Scalar {
     }
 }
 
-/// The bytes of a float of 8 or 16 bits. Through f64: 53 bits are more than twice the 11 of a half,
-/// plus two, so that the second rounding changes nothing unless the decimal lies within 2^-53 of a
-/// tie without being one.
-fn small(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
+/// The bytes of a float of 8 or 16 bits. It is rounded by way of f64: 53 bits are more than twice
+/// the 11 of a half, plus two, so double rounding has no effect unless the decimal lies within
+/// 2^-53 of a tie without being one.
+fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
     let wide = f64::parse(value)?;
     let bits = format.round(wide);
     let rounded = format.value(bits);
@@ -257,7 +257,7 @@ fn small(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8
     Some(bits.to_le_bytes()[..format.width() as usize / 8].to_vec())
 }
 
-/// Bytes as hexadecimal digits; white space and `_` may stand between them.
+/// Bytes as hexadecimal digits; white space and `_` between them are ignored.
 struct Hex(Vec<u8>);
 
 impl Parse for Hex {
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_shown_where_they_stand() {
+    fn mistakes_are_shown_at_their_places() {
         for (text, wanted) in [
             ("x = 3", "typed data"),
             ("x = {}", "no data"),

@@ -120,7 +120,7 @@ mod tests {
         entry.name == name && entry.stage == stage
     }
 
-    /// The instance that the ray through the centre of a pixel meets first, by the arithmetic of
+    /// The instance that the ray through the centre of a pixel hits first, by the arithmetic of
     /// the ray-generation shader in f32.
     fn seen(scene: &ResolvedScene, [x, y]: [u32; 2]) -> Option<u32> {
         let Resource::UniformBuffer(bytes) = &scene.resources[2].resource else { panic!() };

@@ -9,16 +9,16 @@ use crate::program::Program;
 use crate::scene::ResolvedScene;
 use crate::scene::resources::{DescriptorKind, Resource};
 
-/// What is bound where the shaders that use the binding declare only others, each at its place.
+/// The errors for bindings whose resources have types that the shaders do not declare.
 ///
-/// Of an array whose elements are of several types it is enough that some variable declares one of
-/// them (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`).
+/// For an array with elements of several types, one type must be declared by some variable
+/// (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`).
 pub(super) fn mismatches<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
 ) -> Vec<Error> {
     let mut errors: Vec<Error> = Vec::new();
-    let mut told: Vec<Binding> = Vec::new();
+    let mut reported: Vec<Binding> = Vec::new();
     for program in programs {
         for slot in &program.slots {
             let bound = || {
@@ -26,16 +26,16 @@ pub(super) fn mismatches<'a>(
                 here.filter(|one| Binding { set: one.set, binding: one.binding } == slot.binding)
             };
             let declared = declared(&program.module, slot.binding);
-            let suits = |one: &Resource| declared.iter().any(|kind| suits(*kind, one));
+            let is_compatible = |one: &Resource| declared.iter().any(|kind| is_compatible(*kind, one));
             let Some(first) =
-                bound().next().filter(|_| !declared.is_empty() && !told.contains(&slot.binding))
+                bound().next().filter(|_| !declared.is_empty() && !reported.contains(&slot.binding))
             else {
                 continue;
             };
-            if bound().any(|one| suits(&one.resource)) {
+            if bound().any(|one| is_compatible(&one.resource)) {
                 continue;
             }
-            told.push(slot.binding);
+            reported.push(slot.binding);
             let Binding { set, binding } = slot.binding;
             let names: Vec<_> = declared.iter().map(|kind| format!("`{}`", name(*kind))).collect();
             let message = format!(
@@ -103,8 +103,8 @@ fn kind(module: &Module, storage_class: u32, mut ty: TypeId) -> Option<Descripto
 /// `Dim` of texel buffers.
 const BUFFER: u32 = 5;
 
-/// Whether a resource may stand where a descriptor type is declared.
-fn suits(declared: DescriptorKind, bound: &Resource) -> bool {
+/// Whether a resource may be bound where a descriptor type is declared.
+fn is_compatible(declared: DescriptorKind, bound: &Resource) -> bool {
     match bound {
         Resource::StorageBuffer(_) => declared == DescriptorKind::StorageBuffer,
         Resource::UniformBuffer(_) => declared == DescriptorKind::UniformBuffer,
@@ -117,7 +117,7 @@ fn suits(declared: DescriptorKind, bound: &Resource) -> bool {
             matches!(declared, DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer)
         }
         Resource::Sampler(_) => declared == DescriptorKind::Sampler,
-        // Its two halves may be declared separately.
+        // Image and sampler may also be declared separately.
         Resource::CombinedImageSampler(..) => {
             matches!(
                 declared,
@@ -130,7 +130,7 @@ fn suits(declared: DescriptorKind, bound: &Resource) -> bool {
     }
 }
 
-/// What a scene file calls it.
+/// The name of a descriptor type in scene files.
 fn name(kind: DescriptorKind) -> &'static str {
     use crate::scene::read::Named;
     DescriptorKind::NAMES.iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name)

@@ -1,4 +1,4 @@
-//! `[device]` and the flags of `[pipeline]`: what a scene's device offers.
+//! `[device]`: the features and limits of a scene's device; and the flags of `[pipeline]`.
 
 use crate::pipeline::{DeviceProfile, Features, Limits, PipelineFlags};
 use crate::scene::read::{Named, OneOrMore, Parse, Table, TomlValue};
@@ -71,7 +71,7 @@ impl Named for PipelineFlag {
     ];
 }
 
-/// A list means these flags and no other; no list means the default ones.
+/// Reads `flags`: a list sets exactly these flags; without one, the default flags are set.
 pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
     let Some(OneOrMore(list)) = table.optional::<OneOrMore<PipelineFlag>>("flags") else {
         return PipelineFlags::default();

@@ -1,7 +1,7 @@
-//! The mirror of `scene.toml`: what a file says, before any name is looked up or file loaded.
+//! The syntax of `scene.toml`: the content of a file before names are resolved and files loaded.
 //!
-//! The keys of the format stand here, in `geometry`, `generate`, `data`, `camera`, and in
-//! `docs/scene.md` for people.
+//! The keys of the format are read here and in `geometry`, `generate`, `data` and `camera`; they
+//! are documented in `docs/scene.md`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{
-    At, Diagnostics, Document, Named, OneOrMore, Parse, Span, Table, TomlSource, TomlValue,
+    Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
 };
 use crate::scene::resources::ResourceEntry;
 use crate::scene::specialization::SpecializationValue;
@@ -31,8 +31,8 @@ pub const VERSION: u32 = 1;
 pub struct SceneFile {
     /// The file itself, for `[expect]`.
     pub document: Document,
-    /// Files whose content comes first.
-    pub include: Vec<At<String>>,
+    /// Files whose content is read first.
+    pub include: Vec<Spanned<String>>,
     /// `[geometry.NAME]`
     pub geometry: Vec<Entry<GeometryEntry>>,
     /// `[[instance]]`
@@ -54,7 +54,7 @@ pub struct SceneFile {
     /// `precision`
     pub precision: Option<Precision>,
     /// `launch`
-    pub launch: Option<At<[u32; 3]>>,
+    pub launch: Option<Spanned<[u32; 3]>>,
     /// `[[ray]]`
     pub rays: Vec<RayEntry>,
     /// `[[variant]]`
@@ -65,7 +65,7 @@ pub struct SceneFile {
 #[derive(Clone, Debug)]
 pub struct Entry<T> {
     /// Its name.
-    pub name: At<String>,
+    pub name: Spanned<String>,
     /// Its content.
     pub content: Option<T>,
 }
@@ -111,7 +111,7 @@ impl SceneFile {
     }
 }
 
-/// The version comes first: nothing else can be judged without it.
+/// Checks the version, on which everything else depends.
 fn version(document: &Document) -> Result<()> {
     let report = Diagnostics::default();
     let root = document.root(&report);
@@ -119,9 +119,9 @@ fn version(document: &Document) -> Result<()> {
     let Some(value) = root.value("version") else {
         return Err(top.error("a scene begins with its format's version: `version = 1`"));
     };
-    match <At<u32>>::parse(value) {
-        Some(At { value: VERSION, .. }) => Ok(()),
-        Some(At { value: other, span }) => {
+    match <Spanned<u32>>::parse(value) {
+        Some(Spanned { value: VERSION, .. }) => Ok(()),
+        Some(Spanned { value: other, span }) => {
             Err(Error::new(ErrorKind::UnsupportedFile, format!("version {other} of the scene format"))
                 .at_with(span.place(), format!("this anyhit reads version {VERSION}")))
         }
@@ -135,33 +135,33 @@ fn entries<T: Parse>(root: &Table<'_>, key: &'static str) -> Vec<Entry<T>> {
     table.iter().map(|(name, value)| Entry { name, content: T::parse(value) }).collect()
 }
 
-fn launch(root: &Table<'_>) -> Option<At<[u32; 3]>> {
+fn launch(root: &Table<'_>) -> Option<Spanned<[u32; 3]>> {
     let value = root.value("launch")?;
-    let At { value: size, span } = sides(value)?;
+    let Spanned { value: size, span } = sides(value)?;
     // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
     let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
     if count == 0 || count > 1 << 30 {
         return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
     }
-    Some(At { value: size, span })
+    Some(Spanned { value: size, span })
 }
 
-/// One to three sizes; missing ones are 1.
-fn sides(value: TomlValue<'_>) -> Option<At<[u32; 3]>> {
-    let At { value: OneOrMore(given), span } = At::<OneOrMore<u32>>::parse(value)?;
+/// Reads one to three sizes; missing ones are 1.
+fn sides(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
+    let Spanned { value: OneOrMore(given), span } = Spanned::<OneOrMore<u32>>::parse(value)?;
     if given.is_empty() || given.len() > 3 {
         return value.wrong("one to three sizes are needed: `[width, height, depth]`");
     }
     let mut size = [1; 3];
     size[..given.len()].copy_from_slice(&given);
-    Some(At { value: size, span })
+    Some(Spanned { value: size, span })
 }
 
 /// A dispatch of a compute shader.
 #[derive(Clone, Debug)]
 pub struct DispatchEntry {
     /// The shader.
-    pub shader: At<String>,
+    pub shader: Spanned<String>,
     /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// Push constants of its own, in place of the scene's.
@@ -182,15 +182,15 @@ impl Parse for DispatchEntry {
 /// A file with shaders.
 #[derive(Clone, Debug)]
 pub struct ShaderEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// The SPIR-V module.
-    pub path: Option<At<String>>,
+    pub path: Option<Spanned<String>>,
     /// The source text that it comes from.
-    pub source: Option<At<String>>,
-    /// Folders where included files are looked for, behind the source's own.
-    pub include_folders: Vec<At<String>>,
-    /// The entry point of references that name none.
+    pub source: Option<Spanned<String>>,
+    /// Folders where included files are searched, after the source's own.
+    pub include_folders: Vec<Spanned<String>>,
+    /// The entry point of references that do not name one.
     pub entry: String,
     /// Specialization constants: `constant_id` and value.
     pub specialization: Vec<(u32, SpecializationValue)>,
@@ -199,7 +199,7 @@ pub struct ShaderEntry {
 impl Parse for ShaderEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
-            let path: Option<At<String>> = At::parse(value);
+            let path: Option<Spanned<String>> = Spanned::parse(value);
             let is_source = path.as_ref().is_some_and(|file| Language::of(Path::new(&file.value)).is_some());
             let (path, source) = if is_source { (None, path) } else { (path, None) };
             return Some(Self {
@@ -247,7 +247,7 @@ fn specialization(value: TomlValue<'_>) -> Option<Vec<(u32, SpecializationValue)
 #[derive(Clone, Debug)]
 pub struct VariantEntry {
     /// A name for reports.
-    pub name: At<String>,
+    pub name: Spanned<String>,
     /// `[variant.shaders.NAME]`: each replaces the scene's shader of that name.
     pub shaders: Vec<Entry<ShaderEntry>>,
 }
@@ -265,7 +265,7 @@ impl Parse for VariantEntry {
 /// `[pipeline]`: every list is in the order of its shader records.
 #[derive(Clone, Debug)]
 pub struct PipelineEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// The ray-generation shaders; the first is launched.
     pub raygen: Vec<GeneralEntry>,
@@ -281,7 +281,7 @@ pub struct PipelineEntry {
     pub subgroup_size: Option<u32>,
     /// Instructions that an invocation may execute, counted at back edges and calls.
     pub fuel: Option<u64>,
-    /// What becomes of an access outside its buffer or image.
+    /// What happens on an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
     /// The pipeline's flags.
     pub flags: PipelineFlags,
@@ -291,9 +291,9 @@ impl Parse for PipelineEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let list = |key| table.optional::<OneOrMore<GeneralEntry>>(key).map_or(Vec::new(), |list| list.0);
-        let subgroup_size = table.optional::<At<u32>>("subgroup_size");
-        let odd = |size: &&At<u32>| !size.value.is_power_of_two() || size.value > 128;
-        if let Some(At { span, .. }) = subgroup_size.as_ref().filter(odd) {
+        let subgroup_size = table.optional::<Spanned<u32>>("subgroup_size");
+        let odd = |size: &&Spanned<u32>| !size.value.is_power_of_two() || size.value > 128;
+        if let Some(Spanned { span, .. }) = subgroup_size.as_ref().filter(odd) {
             value.report().push(span.error("a subgroup has 1, 2, 4, ... or 128 invocations"));
         }
         let pipeline = Self {
@@ -324,15 +324,15 @@ pub struct GeneralEntry {
     /// A name for reports.
     pub name: Option<String>,
     /// `None` is a null record.
-    pub shader: Option<At<String>>,
-    /// The data behind the record's handle.
+    pub shader: Option<Spanned<String>>,
+    /// The data after the record's handle.
     pub record: Option<DataPieces>,
 }
 
 impl Parse for GeneralEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
-            return Some(Self { name: None, shader: At::parse(value), record: None });
+            return Some(Self { name: None, shader: Spanned::parse(value), record: None });
         }
         let table = Table::new(value)?;
         let entry = Self {
@@ -351,12 +351,12 @@ pub struct HitEntry {
     /// A name for reports.
     pub name: Option<String>,
     /// Its closest-hit shader.
-    pub closest_hit: Option<At<String>>,
+    pub closest_hit: Option<Spanned<String>>,
     /// Its any-hit shader.
-    pub any_hit: Option<At<String>>,
+    pub any_hit: Option<Spanned<String>>,
     /// Its intersection shader, for boxes.
-    pub intersection: Option<At<String>>,
-    /// The data behind the record's handle.
+    pub intersection: Option<Spanned<String>>,
+    /// The data after the record's handle.
     pub record: Option<DataPieces>,
 }
 
@@ -383,7 +383,7 @@ pub enum RayEntry {
         /// A name for reports.
         name: Option<String>,
         /// x and y of the launch index.
-        pixel: At<[u32; 2]>,
+        pixel: Spanned<[u32; 2]>,
     },
     /// A ray by its numbers.
     Given(GivenRay),
@@ -396,7 +396,7 @@ pub struct GivenRay {
     pub name: Option<String>,
     /// The ray's origin.
     pub origin: [f32; 3],
-    /// Direction, not normalised.
+    /// The ray's direction, which need not be normalised.
     pub direction: [f32; 3],
     /// `RayTminKHR`
     pub t_min: f32,
@@ -514,7 +514,7 @@ impl Parse for RayEntry {
     }
 }
 
-/// A ray's payload: data in whole words.
+/// Reads a ray's payload: data in whole words.
 fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
     let data = DataPieces::parse(value)?;
     let bytes = match data.encode(&EmbeddedFiles(&[]), 1.0) {

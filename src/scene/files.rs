@@ -1,4 +1,4 @@
-//! Where a scene's files come from: the disk, or the binary itself.
+//! Reads the files of a scene from the disk, or from the binary.
 
 use std::cell::Cell;
 use std::path::{Component, Path, PathBuf};
@@ -157,7 +157,7 @@ impl Files for EmbeddedFiles<'_> {
     }
 }
 
-/// `a/./b/../c` as `a/c`. Embedded files have no links, so this loses nothing.
+/// Normalises `a/./b/../c` to `a/c`. That is correct for embedded files, which have no links.
 fn normalise(path: &Path) -> PathBuf {
     let mut parts: Vec<Component<'_>> = Vec::new();
     for part in path.components() {

@@ -1,21 +1,21 @@
 //! Seeded geometry: grass, hair, chains, scattered spheres, a plane, a heightfield.
 //!
 //! The numbers do not depend on the machine: integers, the four operations, square roots, and
-//! correctly rounded sines. y is up, and everything stands in a rectangle of the ground around the
+//! correctly rounded sines. y is up, and everything is in a rectangle on the ground around the
 //! origin.
 
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::scene::random::Random;
-use crate::scene::read::{At, Parse, Table, TomlValue};
+use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// The most primitives that one generator makes.
 pub const MAX_PRIMITIVES: u64 = 20_000_000;
 
 /// A number or a range to choose from: `0.5` or `[0.2, 0.5]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spread(pub [f32; 2]);
+pub struct UniformRange(pub [f32; 2]);
 
-impl Parse for Spread {
+impl Parse for UniformRange {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.elements().is_none() {
             return f32::parse(value).map(|x| Self([x, x]));
@@ -33,29 +33,29 @@ impl Parse for Spread {
 pub struct Grass {
     /// Number of blades.
     pub count: u32,
-    /// Chooses the field.
+    /// The seed of the random numbers.
     pub seed: u64,
     /// Extent of the field along x and z.
     pub area: [f32; 2],
     /// Height of a blade.
-    pub height: Spread,
+    pub height: UniformRange,
     /// Radius at the root.
-    pub radius: Spread,
-    /// Radius at the tip through radius at the root.
+    pub radius: UniformRange,
+    /// The radius at the tip divided by the radius at the root.
     pub taper: f32,
-    /// How far a tip stands beside its root at most, in heights of its blade.
+    /// The greatest horizontal distance of a tip from its root, in heights of its blade.
     pub lean: f32,
 }
 
 impl Grass {
-    /// Asks for the keys of this generator. Keys that can fail stand last, so that all are asked
-    /// for.
+    /// Reads the keys of this generator. Keys whose errors return early are read last, so that all
+    /// are requested.
     pub fn parse(table: &Table<'_>) -> Option<Self> {
         let grass = Self {
             seed: table.or("seed", 0),
             area: table.or("area", [10.0, 10.0]),
-            height: table.or("height", Spread([0.2, 0.5])),
-            radius: table.or("radius", Spread([0.003, 0.008])),
+            height: table.or("height", UniformRange([0.2, 0.5])),
+            radius: table.or("radius", UniformRange([0.003, 0.008])),
             taper: table.or("taper", 0.4),
             lean: table.or("lean", 0.4),
             count: count(table, 10_000, 1)?,
@@ -63,7 +63,7 @@ impl Grass {
         Some(grass)
     }
 
-    /// Two vertices a blade.
+    /// Generates two vertices per blade.
     pub fn generate(&self) -> GeometryData {
         let mut random = Random::new(self.seed);
         let mut positions = Vec::with_capacity(2 * self.count as usize);
@@ -92,47 +92,47 @@ impl Grass {
 pub struct SphereScatter {
     /// Number of spheres.
     pub count: u32,
-    /// Chooses the places.
+    /// The seed of the random numbers.
     pub seed: u64,
     /// Extent along x and z.
     pub area: [f32; 2],
     /// Radius of a sphere.
-    pub radius: Spread,
+    pub radius: UniformRange,
 }
 
 impl SphereScatter {
-    /// Asks for the keys of this generator.
+    /// Reads the keys of this generator.
     pub fn parse(table: &Table<'_>) -> Option<Self> {
         let scatter = Self {
             seed: table.or("seed", 0),
             area: table.or("area", [10.0, 10.0]),
-            radius: table.or("radius", Spread([0.15, 0.45])),
+            radius: table.or("radius", UniformRange([0.15, 0.45])),
             count: count(table, 10, 1)?,
         };
         Some(scatter)
     }
 
-    /// One position and radius a sphere.
+    /// Generates one position and radius per sphere.
     pub fn generate(&self) -> GeometryData {
         let mut random = Random::new(self.seed);
         let mut positions: Vec<[f32; 3]> = Vec::with_capacity(self.count as usize);
         let mut radii: Vec<f32> = Vec::with_capacity(self.count as usize);
         for _ in 0..self.count {
             let radius = random.within(self.radius.0);
-            let mut place = on_ground(&mut random, self.area);
-            // A few spheres keep apart; a crowd may overlap, and is not searched over and over.
+            let mut candidate = on_ground(&mut random, self.area);
+            // A few spheres are kept apart. Many may overlap, as the search would take long.
             let tries = if self.count <= 1000 { 32 } else { 0 };
             for _ in 0..tries {
                 let apart = |(position, other): (&[f32; 3], &f32)| {
-                    let (dx, dz) = (position[0] - place[0], position[2] - place[1]);
+                    let (dx, dz) = (position[0] - candidate[0], position[2] - candidate[1]);
                     dx * dx + dz * dz > (radius + other) * (radius + other)
                 };
                 if positions.iter().zip(&radii).all(apart) {
                     break;
                 }
-                place = on_ground(&mut random, self.area);
+                candidate = on_ground(&mut random, self.area);
             }
-            positions.push([place[0], radius, place[1]]);
+            positions.push([candidate[0], radius, candidate[1]]);
             radii.push(radius);
         }
         GeometryData::Spheres { positions, radii, indices: None }
@@ -144,32 +144,32 @@ impl SphereScatter {
 pub struct Chains {
     /// Number of chains.
     pub count: u32,
-    /// Segments a chain.
+    /// Segments per chain.
     pub segments: u32,
-    /// Chooses the chains.
+    /// The seed of the random numbers.
     pub seed: u64,
     /// Extent along x and z of the first vertices.
     pub area: [f32; 2],
     /// Length of a segment.
-    pub length: Spread,
+    pub length: UniformRange,
     /// Radius at a chain's first vertex.
-    pub radius: Spread,
-    /// Radius of each vertex through that of the one before.
+    pub radius: UniformRange,
+    /// The radius of each vertex divided by that of the previous one.
     pub taper: f32,
     /// How much each segment turns away: 0 is straight, 1 may turn by half a circle.
     pub bend: f32,
 }
 
 impl Chains {
-    /// Asks for the keys of this generator.
+    /// Reads the keys of this generator.
     pub fn parse(table: &Table<'_>) -> Option<Self> {
         let segments: u32 = table.or("segments", 4);
         let chains = Self {
             segments,
             seed: table.or("seed", 0),
             area: table.or("area", [10.0, 10.0]),
-            length: table.or("length", Spread([0.2, 0.35])),
-            radius: table.or("radius", Spread([0.05, 0.1])),
+            length: table.or("length", UniformRange([0.2, 0.35])),
+            radius: table.or("radius", UniformRange([0.05, 0.1])),
             taper: table.or("taper", 0.8),
             bend: table.or("bend", 0.5),
             count: count(table, 20, segments)?,
@@ -177,7 +177,7 @@ impl Chains {
         Some(chains)
     }
 
-    /// One vertex more than segments a chain; one index a segment.
+    /// Generates one vertex more than segments per chain, and one index per segment.
     pub fn generate(&self) -> GeometryData {
         let mut random = Random::new(self.seed);
         let mut strands = Strands::default();
@@ -189,11 +189,11 @@ impl Chains {
             strands.begin(position, radius);
             let mut radius = radius;
             for _ in 0..self.segments {
-                direction = turned(direction, self.bend, &mut random);
+                direction = perturbed(direction, self.bend, &mut random);
                 let length = random.within(self.length.0);
-                position = along(position, direction, length);
+                position = advance(position, direction, length);
                 radius *= self.taper;
-                // A chain lies on the ground rather than reaching into it.
+                // Chains do not reach below the ground.
                 position[1] = position[1].max(radius);
                 strands.push(position, radius);
             }
@@ -207,17 +207,17 @@ impl Chains {
 pub struct Hair {
     /// Number of strands.
     pub count: u32,
-    /// Segments a strand.
+    /// Segments per strand.
     pub segments: u32,
-    /// Chooses the strands.
+    /// The seed of the random numbers.
     pub seed: u64,
     /// Radius of the ball, whose centre is the origin.
     pub ball: f32,
     /// Length of a strand.
-    pub length: Spread,
+    pub length: UniformRange,
     /// Radius at the root.
-    pub radius: Spread,
-    /// Radius at the tip through radius at the root.
+    pub radius: UniformRange,
+    /// The radius at the tip divided by the radius at the root.
     pub taper: f32,
     /// How much a strand turns downwards from root to tip.
     pub gravity: f32,
@@ -226,15 +226,15 @@ pub struct Hair {
 }
 
 impl Hair {
-    /// Asks for the keys of this generator.
+    /// Reads the keys of this generator.
     pub fn parse(table: &Table<'_>) -> Option<Self> {
         let segments: u32 = table.or("segments", 8);
         let hair = Self {
             segments,
             seed: table.or("seed", 0),
             ball: table.or("ball", 1.0),
-            length: table.or("length", Spread([0.4, 0.6])),
-            radius: table.or("radius", Spread([0.002, 0.003])),
+            length: table.or("length", UniformRange([0.4, 0.6])),
+            radius: table.or("radius", UniformRange([0.002, 0.003])),
             taper: table.or("taper", 0.3),
             gravity: table.or("gravity", 1.0),
             curl: table.or("curl", 0.1),
@@ -243,7 +243,7 @@ impl Hair {
         Some(hair)
     }
 
-    /// One vertex more than segments a strand; one index a segment.
+    /// Generates one vertex more than segments per strand, and one index per segment.
     pub fn generate(&self) -> GeometryData {
         let mut random = Random::new(self.seed);
         let mut strands = Strands::default();
@@ -257,8 +257,8 @@ impl Hair {
             for segment in 1..=self.segments {
                 let done = segment as f32 / self.segments as f32;
                 direction[1] -= self.gravity / self.segments as f32;
-                direction = turned(normalized(direction), self.curl, &mut random);
-                position = along(position, direction, length);
+                direction = perturbed(normalized(direction), self.curl, &mut random);
+                position = advance(position, direction, length);
                 strands.push(position, radius * (1.0 + (self.taper - 1.0) * done));
             }
         }
@@ -280,12 +280,12 @@ pub struct Ground {
     pub amplitude: f32,
     /// Size of the largest hills.
     pub hills: f32,
-    /// Chooses the hills.
+    /// The seed of the random numbers.
     pub seed: u64,
 }
 
 impl Ground {
-    /// Asks for the keys of a flat ground.
+    /// Reads the keys of a flat ground.
     pub fn parse_plane(table: &Table<'_>) -> Option<Self> {
         let size = table.or("size", [10.0, 10.0]);
         let y = table.or("y", 0.0);
@@ -293,7 +293,7 @@ impl Ground {
         Some(Self { size, y, divisions, amplitude: 0.0, hills: 1.0, seed: 0 })
     }
 
-    /// Asks for the keys of hilly ground.
+    /// Reads the keys of hilly ground.
     pub fn parse_heightfield(table: &Table<'_>) -> Option<Self> {
         let ground = Self {
             size: table.or("size", [10.0, 10.0]),
@@ -310,7 +310,7 @@ impl Ground {
         None
     }
 
-    /// `(nx + 1) * (nz + 1)` vertices and `2 * nx * nz` triangles.
+    /// Generates `(nx + 1) * (nz + 1)` vertices and `2 * nx * nz` triangles.
     pub fn generate(&self) -> GeometryData {
         let [nx, nz] = self.divisions;
         let mut vertices = Vec::with_capacity((nx as usize + 1) * (nz as usize + 1));
@@ -332,7 +332,8 @@ impl Ground {
         GeometryData::Triangles { vertices, indices: Some(indices), transform: None }
     }
 
-    /// Four octaves of value noise, each half as high and half as wide as the one before.
+    /// Four octaves of value noise, each with half the amplitude and half the wavelength of the
+    /// previous one.
     fn height(&self, x: f32, z: f32) -> f32 {
         if self.amplitude == 0.0 {
             return 0.0;
@@ -347,7 +348,7 @@ impl Ground {
     }
 }
 
-/// Noise in [-1, 1]: random values at whole coordinates, smoothly joined.
+/// Value noise in [-1, 1]: random values at integer coordinates, smoothly interpolated.
 fn value_noise(x: f32, z: f32, seed: u64) -> f32 {
     let (x0, z0) = (x.floor(), z.floor());
     let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
@@ -391,16 +392,17 @@ impl Strands {
     }
 }
 
-/// `count`, refused where times `each` primitives are too many.
-fn count(table: &Table<'_>, default: u32, each: u32) -> Option<u32> {
+/// Reads `count`; reports an error if there are too many primitives, with `primitives_each` for
+/// each of `count`.
+fn count(table: &Table<'_>, default: u32, primitives_each: u32) -> Option<u32> {
     match table.value("count") {
         None => Some(default),
-        Some(value) => checked(table, At::parse(value)?, each),
+        Some(value) => within_limit(table, Spanned::parse(value)?, primitives_each),
     }
 }
 
-fn checked(table: &Table<'_>, count: At<u32>, each: u32) -> Option<u32> {
-    if u64::from(count.value) * u64::from(each.max(1)) <= MAX_PRIMITIVES {
+fn within_limit(table: &Table<'_>, count: Spanned<u32>, primitives_each: u32) -> Option<u32> {
+    if u64::from(count.value) * u64::from(primitives_each.max(1)) <= MAX_PRIMITIVES {
         return Some(count.value);
     }
     let message = format!("more than {MAX_PRIMITIVES} primitives from one generator");
@@ -424,19 +426,19 @@ fn on_ground(random: &mut Random, area: [f32; 2]) -> [f32; 2] {
     area.map(|extent| (random.unit() - 0.5) * extent)
 }
 
-/// The direction with something random added.
-fn turned(direction: [f32; 3], amount: f32, random: &mut Random) -> [f32; 3] {
+/// The direction plus a random vector, normalized.
+fn perturbed(direction: [f32; 3], amount: f32, random: &mut Random) -> [f32; 3] {
     let other = random.sphere();
     normalized(std::array::from_fn(|i| direction[i] + amount * other[i]))
 }
 
-/// Length 1; straight up where there is no direction left.
+/// The vector with length 1; straight up if the vector is zero.
 fn normalized(a: [f32; 3]) -> [f32; 3] {
     let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
     if length > 1e-6 { a.map(|x| x / length) } else { [0.0, 1.0, 0.0] }
 }
 
-fn along(from: [f32; 3], direction: [f32; 3], length: f32) -> [f32; 3] {
+fn advance(from: [f32; 3], direction: [f32; 3], length: f32) -> [f32; 3] {
     std::array::from_fn(|i| from[i] + length * direction[i])
 }
 
@@ -461,8 +463,8 @@ mod tests {
             count: 2000,
             seed: 3,
             area: [4.0, 2.0],
-            height: Spread([0.2, 0.5]),
-            radius: Spread([0.003, 0.008]),
+            height: UniformRange([0.2, 0.5]),
+            radius: UniformRange([0.003, 0.008]),
             taper: 0.4,
             lean: 0.5,
         }
@@ -499,7 +501,8 @@ mod tests {
 
     #[test]
     fn spheres_lie_on_the_ground_apart() {
-        let scatter = SphereScatter { count: 10, seed: 1, area: [10.0, 10.0], radius: Spread([0.15, 0.45]) };
+        let scatter =
+            SphereScatter { count: 10, seed: 1, area: [10.0, 10.0], radius: UniformRange([0.15, 0.45]) };
         let GeometryData::Spheres { positions, radii, indices: None } = scatter.generate() else { panic!() };
         assert_eq!((positions.len(), radii.len()), (10, 10));
         for i in 0..10 {
@@ -519,8 +522,8 @@ mod tests {
             segments: 4,
             seed: 9,
             area: [6.0, 6.0],
-            length: Spread([0.2, 0.35]),
-            radius: Spread([0.05, 0.1]),
+            length: UniformRange([0.2, 0.35]),
+            radius: UniformRange([0.05, 0.1]),
             taper: 0.8,
             bend: 0.5,
         };
@@ -544,8 +547,8 @@ mod tests {
             segments: 6,
             seed: 2,
             ball: 2.0,
-            length: Spread([0.6, 0.6]),
-            radius: Spread([0.01, 0.01]),
+            length: UniformRange([0.6, 0.6]),
+            radius: UniformRange([0.01, 0.01]),
             taper: 0.5,
             gravity: 1.0,
             curl: 0.1,

@@ -14,13 +14,13 @@ use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
 use crate::scene::mesh::{Mesh, gltf, obj};
 use crate::scene::micromap::opacity_micromap;
 use crate::scene::motion::motion;
-use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// One geometry as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct GeometryEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// Its flags.
     pub flags: GeometryFlags,
@@ -34,8 +34,8 @@ pub struct GeometryEntry {
 enum Shape {
     Inline(GeometryData),
     Build(Box<BuildEntry>),
-    Obj { file: At<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
-    Gltf { file: At<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Obj { file: Spanned<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Gltf { file: Spanned<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
     Grass(Grass),
     SphereScatter(SphereScatter),
     Chains(Chains),
@@ -91,7 +91,7 @@ impl Named for EndCaps {
 impl Parse for GeometryEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        // Without a type, no other key can be judged.
+        // The type decides which other keys are accepted.
         let Some(kind) = table.value("type") else {
             return value.wrong("a geometry needs its `type`: `triangles`, `spheres`, `lss`, `obj`, ...");
         };
@@ -111,11 +111,11 @@ impl Parse for GeometryEntry {
             Kind::Spheres => spheres(&table),
             Kind::LinearSweptSpheres => linear_swept_spheres(&table),
             Kind::Obj => {
-                let (object, transform) = (table.optional("object"), placed(&table));
+                let (object, transform) = (table.optional("object"), parse_transform(&table));
                 table.required("file").map(|file| Shape::Obj { file, object, transform })
             }
             Kind::Gltf => {
-                let (mesh, transform) = (table.optional("mesh"), placed(&table));
+                let (mesh, transform) = (table.optional("mesh"), parse_transform(&table));
                 table.required("file").map(|file| Shape::Gltf { file, mesh, transform })
             }
             Kind::Grass => Grass::parse(&table).map(Shape::Grass),
@@ -197,32 +197,32 @@ impl GeometryEntry {
 
 fn triangles(table: &Table<'_>) -> Option<Shape> {
     if table.has("vertex_data") {
-        return BuildEntry::triangles(table, placed(table)).map(Box::new).map(Shape::Build);
+        return BuildEntry::triangles(table, parse_transform(table)).map(Box::new).map(Shape::Build);
     }
-    let vertices = table.required::<At<Vec<[f32; 3]>>>("vertices");
-    let indices = table.optional::<At<Flat>>("indices");
-    let transform = placed(table);
+    let vertices = table.required::<Spanned<Vec<[f32; 3]>>>("vertices");
+    let indices = table.optional::<Spanned<Flat>>("indices");
+    let transform = parse_transform(table);
     let vertices = vertices?;
-    in_range(table, indices.as_ref(), vertices.value.len(), "vertices");
-    let (corners, span) = match &indices {
+    check_indices(table, indices.as_ref(), vertices.value.len(), "vertices");
+    let (corner_count, span) = match &indices {
         Some(indices) => (indices.value.0.len(), &indices.span),
         None => (vertices.value.len(), &vertices.span),
     };
-    if corners % 3 != 0 {
-        table.report().push(span.error(format!("{corners} corners do not make whole triangles")));
+    if corner_count % 3 != 0 {
+        table.report().push(span.error(format!("{corner_count} corners do not make whole triangles")));
         return None;
     }
     let indices = indices.map(|i| i.value.0);
     Some(Shape::Inline(GeometryData::Triangles { vertices: vertices.value, indices, transform }))
 }
 
-/// Where the vertices of `vertices` are at time 1.
+/// Reads `vertices_t1`: the vertices at time 1.
 fn vertices_t1(table: &Table<'_>, kind: Kind) -> Option<Arc<[[f32; 3]]>> {
     if !matches!(kind, Kind::Triangles) {
-        // Of another type the key is unknown, and reported as such.
+        // For other types the key is unknown, and is reported as such.
         return None;
     }
-    let later = table.optional::<At<Vec<[f32; 3]>>>("vertices_t1")?;
+    let later = table.optional::<Spanned<Vec<[f32; 3]>>>("vertices_t1")?;
     let count = table.value("vertices").and_then(|first| first.elements()).map_or(0, Iterator::count);
     if later.value.len() != count {
         let message = format!("{} vertices at time 1 for {count} at time 0", later.value.len());
@@ -258,11 +258,11 @@ fn spheres(table: &Table<'_>) -> Option<Shape> {
         return BuildEntry::spheres(table).map(Box::new).map(Shape::Build);
     }
     let positions = table.required::<Vec<[f32; 3]>>("positions");
-    let radii = table.required::<At<OneOrMore<f32>>>("radii");
-    let indices = table.optional::<At<Flat>>("indices");
+    let radii = table.required::<Spanned<OneOrMore<f32>>>("radii");
+    let indices = table.optional::<Spanned<Flat>>("indices");
     let positions = positions?;
     let radii = radii_of(table, radii?, positions.len())?;
-    in_range(table, indices.as_ref(), positions.len(), "positions");
+    check_indices(table, indices.as_ref(), positions.len(), "positions");
     Some(Shape::Inline(GeometryData::Spheres { positions, radii, indices: indices.map(|i| i.value.0) }))
 }
 
@@ -273,8 +273,8 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
         return BuildEntry::linear_swept_spheres(table, indexing, end_caps).map(Box::new).map(Shape::Build);
     }
     let positions = table.required::<Vec<[f32; 3]>>("positions");
-    let radii = table.required::<At<OneOrMore<f32>>>("radii");
-    let indices = table.optional::<At<Flat>>("indices");
+    let radii = table.required::<Spanned<OneOrMore<f32>>>("radii");
+    let indices = table.optional::<Spanned<Flat>>("indices");
     let positions = positions?;
     let radii = radii_of(table, radii?, positions.len())?;
     if indexing == Indexing::Successive && !table.has("indices") {
@@ -285,8 +285,8 @@ fn linear_swept_spheres(table: &Table<'_>) -> Option<Shape> {
     }
     // In successive mode index k also names vertex k + 1.
     let usable = positions.len() - usize::from(indexing == Indexing::Successive && !positions.is_empty());
-    in_range(table, indices.as_ref(), usable, "positions that begin a segment");
-    let odd = |indices: &&At<Flat>| indexing == Indexing::List && indices.value.0.len() % 2 == 1;
+    check_indices(table, indices.as_ref(), usable, "positions that begin a segment");
+    let odd = |indices: &&Spanned<Flat>| indexing == Indexing::List && indices.value.0.len() % 2 == 1;
     if let Some(indices) = indices.as_ref().filter(odd) {
         table.report().push(indices.span.error("mode \"list\" takes two indices a segment"));
         return None;
@@ -318,14 +318,14 @@ impl Parse for Flat {
     }
 }
 
-fn in_range(table: &Table<'_>, indices: Option<&At<Flat>>, count: usize, of: &str) {
+fn check_indices(table: &Table<'_>, indices: Option<&Spanned<Flat>>, count: usize, of: &str) {
     let Some(indices) = indices else { return };
     if let Some(index) = indices.value.0.iter().find(|index| **index as usize >= count) {
         table.report().push(indices.span.error(format!("index {index} is beyond the {count} {of}")));
     }
 }
 
-fn radii_of(table: &Table<'_>, radii: At<OneOrMore<f32>>, count: usize) -> Option<Vec<f32>> {
+fn radii_of(table: &Table<'_>, radii: Spanned<OneOrMore<f32>>, count: usize) -> Option<Vec<f32>> {
     let OneOrMore(values) = radii.value;
     match values.as_slice() {
         // One number, or an array of one, stands for all.
@@ -342,11 +342,11 @@ fn radii_of(table: &Table<'_>, radii: At<OneOrMore<f32>>, count: usize) -> Optio
 /// One instance as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct InstanceEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// The geometries of its BLAS.
-    pub geometry: Vec<At<String>>,
-    /// Which TLAS it is in.
+    pub geometry: Vec<Spanned<String>>,
+    /// The name of its TLAS.
     pub tlas: String,
     /// Object to world.
     pub transform: [[f32; 4]; 3],
@@ -381,9 +381,9 @@ impl Named for InstanceFlag {
 impl Parse for InstanceEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let geometry = table.required::<OneOrMore<At<String>>>("geometry");
+        let geometry = table.required::<OneOrMore<Spanned<String>>>("geometry");
         let tlas = table.or("tlas", "main".to_string());
-        let transform = placed(&table).unwrap_or(IDENTITY);
+        let transform = parse_transform(&table).unwrap_or(IDENTITY);
         let motion = motion(&table, transform);
         let custom_index = bits24(&table, "custom_index");
         let mask = table.or("mask", 0xff);
@@ -432,21 +432,21 @@ fn bits24(table: &Table<'_>, key: &'static str) -> Option<u32> {
 
 const IDENTITY: [[f32; 4]; 3] = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]];
 
-/// `transform`, or `scale`, then `rotate`, then `translate`.
-pub(super) fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
+/// Reads `transform`, or `scale`, `rotate` and `translate`, which apply in this order.
+pub(super) fn parse_transform(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
     let matrix = table.optional::<Matrix>("transform");
     let translate = table.or("translate", [0.0; 3]);
     let rotate = table.optional::<Rotation>("rotate");
     let scale = table.optional::<OneOrMore<f32>>("scale");
-    let apart = ["translate", "rotate", "scale"].iter().any(|key| table.has(key));
-    if !apart {
+    let has_components = ["translate", "rotate", "scale"].iter().any(|key| table.has(key));
+    if !has_components {
         return matrix.map(|matrix| matrix.0);
     }
     if let Some(value) = table.value("transform") {
         return value.wrong("give `transform`, or `translate`, `rotate` and `scale`, but not both");
     }
     let scale = match &scale {
-        Some(scale) => three(table.value("scale")?, scale)?,
+        Some(scale) => scale_vector(table.value("scale")?, scale)?,
         None => [1.0; 3],
     };
     let rotation = rotate.map_or([[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], |rotation| rotation.matrix());
@@ -458,8 +458,8 @@ pub(super) fn placed(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
     }))
 }
 
-/// One number for all axes, or three.
-pub(super) fn three(value: TomlValue<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]> {
+/// Reads a scale: one number for all axes, or three.
+pub(super) fn scale_vector(value: TomlValue<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]> {
     match scale.0[..] {
         [all] => Some([all; 3]),
         [x, y, z] => Some([x, y, z]),
@@ -467,7 +467,7 @@ pub(super) fn three(value: TomlValue<'_>, scale: &OneOrMore<f32>) -> Option<[f32
     }
 }
 
-/// Three rows of four, or twelve numbers in that order (`VkTransformMatrixKHR`).
+/// A matrix as three rows of four, or as twelve numbers in that order (`VkTransformMatrixKHR`).
 struct Matrix([[f32; 4]; 3]);
 
 impl Parse for Matrix {
@@ -490,7 +490,7 @@ pub(super) struct Rotation {
 impl Parse for Rotation {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let axis = table.required::<At<[f32; 3]>>("axis");
+        let axis = table.required::<Spanned<[f32; 3]>>("axis");
         let degrees = table.required("degrees");
         table.finish();
         let (axis, degrees) = (axis?, degrees?);
@@ -505,7 +505,7 @@ impl Parse for Rotation {
 impl Rotation {
     /// The quaternion x, y, z, w.
     pub(super) fn quaternion(&self) -> [f32; 4] {
-        // Half the angle, in half turns.
+        // Half of the angle, in units of half turns.
         let half = self.degrees / 360.0;
         let (sine, cosine) = (f64::from(pxfm::f_sinpif(half)), pxfm::f_cospif(half));
         let [x, y, z] = self.unit_axis().map(|x| (x * sine) as f32);
@@ -518,7 +518,8 @@ impl Rotation {
         a.map(|x| x / length)
     }
 
-    /// Rodrigues' formula. Sine and cosine of half turns, so that right angles are exact.
+    /// The matrix by Rodrigues' formula, with sine and cosine of half turns, so that right angles
+    /// are exact.
     fn matrix(&self) -> [[f64; 3]; 3] {
         let half_turns = self.degrees / 180.0;
         let (sine, cosine) = (f64::from(pxfm::f_sinpif(half_turns)), f64::from(pxfm::f_cospif(half_turns)));

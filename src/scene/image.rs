@@ -113,7 +113,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The first layer and slice of an image's level 0, of several samples the first.
+    /// The first layer, slice and sample of level 0 of an image.
     pub fn of(image: &machine::image::Image) -> Self {
         let [width, height, _] = image.shape().extent;
         let texels = (0..height).flat_map(|row| image.row_bytes(row)).collect();
@@ -132,7 +132,7 @@ impl Picture {
         if self.texels.len() != count * size {
             return Err(invalid(format!("{} bytes are not {count} texels of {size}", self.texels.len())));
         }
-        Ok(Shown::new(self.format, to_srgb)?.pixels(&self.texels))
+        Ok(PngConversion::new(self.format, to_srgb)?.pixels(&self.texels))
     }
 
     /// Four numbers for every texel.
@@ -167,7 +167,7 @@ impl Picture {
 }
 
 /// Writes the first layer and slice of an image's level 0 as a PNG, as [`Picture::encode_png`]
-/// would: row by row, so that beside the image itself hardly any memory is needed.
+/// does, but row by row, so that hardly any memory is needed in addition to the image.
 ///
 /// # Errors
 /// As [`Picture::rgba8`], and `Io`.
@@ -178,9 +178,9 @@ pub fn write_png(path: &Path, image: &machine::image::Image, to_srgb: bool) -> R
     })
 }
 
-/// Writes a PNG of some width and height whose rows come one after the other, from texels of a
-/// format, as [`Picture::encode_png`] would show them. The file is there when all is written: what
-/// stood in its place before stays until then, and stays where `fill` fails.
+/// Writes a PNG row by row, from texels of a format, with the pixels of
+/// [`Picture::encode_png`]. A file at the path is replaced only
+/// when everything is written, and is kept if `fill` fails.
 ///
 /// # Errors
 /// As [`Picture::rgba8`], `Io`, and those of `fill`, which must give all rows.
@@ -192,28 +192,28 @@ pub fn stream_png<T>(
     fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
 ) -> Result<T> {
     let io = |error| Error::io(path, error);
-    let shown = Shown::new(format, to_srgb)?;
-    // A pipe, a device or a link is written to as it is.
+    let conversion = PngConversion::new(format, to_srgb)?;
+    // A pipe, a device or a link is not replaced, but written to.
     let replaceable = path.symlink_metadata().map_or(true, |metadata| metadata.is_file());
     if !replaceable {
-        return png_to_file(path, size, shown, File::create(path).map_err(io)?, fill);
+        return png_to_file(path, size, conversion, File::create(path).map_err(io)?, fill);
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let partial = tempfile::Builder::new()
         .prefix(&format!(".{name}."))
         .suffix(".partial")
-        // With the rights of any new file, not those of a secret.
+        // With the permissions of a new file, not the private ones of a temporary file.
         .make_in(folder.unwrap_or(Path::new(".")), |path| File::create_new(path));
     let partial = match partial {
-        // A file that may be written, in a folder that may not.
+        // The file may be written, but not its folder.
         Err(_) if path.is_file() => {
-            return png_to_file(path, size, shown, File::create(path).map_err(io)?, fill);
+            return png_to_file(path, size, conversion, File::create(path).map_err(io)?, fill);
         }
         made => made.map_err(io)?,
     };
     let (file, partial) = partial.into_parts();
-    let filled = png_to_file(path, size, shown, file, fill)?;
+    let filled = png_to_file(path, size, conversion, file, fill)?;
     partial.persist(path).map_err(|error| io(error.error))?;
     Ok(filled)
 }
@@ -221,36 +221,36 @@ pub fn stream_png<T>(
 fn png_to_file<T>(
     path: &Path,
     size: [u32; 2],
-    shown: Shown,
+    conversion: PngConversion,
     file: File,
     fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
 ) -> Result<T> {
     let io = |error| Error::io(path, error);
     let mut file = BufWriter::new(file);
-    let filled = png(size, &mut file, &io, |to| fill(&mut PngRows { path, shown, to }))?;
+    let filled = png(size, &mut file, &io, |to| fill(&mut PngRows { path, conversion, to }))?;
     file.flush().map_err(io)?;
     Ok(filled)
 }
 
-/// Takes the rows of a PNG, the top one first.
+/// Writes the rows of a PNG, the top one first.
 pub struct PngRows<'a> {
     path: &'a Path,
-    shown: Shown,
+    conversion: PngConversion,
     to: &'a mut (dyn Write + Send),
 }
 
 impl PngRows<'_> {
-    /// Takes the next rows, given the bytes of the texels of each.
+    /// Writes the next rows, given the bytes of the texels of each.
     ///
     /// # Errors
     /// `Io`
     pub fn rows(&mut self, rows: Range<u32>, bytes: impl Fn(u32) -> Vec<u8> + Sync) -> Result<()> {
-        // So many at a time: all threads make pixels, and this one writes them.
-        const TOGETHER: u32 = 64;
-        let (shown, end) = (&self.shown, rows.end);
-        for first in rows.step_by(TOGETHER as usize) {
-            let some = first..end.min(first.saturating_add(TOGETHER));
-            let pixels: Vec<_> = some.into_par_iter().map(|row| shown.pixels(&bytes(row))).collect();
+        // The number of rows that all threads convert before this thread writes them.
+        const ROWS_PER_CHUNK: u32 = 64;
+        let (conversion, end) = (&self.conversion, rows.end);
+        for first in rows.step_by(ROWS_PER_CHUNK as usize) {
+            let some = first..end.min(first.saturating_add(ROWS_PER_CHUNK));
+            let pixels: Vec<_> = some.into_par_iter().map(|row| conversion.pixels(&bytes(row))).collect();
             let written = pixels.iter().try_for_each(|row| self.to.write_all(row));
             written.map_err(|error| Error::io(self.path, error))?;
         }
@@ -258,7 +258,7 @@ impl PngRows<'_> {
     }
 }
 
-/// Writes the RGBA8 pixels that `fill` gives as a PNG.
+/// Writes the RGBA8 pixels from `fill` as a PNG.
 fn png<T>(
     [width, height]: [u32; 2],
     to: &mut (impl Write + Send),
@@ -278,13 +278,13 @@ fn png<T>(
     Ok(filled)
 }
 
-/// How texels of a format are shown as 8-bit RGBA.
-struct Shown {
+/// The conversion of texels of a format to 8-bit RGBA.
+struct PngConversion {
     format: Format,
     target: Format,
 }
 
-impl Shown {
+impl PngConversion {
     fn new(format: Format, to_srgb: bool) -> Result<Self> {
         if format.class() != Class::Float && format.component != Component::Uint8 {
             return Err(invalid(format!("a PNG shows colours, not {} texels", format_name(format))));
@@ -304,7 +304,7 @@ impl Shown {
                 pixels.extend(color.map(|x| x as u8));
                 continue;
             }
-            // Not a number is shown in magenta: black would hide it.
+            // NaN is shown in magenta, because black would hide it.
             if color.iter().any(|x| x.is_nan()) {
                 color = [1.0, 0.0, 1.0, 1.0];
             }

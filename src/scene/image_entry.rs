@@ -8,7 +8,7 @@ use crate::scene::data::{DataPieces, read};
 use crate::scene::files::Files;
 use crate::scene::image::{Picture, texel_bytes};
 use crate::scene::mip;
-use crate::scene::read::{At, Named, OneOrMore, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::resources::DescriptorKind;
 use crate::scene::sampler::SamplerReference;
 
@@ -19,8 +19,8 @@ pub struct ImageContent {
     pub format: Format,
     /// Its shape.
     pub shape: ImageShape,
-    /// All texels, as [`machine::image::Image`](crate::machine::image::Image) wants them; or one,
-    /// which all of them are.
+    /// All texels, in the order of [`machine::image::Image`](crate::machine::image::Image), or a
+    /// single one that all are equal to.
     pub texels: Vec<u8>,
 }
 
@@ -30,12 +30,12 @@ impl ImageContent {
         self.shape.texels().saturating_mul(u64::from(self.format.texel_size()))
     }
 
-    /// Whether its texels are all the same, of which `texels` has one.
+    /// Whether all texels are equal, so that `texels` has only one.
     pub fn is_filled(&self) -> bool {
         self.texels.len() == self.format.texel_size() as usize
     }
 
-    /// What is wrong where it does not fit into memory.
+    /// The error message if it does not fit into memory.
     pub fn too_large(&self) -> String {
         let ImageShape { extent, layers, .. } = self.shape;
         format!("{extent:?} texels in {layers} layers are too many for an image: {} bytes", self.size())
@@ -55,7 +55,7 @@ impl Named for Dimension {
     ];
 }
 
-/// How many mip levels.
+/// The number of mip levels.
 #[derive(Clone, Copy, Debug)]
 enum Levels {
     Count(u32),
@@ -77,7 +77,7 @@ impl Parse for Levels {
 #[derive(Clone, Debug)]
 pub struct ImageEntry {
     span: Span,
-    files: Vec<At<String>>,
+    files: Vec<Spanned<String>>,
     data: Option<DataPieces>,
     format: Option<Format>,
     dimension: Dimension,
@@ -112,7 +112,8 @@ impl ImageEntry {
             sampler: None,
         };
         if !buffer {
-            entry.files = table.optional::<OneOrMore<At<String>>>("file").map_or(Vec::new(), |files| files.0);
+            entry.files =
+                table.optional::<OneOrMore<Spanned<String>>>("file").map_or(Vec::new(), |files| files.0);
             entry.dimension = table.or("dimension", Dimension::D2);
             let arrayed = entry.dimension.is_arrayed() && !entry.files.is_empty();
             let least = if entry.dimension.is_cube() { 6 } else { 1 };
@@ -145,9 +146,8 @@ impl ImageEntry {
         Some(entry)
     }
 
-    /// Loads, fills or generates its texels; without a size it is as large as the launch. Where it
-    /// is only filled and need not be there as a whole, it may have more texels than fit into
-    /// memory.
+    /// Loads, fills or generates its texels; without a size it is as large as the launch. With
+    /// `streams`, an image that is only filled may have more texels than fit into memory.
     ///
     /// # Errors
     /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.
@@ -176,7 +176,7 @@ impl ImageEntry {
         let mut shape = ImageShape { dimension, extent, layers, levels: 1, samples };
         shape.levels = match self.levels {
             Levels::Count(count) => count,
-            Levels::All => shape.full_levels(),
+            Levels::All => shape.max_levels(),
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let limits = files.limits();
@@ -194,7 +194,7 @@ impl ImageEntry {
             files.reserve(size).map_err(|error| error.at(self.span.place()))?;
         }
         if let Some(texels) = data {
-            return self.complete(format, shape, texels);
+            return self.with_levels(format, shape, texels);
         }
         if pictures.is_empty() {
             return Ok(image);
@@ -216,7 +216,7 @@ impl ImageEntry {
             }
             texels.extend(picture.texels);
         }
-        self.complete(format, shape, texels)
+        self.with_levels(format, shape, texels)
     }
 
     fn pictures(&self, files: &dyn Files) -> Result<Vec<(Picture, &Span)>> {
@@ -233,8 +233,9 @@ impl ImageEntry {
         Ok(pictures)
     }
 
-    /// Texels of all levels, or of level 0, from which the others are made.
-    fn complete(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<ImageContent> {
+    /// Makes the content from texels of all levels, or of level 0, from which the other levels are
+    /// generated.
+    fn with_levels(&self, format: Format, shape: ImageShape, mut texels: Vec<u8>) -> Result<ImageContent> {
         let size = u64::from(format.texel_size());
         let (first, all) = (shape.level_texels(0) * size, shape.texels() * size);
         let found = texels.len() as u64;
@@ -250,7 +251,7 @@ impl ImageEntry {
     }
 }
 
-/// `Some(None)` where no size is given.
+/// Reads `size`; `Some(None)` if there is none.
 fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
     let Some(value) = table.value("size") else { return Some(None) };
     let OneOrMore(given) = OneOrMore::<u32>::parse(value)?;
@@ -266,10 +267,11 @@ fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
     Some(Some(extent))
 }
 
-/// The colour of every texel; missing channels are 0.
+/// Reads `fill`, the colour of every texel; missing channels are 0.
 fn fill(table: &Table<'_>) -> [f64; 4] {
     let mut color = [0.0; 4];
-    let Some(At { value: OneOrMore(given), span }) = table.optional::<At<OneOrMore<f64>>>("fill") else {
+    let Some(Spanned { value: OneOrMore(given), span }) = table.optional::<Spanned<OneOrMore<f64>>>("fill")
+    else {
         return color;
     };
     if given.len() > 4 {

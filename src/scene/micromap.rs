@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::OpacityMicromap;
 use crate::accel::micromap::{MicromapIndex, MicromapTriangle, Opacity, OpacityFormat};
-use crate::scene::read::{At, Named, Parse, Table, TomlValue};
+use crate::scene::read::{Named, Parse, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 impl Named for OpacityFormat {
@@ -47,22 +47,22 @@ impl Parse for MicromapIndex {
 }
 
 /// A state by name or number.
-struct State(At<Opacity>);
+struct State(Spanned<Opacity>);
 
 impl Parse for State {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let opacity = match value.toml() {
             Toml::String(_) => Opacity::parse(value)?,
             _ => match u8::parse(value)? {
-                number @ 0..=3 => Opacity::of_bits(number),
+                number @ 0..=3 => Opacity::from_bits(number),
                 _ => return value.wrong("a state is 0 to 3, or a name such as \"unknown_opaque\""),
             },
         };
-        Some(Self(At { value: opacity, span: value.span() }))
+        Some(Self(Spanned { value: opacity, span: value.span() }))
     }
 }
 
-/// The states of a triangle; its level follows from their number.
+/// The states of a triangle, whose number determines the subdivision level.
 struct States(MicromapTriangle);
 
 impl States {
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_at_their_place() {
+    fn mistakes_are_reported_at_their_place() {
         let said = |text: &str| read(text).unwrap_err().render();
         assert!(said("opacity_micromap = { triangles = [[0, 1, 1]] }").contains("3 states"));
         assert!(said("opacity_micromap = { triangles = [[4]] }").contains("0 to 3"));

@@ -1,18 +1,19 @@
-//! Mip levels made from level 0.
+//! Generates mip levels from level 0 by a box filter.
 //!
 //! A texel of level n is the mean of the part of level 0 that it covers, by area: along an axis of
 //! `s` texels, of which level n has `t`, texel i covers `i s / t` to `(i + 1) s / t`. sRGB colours
-//! are averaged in linear light. Texels count as a shader sees them; the sums are made in binary64,
-//! over slices, rows, columns in this order, and each mean is rounded once to its format.
+//! are averaged in linear light. Texels have the values that shaders read. Sums are computed in
+//! binary64, over slices, rows and columns in this order, and each mean is rounded once to its
+//! format.
 
 use crate::machine::format::{Class, Format};
 use crate::machine::image::ImageShape;
 use crate::scene::image::{texel_bytes, texel_numbers};
 
-/// The texels of the levels 1 and up, from those of level 0.
+/// Generates the texels of the levels 1 and up from those of level 0.
 ///
 /// # Errors
-/// A message, where means make no sense: for integers.
+/// A message for integer formats, which have no means.
 pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec<u8>, String> {
     if format.class() != Class::Float {
         return Err("levels of integers are given, not generated: the mean of integers is none".to_string());
@@ -30,11 +31,11 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
                 for y in 0..extent[1] {
                     for x in 0..extent[0] {
                         let mut sum = [0.0; 4];
-                        for (k, deep) in covered(z, extent[2], shape.extent[2]) {
-                            for (j, high) in covered(y, extent[1], shape.extent[1]) {
-                                for (i, wide) in covered(x, extent[0], shape.extent[0]) {
+                        for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
+                            for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
+                                for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
                                     let texel = numbers[((layer * depth + k) * height + j) * width + i];
-                                    let weight = wide * high * deep;
+                                    let weight = weight_x * weight_y * weight_z;
                                     sum = std::array::from_fn(|part| sum[part] + weight * texel[part]);
                                 }
                             }
@@ -48,8 +49,8 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
     Ok(texels)
 }
 
-/// The texels of `from` along an axis that texel `at` of `to` covers, and how many `to`-ths of
-/// each; together `from`.
+/// Along an axis, the texels of `from` that texel `at` of `to` covers, and the weight of each: the
+/// covered part in units of 1 / `to`. The sum of the weights is `from`.
 fn covered(at: u32, to: u32, from: u32) -> impl Iterator<Item = (usize, f64)> {
     let (at, to, from) = (u64::from(at), u64::from(to), u64::from(from));
     let (begin, end) = (at * from, (at + 1) * from);

@@ -26,9 +26,9 @@ fn mistake(text: &str) -> Error {
     }
 }
 
-/// The one mistake in the text after `version = 1`, with place and words that its report holds.
+/// Checks that the text after `version = 1` has one mistake, reported with a place and words.
 #[track_caller]
-fn one(text: &str, place: &str, wanted: &[&str]) {
+fn one_mistake(text: &str, place: &str, wanted: &[&str]) {
     let error = mistake(&format!("version = 1\n{text}"));
     let report = error.render();
     assert!(error.others().is_empty(), "more than one mistake:\n{report}");
@@ -92,22 +92,22 @@ fn every_mistake_is_reported_in_one_run() {
 
 #[test]
 fn names_that_nothing_has() {
-    one(
+    one_mistake(
         "[geometry.grass]\ntype = 'plane'\n[[instance]]\ngeometry = 'gras'\n",
         "s/a.toml:5:12",
         &["no geometry is named `gras`", "did you mean `grass`?", "there are: grass"],
     );
-    one(
+    one_mistake(
         "[shaders]\nall = 'm.spv'\n[pipeline]\nhit = [{ any_hit = 'al:ah' }]\n",
         "s/a.toml:5:20",
         &["no shader is named `al`", "did you mean `all`?"],
     );
-    one(
+    one_mistake(
         "[resources.s]\ntype = 'sampler'\nbinding = 0\nsampler = 'soft'\n",
         "s/a.toml:5:11",
         &["no sampler is named `soft`"],
     );
-    one(
+    one_mistake(
         "[resources.t]\ntype = 'acceleration_structure'\nbinding = 0\ntlas = 'far'\n",
         "s/a.toml:5:8",
         &["no instance is in the acceleration structure `far`"],
@@ -116,69 +116,84 @@ fn names_that_nothing_has() {
 
 #[test]
 fn files_that_are_missing_or_broken() {
-    one(
+    one_mistake(
         "[shaders]\nall = 'n.spv'\n[pipeline]\nraygen = 'all'\n",
         "s/a.toml:3:7",
         &["looked for at s/n.spv", "no such embedded file"],
     );
-    one(
+    one_mistake(
         "[geometry.g]\ntype = 'obj'\nfile = 'bad.obj'\n",
         "s/bad.obj:3:1",
         &["not a Wavefront OBJ file", "at s/a.toml:4: named here"],
     );
-    one(
+    one_mistake(
         "[resources.i]\ntype = 'sampled_image'\nbinding = 1\nfile = 'bad.png'\n",
         "s/a.toml:5:8",
         &["in s/bad.png"],
     );
-    one(
+    one_mistake(
         "[resources.i]\ntype = 'storage_buffer'\nbinding = 1\nelement = 4294967295\nsize = 4\n",
         "s/a.toml:5:11",
         &["at most 1048576 elements"],
     );
-    // Keys that were not looked at are not unknown.
-    one(
+    // Keys that were not read because of another mistake are not unknown.
+    one_mistake(
         "[resources.i]\ntype = 'combined_image_sampler'\nbinding = 1\nsize = [0, 3]\nsampler = { filter = 'linear' }\n",
         "s/a.toml:5:8",
         &["each from 1 to 32768"],
     );
-    one("include = 'gone.toml'\n", "s/a.toml:2:11", &["no such embedded file"]);
-    one("include = 'old.toml'\n", "s/old.toml:1:11", &["this anyhit reads version 1"]);
-    one("include = 'loop.toml'\n", "s/loop.toml:2:11", &["an include that never ends"]);
-    one("include = 'wrong.toml'\n", "s/wrong.toml:5:1", &["did you mean `count`?"]);
+    one_mistake("include = 'gone.toml'\n", "s/a.toml:2:11", &["no such embedded file"]);
+    one_mistake("include = 'old.toml'\n", "s/old.toml:1:11", &["this anyhit reads version 1"]);
+    one_mistake("include = 'loop.toml'\n", "s/loop.toml:2:11", &["an include that never ends"]);
+    one_mistake("include = 'wrong.toml'\n", "s/wrong.toml:5:1", &["did you mean `count`?"]);
 }
 
 #[test]
 fn geometry_that_does_not_fit_together() {
     let spheres = "[geometry.g]\ntype = 'spheres'\npositions = [[0, 0, 0], [1, 0, 0]]\n";
-    one(&format!("{spheres}radii = [1, 2, 3]\n"), "s/a.toml:5:9", &["3 radii for 2 positions"]);
-    one(&format!("{spheres}radii = 1\nindices = [0, 2]\n"), "s/a.toml:6:11", &["index 2 is beyond the 2"]);
-    one(spheres, "s/a.toml:2:1", &["`radii` is missing"]);
-    // What a structure says of a geometry is said where that stands, however many instances have
-    // it.
+    one_mistake(&format!("{spheres}radii = [1, 2, 3]\n"), "s/a.toml:5:9", &["3 radii for 2 positions"]);
+    one_mistake(
+        &format!("{spheres}radii = 1\nindices = [0, 2]\n"),
+        "s/a.toml:6:11",
+        &["index 2 is beyond the 2"],
+    );
+    one_mistake(spheres, "s/a.toml:2:1", &["`radii` is missing"]);
+    // An error of a structure about a geometry is reported once, at the geometry.
     let two = "[[instance]]\ngeometry = 'g'\n[[instance]]\ngeometry = 'g'\ntranslate = [1, 0, 0]\n";
-    one(
+    one_mistake(
         &format!("{spheres}radii = [1, -1]\n{two}"),
         "s/a.toml:2:1",
         &["primitive 1 has the negative radius -1"],
     );
     let lss = "[geometry.g]\ntype = 'lss'\npositions = [[0, 0, 0], [1, 0, 0]]\nradii = 1\n";
-    one(&format!("{lss}mode = 'successive'\n"), "s/a.toml:2:1", &["needs `indices`", "10427"]);
-    one(&format!("{lss}mode = 'successive'\nindices = [1]\n"), "s/a.toml:7:11", &["index 1 is beyond the 1"]);
-    one(&format!("{lss}indices = [0, 1, 0]\n"), "s/a.toml:6:11", &["two indices a segment"]);
-    one(&format!("{lss}caps = 'chain'\n"), "s/a.toml:6:8", &["did you mean `chained`?"]);
+    one_mistake(&format!("{lss}mode = 'successive'\n"), "s/a.toml:2:1", &["needs `indices`", "10427"]);
+    one_mistake(
+        &format!("{lss}mode = 'successive'\nindices = [1]\n"),
+        "s/a.toml:7:11",
+        &["index 1 is beyond the 1"],
+    );
+    one_mistake(&format!("{lss}indices = [0, 1, 0]\n"), "s/a.toml:6:11", &["two indices a segment"]);
+    one_mistake(&format!("{lss}caps = 'chain'\n"), "s/a.toml:6:8", &["did you mean `chained`?"]);
     let triangles = "[geometry.g]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0]]\n";
-    one(triangles, "s/a.toml:4:12", &["2 corners do not make whole triangles"]);
-    one("[geometry.g]\ntype = 'cube'\n", "s/a.toml:3:8", &["unknown type of geometry `cube`"]);
-    one("[geometry.g]\nopaque = true\n", "s/a.toml:2:1", &["needs its `type`"]);
-    one("[geometry.g]\ntype = 'grass'\ncount = 4_000_000_000\n", "s/a.toml:4:9", &["more than 20000000"]);
-    one("[geometry.g]\ntype = 'chains'\ncount = 10_000_000\n", "s/a.toml:4:9", &["more than 20000000"]);
-    one(
+    one_mistake(triangles, "s/a.toml:4:12", &["2 corners do not make whole triangles"]);
+    one_mistake("[geometry.g]\ntype = 'cube'\n", "s/a.toml:3:8", &["unknown type of geometry `cube`"]);
+    one_mistake("[geometry.g]\nopaque = true\n", "s/a.toml:2:1", &["needs its `type`"]);
+    one_mistake(
+        "[geometry.g]\ntype = 'grass'\ncount = 4_000_000_000\n",
+        "s/a.toml:4:9",
+        &["more than 20000000"],
+    );
+    one_mistake(
+        "[geometry.g]\ntype = 'chains'\ncount = 10_000_000\n",
+        "s/a.toml:4:9",
+        &["more than 20000000"],
+    );
+    one_mistake(
         "[geometry.g]\ntype = 'plane'\ndivisions = [65536, 65536]\n",
         "s/a.toml:4:13",
         &["more than 20000000"],
     );
-    one(
+    one_mistake(
         "[geometry.g]\ntype = 'grass'\nheight = [0.5, 0.2]\n",
         "s/a.toml:4:10",
         &["not a range from low to high"],
@@ -190,83 +205,111 @@ fn buffers_of_a_build() {
     let spheres = "[geometry.g]\ntype = 'spheres'\nvertex_data = { f16 = [0, 0, 0, 1, 1, 1] }\n";
     let radii = "radius_data = { f32 = 1 }\n";
     let half = "vertex_format = 'r16g16b16_sfloat'\n";
-    one(&format!("{spheres}{half}"), "s/a.toml:2:1", &["`radius_data` is missing"]);
-    one(&format!("{spheres}{half}{radii}"), "s/a.toml:2:1", &["radius 1 ends at byte 8 of a buffer of 4"]);
-    one(
+    one_mistake(&format!("{spheres}{half}"), "s/a.toml:2:1", &["`radius_data` is missing"]);
+    one_mistake(
+        &format!("{spheres}{half}{radii}"),
+        "s/a.toml:2:1",
+        &["radius 1 ends at byte 8 of a buffer of 4"],
+    );
+    one_mistake(
         &format!("{spheres}{radii}vertex_format = 'r32g32b32'\n"),
         "s/a.toml:6:17",
         &["did you mean `r32g32b32_sfloat`?"],
     );
-    one(&format!("{spheres}{half}{radii}vertex_stride = 7\n"), "s/a.toml:2:1", &["vertexStride-10431"]);
-    one(
+    one_mistake(
+        &format!("{spheres}{half}{radii}vertex_stride = 7\n"),
+        "s/a.toml:2:1",
+        &["vertexStride-10431"],
+    );
+    one_mistake(
         &format!("{spheres}{half}{radii}index_data = {{ u8 = [0, 1] }}\nindex_type = 'uint8'\n"),
         "s/a.toml:2:1",
         &["indexData-10437"],
     );
-    one(
+    one_mistake(
         &format!("{spheres}{half}radius_data = {{ f32 = [1, 1] }}\npositions = [[0, 0, 0]]\n"),
         "s/a.toml:7:1",
         &["unknown key `positions`"],
     );
     let swept =
         "[geometry.g]\ntype = 'lss'\nmode = 'successive'\nvertex_data = { f32 = [0, 0, 0, 1, 1, 1] }\n";
-    one(&format!("{swept}{radii}"), "s/a.toml:2:1", &["indexingMode-10427"]);
+    one_mistake(&format!("{swept}{radii}"), "s/a.toml:2:1", &["indexingMode-10427"]);
 }
 
 #[test]
 fn instances() {
     let ground = "[geometry.g]\ntype = 'plane'\n[[instance]]\ngeometry = 'g'\n";
-    one(&format!("{ground}[[instance]]\ngeometry = 'g'\nscale = [1, 0, 1]\n"), "s/a.toml:6:1", &["singular"]);
-    one(&format!("{ground}sbt_offset = 16777216\n"), "s/a.toml:6:14", &["24 bits"]);
-    one(&format!("{ground}custom_index = -1\n"), "s/a.toml:6:16", &["does not fit"]);
-    one(&format!("{ground}transform = [1, 0, 0]\n"), "s/a.toml:6:13", &["expected 12 elements, found 3"]);
-    one(
+    one_mistake(
+        &format!("{ground}[[instance]]\ngeometry = 'g'\nscale = [1, 0, 1]\n"),
+        "s/a.toml:6:1",
+        &["singular"],
+    );
+    one_mistake(&format!("{ground}sbt_offset = 16777216\n"), "s/a.toml:6:14", &["24 bits"]);
+    one_mistake(&format!("{ground}custom_index = -1\n"), "s/a.toml:6:16", &["does not fit"]);
+    one_mistake(
+        &format!("{ground}transform = [1, 0, 0]\n"),
+        "s/a.toml:6:13",
+        &["expected 12 elements, found 3"],
+    );
+    one_mistake(
         &format!("{ground}scale = 2\ntransform = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]\n"),
         "s/a.toml:7:13",
         &["but not both"],
     );
-    one(&format!("{ground}rotate = {{ axis = [0, 0, 0], degrees = 3 }}\n"), "s/a.toml:6:19", &["not zero"]);
-    one(&format!("{ground}flags = ['force_opaqe']\n"), "s/a.toml:6:10", &["did you mean `force_opaque`?"]);
+    one_mistake(
+        &format!("{ground}rotate = {{ axis = [0, 0, 0], degrees = 3 }}\n"),
+        "s/a.toml:6:19",
+        &["not zero"],
+    );
+    one_mistake(
+        &format!("{ground}flags = ['force_opaqe']\n"),
+        "s/a.toml:6:10",
+        &["did you mean `force_opaque`?"],
+    );
 }
 
 #[test]
 fn buffers_images_and_sizes() {
     let buffer = "[resources.b]\ntype = 'storage_buffer'\nbinding = 0\n";
-    one(buffer, "s/a.toml:2:1", &["a buffer needs `data`, or its `size`"]);
-    one(
+    one_mistake(buffer, "s/a.toml:2:1", &["a buffer needs `data`, or its `size`"]);
+    one_mistake(
         &format!("{buffer}size = 3\ndata = {{ u32 = 1 }}\n"),
         "s/a.toml:5:8",
         &["4 bytes, more than the `size` of 3"],
     );
-    one(
+    one_mistake(
         &format!("{buffer}size = 9_000_000_000\n"),
         "s/a.toml:5:8",
         &["9000000000 bytes of a buffer are more than the limit `buffer-bytes` of 1073741824"],
     );
-    one(
+    one_mistake(
         "[resources.b]\ntype = 'storage_bufer'\nbinding = 0\n",
         "s/a.toml:3:8",
         &["did you mean `storage_buffer`?"],
     );
-    one("[resources.b]\ntype = 'storage_image'\n", "s/a.toml:2:1", &["`binding` is missing"]);
+    one_mistake("[resources.b]\ntype = 'storage_image'\n", "s/a.toml:2:1", &["`binding` is missing"]);
     let image = "[resources.i]\ntype = 'storage_image'\nbinding = 0\n";
-    one(&format!("{image}format = 'rgba32'\n"), "s/a.toml:5:10", &["did you mean `rgba32f`?"]);
-    one(&format!("{image}size = [40000, 2]\n"), "s/a.toml:5:8", &["each from 1 to 32768"]);
-    one(&format!("{image}size = [32768, 32768]\n"), "s/a.toml:2:1", &["too many for an image"]);
-    one(
+    one_mistake(&format!("{image}format = 'rgba32'\n"), "s/a.toml:5:10", &["did you mean `rgba32f`?"]);
+    one_mistake(&format!("{image}size = [40000, 2]\n"), "s/a.toml:5:8", &["each from 1 to 32768"]);
+    one_mistake(&format!("{image}size = [32768, 32768]\n"), "s/a.toml:2:1", &["too many for an image"]);
+    one_mistake(
         &format!("{image}dimension = 'cube'\nlayers = 5\n"),
         "s/a.toml:2:1",
         &["a cube needs six square layers"],
     );
-    one(
+    one_mistake(
         &format!("{image}[resources.j]\ntype = 'sampler'\nbinding = 0\n"),
         "s/a.toml:5:12",
         &["two resources at set 0, binding 0", "the other one"],
     );
-    one("launch = [65536, 65536]\n", "s/a.toml:2:10", &["4294967296 invocations"]);
-    one("launch = [0]\n", "s/a.toml:2:10", &["0 invocations"]);
-    one("launch = [4, 4]\n[[ray]]\npixel = [4, 0]\n", "s/a.toml:4:9", &["outside the launch of 4 x 4"]);
-    one("[pipeline]\nsubgroup_size = 3\n", "s/a.toml:3:17", &["1, 2, 4, ... or 128"]);
+    one_mistake("launch = [65536, 65536]\n", "s/a.toml:2:10", &["4294967296 invocations"]);
+    one_mistake("launch = [0]\n", "s/a.toml:2:10", &["0 invocations"]);
+    one_mistake(
+        "launch = [4, 4]\n[[ray]]\npixel = [4, 0]\n",
+        "s/a.toml:4:9",
+        &["outside the launch of 4 x 4"],
+    );
+    one_mistake("[pipeline]\nsubgroup_size = 3\n", "s/a.toml:3:17", &["1, 2, 4, ... or 128"]);
 }
 
 #[test]
@@ -311,7 +354,7 @@ fn noise_does_not_panic() {
     assert!(refused > 1500, "{refused}");
 }
 
-/// Shapes of tables where something else belongs.
+/// Values of another type than the key expects.
 #[test]
 fn values_of_the_wrong_kind() {
     for (text, wanted) in [

@@ -1,9 +1,9 @@
 //! Scenes: `scene.toml` and everything that it names, read into plain descriptions.
 //!
-//! Reading goes in two steps. [`mod@file`] mirrors the text: every value knows its line, unknown
-//! keys are refused, and a mistake does not stop the reading. [`resolve`] then looks names up,
+//! Reading has two steps. [`mod@file`] parses the text: every value has a span, unknown keys are
+//! errors, and an error does not stop reading. [`resolve`] then resolves names,
 //! loads meshes, images and modules through [`files`], and runs generators. The result,
-//! [`ResolvedScene`], knows acceleration structures, bytes and texels, but no pipeline: the
+//! [`ResolvedScene`], has acceleration structures, bytes and texels, but no pipeline: the
 //! pipeline makes its own objects from it. `docs/scene.md` is the format's reference.
 
 pub mod assemble;

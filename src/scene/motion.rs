@@ -1,30 +1,30 @@
 //! `motion` and `srt` of `[[instance]]`.
 
 use crate::accel::{Motion, Srt};
-use crate::scene::geometry::{Rotation, placed, three};
+use crate::scene::geometry::{Rotation, parse_transform, scale_vector};
 use crate::scene::read::{OneOrMore, Parse, Table, TomlValue};
 
-/// How an instance moves, whose transform at time 0 is given beside.
+/// Reads the motion of an instance, given its transform at time 0.
 pub(super) fn motion(table: &Table<'_>, transform: [[f32; 4]; 3]) -> Option<Motion> {
     let key = table.value("motion").and_then(MatrixKey::parse);
     let Some(keys) = table.value("srt") else {
         return key.map(|key| Motion::Matrix([transform, key.0]));
     };
-    let beside = ["motion", "transform", "scale", "rotate", "translate"];
-    if let Some(other) = beside.into_iter().find(|other| table.has(other)) {
+    let other_keys = ["motion", "transform", "scale", "rotate", "translate"];
+    if let Some(other) = other_keys.into_iter().find(|other| table.has(other)) {
         return table.value(other)?.wrong(format!("`srt` gives the whole transform: no `{other}` beside it"));
     }
     let [first, second] = <[SrtKey; 2]>::parse(keys)?;
     Some(Motion::Srt(Box::new([first.0, second.0])))
 }
 
-/// A transform as of an instance.
+/// A transform with the keys of an instance's.
 struct MatrixKey([[f32; 4]; 3]);
 
 impl Parse for MatrixKey {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let matrix = placed(&table);
+        let matrix = parse_transform(&table);
         let given = ["transform", "scale", "rotate", "translate"].iter().any(|key| table.has(key));
         table.finish();
         if !given {
@@ -41,9 +41,9 @@ impl Parse for SrtKey {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let rest = Srt::default();
-        let scale = table
-            .value("scale")
-            .map_or(Some(rest.scale), |value| OneOrMore::parse(value).and_then(|scale| three(value, &scale)));
+        let scale = table.value("scale").map_or(Some(rest.scale), |value| {
+            OneOrMore::parse(value).and_then(|scale| scale_vector(value, &scale))
+        });
         let rotate = table.optional::<Rotation>("rotate");
         let quaternion = table.optional("quaternion");
         if let (Some(value), true) = (table.value("rotate"), table.has("quaternion")) {

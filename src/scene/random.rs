@@ -2,12 +2,12 @@
 
 /// SplitMix64 (Steele, Lea, Flood: "Fast Splittable Pseudorandom Number Generators", 2014).
 ///
-/// Any seed is a good seed, and 64 bits of state are plenty for a field of grass.
+/// Any seed is good, and 64 bits of state suffice for generated geometry.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// A sequence of its own for every seed.
+    /// The generator for a seed.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }

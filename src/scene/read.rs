@@ -1,9 +1,10 @@
-//! Reading TOML with spans kept: every value knows its file and bytes, and a mistake never stops
-//! the reading, so that one run reports all of them.
+//! Reads TOML with spans: every value knows its file and bytes, and an error does not stop reading,
+//! so that one run reports all of them.
 //!
-//! Not derived through serde, which gives up at the first mistake. A [`Table`] hands out keys and
-//! remembers which ones it was asked for: what remains at the end is an unknown key, and the asked
-//! ones are what the suggestion is chosen from. So the accepted keys stand in one place only.
+//! It is not derived with serde, which stops at the first error. A [`Table`] records which keys are
+//! requested. Keys that are never requested are unknown, and the suggestion for one of them is
+//! chosen from the requested keys. So the list of accepted keys is written only once, in the code
+//! that reads them.
 
 mod diagnostics;
 
@@ -47,7 +48,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// The span as the place of an error.
+    /// The span as a place of an error.
     pub fn place(&self) -> Place {
         Place::Text {
             file: self.source.path.display().to_string(),
@@ -56,25 +57,25 @@ impl Span {
         }
     }
 
-    /// An error of the scene kind that points here.
+    /// An `InvalidScene` error that points here.
     #[must_use]
     pub fn error(&self, message: impl Into<String>) -> Error {
         self.error_with(message, "")
     }
 
-    /// An error of the scene kind that points here, with words beside the caret.
+    /// An `InvalidScene` error that points here, with a label at the caret.
     #[must_use]
     pub fn error_with(&self, message: impl Into<String>, label: impl Into<String>) -> Error {
         Error::new(ErrorKind::InvalidScene, message).at_with(self.place(), label)
     }
 }
 
-/// A value and where it stands.
+/// A value with its span.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct At<T> {
+pub struct Spanned<T> {
     /// The value.
     pub value: T,
-    /// Where it was written.
+    /// Its span.
     pub span: Span,
 }
 
@@ -126,7 +127,7 @@ impl Document {
     }
 }
 
-/// What can be read from a TOML value. `None` means that the mistake has been reported.
+/// A type that can be read from a TOML value. `None` means that an error has been reported.
 pub trait Parse: Sized {
     /// Reads the value.
     fn parse(value: TomlValue<'_>) -> Option<Self>;
@@ -134,7 +135,7 @@ pub trait Parse: Sized {
 
 /// A closed set of names, such as the filters of a sampler.
 pub trait Named: Copy + 'static {
-    /// What such a name stands for, for messages.
+    /// What such a name denotes, for messages.
     const WHAT: &'static str;
     /// All names.
     const NAMES: &'static [(&'static str, Self)];
@@ -142,7 +143,7 @@ pub trait Named: Copy + 'static {
     const RENAMED: &'static [(&'static str, &'static str)] = &[];
 }
 
-/// One TOML value with its place.
+/// A TOML value with its span.
 #[derive(Clone, Copy)]
 pub struct TomlValue<'a> {
     node: &'a TomlNode,
@@ -151,7 +152,7 @@ pub struct TomlValue<'a> {
 }
 
 impl<'a> TomlValue<'a> {
-    /// Where it stands.
+    /// Its span.
     pub fn span(&self) -> Span {
         Span { source: self.source.clone(), range: self.node.range.clone() }
     }
@@ -161,7 +162,7 @@ impl<'a> TomlValue<'a> {
         &self.node.value
     }
 
-    /// The text of a string; `None` (nothing reported) where it is none.
+    /// The text of a string; `None`, without a report, if it is no string.
     pub fn text(&self) -> Option<&'a str> {
         match self.toml() {
             Toml::String(text) => Some(text),
@@ -169,7 +170,7 @@ impl<'a> TomlValue<'a> {
         }
     }
 
-    /// The elements of an array; `None` (nothing reported) where it is none.
+    /// The elements of an array; `None`, without a report, if it is no array.
     pub fn elements(&self) -> Option<impl Iterator<Item = TomlValue<'a>> + use<'a>> {
         let (source, report) = (self.source, self.report);
         let Toml::Array(elements) = self.toml() else { return None };
@@ -194,21 +195,21 @@ impl<'a> TomlValue<'a> {
         self.report
     }
 
-    /// A copy for later.
-    pub fn kept(&self) -> Kept {
-        Kept { node: self.node.clone(), source: self.source.clone() }
+    /// A copy that owns its text.
+    pub fn to_owned_value(&self) -> OwnedTomlValue {
+        OwnedTomlValue { node: self.node.clone(), source: self.source.clone() }
     }
 }
 
 /// A value that owns its text, to be read later.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct OwnedTomlValue {
     node: TomlNode,
     source: Arc<TomlSource>,
 }
 
-impl Kept {
-    /// Where it stands.
+impl OwnedTomlValue {
+    /// Its span.
     pub fn span(&self) -> Span {
         Span { source: self.source.clone(), range: self.node.range.clone() }
     }
@@ -219,30 +220,30 @@ impl Kept {
     }
 }
 
-/// A TOML table that remembers which keys were asked for.
+/// A TOML table that records which keys are requested.
 pub struct Table<'a> {
     value: TomlValue<'a>,
     entries: &'a [TomlMember],
-    asked: RefCell<BTreeSet<&'static str>>,
+    requested: RefCell<BTreeSet<&'static str>>,
     /// Old keys that were read in place of the keys that replaced them.
     renamed: RefCell<BTreeSet<&'static str>>,
     missing: RefCell<Vec<&'static str>>,
 }
 
 impl<'a> Table<'a> {
-    /// The value as a table; reports where it is none.
+    /// The value as a table; reports an error if it is none.
     pub fn new(value: TomlValue<'a>) -> Option<Self> {
         let Toml::Table(entries) = value.toml() else { return value.expected("a table") };
         Some(Self {
             value,
             entries,
-            asked: RefCell::default(),
+            requested: RefCell::default(),
             renamed: RefCell::default(),
             missing: RefCell::default(),
         })
     }
 
-    /// Where the table (or its header) stands.
+    /// The span of the table or of its header.
     pub fn span(&self) -> Span {
         self.value.span()
     }
@@ -254,28 +255,28 @@ impl<'a> Table<'a> {
 
     /// The value of a key, if it is there.
     pub fn value(&self, key: &'static str) -> Option<TomlValue<'a>> {
-        self.asked.borrow_mut().insert(key);
+        self.requested.borrow_mut().insert(key);
         let member = self.entries.iter().find(|member| member.key == key)?;
         Some(TomlValue { node: &member.node, ..self.value })
     }
 
-    /// Whether a key is there. Does not count as asking for it.
+    /// Whether a key is there. This does not count as a request.
     pub fn has(&self, key: &str) -> bool {
         self.entries.iter().any(|member| member.key == key)
     }
 
-    /// A key that may be missing.
+    /// Reads a key that may be missing.
     pub fn optional<T: Parse>(&self, key: &'static str) -> Option<T> {
         T::parse(self.value(key)?)
     }
 
-    /// A key that may be missing, or written with its old name, which is noted. A table with both
-    /// names has an unknown key.
+    /// Reads a key that may be missing, or have its old name, which is noted. In a table with both
+    /// names, the old one is an unknown key.
     pub fn optional_renamed<T: Parse>(&self, key: &'static str, old: &'static str) -> Option<T> {
         if !self.has(key)
             && let Some(member) = self.entries.iter().find(|member| member.key == old)
         {
-            self.asked.borrow_mut().insert(key);
+            self.requested.borrow_mut().insert(key);
             self.renamed.borrow_mut().insert(old);
             let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
             self.report().renamed(&span, old, key);
@@ -284,12 +285,12 @@ impl<'a> Table<'a> {
         self.optional(key)
     }
 
-    /// A key that has a default.
+    /// Reads a key that has a default.
     pub fn or<T: Parse>(&self, key: &'static str, default: T) -> T {
         self.optional(key).unwrap_or(default)
     }
 
-    /// A key that must be there; [`Self::finish`] reports where it is not.
+    /// Reads a key that must be there; [`Self::finish`] reports it if it is not.
     pub fn required<T: Parse>(&self, key: &'static str) -> Option<T> {
         match self.value(key) {
             Some(value) => T::parse(value),
@@ -301,22 +302,22 @@ impl<'a> Table<'a> {
     }
 
     /// All keys with their values, for tables whose keys are the user's names.
-    pub fn iter(&self) -> impl Iterator<Item = (At<String>, TomlValue<'a>)> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = (Spanned<String>, TomlValue<'a>)> + '_ {
         self.entries.iter().map(|member| {
             let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
-            (At { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
+            (Spanned { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
         })
     }
 
-    /// Reports every missing key, and every key that was not asked for. Call it after the last key
-    /// was asked for and before giving up over one of them.
+    /// Reports every missing key, and every key that was not requested. Call it after the last
+    /// request and before returning early because of a missing key.
     pub fn finish(&self) {
-        let (asked, renamed) = (self.asked.borrow(), self.renamed.borrow());
-        let known = |key: &str| asked.contains(key) || renamed.contains(key);
+        let (requested, renamed) = (self.requested.borrow(), self.renamed.borrow());
+        let known = |key: &str| requested.contains(key) || renamed.contains(key);
         let unknown: Vec<_> = self.iter().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
-            // A misspelt key is one mistake, not two: the unknown key's message names this one.
-            // Among very many unknown ones that is not looked for.
+            // A misspelt key is reported once: the message for the unknown key suggests this one.
+            // Among very many unknown keys that is not searched for.
             let misspelt = unknown.iter().take(SUGGESTED).map(|(name, _)| name.value.as_str());
             if nearest(key, misspelt).is_none() {
                 self.report().push(self.span().error_with(format!("`{key}` is missing"), "in this table"));
@@ -327,11 +328,11 @@ impl<'a> Table<'a> {
                 self.report().count(unknown.len() - at);
                 break;
             }
-            let label = match nearest(&key.value, asked.iter().copied()) {
-                Some(near) => format!("did you mean `{near}`?"),
+            let label = match nearest(&key.value, requested.iter().copied()) {
+                Some(suggestion) => format!("did you mean `{suggestion}`?"),
                 None => "not a key of this table".into(),
             };
-            let known: Vec<_> = asked.iter().copied().collect();
+            let known: Vec<_> = requested.iter().copied().collect();
             self.report().push(
                 key.span
                     .error_with(format!("unknown key `{}`", key.value), label)
@@ -353,27 +354,27 @@ pub fn list_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
     list
 }
 
-/// Among how many unknown keys a missing one is looked for.
+/// Among how many unknown keys a missing one is searched for.
 const SUGGESTED: usize = 64;
 
-/// The name that is most like `word`, if any is like it enough to be what was meant: few letters
-/// differ, or one is the beginning of the other.
+/// The name that is most similar to `word`, if the edit distance is small or one is a prefix of the
+/// other.
 pub fn nearest<'n>(word: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     let allowed = (word.chars().count() / 3).max(1);
-    let begins =
+    let is_prefix =
         |name: &str| word.len().min(name.len()) >= 3 && (name.starts_with(word) || word.starts_with(name));
     let measured = names.map(|name| {
         let distance = edit_distance(word, name);
-        (if begins(name) { distance.min(allowed) } else { distance }, name)
+        (if is_prefix(name) { distance.min(allowed) } else { distance }, name)
     });
     measured.filter(|(distance, _)| *distance <= allowed).min_by_key(|(d, _)| *d).map(|(_, name)| name)
 }
 
-/// Insertions, deletions, replacements and swaps of neighbours that lead from one word to the other
-/// (optimal string alignment).
+/// The number of insertions, deletions, replacements and transpositions that transform one word
+/// into the other (optimal string alignment distance).
 fn edit_distance(a: &str, b: &str) -> usize {
     let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    // User names are unbounded; beyond this no suggestion is worth a quadratic table.
+    // Names of users may be long, and the table is quadratic.
     if a.len() > 64 || b.len() > 64 {
         return usize::MAX;
     }
@@ -407,7 +408,7 @@ impl<T: Named> Parse for T {
         }
         let names = || T::NAMES.iter().map(|(name, _)| *name);
         let label = match nearest(name, names()) {
-            Some(near) => format!("did you mean `{near}`?"),
+            Some(suggestion) => format!("did you mean `{suggestion}`?"),
             None => "no such name".to_string(),
         };
         let all: Vec<_> = names().collect();
@@ -461,7 +462,7 @@ integers!(u8 u16 u32 u64 i8 i16 i32 i64);
 
 macro_rules! floats {
     ($($ty:ident)*) => {$(
-        /// Rounded once, from the decimal text: through f64 some numbers would be rounded twice.
+        /// Rounds once, from the decimal text: through f64 some numbers would be rounded twice.
         impl Parse for $ty {
             fn parse(value: TomlValue<'_>) -> Option<Self> {
                 let (text, named_infinity) = match value.toml() {
@@ -482,9 +483,9 @@ macro_rules! floats {
 }
 floats!(f32 f64);
 
-impl<T: Parse> Parse for At<T> {
+impl<T: Parse> Parse for Spanned<T> {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
-        T::parse(value).map(|parsed| At { value: parsed, span: value.span() })
+        T::parse(value).map(|parsed| Spanned { value: parsed, span: value.span() })
     }
 }
 

@@ -1,4 +1,5 @@
-//! `docs/scene.md` against the code: its examples are scenes, and no key or name is left out.
+//! Checks `docs/scene.md` against the code: its examples are scenes, and every key and name is
+//! documented.
 
 use crate::error::Error;
 use crate::scene::file::SceneFile;
@@ -26,7 +27,7 @@ fn every_example_is_a_scene() {
     assert!(count >= 10, "{count} examples");
 }
 
-/// A table with a key that no table has tells all keys that it has.
+/// The error for an unknown key lists all keys of its table, which must be documented.
 #[test]
 fn every_key_is_described() {
     let mut tables = vec![
@@ -93,7 +94,7 @@ fn names<T: Named>() -> impl Iterator<Item = &'static str> {
     T::NAMES.iter().map(|(name, _)| *name)
 }
 
-/// Whether the word stands in the reference by itself.
+/// Whether the reference contains the word as a whole word.
 fn is_described(word: &str) -> bool {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     REFERENCE.match_indices(word).any(|(at, _)| {

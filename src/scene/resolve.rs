@@ -14,7 +14,7 @@ use crate::scene::file::{
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{At, Diagnostics, Document, list_of, nearest};
+use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
 use crate::scene::resolved::{
     ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
     ShaderBindingTable, ShaderCode, ShaderModule,
@@ -24,17 +24,17 @@ use crate::scene::resources::ResourceEntry;
 mod bindings;
 mod structures;
 
-/// What a command line changes about a scene.
+/// The options by which a command line changes a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions {
     /// The launch's width and height (`--size`); images without a size and cameras follow.
     pub size: Option<[u32; 2]>,
     /// How intersections are computed (`--precision`), instead of the scene's own choice.
     pub precision: Option<Precision>,
-    /// The `[[variant]]` of the scene's own file to take, by its place in the list.
+    /// The index of the `[[variant]]` of the scene's own file to use.
     pub variant: Option<usize>,
-    /// Whether storage images that are only filled may be larger than any that are held whole:
-    /// the launch hands them out in bands.
+    /// Whether storage images that are only filled may exceed the limit of images in memory,
+    /// because the launch outputs them in bands.
     pub streams: bool,
 }
 
@@ -59,7 +59,7 @@ pub fn load_bytes(
     load_text(path, &text_of(path, bytes)?, files, options)
 }
 
-/// Reads a scene from a text; `path` is where its relative paths start from.
+/// Reads a scene from a text; its relative paths are relative to the folder of `path`.
 ///
 /// # Errors
 /// As [`load`].
@@ -85,7 +85,7 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
     })
 }
 
-/// Puts a file behind the files that it includes.
+/// Appends a file to `parts`, after the files that it includes.
 fn include(
     file: SceneFile,
     files: &dyn Files,
@@ -118,7 +118,7 @@ fn include(
     parts.push(file);
 }
 
-/// The parts of a scene as one: later definitions of a name replace earlier ones.
+/// The merged parts of a scene: later definitions of a name replace earlier ones.
 struct Resolver<'a> {
     files: &'a dyn Files,
     report: &'a Diagnostics,
@@ -173,7 +173,7 @@ impl<'a> Resolver<'a> {
         };
         let mut variant = None;
         for part in parts {
-            // The last part is the scene's own file, whose variants count.
+            // The last part is the scene's own file, whose variants are used.
             variant = options.variant.and_then(|at| part.variants.into_iter().nth(at));
             all.geometry.merge(part.geometry);
             all.shader_entries.merge(part.shaders);
@@ -219,7 +219,7 @@ impl<'a> Resolver<'a> {
         let dispatches = self.dispatches();
         let resources = self.bindings(&tlas);
         let push_constants = self.bytes(self.push_constants.as_ref());
-        // `--size` may make the launch smaller than the scene's own rays think.
+        // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();
         }
@@ -248,7 +248,7 @@ impl<'a> Resolver<'a> {
         })
     }
 
-    /// The shader records, and with them the groups and modules.
+    /// Resolves the shader records, and with them the groups and modules.
     fn binding_table(&mut self) -> ShaderBindingTable {
         let Some(pipeline) = self.pipeline.clone() else { return ShaderBindingTable::default() };
         ShaderBindingTable {
@@ -287,7 +287,7 @@ impl<'a> Resolver<'a> {
     }
 
     fn hit(&mut self, entry: &HitEntry) -> ResolvedRecord {
-        let mut shader = |name: &Option<At<String>>| name.as_ref().and_then(|name| self.shader(name));
+        let mut shader = |name: &Option<Spanned<String>>| name.as_ref().and_then(|name| self.shader(name));
         let (closest_hit, any_hit) = (shader(&entry.closest_hit), shader(&entry.any_hit));
         let intersection = shader(&entry.intersection);
         let some = closest_hit.is_some() || any_hit.is_some() || intersection.is_some();
@@ -297,7 +297,7 @@ impl<'a> Resolver<'a> {
         ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
     }
 
-    /// The index of a group, which may be there already.
+    /// The index of a group, which is added if it is new.
     fn group(&mut self, group: ResolvedGroup) -> usize {
         self.groups.iter().position(|known| *known == group).unwrap_or_else(|| {
             self.groups.push(group);
@@ -305,14 +305,14 @@ impl<'a> Resolver<'a> {
         })
     }
 
-    /// `name` or `name:entry`.
-    fn shader(&mut self, reference: &At<String>) -> Option<ResolvedShader> {
+    /// Resolves a reference to a shader, `name` or `name:entry`.
+    fn shader(&mut self, reference: &Spanned<String>) -> Option<ResolvedShader> {
         let whole = self.shader_entries.get(&reference.value).is_some();
         let (name, entry) = match reference.value.rsplit_once(':') {
             Some((name, entry)) if !whole => (name, Some(entry)),
             _ => (reference.value.as_str(), None),
         };
-        let name = At { value: name.to_string(), span: reference.span.clone() };
+        let name = Spanned { value: name.to_string(), span: reference.span.clone() };
         let found = self.find(&self.shader_entries, &name, "shader")?.clone();
         let module = self.module(&name.value, &found)?;
         Some(ResolvedShader {
@@ -323,7 +323,7 @@ impl<'a> Resolver<'a> {
         })
     }
 
-    /// The index of a file with shaders, read once.
+    /// The index of a file with shaders; it is read at the first use.
     fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
         let (file, compiled) = match (&entry.path, &entry.source) {
             (Some(path), _) => (path, true),
@@ -348,7 +348,7 @@ impl<'a> Resolver<'a> {
 
     fn check_rays(&self) {
         for ray in &self.rays {
-            let RayEntry::Pixel { pixel: At { value: [x, y], span }, .. } = ray else { continue };
+            let RayEntry::Pixel { pixel: Spanned { value: [x, y], span }, .. } = ray else { continue };
             if *x >= self.launch[0] || *y >= self.launch[1] {
                 let [width, height, _] = self.launch;
                 self.report
@@ -366,8 +366,8 @@ impl<'a> Resolver<'a> {
         self.launch[0] as f32 / self.launch[1] as f32
     }
 
-    /// What a name stands for; reports where nothing has that name.
-    fn find<'e, T>(&self, entries: &'e ByName<T>, name: &At<String>, what: &str) -> Option<&'e T> {
+    /// Finds the entry with a name; reports an error if there is none.
+    fn find<'e, T>(&self, entries: &'e ByName<T>, name: &Spanned<String>, what: &str) -> Option<&'e T> {
         if let Some(entry) = entries.get(&name.value) {
             return entry.content.as_ref();
         }

@@ -28,7 +28,7 @@ pub struct ResolvedScene {
     pub groups: Vec<ResolvedGroup>,
     /// The shader binding table.
     pub sbt: ShaderBindingTable,
-    /// What the descriptor sets hold, sorted by set, binding and element.
+    /// The contents of the descriptor sets, sorted by set, binding and element.
     pub resources: Vec<ResolvedBinding>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
@@ -38,14 +38,14 @@ pub struct ResolvedScene {
     pub device: DeviceProfile,
     /// The pipeline's flags.
     pub pipeline_flags: PipelineFlags,
-    /// `maxPipelineRayRecursionDepth`, where the scene says.
+    /// `maxPipelineRayRecursionDepth`, if the scene sets it.
     pub max_recursion_depth: Option<u32>,
-    /// The number of invocations in a subgroup, where the scene says.
+    /// The number of invocations in a subgroup, if the scene sets it.
     pub subgroup_size: Option<u32>,
-    /// Instructions that an invocation may execute, counted at back edges and calls, where the
-    /// scene says.
+    /// Instructions that an invocation may execute, counted at back edges and calls, if the scene
+    /// sets it.
     pub fuel: Option<u64>,
-    /// What becomes of an access outside its buffer or image.
+    /// What happens on an access outside its buffer or image.
     pub memory: MemoryPolicy,
     /// Width, height and depth of the launch.
     pub launch: [u32; 3],
@@ -66,18 +66,18 @@ pub struct ShaderModule {
     pub name: String,
     /// The file.
     pub path: PathBuf,
-    /// What it holds.
+    /// Its content.
     pub code: ShaderCode,
     /// Where the scene names it.
     pub place: Place,
 }
 
-/// What a [`ShaderModule`] holds.
+/// The content of a [`ShaderModule`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
-    /// Source text that must be compiled first, and folders where included files are looked for.
+    /// Source text that must be compiled first, and folders where included files are searched.
     Source(Vec<u8>, Vec<PathBuf>),
 }
 
@@ -144,7 +144,7 @@ pub struct ResolvedRecord {
     pub name: Option<String>,
     /// Index into [`ResolvedScene::groups`]; `None` is a null handle.
     pub group: Option<usize>,
-    /// What stands behind the handle (`ShaderRecordBufferKHR` at offset 0).
+    /// The data after the handle (`ShaderRecordBufferKHR` at offset 0).
     pub data: Vec<u8>,
 }
 
@@ -172,7 +172,7 @@ pub struct ResolvedBinding {
     pub binding: u32,
     /// Element of an array of descriptors.
     pub element: u32,
-    /// What it holds.
+    /// Its content.
     pub resource: Resource,
     /// Marks the image that a render saves, and how.
     pub output: Option<Output>,

@@ -7,7 +7,7 @@ use crate::machine::sampler::Sampler;
 use crate::scene::data::DataPieces;
 use crate::scene::files::Files;
 use crate::scene::image_entry::{ImageContent, ImageEntry};
-use crate::scene::read::{At, Named, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 
 /// The content of one descriptor.
@@ -38,9 +38,9 @@ pub enum Resource {
 /// How the picture of a render is saved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// The image holds what a screen shows: its numbers are saved as they are.
+    /// The image has colours for a screen: its numbers are saved unchanged.
     AsIs,
-    /// The image holds linear colours: they are encoded as sRGB.
+    /// The image has linear colours: they are encoded as sRGB.
     Linear,
 }
 
@@ -49,10 +49,10 @@ impl Named for Output {
     const NAMES: &'static [(&'static str, Self)] = &[("as_is", Self::AsIs), ("linear", Self::Linear)];
 }
 
-/// `true`, `false` or an [`Output`].
-struct Marked(Option<Output>);
+/// The value of the key `output`: `true`, `false` or an [`Output`].
+struct OutputKey(Option<Output>);
 
-impl Parse for Marked {
+impl Parse for OutputKey {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Output::parse(value).map(|output| Self(Some(output)));
@@ -64,7 +64,7 @@ impl Parse for Marked {
 /// A resource as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct ResourceEntry {
-    /// Where its table begins.
+    /// The span of its table.
     pub span: Span,
     /// Descriptor set.
     pub set: u32,
@@ -78,7 +78,7 @@ pub struct ResourceEntry {
     pub content: Content,
 }
 
-/// What a [`ResourceEntry`] is made of.
+/// The content of a [`ResourceEntry`].
 #[derive(Clone, Debug)]
 pub enum Content {
     /// A buffer of either kind.
@@ -88,7 +88,7 @@ pub enum Content {
     /// A sampler without an image.
     Sampler(SamplerReference),
     /// A TLAS by its name.
-    AccelerationStructure(At<String>),
+    AccelerationStructure(Spanned<String>),
     /// `VK_NULL_HANDLE` in place of a buffer or a TLAS.
     Null(DescriptorKind),
 }
@@ -142,7 +142,7 @@ impl Parse for ResourceEntry {
         let binding = table.required("binding");
         let element = element(&table);
         let output = match kind {
-            DescriptorKind::StorageImage => table.optional::<Marked>("output").and_then(|marked| marked.0),
+            DescriptorKind::StorageImage => table.optional::<OutputKey>("output").and_then(|marked| marked.0),
             _ => None,
         };
         let nullable = matches!(
@@ -171,7 +171,7 @@ impl Parse for ResourceEntry {
                 table.optional("sampler").unwrap_or(SamplerReference::Inline(Sampler::default())),
             )),
             DescriptorKind::AccelerationStructure => {
-                let main = At { value: "main".to_string(), span: value.span() };
+                let main = Spanned { value: "main".to_string(), span: value.span() };
                 Some(Content::AccelerationStructure(table.or("tlas", main)))
             }
         };
@@ -180,9 +180,10 @@ impl Parse for ResourceEntry {
     }
 }
 
-/// The index of an element in an array of descriptors, below the greatest that shaders can address.
+/// Reads the index of an element in an array of descriptors, which is limited by what shaders can
+/// address.
 fn element(table: &Table<'_>) -> u32 {
-    let Some(At { value, span }) = table.optional::<At<u32>>("element") else { return 0 };
+    let Some(Spanned { value, span }) = table.optional::<Spanned<u32>>("element") else { return 0 };
     if value >> ELEMENT_BITS == 0 {
         return value;
     }
@@ -196,13 +197,13 @@ fn element(table: &Table<'_>) -> u32 {
 #[derive(Clone, Debug)]
 pub struct BufferEntry {
     data: Option<DataPieces>,
-    size: Option<At<u64>>,
+    size: Option<Spanned<u64>>,
 }
 
 impl BufferEntry {
     fn parse(table: &Table<'_>) -> Option<Self> {
-        let (data, size) = (table.optional("data"), table.optional::<At<u64>>("size"));
-        if let Some(At { value, span }) = &size {
+        let (data, size) = (table.optional("data"), table.optional::<Spanned<u64>>("size"));
+        if let Some(Spanned { value, span }) = &size {
             let limits = table.report().limits();
             if let Err(error) = limits.check(InputLimit::BufferBytes, *value, ErrorKind::InvalidScene) {
                 table.report().push(error.at(span.place()));
@@ -216,16 +217,16 @@ impl BufferEntry {
         Some(Self { data, size })
     }
 
-    /// Its bytes, filled up with zeros to its size.
+    /// Its bytes, padded with zeros to its size.
     ///
     /// # Errors
-    /// Where the data is longer than the size, or as [`DataPieces::encode`] says.
+    /// If the data is longer than the size, and those of [`DataPieces::encode`].
     pub fn load(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
         let mut bytes = match &self.data {
             Some(data) => data.encode(files, aspect)?,
             None => Vec::new(),
         };
-        if let Some(At { value: size, span }) = &self.size {
+        if let Some(Spanned { value: size, span }) = &self.size {
             if bytes.len() as u64 > *size {
                 let message = format!("the data has {} bytes, more than the `size` of {size}", bytes.len());
                 return Err(span.error(message));

@@ -1,21 +1,21 @@
 //! `[samplers.NAME]`: samplers as a scene writes them.
 
 use crate::machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode, Sampler};
-use crate::scene::read::{At, Named, OneOrMore, Parse, Table, TomlValue};
+use crate::scene::read::{Named, OneOrMore, Parse, Spanned, Table, TomlValue};
 
 /// A sampler by name or by its keys.
 #[derive(Clone, Debug)]
 pub enum SamplerReference {
     /// `[samplers.NAME]`
-    Named(At<String>),
-    /// Written in place.
+    Named(Spanned<String>),
+    /// A sampler with its keys, in place.
     Inline(Sampler),
 }
 
 impl Parse for SamplerReference {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
-            return At::parse(value).map(Self::Named);
+            return Spanned::parse(value).map(Self::Named);
         }
         Sampler::parse(value).map(Self::Inline)
     }
@@ -71,9 +71,9 @@ impl Parse for Sampler {
         let table = Table::new(value)?;
         let default = Self::default();
         let filter = table.or("filter", Filter::Linear);
-        let address_mode = match table.optional::<At<OneOrMore<AddressMode>>>("address_mode") {
+        let address_mode = match table.optional::<Spanned<OneOrMore<AddressMode>>>("address_mode") {
             None => default.address_mode,
-            Some(At { value: OneOrMore(modes), span }) => match modes[..] {
+            Some(Spanned { value: OneOrMore(modes), span }) => match modes[..] {
                 [all] => [all; 3],
                 [u, v] => [u, v, AddressMode::Repeat],
                 [u, v, w] => [u, v, w],

@@ -10,52 +10,55 @@ use crate::scene::tree::Toml;
 
 /// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
 ///
-/// What is bare takes the constant's own type.
+/// A value without a type takes the constant's type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpecializationValue {
-    given: Given,
+    literal: LiteralValue,
     place: Place,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Given {
+enum LiteralValue {
     Boolean(bool),
-    Whole(i128),
-    /// In decimal, as it is written.
-    Real(String),
+    Integer(i128),
+    /// A float in decimal, as it is written.
+    Float(String),
     /// The value's bytes, little-endian.
     Bytes(Vec<u8>),
 }
 
 impl Parse for SpecializationValue {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let given = match value.toml() {
-            Toml::Boolean(flag) => Given::Boolean(*flag),
-            Toml::Integer(..) => {
-                Given::Whole(integer(value, i128::from(i64::MIN), i128::from(u64::MAX), "i64 or u64")?)
-            }
-            Toml::Float(text) => Given::Real(text.clone()),
-            Toml::Table(_) => Given::Bytes(ScalarBytes::parse(value)?.0),
+        let literal = match value.toml() {
+            Toml::Boolean(flag) => LiteralValue::Boolean(*flag),
+            Toml::Integer(..) => LiteralValue::Integer(integer(
+                value,
+                i128::from(i64::MIN),
+                i128::from(u64::MAX),
+                "i64 or u64",
+            )?),
+            Toml::Float(text) => LiteralValue::Float(text.clone()),
+            Toml::Table(_) => LiteralValue::Bytes(ScalarBytes::parse(value)?.0),
             _ => return value.expected("a number or Boolean"),
         };
-        Some(Self { given, place: value.span().place() })
+        Some(Self { literal, place: value.span().place() })
     }
 }
 
 impl SpecializationValue {
-    /// Gives a module's constant the value.
+    /// Sets a module's specialization constant to the value.
     ///
     /// # Errors
     /// `InvalidArgument` where the module has no such constant, `InvalidScene` where the value is
     /// none of its type.
-    pub fn give(&self, module: &mut Module, constant: u32) -> Result<()> {
+    pub fn specialize(&self, module: &mut Module, constant: u32) -> Result<()> {
         let bits = match module.specialization_type(constant) {
             Some(ty) => {
                 let wrong = |why: String| {
                     let message = format!("{why}; constant {constant} is {}", module.describe_type(ty));
                     Error::new(ErrorKind::InvalidScene, message).at(self.place.clone())
                 };
-                self.given.bits(module.ty(ty)).map_err(wrong)?
+                self.literal.bits(module.ty(ty)).map_err(wrong)?
             }
             None => 0,
         };
@@ -63,7 +66,7 @@ impl SpecializationValue {
     }
 }
 
-impl Given {
+impl LiteralValue {
     /// The bits of the value in a type, or why it has none.
     fn bits(&self, ty: &Type) -> std::result::Result<u64, String> {
         let size = match ty {
@@ -80,26 +83,26 @@ impl Given {
                 bytes.len()
             )),
             (Self::Boolean(flag), Type::Bool) => Ok(u64::from(*flag)),
-            (Self::Whole(number @ 0..=1), Type::Bool) => Ok(*number as u64),
-            (Self::Whole(number), &Type::Int { width, .. }) => {
+            (Self::Integer(number @ 0..=1), Type::Bool) => Ok(*number as u64),
+            (Self::Integer(number), &Type::Int { width, .. }) => {
                 let range = -(1i128 << (width - 1))..1i128 << width;
                 match range.contains(number) {
                     true => Ok(*number as u64 & (u64::MAX >> (64 - width))),
                     false => Err(format!("{number} does not fit")),
                 }
             }
-            (Self::Whole(number), ty @ Type::Float { .. }) => real(&number.to_string(), ty),
-            (Self::Real(text), ty @ Type::Float { .. }) => real(text, ty),
+            (Self::Integer(number), ty @ Type::Float { .. }) => float_bits(&number.to_string(), ty),
+            (Self::Float(text), ty @ Type::Float { .. }) => float_bits(text, ty),
             (Self::Boolean(flag), _) => Err(format!("{flag} is no number")),
-            (Self::Whole(number), _) => Err(format!("{number} is neither true nor false")),
-            (Self::Real(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
-            (Self::Real(text), _) => Err(format!("{text} is no whole number")),
+            (Self::Integer(number), _) => Err(format!("{number} is neither true nor false")),
+            (Self::Float(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
+            (Self::Float(text), _) => Err(format!("{text} is no whole number")),
         }
     }
 }
 
 /// The bits of the float nearest to a decimal.
-fn real(text: &str, ty: &Type) -> std::result::Result<u64, String> {
+fn float_bits(text: &str, ty: &Type) -> std::result::Result<u64, String> {
     let unread = |_| format!("{text} is no number");
     let format = ty.float_format().unwrap_or(FloatFormat::Binary64);
     let bits = match format {
@@ -124,51 +127,57 @@ mod tests {
     const BFLOAT: Type = Type::Float { width: 16, encoding: Some(0) };
     const E4M3: Type = Type::Float { width: 8, encoding: Some(4214) };
 
-    fn real(text: &str) -> Given {
-        Given::Real(text.into())
+    fn float_bits(text: &str) -> LiteralValue {
+        LiteralValue::Float(text.into())
     }
 
     #[test]
     fn bare_values_take_the_type_of_the_constant() {
         // 3 = 1.5 * 2^1, so that the mantissa begins with a one.
-        assert_eq!(Given::Whole(3).bits(&UINT), Ok(3));
-        assert_eq!(Given::Whole(3).bits(&HALF), Ok(0x4200));
-        assert_eq!(Given::Whole(3).bits(&FLOAT), Ok(0x4040_0000));
-        assert_eq!(Given::Whole(3).bits(&DOUBLE), Ok(0x4008_0000_0000_0000));
-        assert_eq!(Given::Whole(3).bits(&BFLOAT), Ok(0x4040));
-        assert_eq!(real("-3.0").bits(&E4M3), Ok(0xC4)); // 1 1000 100
-        assert_eq!(real("0.5").bits(&DOUBLE), Ok(0x3FE0_0000_0000_0000));
-        assert_eq!(real("-inf").bits(&FLOAT), Ok(0xFF80_0000));
+        assert_eq!(LiteralValue::Integer(3).bits(&UINT), Ok(3));
+        assert_eq!(LiteralValue::Integer(3).bits(&HALF), Ok(0x4200));
+        assert_eq!(LiteralValue::Integer(3).bits(&FLOAT), Ok(0x4040_0000));
+        assert_eq!(LiteralValue::Integer(3).bits(&DOUBLE), Ok(0x4008_0000_0000_0000));
+        assert_eq!(LiteralValue::Integer(3).bits(&BFLOAT), Ok(0x4040));
+        assert_eq!(float_bits("-3.0").bits(&E4M3), Ok(0xC4)); // 1 1000 100
+        assert_eq!(float_bits("0.5").bits(&DOUBLE), Ok(0x3FE0_0000_0000_0000));
+        assert_eq!(float_bits("-inf").bits(&FLOAT), Ok(0xFF80_0000));
         // Rounded once: 2^24 + 1 + 2^-40 lies above the middle of two floats, which f64 does not
         // tell.
-        assert_eq!(real("16777217.0000000000009094947017729282379150390625").bits(&FLOAT), Ok(0x4B80_0001));
-        assert_eq!((Given::Whole(-1).bits(&BYTE), Given::Whole(255).bits(&BYTE)), (Ok(0xFF), Ok(0xFF)));
         assert_eq!(
-            (Given::Whole(1).bits(&Type::Bool), Given::Boolean(false).bits(&Type::Bool)),
+            float_bits("16777217.0000000000009094947017729282379150390625").bits(&FLOAT),
+            Ok(0x4B80_0001)
+        );
+        assert_eq!(
+            (LiteralValue::Integer(-1).bits(&BYTE), LiteralValue::Integer(255).bits(&BYTE)),
+            (Ok(0xFF), Ok(0xFF))
+        );
+        assert_eq!(
+            (LiteralValue::Integer(1).bits(&Type::Bool), LiteralValue::Boolean(false).bits(&Type::Bool)),
             (Ok(1), Ok(0))
         );
-        assert_eq!(Given::Bytes(vec![1, 2, 3, 4]).bits(&UINT), Ok(0x0403_0201));
-        assert_eq!(Given::Bytes(vec![0, 0x42]).bits(&HALF), Ok(0x4200));
+        assert_eq!(LiteralValue::Bytes(vec![1, 2, 3, 4]).bits(&UINT), Ok(0x0403_0201));
+        assert_eq!(LiteralValue::Bytes(vec![0, 0x42]).bits(&HALF), Ok(0x4200));
     }
 
     #[test]
     fn values_of_no_such_type_say_why() {
-        for (given, ty, why) in [
-            (real("2.0"), UINT, "2.0 is no whole number"),
-            (Given::Boolean(true), UINT, "true is no number"),
-            (Given::Whole(256), BYTE, "256 does not fit"),
-            (Given::Whole(-129), BYTE, "-129 does not fit"),
-            (Given::Whole(2), Type::Bool, "2 is neither true nor false"),
-            (real("1e39"), FLOAT, "1e39 is beyond the range"),
-            (real("65520.0"), HALF, "65520.0 is beyond the range"),
-            (real("465.0"), E4M3, "465.0 is beyond the range"),
+        for (literal, ty, why) in [
+            (float_bits("2.0"), UINT, "2.0 is no whole number"),
+            (LiteralValue::Boolean(true), UINT, "true is no number"),
+            (LiteralValue::Integer(256), BYTE, "256 does not fit"),
+            (LiteralValue::Integer(-129), BYTE, "-129 does not fit"),
+            (LiteralValue::Integer(2), Type::Bool, "2 is neither true nor false"),
+            (float_bits("1e39"), FLOAT, "1e39 is beyond the range"),
+            (float_bits("65520.0"), HALF, "65520.0 is beyond the range"),
+            (float_bits("465.0"), E4M3, "465.0 is beyond the range"),
             (
-                Given::Bytes(vec![0; 8]),
+                LiteralValue::Bytes(vec![0; 8]),
                 UINT,
                 "8 bytes are given where 4 are needed (VUID-VkSpecializationMapEntry-constantID-00776)",
             ),
         ] {
-            assert_eq!(given.bits(&ty), Err(why.to_owned()));
+            assert_eq!(literal.bits(&ty), Err(why.to_owned()));
         }
     }
 }

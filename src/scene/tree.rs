@@ -1,4 +1,4 @@
-//! A TOML document that owns its text: what the `toml` crate parses borrows it.
+//! A TOML document that owns its text; the parse tree of the `toml` crate borrows it.
 //!
 //! Numbers keep their digits, because a float is rounded only where its type is known.
 
@@ -7,7 +7,7 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A value and the bytes it stands in.
+/// A value and its range in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TomlNode {
     /// The bytes; for a table with a header, the header.

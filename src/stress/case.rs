@@ -36,7 +36,7 @@ pub struct StressCase {
     pub transform: Option<Matrix>,
     /// How the instance moves, in place of the transform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub motion: Option<Moves>,
+    pub motion: Option<MotionKeys>,
     /// The number of copies of the instance that the ray's mask excludes: above four instances, a
     /// BVH is built over them.
     #[serde(default = "four", skip_serializing_if = "is_four")]
@@ -83,7 +83,7 @@ pub struct Placement {
     pub transform: Option<Matrix>,
     /// How it moves, in place of the transform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub motion: Option<Moves>,
+    pub motion: Option<MotionKeys>,
     /// Its mask.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub mask: u8,
@@ -94,7 +94,7 @@ pub struct Placement {
 
 impl Placement {
     /// An instance of mask 1 without flags.
-    pub fn new(transform: Option<Matrix>, motion: Option<Moves>) -> Self {
+    pub fn new(transform: Option<Matrix>, motion: Option<MotionKeys>) -> Self {
         Self { transform, motion, mask: one(), flags: 0 }
     }
 }
@@ -102,14 +102,14 @@ impl Placement {
 /// How an instance moves: its keys at time 0 and at time 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Moves {
+pub enum MotionKeys {
     /// Two matrices, at time 0 and at time 1.
     Matrix([Matrix; 2]),
     /// Decompositions, in the order of `VkSRTDataNV`.
     Srt([[f32; 16]; 2]),
 }
 
-impl Moves {
+impl MotionKeys {
     /// The motion of an instance.
     pub fn motion(&self) -> Motion {
         let srt = |&[sx, a, b, pvx, sy, c, pvy, sz, pvz, qx, qy, qz, qw, tx, ty, tz]: &[f32; 16]| Srt {
@@ -240,8 +240,8 @@ impl StressCase {
             out.extend(transform.iter_mut().flatten().flatten());
             match motion {
                 None => {}
-                Some(Moves::Matrix(keys)) => out.extend(keys.as_flattened_mut().as_flattened_mut()),
-                Some(Moves::Srt(keys)) => out.extend(keys.as_flattened_mut()),
+                Some(MotionKeys::Matrix(keys)) => out.extend(keys.as_flattened_mut().as_flattened_mut()),
+                Some(MotionKeys::Srt(keys)) => out.extend(keys.as_flattened_mut()),
             }
         }
         for neighbour in &mut self.neighbours {
@@ -300,8 +300,8 @@ mod tests {
         let mut case = StressCase::new(shapes, (ray, Some([[0.1; 4]; 3]))).named("test");
         case.shapes.push(Shape::MovingTriangle([[[0.7; 3]; 3], [[1e-45; 3]; 3]]));
         (case.time, case.flags, case.hidden) = (0.1, 16, 0);
-        case.motion = Some(Moves::Srt([[0.1; 16], [1e30; 16]]));
-        let motion = Some(Moves::Matrix([[[0.3; 4]; 3], [[-0.0; 4]; 3]]));
+        case.motion = Some(MotionKeys::Srt([[0.1; 16], [1e30; 16]]));
+        let motion = Some(MotionKeys::Matrix([[[0.3; 4]; 3], [[-0.0; 4]; 3]]));
         case.others = vec![Placement::new(None, motion), Placement::new(None, None)];
         case.others.push(Placement { transform: Some([[0.9; 4]; 3]), mask: 6, flags: 2, motion: None });
         let StressCase { origin, direction, t_min, t_max, .. } = case;

@@ -39,7 +39,7 @@ impl Draw {
         self.below(n) == 0
     }
 
-    /// In [-1, 1), 24 bits.
+    /// A multiple of 2^-23 in [-1, 1).
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / 2f32.powi(23) - 1.0
     }
@@ -71,7 +71,7 @@ impl Draw {
         std::array::from_fn(|_| self.unit() * s)
     }
 
-    /// Centre and radius; the radius may be 0 or negative.
+    /// Centre and radius of a sphere; the radius may be 0 or negative.
     pub fn sphere(&mut self) -> ([f32; 3], f32) {
         let center = self.point();
         let s = 2f32.powi((self.size(center)).log2().round() as i32);
@@ -90,7 +90,7 @@ impl Draw {
         if size > 0.0 { size } else { 1.0 }
     }
 
-    /// Positions, radii, caps.
+    /// Positions, radii and caps of a linear swept sphere.
     pub fn linear_swept_sphere(&mut self) -> ([[f32; 3]; 2], [f32; 2], [bool; 2]) {
         let caps = [[true; 2], [false, true], [true, false], [false; 2], [true; 2]][self.below(5)];
         let s = self.scale();
@@ -190,8 +190,8 @@ impl Draw {
         m
     }
 
-    /// The ray, in one of three cases transformed, with the matrix (see `image`).
-    pub fn placed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
+    /// A ray, in one of three cases transformed, with its matrix (see `image`).
+    pub fn transformed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
         if !self.one_in(3) {
             return (Ray::new(origin, direction), None);
         }
@@ -211,7 +211,7 @@ impl Draw {
         if finite { (ray, Some(m)) } else { (Ray::new(origin, direction), None) }
     }
 
-    /// A ray near the surface of the swept sphere of two balls: through it, grazing it, from it,
+    /// A ray near the surface of a linear swept sphere: through it, grazing it, starting on it or
     /// along it.
     pub fn ray_near(&mut self, positions: [[f32; 3]; 2], radii: [f32; 2]) -> (Ray, Option<Matrix>) {
         let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
@@ -219,12 +219,12 @@ impl Draw {
         let s = self.size(std::array::from_fn(|i| q[i] - p[i]));
         let s = 2f32.powi(s.log2().round() as i32);
         if self.one_in(3) {
-            // Lattice to lattice.
+            // The ray connects points of the lattice.
             let origin = std::array::from_fn(|i| p[i] + self.small() * s);
             let direction = self.lattice(1.0);
             let ends = std::array::from_fn(|i| q[i] - p[i]);
             let direction = if self.one_in(4) { ends } else { direction };
-            return self.placed(origin, direction);
+            return self.transformed(origin, direction);
         }
         // A point of the surface, a normal there, and a direction at a chosen angle to it.
         let u = [0.0, 1.0, 0.5, self.unit().abs()][self.below(4)];
@@ -238,7 +238,7 @@ impl Draw {
         let far = [0.0, 1.0, 3.0, 1e3, 1e6][self.below(5)] * s;
         let origin = std::array::from_fn(|i| touched[i] - direction[i] * far);
         let long = self.scale();
-        self.placed(origin, direction.map(|x| x * long))
+        self.transformed(origin, direction.map(|x| x * long))
     }
 
     /// A vector of about unit length, or an axis.
@@ -287,7 +287,7 @@ impl Draw {
         let far = [1.0, 2.0, 1e3, 1e6][self.below(4)] * s;
         let origin = std::array::from_fn(|i| target[i] - direction[i] * far);
         let long = self.scale();
-        self.placed(origin, direction.map(|x| x * long))
+        self.transformed(origin, direction.map(|x| x * long))
     }
 
     /// A triangle fan's centre and rim, a ray exactly through the centre, an edge or the inside,

@@ -7,7 +7,7 @@ mod trees;
 use crate::geometry::Ray;
 use crate::stress::case::{Shape, StressCase};
 use crate::stress::draw::Draw;
-pub use neighbours::surround;
+pub use neighbours::add_neighbours;
 
 /// A generator of cases.
 pub struct Family {
@@ -95,8 +95,8 @@ fn spheres(draw: &mut Draw) -> StressCase {
 
 fn swept(draw: &mut Draw) -> StressCase {
     let (positions, radii, caps) = draw.linear_swept_sphere();
-    let placed = draw.ray_near(positions, radii);
-    StressCase::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], placed)
+    let transformed = draw.ray_near(positions, radii);
+    StressCase::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], transformed)
 }
 
 fn triangles(draw: &mut Draw) -> StressCase {
@@ -110,7 +110,7 @@ fn boxes(draw: &mut Draw) -> StressCase {
 }
 
 /// A sphere or swept sphere of radius about 1, and its ends.
-fn round(draw: &mut Draw) -> (Shape, [[f32; 3]; 2], [f32; 2]) {
+fn round_shape(draw: &mut Draw) -> (Shape, [[f32; 3]; 2], [f32; 2]) {
     let s = draw.scale();
     let p = draw.anywhere(s);
     let r = (0.25 + 0.75 * draw.unit().abs()) * s;
@@ -153,12 +153,12 @@ fn clamp(x: f64) -> f32 {
 }
 
 fn grazing(draw: &mut Draw) -> StressCase {
-    let (shape, ends, radii) = round(draw);
+    let (shape, ends, radii) = round_shape(draw);
     let off = ten_to(-(1 + draw.below(16) as i32)) * if draw.one_in(2) { 1.0 } else { -1.0 };
     let distance = ten_to(draw.below(4) as i32);
     let ray = passing(draw, ends, radii, off, distance);
-    let placed = draw.placed(ray.origin, ray.direction);
-    StressCase::new(vec![shape], placed)
+    let transformed = draw.transformed(ray.origin, ray.direction);
+    StressCase::new(vec![shape], transformed)
 }
 
 fn axis_parallel(draw: &mut Draw) -> StressCase {
@@ -182,8 +182,8 @@ fn axis_parallel(draw: &mut Draw) -> StressCase {
             Shape::Aabb([std::array::from_fn(|i| a[i].min(b[i])), std::array::from_fn(|i| a[i].max(b[i]))])
         }
     };
-    let placed = draw.placed(origin, direction);
-    StressCase::new(vec![shape], placed)
+    let transformed = draw.transformed(origin, direction);
+    StressCase::new(vec![shape], transformed)
 }
 
 fn enclosing(draw: &mut Draw) -> StressCase {
@@ -204,8 +204,8 @@ fn enclosing(draw: &mut Draw) -> StressCase {
     }
     let (positions, radii) = if draw.one_in(2) { ([p, q], [small, great]) } else { ([q, p], [great, small]) };
     let caps = [!draw.one_in(3), !draw.one_in(3)];
-    let placed = draw.ray_near(positions, radii);
-    StressCase::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], placed)
+    let transformed = draw.ray_near(positions, radii);
+    StressCase::new(vec![Shape::LinearSweptSphere { positions, radii, caps }], transformed)
 }
 
 fn needles(draw: &mut Draw) -> StressCase {
@@ -231,8 +231,8 @@ fn needles(draw: &mut Draw) -> StressCase {
         passing(draw, [p, q], radii, off, distance)
     };
     let caps = [!draw.one_in(4), !draw.one_in(4)];
-    let placed = draw.placed(ray.origin, ray.direction);
-    StressCase::new(vec![Shape::LinearSweptSphere { positions: [p, q], radii, caps }], placed)
+    let transformed = draw.transformed(ray.origin, ray.direction);
+    StressCase::new(vec![Shape::LinearSweptSphere { positions: [p, q], radii, caps }], transformed)
 }
 
 fn zero_length(draw: &mut Draw) -> StressCase {
@@ -272,13 +272,13 @@ fn radii(draw: &mut Draw) -> StressCase {
     let off = [0.0, 1e-7, -1e-7, -0.5, 1e-3][draw.below(5)];
     let distance = ten_to(draw.below(4) as i32);
     let ray = passing(draw, [p, q], radii, off, distance);
-    let placed = draw.placed(ray.origin, ray.direction);
+    let transformed = draw.transformed(ray.origin, ray.direction);
     let shape = if draw.one_in(3) {
         Shape::Sphere { center: p, radius: a }
     } else {
         Shape::LinearSweptSphere { positions: [p, q], radii, caps: [true; 2] }
     };
-    StressCase::new(vec![shape], placed)
+    StressCase::new(vec![shape], transformed)
 }
 
 fn far(draw: &mut Draw) -> StressCase {
@@ -301,24 +301,24 @@ fn far(draw: &mut Draw) -> StressCase {
             StressCase::new(vec![Shape::Aabb([min, max])], (Ray { origin, ..ray }, matrix))
         }
         _ => {
-            let (shape, ends, radii) = round(draw);
+            let (shape, ends, radii) = round_shape(draw);
             let off = [0.0, 1e-7, -1e-7, -0.5, 1e-3, -1e-5][draw.below(6)];
             let ray = passing(draw, ends, radii, off, distance);
-            let placed = draw.placed(ray.origin, ray.direction);
-            StressCase::new(vec![shape], placed)
+            let transformed = draw.transformed(ray.origin, ray.direction);
+            StressCase::new(vec![shape], transformed)
         }
     }
 }
 
 fn leaving(draw: &mut Draw) -> StressCase {
-    let (shape, ends, radii) = round(draw);
+    let (shape, ends, radii) = round_shape(draw);
     let off = [0.0, 1e-7, -1e-7, 1e-6, -1e-6][draw.below(5)];
     let mut ray = passing(draw, ends, radii, off, 0.0);
     if draw.one_in(2) {
         ray.direction = draw.direction();
     }
-    let placed = draw.placed(ray.origin, ray.direction);
-    StressCase::new(vec![shape], placed)
+    let transformed = draw.transformed(ray.origin, ray.direction);
+    StressCase::new(vec![shape], transformed)
 }
 
 fn directions(draw: &mut Draw) -> StressCase {
@@ -403,8 +403,8 @@ fn chains(draw: &mut Draw) -> StressCase {
     });
     let shapes: Vec<Shape> = shapes.collect();
     let joint = draw.below(4);
-    let placed = draw.ray_near([points[joint]; 2], [radii[joint]; 2]);
-    StressCase::new(shapes, placed)
+    let transformed = draw.ray_near([points[joint]; 2], [radii[joint]; 2]);
+    StressCase::new(shapes, transformed)
 }
 
 fn ties(draw: &mut Draw) -> StressCase {

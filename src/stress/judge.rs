@@ -7,9 +7,9 @@
 //! traversal of the single ray, and of a packet with its neighbours, finds the same as testing
 //! every primitive.
 
-mod moment;
-mod one;
-mod traced;
+mod case_at_time;
+mod primitive;
+mod traversal;
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,25 +17,26 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::accel::TraceRay;
 use crate::geometry::{Precision, Ray};
 use crate::stress::case::{Shape, StressCase};
-use crate::stress::judge::moment::{ExactHit, Moment};
-use crate::stress::judge::one::{LineAndPrimitive, intersect};
-use crate::stress::judge::traced::TracedScene;
-use crate::stress::reference::LineOf;
+use crate::stress::judge::case_at_time::{CaseAtTime, ExactHit};
+use crate::stress::judge::primitive::{LineAndPrimitive, intersect};
+use crate::stress::judge::traversal::TracedScene;
+use crate::stress::reference::ObjectLine;
 
 /// The counts of one case or of a whole run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Rays: a line, an interval and a primitive, or a traversal, or a ray of a packet.
+    /// The number of rays: each is a line, an interval and a primitive, or a traversal, or a ray of
+    /// a packet.
     pub rays: u64,
-    /// Lines, each with all intervals.
+    /// The number of lines; each is tested with several intervals.
     pub lines: u64,
-    /// Rays that hit.
+    /// The number of rays that hit.
     pub hits: u64,
-    /// Lines and primitives that the f32 block test culled.
-    pub dropped: u64,
-    /// Single rays that traversed nodes of a BLAS.
+    /// The number of pairs of line and primitive that the f32 block test culled.
+    pub culled: u64,
+    /// The number of single rays that traversed nodes of a BLAS.
     pub trees: u64,
-    /// Rays that were traced in a packet to the end.
+    /// The number of rays that were traced in a packet to the end.
     pub packets: u64,
 }
 
@@ -47,14 +48,14 @@ impl Tally {
             rays: self.rays + other.rays,
             lines: self.lines + other.lines,
             hits: self.hits + other.hits,
-            dropped: self.dropped + other.dropped,
+            culled: self.culled + other.culled,
             trees: self.trees + other.trees,
             packets: self.packets + other.packets,
         }
     }
 }
 
-/// A wrong result, in words.
+/// The description of a wrong result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure(pub(in crate::stress) String);
 
@@ -68,21 +69,21 @@ fn fail<T>(what: impl Into<String>) -> Result<T, Failure> {
     Err(Failure(what.into()))
 }
 
-/// [`check`], with a panic as a failure.
+/// Runs [`check`]; a panic counts as a failure.
 pub fn check_caught(case: &StressCase, precision: Precision) -> Result<Tally, Failure> {
     catch_unwind(AssertUnwindSafe(|| check(case, precision))).unwrap_or_else(|_| fail("it panics"))
 }
 
-/// Up to this many pairs of instance and primitive of a case are all judged.
-const ALL: usize = 24;
-/// Of more pairs, those that are hit are judged, and this many near misses.
-const NEAR: usize = 16;
-/// The number of instances without hits that are judged.
-const INSTANCES: usize = 4;
-/// For this many of the closest hits, intervals that end there are judged too.
-const ENDED: usize = 12;
-/// For this many neighbours, the hit is judged in rational numbers too.
-const NEIGHBOURS: usize = 3;
+/// Up to this many pairs of instance and primitive of a case are all checked.
+const MAX_EXHAUSTIVE_PAIRS: usize = 24;
+/// Of more pairs, all hits and up to this many near misses are checked.
+const MAX_NEAR_MISSES: usize = 16;
+/// The most instances without hits that are checked.
+const MAX_MISSED_INSTANCES: usize = 4;
+/// For up to this many hits, intervals that end there are checked too.
+const MAX_SHORTENED_HITS: usize = 12;
+/// For up to this many neighbours, the hit is checked in rational numbers too.
+const MAX_EXACT_NEIGHBOURS: usize = 3;
 
 /// Checks all results for a case.
 ///
@@ -94,23 +95,23 @@ pub fn check(case: &StressCase, precision: Precision) -> Result<Tally, Failure> 
     if !(0.0..=1.0).contains(&trace.time) {
         return Ok(tally);
     }
-    let moment = Moment::new(case, trace.time);
-    let judge = Judge { case, precision, moment: &moment, ray: trace.ray };
+    let case_at_time = CaseAtTime::new(case, trace.time);
+    let judge = Judge { case, precision, case_at_time: &case_at_time, ray: trace.ray };
     if !judge.check_primitives(&mut tally)? || trace.check().is_err() {
         return Ok(tally);
     }
     let Some(scene) = TracedScene::new(case, precision)? else { return Ok(tally) };
-    scene.check_alone(&moment, &trace, &mut tally)?;
-    if let Some(closest) = moment.hits(&trace, precision).first() {
+    scene.check_single(&case_at_time, &trace, &mut tally)?;
+    if let Some(closest) = case_at_time.hits(&trace, precision).first() {
         let (Ray { t_min, t_max, .. }, t) = (trace.ray, closest.found.t);
         for (t_min, t_max) in [(t_min, t), (t_min, t.next_down()), (t, t_max)] {
-            let ended = TraceRay { ray: trace.ray.with_interval(t_min, t_max), ..trace };
-            if ended.check().is_ok() {
-                scene.check_alone(&moment, &ended, &mut tally)?;
+            let shortened = TraceRay { ray: trace.ray.with_interval(t_min, t_max), ..trace };
+            if shortened.check().is_ok() {
+                scene.check_single(&case_at_time, &shortened, &mut tally)?;
             }
         }
     }
-    check_neighbours(case, &scene, &moment, precision, &mut tally)?;
+    check_neighbours(case, &scene, &case_at_time, precision, &mut tally)?;
     Ok(tally)
 }
 
@@ -118,29 +119,31 @@ pub fn check(case: &StressCase, precision: Precision) -> Result<Tally, Failure> 
 fn check_neighbours(
     case: &StressCase,
     scene: &TracedScene,
-    moment: &Moment,
+    case_at_time: &CaseAtTime,
     precision: Precision,
     tally: &mut Tally,
 ) -> Result<(), Failure> {
     let traces = case.neighbours.iter().map(|neighbour| neighbour.trace());
     let traces: Vec<_> = traces.filter(|trace| trace.check().is_ok()).collect();
     let times: Vec<_> = traces.iter().map(|trace| trace.time).collect();
-    let mut moments: Vec<Moment> = Vec::new();
+    let mut cases_at_times: Vec<CaseAtTime> = Vec::new();
     for time in times {
-        if moments.iter().chain([moment]).all(|moment| moment.time != time) {
-            moments.push(Moment::new(case, time));
+        if cases_at_times.iter().chain([case_at_time]).all(|case_at_time| case_at_time.time != time) {
+            cases_at_times.push(CaseAtTime::new(case, time));
         }
     }
-    let moment_of = |time: f32| moments.iter().find(|moment| moment.time == time).unwrap_or(moment);
+    let at_time = |time: f32| {
+        cases_at_times.iter().find(|case_at_time| case_at_time.time == time).unwrap_or(case_at_time)
+    };
     for (at, trace) in traces.iter().enumerate() {
-        let moment = moment_of(trace.time);
+        let case_at_time = at_time(trace.time);
         scene
-            .check_alone(moment, trace, tally)
+            .check_single(case_at_time, trace, tally)
             .map_err(|Failure(what)| Failure(format!("neighbour {at}: {what}")))?;
-        if at < NEIGHBOURS
-            && let Some(hit) = moment.hits(trace, precision).first()
+        if at < MAX_EXACT_NEIGHBOURS
+            && let Some(hit) = case_at_time.hits(trace, precision).first()
         {
-            let judge = Judge { case, precision, moment, ray: trace.ray };
+            let judge = Judge { case, precision, case_at_time, ray: trace.ray };
             judge
                 .check_hit(hit, tally)
                 .map_err(|Failure(what)| Failure(format!("neighbour {at}: {what}")))?;
@@ -150,55 +153,55 @@ fn check_neighbours(
         return Ok(());
     }
     let all = std::iter::once(case.trace()).chain(traces);
-    let all: Vec<_> = all.map(|trace| (trace, moment_of(trace.time))).collect();
-    scene.check_together(&all, tally)
+    let all: Vec<_> = all.map(|trace| (trace, at_time(trace.time))).collect();
+    scene.check_packets(&all, tally)
 }
 
 /// Checks the results of the primitives' tests for one ray.
 struct Judge<'a> {
     case: &'a StressCase,
     precision: Precision,
-    moment: &'a Moment,
+    case_at_time: &'a CaseAtTime,
     ray: Ray,
 }
 
 impl Judge<'_> {
-    /// The line of the ray in an instance, after checking that the engine agrees whether there is
+    /// The line of the ray in an instance; checks that the code under test agrees whether there is
     /// one.
-    fn line(&self, instance: usize) -> Result<Option<LineOf>, Failure> {
+    fn line(&self, instance: usize) -> Result<Option<ObjectLine>, Failure> {
         let Ray { origin, direction, .. } = self.ray;
-        let matrix = self.moment.places[instance].matrix.as_ref();
+        let matrix = self.case_at_time.instances[instance].matrix.as_ref();
         let numbers = origin.iter().chain(&direction).chain(matrix.into_iter().flatten().flatten());
         let is_ray = numbers.copied().all(f32::is_finite);
-        let line = if is_ray { LineOf::new(&self.ray, matrix) } else { None };
-        let found = self.moment.object_ray(instance, &self.ray).is_some();
+        let line = if is_ray { ObjectLine::new(&self.ray, matrix) } else { None };
+        let found = self.case_at_time.object_ray(instance, &self.ray).is_some();
         if found != line.is_some() {
             return fail(format!("instance {instance}: an object-space ray: {found}, not {}", !found));
         }
-        self.moment.check_place(instance)?;
+        self.case_at_time.check_transform(instance)?;
         Ok(line)
     }
 
-    /// `false` where there is no ray in the first instance.
+    /// Checks all primitives; returns `false` where there is no ray in the first instance.
     fn check_primitives(&self, tally: &mut Tally) -> Result<bool, Failure> {
         let Some(first) = self.line(0)? else { return Ok(false) };
-        let shapes = self.moment.shapes.len();
-        // The hidden copies are not counted.
+        let shapes = self.case_at_time.shapes.len();
+        // Hidden copies do not count.
         let instances = 1 + self.case.others.len();
-        let all = shapes * instances <= ALL;
-        let (mut ended, mut near, mut looked) = (0, 0, 0);
+        let all = shapes * instances <= MAX_EXHAUSTIVE_PAIRS;
+        let (mut shortened, mut near_misses, mut missed_instances) = (0, 0, 0);
         let mut first = Some(first);
         for instance in 0..instances {
-            let object = self.moment.object_ray(instance, &self.ray);
+            let object = self.case_at_time.object_ray(instance, &self.ray);
             let is_hit = |at: usize| {
-                object
-                    .as_ref()
-                    .is_some_and(|ray| intersect(&self.moment.shapes[at], ray, self.precision).is_some())
+                object.as_ref().is_some_and(|ray| {
+                    intersect(&self.case_at_time.shapes[at], ray, self.precision).is_some()
+                })
             };
             let hits: Vec<bool> = (0..shapes).map(is_hit).collect();
             if !all && !hits.contains(&true) {
-                looked += 1;
-                if looked > INSTANCES {
+                missed_instances += 1;
+                if missed_instances > MAX_MISSED_INSTANCES {
                     continue;
                 }
             }
@@ -207,23 +210,25 @@ impl Judge<'_> {
                 None => self.line(instance)?,
             };
             let Some(line) = line else { continue };
-            let way = Way::of(&line);
+            let approximate = ApproximateLine::of(&line);
             for (at, &is_hit) in hits.iter().enumerate() {
                 if !all && !is_hit {
-                    if near >= NEAR || way.is_far_from(&self.moment.shapes[at]) {
+                    if near_misses >= MAX_NEAR_MISSES
+                        || approximate.is_far_from(&self.case_at_time.shapes[at])
+                    {
                         continue;
                     }
-                    near += 1;
+                    near_misses += 1;
                 }
-                let is_ended = all || ended < ENDED;
-                ended += usize::from(is_hit);
-                self.check_primitive((instance, at), &line, is_ended, tally)?;
+                let shortens = all || shortened < MAX_SHORTENED_HITS;
+                shortened += usize::from(is_hit);
+                self.check_primitive((instance, at), &line, shortens, tally)?;
             }
         }
         Ok(true)
     }
 
-    /// Checks a known hit.
+    /// Checks an expected hit.
     fn check_hit(&self, hit: &ExactHit, tally: &mut Tally) -> Result<(), Failure> {
         match self.line(hit.instance)? {
             Some(line) => self.check_primitive((hit.instance, hit.shape), &line, false, tally),
@@ -231,34 +236,34 @@ impl Judge<'_> {
         }
     }
 
-    /// Checks a primitive; with `is_ended`, over intervals that end at a hit, too.
+    /// Checks a primitive; with `shortens`, also over intervals that end at a hit.
     fn check_primitive(
         &self,
         (instance, index): (usize, usize),
-        line: &LineOf,
-        is_ended: bool,
+        line: &ObjectLine,
+        shortens: bool,
         tally: &mut Tally,
     ) -> Result<(), Failure> {
         let in_instance = |Failure(what): Failure| match instance {
             0 => Failure(what),
             _ => Failure(format!("instance {instance}: {what}")),
         };
-        self.moment.check_shape(self.case, index)?;
-        let Some(object) = self.moment.object_ray(instance, &self.ray) else { return Ok(()) };
-        let matrix = self.moment.places[instance].matrix.as_ref();
-        let (shape, precision) = (&self.moment.shapes[index], self.precision);
-        let one = LineAndPrimitive { shape, line, matrix, precision, index };
-        let expected = one.expected();
-        one.check_block(&object, expected.as_ref(), tally).map_err(in_instance)?;
-        let found = one.check(&self.ray, expected.as_ref(), tally).map_err(in_instance)?;
-        let Some(t) = found.map(|found| found.t).filter(|t| is_ended && t.is_finite()) else {
+        self.case_at_time.check_shape(self.case, index)?;
+        let Some(object) = self.case_at_time.object_ray(instance, &self.ray) else { return Ok(()) };
+        let matrix = self.case_at_time.instances[instance].matrix.as_ref();
+        let (shape, precision) = (&self.case_at_time.shapes[index], self.precision);
+        let primitive = LineAndPrimitive { shape, line, matrix, precision, index };
+        let expected = primitive.expected();
+        primitive.check_block(&object, expected.as_ref(), tally).map_err(in_instance)?;
+        let found = primitive.check(&self.ray, expected.as_ref(), tally).map_err(in_instance)?;
+        let Some(t) = found.map(|found| found.t).filter(|t| shortens && t.is_finite()) else {
             return Ok(());
         };
         for end in [t.next_down(), t, t.next_up()] {
             if end >= 0.0 && end.is_finite() {
                 for (t_min, t_max) in [(end, f32::INFINITY), (0.0, end)] {
                     let ray = self.ray.with_interval(t_min, t_max);
-                    one.check(&ray, expected.as_ref(), tally).map_err(in_instance)?;
+                    primitive.check(&ray, expected.as_ref(), tally).map_err(in_instance)?;
                 }
             }
         }
@@ -266,23 +271,23 @@ impl Judge<'_> {
     }
 }
 
-/// A line in f64, used only to leave out shapes that are far from it.
-struct Way {
+/// A line in f64, used only to skip shapes that are far from it.
+struct ApproximateLine {
     origin: [f64; 3],
     direction: [f64; 3],
 }
 
-impl Way {
-    fn of(line: &LineOf) -> Self {
+impl ApproximateLine {
+    fn of(line: &ObjectLine) -> Self {
         let (origin, direction) = line.to_f64();
         Self { origin, direction }
     }
 
-    /// Whether the line surely passes a shape at some distance. (A NaN is not far.)
+    /// Whether the line certainly misses a shape by some distance; false for a NaN.
     fn is_far_from(&self, shape: &Shape) -> bool {
         let wide = |v: [f32; 3]| v.map(f64::from);
         let distance = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
-        let (center, reach) = match *shape {
+        let (center, bounding_radius) = match *shape {
             Shape::Triangle(vertices) | Shape::MovingTriangle([vertices, _]) => {
                 let center = wide(vertices[0]);
                 (center, distance(wide(vertices[1]), center).max(distance(wide(vertices[2]), center)))
@@ -296,8 +301,8 @@ impl Way {
         let [m, d] = [std::array::from_fn::<f64, 3, _>(|i| center[i] - self.origin[i]), self.direction];
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
         let along = dot(m, d) / dot(d, d);
-        let beside = std::array::from_fn(|i| m[i] - along * d[i]);
+        let perpendicular = std::array::from_fn(|i| m[i] - along * d[i]);
         // Cancellation leaves an error relative to the subtracted terms.
-        dot(beside, beside).sqrt() - 1e-12 * dot(m, m).sqrt() > 1.01 * reach
+        dot(perpendicular, perpendicular).sqrt() - 1e-12 * dot(m, m).sqrt() > 1.01 * bounding_radius
     }
 }

@@ -1,7 +1,7 @@
 //! Minimises a failing case: fewer primitives, instances and rays, no motion, short numbers.
 
 use crate::geometry::Precision;
-use crate::stress::case::{Moves, Placement, Shape, StressCase};
+use crate::stress::case::{MotionKeys, Placement, Shape, StressCase};
 use crate::stress::judge::{Failure, check_caught};
 
 /// A case that fails, no larger than the given one in any respect, and how it fails. Tries each
@@ -12,40 +12,40 @@ use crate::stress::judge::{Failure, check_caught};
 pub fn minimise(case: &StressCase, precision: Precision) -> (StressCase, Failure) {
     let fails = |case: &StressCase| check_caught(case, precision).err();
     let failure = fails(case).expect("bug in anyhit: a case that does not fail is made smaller");
-    let mut search = Search { best: case.clone(), failure, fails };
+    let mut minimizer = Minimizer { best: case.clone(), failure, fails };
     // Each kept change makes the case smaller, so that this ends; the bound limits the time.
     for _ in 0..8 {
-        let before = search.best.clone();
-        search.shorten(0, |case| &mut case.neighbours);
-        search.shorten(0, |case| &mut case.others);
-        search.shorten(1, |case| &mut case.shapes);
-        search.simplify();
-        search.equalise();
-        let count = search.best.numbers().len();
+        let before = minimizer.best.clone();
+        minimizer.shorten(0, |case| &mut case.neighbours);
+        minimizer.shorten(0, |case| &mut case.others);
+        minimizer.shorten(1, |case| &mut case.shapes);
+        minimizer.simplify();
+        minimizer.equalise();
+        let count = minimizer.best.numbers().len();
         for place in 0..count {
-            for simpler in simpler(*search.best.numbers()[place]) {
-                if search.keeps(|case| *case.numbers()[place] = simpler) {
+            for simpler in simpler(*minimizer.best.numbers()[place]) {
+                if minimizer.try_change(|case| *case.numbers()[place] = simpler) {
                     break;
                 }
             }
         }
-        if search.best == before {
+        if minimizer.best == before {
             break;
         }
     }
-    (search.best, search.failure)
+    (minimizer.best, minimizer.failure)
 }
 
-/// The smallest failing case so far.
-struct Search<F> {
+/// The state of the minimisation: the smallest failing case so far.
+struct Minimizer<F> {
     best: StressCase,
     failure: Failure,
     fails: F,
 }
 
-impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
-    /// Keeps a change if the case still fails; returns whether it does, and the case differs.
-    fn keeps(&mut self, change: impl FnOnce(&mut StressCase)) -> bool {
+impl<F: Fn(&StressCase) -> Option<Failure>> Minimizer<F> {
+    /// Makes a change if the case then still fails; returns whether it does, and the case differs.
+    fn try_change(&mut self, change: impl FnOnce(&mut StressCase)) -> bool {
         let mut candidate = self.best.clone();
         change(&mut candidate);
         if candidate == self.best {
@@ -59,49 +59,51 @@ impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
         false
     }
 
-    /// Leaves out elements of a list, down to `least`: half of it at once, then quarters, then
-    /// single ones.
+    /// Removes elements of a list, down to `least`: chunks of half its length, then of a quarter,
+    /// down to single elements (delta debugging, Zeller and Hildebrandt 2002).
     fn shorten<T>(&mut self, least: usize, list: fn(&mut StressCase) -> &mut Vec<T>) {
-        let mut many = list(&mut self.best).len();
-        while many > 0 {
+        let mut chunk = list(&mut self.best).len();
+        while chunk > 0 {
             let mut first = 0;
             loop {
                 let count = list(&mut self.best).len();
                 if first >= count {
                     break;
                 }
-                let end = count.min(first + many);
-                if count - (end - first) < least || !self.keeps(|case| drop(list(case).drain(first..end))) {
+                let end = count.min(first + chunk);
+                if count - (end - first) < least
+                    || !self.try_change(|case| drop(list(case).drain(first..end)))
+                {
                     first = end;
                 }
             }
-            many /= 2;
+            chunk /= 2;
         }
     }
 
     /// Replaces special properties of the case by their defaults.
     fn simplify(&mut self) {
-        self.keeps(|case| case.transform = None);
-        self.keeps(|case| case.motion = None);
-        self.keeps(|case| case.flags = 0);
-        self.keeps(|case| case.hidden = 0);
-        let key_of = |motion: &mut Option<Moves>| match motion {
-            Some(Moves::Matrix([first, second])) => *second = *first,
-            Some(Moves::Srt([first, second])) => *second = *first,
+        self.try_change(|case| case.transform = None);
+        self.try_change(|case| case.motion = None);
+        self.try_change(|case| case.flags = 0);
+        self.try_change(|case| case.hidden = 0);
+        let key_of = |motion: &mut Option<MotionKeys>| match motion {
+            Some(MotionKeys::Matrix([first, second])) => *second = *first,
+            Some(MotionKeys::Srt([first, second])) => *second = *first,
             None => {}
         };
-        self.keeps(|case| key_of(&mut case.motion));
+        self.try_change(|case| key_of(&mut case.motion));
         for at in 0..self.best.others.len() {
-            self.keeps(|case| case.others[at].transform = None);
-            self.keeps(|case| case.others[at].motion = None);
-            self.keeps(|case| key_of(&mut case.others[at].motion));
-            self.keeps(|case| {
+            self.try_change(|case| case.others[at].transform = None);
+            self.try_change(|case| case.others[at].motion = None);
+            self.try_change(|case| key_of(&mut case.others[at].motion));
+            self.try_change(|case| {
                 let Placement { transform, motion, .. } = case.others[at];
                 case.others[at] = Placement::new(transform, motion);
             });
         }
         for at in 0..self.best.shapes.len() {
-            self.keeps(|case| {
+            self.try_change(|case| {
                 if let Shape::MovingTriangle([first, _]) = case.shapes[at] {
                     case.shapes[at] = Shape::Triangle(first);
                 }
@@ -114,13 +116,13 @@ impl<F: Fn(&StressCase) -> Option<Failure>> Search<F> {
     fn equalise(&mut self) {
         for at in 0..self.best.neighbours.len() {
             let StressCase { origin, direction, t_min, t_max, time, flags, .. } = self.best;
-            self.keeps(|case| {
+            self.try_change(|case| {
                 (case.neighbours[at].origin, case.neighbours[at].direction) = (origin, direction)
             });
-            self.keeps(|case| case.neighbours[at].origin = origin);
-            self.keeps(|case| case.neighbours[at].direction = direction);
-            self.keeps(|case| (case.neighbours[at].t_min, case.neighbours[at].t_max) = (t_min, t_max));
-            self.keeps(|case| {
+            self.try_change(|case| case.neighbours[at].origin = origin);
+            self.try_change(|case| case.neighbours[at].direction = direction);
+            self.try_change(|case| (case.neighbours[at].t_min, case.neighbours[at].t_max) = (t_min, t_max));
+            self.try_change(|case| {
                 let neighbour = &mut case.neighbours[at];
                 (neighbour.time, neighbour.flags, neighbour.cull_mask) = (time, flags, 1);
             });
@@ -153,7 +155,7 @@ mod tests {
     use crate::stress::case::Neighbour;
 
     #[test]
-    fn all_that_a_failure_does_not_need_goes() {
+    fn everything_irrelevant_to_a_failure_is_removed() {
         let ray = Ray::new([3.25, 0.0, 0.0], [0.1, 0.2, 0.3]);
         let ball = |k: usize| Shape::Sphere { center: [k as f32, 0.3, 0.0], radius: 1.0 };
         let mut case = StressCase::new((0..77).map(ball).collect(), (ray, Some([[0.5; 4]; 3])));
@@ -162,7 +164,7 @@ mod tests {
             Neighbour { origin, direction, t_min, t_max: 7.0, time: 0.5, flags: 16, cull_mask: 3 };
         case.neighbours = vec![neighbour; 63];
         case.neighbours[40].direction = [0.0, 0.0, -1.0];
-        let motion = Moves::Matrix([[[0.1; 4]; 3], [[0.2; 4]; 3]]);
+        let motion = MotionKeys::Matrix([[[0.1; 4]; 3], [[0.2; 4]; 3]]);
         case.others = vec![Placement::new(Some([[0.7; 4]; 3]), Some(motion)); 9];
         // Eight rays, of which one points down, and a sphere for that.
         let fails = |case: &StressCase| {
@@ -171,37 +173,37 @@ mod tests {
             (has_ball && goes_down && case.neighbours.len() >= 7).then(|| Failure("it fails".to_owned()))
         };
         let failure = Failure(String::new());
-        let mut search = Search { best: case, failure, fails };
-        search.shorten(0, |case| &mut case.neighbours);
-        search.shorten(0, |case| &mut case.others);
-        search.shorten(1, |case| &mut case.shapes);
-        search.simplify();
-        search.equalise();
+        let mut minimizer = Minimizer { best: case, failure, fails };
+        minimizer.shorten(0, |case| &mut case.neighbours);
+        minimizer.shorten(0, |case| &mut case.others);
+        minimizer.shorten(1, |case| &mut case.shapes);
+        minimizer.simplify();
+        minimizer.equalise();
         let mut least = StressCase { hidden: 0, ..StressCase::new(vec![ball(40)], (ray, None)) };
         let alike = Neighbour { t_max: ray.t_max, time: 0.0, flags: 0, cull_mask: 1, ..neighbour };
         least.neighbours = vec![alike; 7];
-        let down = search.best.neighbours.iter().position(|neighbour| neighbour.direction[2] < 0.0);
+        let down = minimizer.best.neighbours.iter().position(|neighbour| neighbour.direction[2] < 0.0);
         least.neighbours[down.expect("one goes down")].direction = [0.0, 0.0, -1.0];
-        assert_eq!(search.best, least);
+        assert_eq!(minimizer.best, least);
     }
 
     #[test]
-    fn an_instance_keeps_what_matters_alone() {
+    fn an_instance_keeps_only_what_matters() {
         let keys = [[[0.1; 4]; 3], [[0.2; 4]; 3]];
         let mut case = StressCase::new(vec![], (Ray::new([0.0; 3], [1.0; 3]), None));
         let whole = Placement { mask: 3, flags: 2, ..Placement::new(Some([[0.7; 4]; 3]), None) };
-        case.others = vec![Placement { motion: Some(Moves::Matrix(keys)), ..whole.clone() }; 3];
+        case.others = vec![Placement { motion: Some(MotionKeys::Matrix(keys)), ..whole.clone() }; 3];
         case.shapes = vec![Shape::MovingTriangle([[[1.0; 3]; 3], [[2.0; 3]; 3]]); 2];
         // A second key, and flags.
         let fails = |case: &StressCase| {
             let moves = |other: &Placement| other.motion.is_some() && other.flags == 2;
             case.others.iter().any(moves).then(|| Failure("it fails".to_owned()))
         };
-        let mut search = Search { best: case, failure: Failure(String::new()), fails };
-        search.shorten(0, |case| &mut case.others);
-        search.simplify();
-        let still = Moves::Matrix([keys[0]; 2]);
-        assert_eq!(search.best.others, [Placement { transform: None, motion: Some(still), ..whole }]);
-        assert_eq!(search.best.shapes, [Shape::Triangle([[1.0; 3]; 3]); 2]);
+        let mut minimizer = Minimizer { best: case, failure: Failure(String::new()), fails };
+        minimizer.shorten(0, |case| &mut case.others);
+        minimizer.simplify();
+        let still = MotionKeys::Matrix([keys[0]; 2]);
+        assert_eq!(minimizer.best.others, [Placement { transform: None, motion: Some(still), ..whole }]);
+        assert_eq!(minimizer.best.shapes, [Shape::Triangle([[1.0; 3]; 3]); 2]);
     }
 }

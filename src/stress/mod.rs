@@ -27,8 +27,8 @@ use crate::stress::family::FAMILIES;
 /// The number of cases that run between two checks of the time limit.
 const ROUND: u64 = 1000;
 
-/// A run ends after this many failures.
-const ENOUGH: usize = 10;
+/// A run ends after so many failures.
+const MAX_FAILURES: usize = 10;
 
 /// The settings of a run.
 #[derive(Clone, Copy, Debug)]
@@ -43,14 +43,14 @@ pub struct StressSettings {
     pub precision: Precision,
 }
 
-/// A wrong answer.
+/// A case with a wrong result.
 #[derive(Clone, Debug)]
-pub struct Found {
-    /// The number of its case under the seed.
+pub struct FoundFailure {
+    /// The case's number for the seed.
     pub number: u64,
-    /// What is wrong with the smaller case.
+    /// The wrong result of the minimised case.
     pub failure: Failure,
-    /// The case, made smaller.
+    /// The minimised case.
     pub case: StressCase,
 }
 
@@ -62,8 +62,8 @@ pub struct StressReport {
     /// The counts of each family of [`FAMILIES`].
     pub families: Vec<Tally>,
     /// The first failures.
-    pub found: Vec<Found>,
-    /// How long it took.
+    pub failures: Vec<FoundFailure>,
+    /// The time that the run has taken.
     pub time: Duration,
 }
 
@@ -80,17 +80,17 @@ pub fn case(seed: u64, number: u64) -> StressCase {
     // Seeds of draws must differ in more than a few bits: SplitMix64 scatters them.
     let mut draw = Draw::new(seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(number));
     let mut case = (family.draw)(&mut draw).named(family.name);
-    family::surround(&mut draw, &mut case);
+    family::add_neighbours(&mut draw, &mut case);
     case
 }
 
 /// Runs until the settings or ten failures end it; `progress` is called from time to time.
 pub fn run(settings: &StressSettings, mut progress: impl FnMut(&StressReport)) -> StressReport {
-    let begin = Instant::now();
+    let start = Instant::now();
     let mut report = StressReport {
         cases: 0,
         families: vec![Tally::default(); FAMILIES.len()],
-        found: Vec::new(),
+        failures: Vec::new(),
         time: Duration::ZERO,
     };
     loop {
@@ -104,20 +104,20 @@ pub fn run(settings: &StressSettings, mut progress: impl FnMut(&StressReport)) -
                     let family = &mut report.families[(number % FAMILIES.len() as u64) as usize];
                     *family = family.plus(&tally);
                 }
-                Err(_) if report.found.len() < ENOUGH => {
+                Err(_) if report.failures.len() < MAX_FAILURES => {
                     let (case, failure) =
                         minimise::minimise(&case(settings.seed, number), settings.precision);
-                    report.found.push(Found { number, failure, case });
+                    report.failures.push(FoundFailure { number, failure, case });
                 }
                 Err(_) => {}
             }
         }
         report.cases += ROUND;
-        report.time = begin.elapsed();
+        report.time = start.elapsed();
         progress(&report);
         let over = settings.rays.is_some_and(|rays| report.total().rays >= rays)
             || settings.time.is_some_and(|time| report.time >= time)
-            || report.found.len() >= ENOUGH;
+            || report.failures.len() >= MAX_FAILURES;
         if over {
             return report;
         }
@@ -136,13 +136,13 @@ mod tests {
         assert_ne!(case(7, 0), case(8, 0));
     }
 
-    /// The judge must find errors: plain f32 arithmetic is wrong in every run.
+    /// The judge must find errors: simple f32 arithmetic is wrong in every run.
     #[test]
-    fn plain_floats_are_found_wrong_and_the_case_is_made_small() {
+    fn float_precision_is_found_wrong_and_the_case_is_minimised() {
         let settings = StressSettings { seed: 1, rays: Some(1), time: None, precision: Precision::Float };
         let report = run(&settings, |_| ());
-        assert_eq!(report.found.len(), ENOUGH);
-        for found in &report.found {
+        assert_eq!(report.failures.len(), MAX_FAILURES);
+        for found in &report.failures {
             let again = check(&found.case, Precision::Float).expect_err("the smaller case fails, too");
             assert_eq!(again.to_string(), found.failure.to_string());
         }
@@ -153,7 +153,7 @@ mod tests {
         let settings =
             StressSettings { seed: 2, rays: Some(200_000), time: None, precision: Precision::Exact };
         let report = run(&settings, |_| ());
-        assert!(report.found.is_empty(), "{:#?}", report.found);
+        assert!(report.failures.is_empty(), "{:#?}", report.failures);
         for (family, tally) in FAMILIES.iter().zip(&report.families) {
             assert!(tally.rays > 0, "{}: {tally:?}", family.name);
             assert!(tally.hits > 0 || family.name == "bits", "{}: {tally:?}", family.name);

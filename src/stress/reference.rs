@@ -1,5 +1,6 @@
-//! Intersections in rational numbers and their square roots, written only from SEMANTICS: slow,
-//! with divisions, and at every step formulated differently from the code under test.
+//! Intersections in rational numbers and square roots of these, an independent implementation of
+//! SEMANTICS: slow, with divisions, and in each step formulated differently from the code under
+//! test.
 
 pub mod motion;
 
@@ -12,9 +13,9 @@ use crate::geometry::{Bounds, Ray, Surface};
 /// What a ray hits, before any interval is considered.
 #[derive(Debug)]
 pub struct Expected {
-    /// The parameter.
+    /// The parameter of the ray.
     pub t: Root,
-    /// As in `Intersection`, for the surface that is hit.
+    /// The attributes, as in `Intersection`, for the surface that is hit.
     pub attributes: Vec<Root>,
     /// Which surface is entered.
     pub surface: Surface,
@@ -40,7 +41,7 @@ impl Root {
         Self { p: a + b * &self.p, s: self.s * sign(b), r: &self.r * b * b }
     }
 
-    /// Compares it with another.
+    /// Compares two values.
     pub fn compare(&self, other: &Self) -> Ordering {
         let a = &self.p - &other.p;
         let (s1, s2) = (self.s * sign(&self.r), -other.s * sign(&other.r));
@@ -64,7 +65,7 @@ impl Root {
         sign_with_root(&(&self.p - other), self.s, &self.r).cmp(&0)
     }
 
-    /// Whether it lies in the interval of a ray, and within the range of f32.
+    /// Whether it is in the interval of a ray, and within the range of f32.
     pub fn is_within(&self, t_min: f32, t_max: f32, is_open: bool) -> bool {
         let low = self.compare_rational(&rational(t_min));
         let high = if t_max.is_infinite() { Ordering::Less } else { self.compare_rational(&rational(t_max)) };
@@ -89,14 +90,14 @@ impl Root {
     pub fn rounds_to(&self, value: f32) -> bool {
         // The number half-way to a neighbour; 2^128 stands for the neighbour of MAX.
         let half = |neighbour: f32| {
-            let place = |x: f32| {
+            let extended = |x: f32| {
                 if x.is_finite() {
                     rational(x)
                 } else {
                     rational(x.signum()) * rational(2f32.powi(64)) * rational(2f32.powi(64))
                 }
             };
-            (place(value) + place(neighbour)) / rational(2.0)
+            (extended(value) + extended(neighbour)) / rational(2.0)
         };
         let even = value.to_bits() & 1 == 0;
         let above = value == f32::NEG_INFINITY || {
@@ -158,8 +159,8 @@ fn solve(mut rows: [[RBig; 4]; 3]) -> Option<[RBig; 3]> {
     Some(std::array::from_fn(|i| &rows[i][3] / &rows[i][i]))
 }
 
-/// The two roots of `a t^2 + 2 b t + c`, ascending; one if it is linear; an equation with no or all
-/// solutions has none.
+/// The roots of `a t^2 + 2 b t + c`, ascending: two, one if it is linear, none if it has no zeros
+/// or is zero everywhere.
 fn roots(a: &RBig, b: &RBig, c: &RBig) -> Vec<Root> {
     if sign(a) == 0 {
         return if sign(b) == 0 { vec![] } else { vec![Root::from(-c / (b + b))] };
@@ -173,14 +174,14 @@ fn roots(a: &RBig, b: &RBig, c: &RBig) -> Vec<Root> {
 }
 
 /// A ray's line in object space.
-pub struct LineOf {
+pub struct ObjectLine {
     /// The point at t = 0.
     pub origin: [RBig; 3],
     /// The vector per unit of t.
     pub direction: [RBig; 3],
 }
 
-impl LineOf {
+impl ObjectLine {
     /// `None` where the matrix is singular.
     pub fn new(ray: &Ray, matrix: Option<&[[f32; 4]; 3]>) -> Option<Self> {
         let (origin, direction) = (vector(ray.origin), vector(ray.direction));
@@ -197,29 +198,29 @@ impl LineOf {
         })
     }
 
-    /// Origin and direction in f64, only used to leave out shapes that are far away.
+    /// Origin and direction in f64, only used to skip shapes that are far away.
     pub fn to_f64(&self) -> ([f64; 3], [f64; 3]) {
         let near = |v: &[RBig; 3]| std::array::from_fn(|i| v[i].to_f64().value());
         (near(&self.origin), near(&self.direction))
     }
 
-    fn stands_still(&self) -> bool {
+    fn has_zero_direction(&self) -> bool {
         self.direction.iter().all(|x| sign(x) == 0)
     }
 
-    /// Where the line enters a ball.
-    fn enters(&self, center: &[RBig; 3], radius: &RBig) -> Option<Root> {
+    /// The parameter at which the line enters a ball.
+    fn ball_entry(&self, center: &[RBig; 3], radius: &RBig) -> Option<Root> {
         let m = difference(&self.origin, center);
         let (a, b) = (dot(&self.direction, &self.direction), dot(&self.direction, &m));
         roots(&a, &b, &(dot(&m, &m) - radius * radius)).into_iter().next()
     }
 
-    /// Where the line enters a sphere.
+    /// The hit where the line enters a sphere.
     pub fn sphere(&self, center: [f32; 3], radius: f32) -> Option<Expected> {
-        if self.stands_still() || radius <= 0.0 {
+        if self.has_zero_direction() || radius <= 0.0 {
             return None;
         }
-        let t = self.enters(&vector(center), &rational(radius))?;
+        let t = self.ball_entry(&vector(center), &rational(radius))?;
         Some(Expected { t, attributes: vec![], surface: Surface::Sphere })
     }
 
@@ -231,7 +232,7 @@ impl LineOf {
         radii: [f32; 2],
         caps: [bool; 2],
     ) -> Option<Expected> {
-        if self.stands_still() || radii.iter().all(|&r| r <= 0.0) {
+        if self.has_zero_direction() || radii.iter().all(|&r| r <= 0.0) {
             return None;
         }
         let [mut p0, mut p1] = positions.map(vector);
@@ -266,7 +267,7 @@ impl LineOf {
         let g = dot(&axis, &axis) - &slope * &slope;
         if sign(&g) <= 0 {
             let end = usize::from(r1 > r0);
-            let t = if end == 0 { self.enters(&p0, &r0) } else { self.enters(&p1, &r1) };
+            let t = if end == 0 { self.ball_entry(&p0, &r0) } else { self.ball_entry(&p1, &r1) };
             return on_cap(t?, end);
         }
 
@@ -277,7 +278,8 @@ impl LineOf {
         let a = dot(&self.direction, &self.direction) - &g * &by * &by;
         let b = dot(&self.direction, &w) - &g * &at * &by;
         let c = dot(&w, &w) - &r0 * &r0 - &g * &at * &at;
-        let mut least: Vec<Root> = self.enters(&p0, &r0).into_iter().chain(self.enters(&p1, &r1)).collect();
+        let mut least: Vec<Root> =
+            self.ball_entry(&p0, &r0).into_iter().chain(self.ball_entry(&p1, &r1)).collect();
         if sign(&by) == 0 {
             if sign(&at) >= 0 && at <= RBig::ONE {
                 least.extend(roots(&a, &b, &c).into_iter().next());
@@ -318,13 +320,14 @@ impl LineOf {
     pub fn triangle(&self, vertices: [[f32; 3]; 3]) -> Option<Expected> {
         let [v0, v1, v2] = vertices.map(vector);
         let (e1, e2) = (difference(&v1, &v0), difference(&v2, &v0));
-        let meet = |origin: &[RBig; 3]| {
+        let intersect = |origin: &[RBig; 3]| {
             solve(std::array::from_fn(|i| {
                 [-&self.direction[i], e1[i].clone(), e2[i].clone(), &origin[i] - &v0[i]]
             }))
         };
-        let [t, b, c] = meet(&self.origin)?;
-        // An exact edge is decided by a move that is small beyond all that 4,000 bits can hold.
+        let [t, b, c] = intersect(&self.origin)?;
+        // An exact hit of an edge is decided as if the origin were moved by 2^-4800, which is less
+        // than any quantity of 4,000 bits (simulation of simplicity).
         let a = RBig::ONE - &b - &c;
         if [&a, &b, &c].iter().any(|x| sign(x) == 0) {
             let size = |i: usize| {
@@ -335,7 +338,7 @@ impl LineOf {
             let mut moved = self.origin.clone();
             moved[(greatest + 1) % 3] += &epsilon;
             moved[(greatest + 2) % 3] += &epsilon * &epsilon;
-            let [_, b, c] = meet(&moved)?;
+            let [_, b, c] = intersect(&moved)?;
             let a = RBig::ONE - &b - &c;
             if [a, b, c].iter().any(|x| sign(x) < 0) {
                 return None;
@@ -353,7 +356,7 @@ impl LineOf {
         })
     }
 
-    /// The interval clipped to every slab in turn; its start, if anything is left.
+    /// Clips the interval to each slab; returns its start if it is not empty.
     pub fn aabb(&self, min: [f32; 3], max: [f32; 3], t_min: f32, t_max: f32) -> Option<Root> {
         let mut start = rational(t_min);
         let mut end = t_max.is_finite().then(|| rational(t_max));
@@ -383,24 +386,24 @@ impl LineOf {
     }
 }
 
-/// Whether a box holds the whole ball.
-pub fn holds_ball(bounds: &Bounds, center: [f32; 3], radius: f32) -> bool {
+/// Whether a box contains the whole ball.
+pub fn contains_ball(bounds: &Bounds, center: [f32; 3], radius: f32) -> bool {
     (0..3).all(|i| {
         let (c, r) = (rational(center[i]), rational(radius));
-        holds(bounds, i, &(&c - &r)) && holds(bounds, i, &(c + r))
+        contains(bounds, i, &(&c - &r)) && contains(bounds, i, &(c + r))
     })
 }
 
-/// Whether a box holds the image of a point.
-pub fn holds_image(bounds: &Bounds, matrix: &[[f32; 4]; 3], point: [f32; 3]) -> bool {
+/// Whether a box contains the image of a point.
+pub fn contains_image(bounds: &Bounds, matrix: &[[f32; 4]; 3], point: [f32; 3]) -> bool {
     let point = vector(point);
     (0..3).all(|i| {
         let row: [RBig; 3] = std::array::from_fn(|j| rational(matrix[i][j]));
-        holds(bounds, i, &(dot(&row, &point) + rational(matrix[i][3])))
+        contains(bounds, i, &(dot(&row, &point) + rational(matrix[i][3])))
     })
 }
 
-fn holds(bounds: &Bounds, i: usize, x: &RBig) -> bool {
+fn contains(bounds: &Bounds, i: usize, x: &RBig) -> bool {
     let (min, max) = (bounds.min[i], bounds.max[i]);
     (min == f32::NEG_INFINITY || rational(min) <= *x) && (max == f32::INFINITY || rational(max) >= *x)
 }

@@ -9,7 +9,7 @@ use anyhit::Ray;
 use anyhit::accel::{Blas, Cursor, Geometry, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay};
 use anyhit::geometry::linear_swept_sphere;
 use anyhit::stress::draw::Draw;
-use anyhit::stress::reference::LineOf;
+use anyhit::stress::reference::ObjectLine;
 use anyhit::stress::{Shape, StressCase};
 
 use crate::exact_intersections::cases;
@@ -137,7 +137,7 @@ fn ray_at(draw: &mut Draw, point: [f32; 3], m: &Matrix, s: f32) -> Ray {
 }
 
 /// Whether rational arithmetic meets a shape within the ray's interval.
-fn is_met(shape: &Shape, line: &LineOf, ray: &Ray) -> bool {
+fn is_met(shape: &Shape, line: &ObjectLine, ray: &Ray) -> bool {
     let (expected, is_open) = match *shape {
         Shape::Triangle(vertices) => (line.triangle(vertices), true),
         Shape::MovingTriangle(_) => unreachable!("none is drawn"),
@@ -173,7 +173,7 @@ fn check(seed: u64, kind: usize) {
             let ray = ray_at(&mut draw, point, &matrices[instance], s);
             let mut expected = BTreeSet::new();
             for (instance, matrix) in matrices.iter().enumerate() {
-                let line = LineOf::new(&ray, Some(matrix)).expect("a regular matrix");
+                let line = ObjectLine::new(&ray, Some(matrix)).expect("a regular matrix");
                 let hits = shapes.iter().enumerate().filter(|(_, shape)| is_met(shape, &line, &ray));
                 expected.extend(hits.map(|(primitive, _)| (instance as u32, primitive as u32)));
             }

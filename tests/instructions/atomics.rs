@@ -404,7 +404,7 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word() {
         ..Workgroup::default()
     }
     .module();
-    for inlining in [Inlining::Never, Inlining::WherePaying] {
+    for inlining in [Inlining::Never, Inlining::WhereProfitable] {
         let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
         for lanes in [1, 64, 128] {
             let out = Buffer::zeroed(8 * 96);
@@ -515,7 +515,7 @@ fn wide_integers_in_workgroup_memory_lie_on_any_word_whatever_leads_there() {
                     OpFunctionEnd",
             }
             .module();
-            for inlining in [Inlining::Never, Inlining::WherePaying] {
+            for inlining in [Inlining::Never, Inlining::WhereProfitable] {
                 let compute = compute(&module, LowerOptions { inlining, ..LowerOptions::default() });
                 for lanes in [1, 64] {
                     let out = Buffer::zeroed(8 * 70);

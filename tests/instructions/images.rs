@@ -105,10 +105,10 @@ fn in_texels() -> Sampler {
 fn processed(body: &str, sampler: Sampler) -> Vec<f32> {
     let weights =
         floats(ImageShape { dimension: Dimension::D2Array, ..ImageShape::plane(2, 1) }, &[0.25, 0.75]);
-    weights.weights(SampleWeight { center: [0, 0], size: [2, 1], phases: 1 });
+    weights.set_sample_weight(SampleWeight { center: [0, 0], size: [2, 1], phases: 1 });
     let shape = ImageShape { dimension: Dimension::D1Array, layers: 2, ..ImageShape::plane(4, 1) };
     let separable = floats(shape, &[0.5, 0.5, 0.0, 0.0, 0.25, 0.75, 0.0, 0.0]);
-    separable.weights(SampleWeight { center: [0, 0], size: [2, 2], phases: 1 });
+    separable.set_sample_weight(SampleWeight { center: [0, 0], size: [2, 2], phases: 1 });
     let mut text = body.to_owned();
     for part in 0..4 {
         text += &format!(

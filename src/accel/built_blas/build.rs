@@ -3,9 +3,9 @@
 
 use crate::accel::binned_sah::{PrimRef, SahCost};
 use crate::accel::blas::{Geometry, GeometryFlags};
-use crate::accel::built_blas::{BuiltBlas, GeomPrim, Shapes};
+use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks};
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
-use crate::accel::primitive::{self, Primitive, TakePrimitive};
+use crate::accel::primitive::{self, Primitive, PrimitiveVisitor};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, LANES};
 use crate::geometry::{Bounds, aabb, linear_swept_sphere, sphere, triangle};
@@ -13,17 +13,18 @@ use crate::math::f32x4::F32x4;
 
 /// Up to this many primitives are tested without a BVH: the test of a node costs about as much as
 /// that of a primitive.
-const MAX_UNBUILT: usize = 4;
+const MAX_WITHOUT_BVH: usize = 4;
 
 /// SAH costs in units of one node test: of primitives that are tested one by one, of blocks that
 /// are tested at once (spheres, triangles), and of blocks most of which are culled (swept spheres).
 /// Triangles fill leaves of four unless splitting gains much, as a block takes the same memory
 /// however full it is.
-const ONE_BY_ONE: SahCost =
+const COST_OF_SINGLE_TESTS: SahCost =
     SahCost { max_leaf_size: LANES, traversal: 1.0, intersection: 3.0, split_below: 1.0 };
-const AT_ONCE: SahCost = SahCost { intersection: 0.15, ..ONE_BY_ONE };
-const TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..ONE_BY_ONE };
-const SWEPT: SahCost = SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..ONE_BY_ONE };
+const COST_OF_BLOCK_TESTS: SahCost = SahCost { intersection: 0.15, ..COST_OF_SINGLE_TESTS };
+const COST_OF_TRIANGLES: SahCost = SahCost { intersection: 0.05, split_below: 0.8, ..COST_OF_SINGLE_TESTS };
+const COST_OF_SWEPT_SPHERES: SahCost =
+    SahCost { traversal: 1.5, intersection: 0.2, split_below: 0.8, ..COST_OF_SINGLE_TESTS };
 
 /// Swept spheres are split into halves if a random line through all of them then hits fewer boxes
 /// on average, by at least this factor times the square root of their number. Each is then in two
@@ -32,12 +33,12 @@ const MIN_SPLIT_GAIN: f64 = 0.1;
 
 /// The active primitives in the order of the geometries.
 #[derive(Default)]
-struct Collected {
+struct CollectedPrimitives {
     /// Numbered by position in `geom_prims`; empty if there will be no BVH.
     boxes: Vec<PrimRef>,
     geom_prims: Vec<GeomPrim>,
     bounds: Option<Bounds>,
-    has_pieces: bool,
+    has_split_primitives: bool,
 }
 
 impl BuiltBlas {
@@ -56,16 +57,21 @@ impl BuiltBlas {
             return Self::collect_moving(geometries, may_build);
         }
         let count: usize = geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
-        let has_bvh = may_build && count > MAX_UNBUILT;
-        let collected =
-            if has_bvh { Collected::boxed(geometries, count) } else { Collected::listed(geometries, count) };
-        let cost = match geometries.first().map(|geometry| geometry.data.kind()) {
-            Some(GeometryKind::Aabbs) => ONE_BY_ONE,
-            Some(GeometryKind::Spheres) => AT_ONCE,
-            Some(GeometryKind::LinearSweptSpheres) => SWEPT,
-            Some(GeometryKind::Triangles) | None => TRIANGLES,
+        let has_bvh = may_build && count > MAX_WITHOUT_BVH;
+        let collected = if has_bvh {
+            CollectedPrimitives::with_boxes(geometries, count)
+        } else {
+            CollectedPrimitives::without_boxes(geometries, count)
         };
-        Self::assemble(geometries, collected, cost, |_, geom_prims| Shapes::of(geometries, geom_prims))
+        let cost = match geometries.first().map(|geometry| geometry.data.kind()) {
+            Some(GeometryKind::Aabbs) => COST_OF_SINGLE_TESTS,
+            Some(GeometryKind::Spheres) => COST_OF_BLOCK_TESTS,
+            Some(GeometryKind::LinearSweptSpheres) => COST_OF_SWEPT_SPHERES,
+            Some(GeometryKind::Triangles) | None => COST_OF_TRIANGLES,
+        };
+        Self::assemble(geometries, collected, cost, |_, geom_prims| {
+            PrimitiveBlocks::of(geometries, geom_prims)
+        })
     }
 
     /// [`Self::collect`] for triangles of which some move. The interpolated coordinates of a vertex
@@ -73,13 +79,14 @@ impl BuiltBlas {
     #[cold]
     fn collect_moving(geometries: &[Geometry], may_build: bool) -> Self {
         let mut all = Vec::new();
-        let mut collected = Collected::default();
+        let mut collected = CollectedPrimitives::default();
         for (number, geometry) in geometries.iter().enumerate() {
             for primitive in 0..geometry.data.primitive_count() as u32 {
-                let keys = geometry.keys(primitive).or_else(|| match geometry.data.primitive(primitive) {
-                    Primitive::Triangle(vertices) => Some([vertices; 2]),
-                    _ => None,
-                });
+                let keys =
+                    geometry.motion_keys(primitive).or_else(|| match geometry.data.primitive(primitive) {
+                        Primitive::Triangle(vertices) => Some([vertices; 2]),
+                        _ => None,
+                    });
                 let bounds = keys.and_then(|[first, second]| {
                     Some(triangle::bounds(first)?.union(&triangle::bounds(second)?))
                 });
@@ -89,24 +96,24 @@ impl BuiltBlas {
                 }
             }
         }
-        if !may_build || collected.boxes.len() <= MAX_UNBUILT {
-            collected.forget_boxes();
+        if !may_build || collected.boxes.len() <= MAX_WITHOUT_BVH {
+            collected.clear_boxes();
         }
-        Self::assemble(geometries, collected, ONE_BY_ONE, |order, _| {
+        Self::assemble(geometries, collected, COST_OF_SINGLE_TESTS, |order, _| {
             let at = |&number: &u32| all.get(number as usize).copied();
-            Shapes::MovingTriangles(order.iter().map(at).collect())
+            PrimitiveBlocks::MovingTriangles(order.iter().map(at).collect())
         })
     }
 
     /// Builds the BVH over the boxes, if there are any, and stores the shapes in its order.
     fn assemble(
         geometries: &[Geometry],
-        collected: Collected,
+        collected: CollectedPrimitives,
         cost: SahCost,
-        shapes: impl FnOnce(&[u32], &[GeomPrim]) -> Shapes,
+        blocks: impl FnOnce(&[u32], &[GeomPrim]) -> PrimitiveBlocks,
     ) -> Self {
-        let Collected { boxes, mut geom_prims, bounds, has_pieces } = collected;
-        let (bvh, order) = match WideBvh::over(boxes, cost) {
+        let CollectedPrimitives { boxes, mut geom_prims, bounds, has_split_primitives } = collected;
+        let (bvh, order) = match WideBvh::from_prim_refs(boxes, cost) {
             None => (None, (0..geom_prims.len() as u32).collect()),
             Some((bvh, order)) => {
                 let at = |&number: &u32| geom_prims.get(number as usize).copied().unwrap_or(GeomPrim::NONE);
@@ -118,40 +125,47 @@ impl BuiltBlas {
         let common_flags = geometries.first().map(|first| first.flags).filter(|&flags: &GeometryFlags| {
             geometries.iter().all(|one| one.flags == flags && one.opacity_micromap.is_none())
         });
-        Self { shapes: shapes(&order, &geom_prims), geom_prims, has_pieces, bvh, bounds, common_flags }
+        Self {
+            blocks: blocks(&order, &geom_prims),
+            geom_prims,
+            has_split_primitives,
+            bvh,
+            bounds,
+            common_flags,
+        }
     }
 
     /// The box around all active primitives, computed without building anything.
     pub fn bounds_of(geometries: &[Geometry]) -> Bounds {
-        let mut around = BoundsOnly(PrimRef::EMPTY);
-        geometries.iter().for_each(|geometry| geometry.data.each_primitive(&mut around));
+        let mut around = BoundsCollector(PrimRef::EMPTY);
+        geometries.iter().for_each(|geometry| geometry.data.visit_primitives(&mut around));
         around.0.bounds()
     }
 }
 
 /// Accumulates the box around all active primitives.
-struct BoundsOnly(PrimRef);
+struct BoundsCollector(PrimRef);
 
-impl TakePrimitive for BoundsOnly {
+impl PrimitiveVisitor for BoundsCollector {
     #[inline(always)]
-    fn take(&mut self, _: u32, numbers: Primitive) {
-        if let Some(one) = prim_ref(&numbers) {
+    fn visit(&mut self, _: u32, primitive_data: Primitive) {
+        if let Some(one) = prim_ref(&primitive_data) {
             self.0 = self.0.union(&one);
         }
     }
 }
 
 /// Collects the active primitives, and the box around all of them.
-struct Unboxed {
+struct IdCollector {
     geometry: u32,
     geom_prims: Vec<GeomPrim>,
-    around: BoundsOnly,
+    around: BoundsCollector,
 }
 
-impl TakePrimitive for Unboxed {
+impl PrimitiveVisitor for IdCollector {
     #[inline(always)]
-    fn take(&mut self, primitive: u32, numbers: Primitive) {
-        if let Some(one) = prim_ref(&numbers) {
+    fn visit(&mut self, primitive: u32, primitive_data: Primitive) {
+        if let Some(one) = prim_ref(&primitive_data) {
             self.around.0 = self.around.0.union(&one);
             self.geom_prims.push(GeomPrim { geometry: self.geometry, primitive });
         }
@@ -159,50 +173,50 @@ impl TakePrimitive for Unboxed {
 }
 
 /// Collects the active primitives with their boxes.
-struct Boxed {
+struct PrimRefCollector {
     geometry: u32,
-    all: Collected,
+    all: CollectedPrimitives,
     /// Whether swept spheres whose halves have less surface are split.
-    halved: bool,
+    split_swept: bool,
     /// The surface area that splitting saves or would save.
-    saved: f64,
+    saved_area: f64,
 }
 
-impl Boxed {
-    /// Collects all primitives of the geometries, which have at most `most` boxes.
-    fn taken(geometries: &[Geometry], most: usize, halved: bool) -> Self {
-        let (boxes, geom_prims) = (Vec::with_capacity(most), Vec::with_capacity(most));
-        let all = Collected { boxes, geom_prims, ..Collected::default() };
-        let mut taken = Self { geometry: 0, all, halved, saved: 0.0 };
+impl PrimRefCollector {
+    /// Collects all primitives of the geometries, which have at most `max_boxes` boxes.
+    fn collect(geometries: &[Geometry], max_boxes: usize, split_swept: bool) -> Self {
+        let (boxes, geom_prims) = (Vec::with_capacity(max_boxes), Vec::with_capacity(max_boxes));
+        let all = CollectedPrimitives { boxes, geom_prims, ..CollectedPrimitives::default() };
+        let mut collector = Self { geometry: 0, all, split_swept, saved_area: 0.0 };
         for (number, geometry) in geometries.iter().enumerate() {
-            taken.geometry = number as u32;
-            geometry.data.each_primitive(&mut taken);
+            collector.geometry = number as u32;
+            geometry.data.visit_primitives(&mut collector);
         }
-        taken
+        collector
     }
 }
 
-impl TakePrimitive for Boxed {
+impl PrimitiveVisitor for PrimRefCollector {
     #[inline(always)]
-    fn take(&mut self, primitive: u32, numbers: Primitive) {
+    fn visit(&mut self, primitive: u32, primitive_data: Primitive) {
         let geom_prim = GeomPrim { geometry: self.geometry, primitive };
-        match numbers {
+        match primitive_data {
             Primitive::LinearSweptSphere { positions, radii, .. } => {
                 let Some(whole) = linear_swept_sphere::bounds(positions, radii) else { return };
                 let halves = linear_swept_sphere::halves(positions, radii);
                 if let Some([first, second]) = &halves {
-                    self.saved += whole.surface() - first.surface() - second.surface();
+                    self.saved_area += whole.surface() - first.surface() - second.surface();
                 }
-                match halves.filter(|_| self.halved) {
+                match halves.filter(|_| self.split_swept) {
                     None => self.all.push(PrimRef::new(&whole, 0), geom_prim),
                     Some(halves) => {
                         halves.iter().for_each(|half| self.all.push(PrimRef::new(half, 0), geom_prim));
-                        self.all.has_pieces = true;
+                        self.all.has_split_primitives = true;
                     }
                 }
             }
-            numbers => {
-                if let Some(one) = prim_ref(&numbers) {
+            primitive_data => {
+                if let Some(one) = prim_ref(&primitive_data) {
                     self.all.push(one, geom_prim);
                 }
             }
@@ -210,29 +224,33 @@ impl TakePrimitive for Boxed {
     }
 }
 
-impl Collected {
+impl CollectedPrimitives {
     /// Collects the primitives with their boxes.
-    fn boxed(geometries: &[Geometry], count: usize) -> Self {
-        let Boxed { all, saved, .. } = Boxed::taken(geometries, count, false);
+    fn with_boxes(geometries: &[Geometry], count: usize) -> Self {
+        let PrimRefCollector { all, saved_area, .. } = PrimRefCollector::collect(geometries, count, false);
         let fewer = MIN_SPLIT_GAIN * (all.boxes.len() as f64).sqrt();
-        if saved > 0.0 && saved >= fewer * all.around().surface() {
-            return Boxed::taken(geometries, 2 * count, true).all;
+        if saved_area > 0.0 && saved_area >= fewer * all.around().surface() {
+            return PrimRefCollector::collect(geometries, 2 * count, true).all;
         }
         all
     }
 
     /// Collects the primitives without their boxes, and the box around all.
-    fn listed(geometries: &[Geometry], count: usize) -> Self {
-        let mut taken = Unboxed {
+    fn without_boxes(geometries: &[Geometry], count: usize) -> Self {
+        let mut collector = IdCollector {
             geometry: 0,
             geom_prims: Vec::with_capacity(count),
-            around: BoundsOnly(PrimRef::EMPTY),
+            around: BoundsCollector(PrimRef::EMPTY),
         };
         for (number, geometry) in geometries.iter().enumerate() {
-            taken.geometry = number as u32;
-            geometry.data.each_primitive(&mut taken);
+            collector.geometry = number as u32;
+            geometry.data.visit_primitives(&mut collector);
         }
-        Self { geom_prims: taken.geom_prims, bounds: Some(taken.around.0.bounds()), ..Self::default() }
+        Self {
+            geom_prims: collector.geom_prims,
+            bounds: Some(collector.around.0.bounds()),
+            ..Self::default()
+        }
     }
 
     #[inline(always)]
@@ -247,13 +265,13 @@ impl Collected {
     }
 
     /// Discards the boxes, so that no BVH is built.
-    fn forget_boxes(&mut self) {
+    fn clear_boxes(&mut self) {
         self.bounds = Some(self.around());
         self.boxes.clear();
     }
 }
 
-impl Shapes {
+impl PrimitiveBlocks {
     /// Stores the primitives in the given order; [`GeomPrim::NONE`] is padding.
     fn of(geometries: &[Geometry], geom_prims: &[GeomPrim]) -> Self {
         let data = |geom_prim: &GeomPrim| &geometries[geom_prim.geometry as usize].data;
@@ -261,14 +279,14 @@ impl Shapes {
             Some(GeometryKind::Triangles) | None => {
                 Self::Triangles(blocks(geom_prims, block::Triangle4::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::Triangles { vertices, indices, transform } = data(geom_prim) else {
-                        mixed()
+                        mixed_kinds()
                     };
                     block.set(lane, primitive::triangle(vertices, indices, transform, geom_prim.primitive));
                 }))
             }
             Some(GeometryKind::Aabbs) => {
                 Self::Aabbs(blocks(geom_prims, block::Aabb4::EMPTY, |block, lane, geom_prim| {
-                    let GeometryData::Aabbs(boxes) = data(geom_prim) else { mixed() };
+                    let GeometryData::Aabbs(boxes) = data(geom_prim) else { mixed_kinds() };
                     let (min, max) = corners(boxes[geom_prim.primitive as usize]);
                     block.set(lane, min, max);
                 }))
@@ -276,7 +294,7 @@ impl Shapes {
             Some(GeometryKind::Spheres) => {
                 Self::Spheres(blocks(geom_prims, block::Sphere4::EMPTY, |block, lane, geom_prim| {
                     let GeometryData::Spheres { positions, radii, indices } = data(geom_prim) else {
-                        mixed()
+                        mixed_kinds()
                     };
                     let sphere = primitive::sphere(positions, radii, indices, geom_prim.primitive as usize);
                     if let Primitive::Sphere { position, radius } = sphere {
@@ -289,16 +307,16 @@ impl Shapes {
                     let GeometryData::LinearSweptSpheres { positions, radii, indices, indexing, .. } =
                         data(geom_prim)
                     else {
-                        mixed()
+                        mixed_kinds()
                     };
-                    let ends = primitive::ends(indices, *indexing, geom_prim.primitive as usize);
+                    let ends = primitive::end_vertices(indices, *indexing, geom_prim.primitive as usize);
                     block.set(lane, ends.map(|end| positions[end]), ends.map(|end| radii[end]));
                 });
                 let caps = blocks(geom_prims, [[false; 2]; LANES], |caps, lane, geom_prim| {
                     let GeometryData::LinearSweptSpheres { indices, indexing, end_caps, .. } =
                         data(geom_prim)
                     else {
-                        mixed()
+                        mixed_kinds()
                     };
                     let at = geom_prim.primitive as usize;
                     caps[lane] = primitive::caps(indices.as_deref(), *indexing, *end_caps, at);
@@ -325,7 +343,7 @@ fn blocks<B: Clone>(geom_prims: &[GeomPrim], empty: B, set: impl Fn(&mut B, usiz
 }
 
 #[cold]
-fn mixed() -> ! {
+fn mixed_kinds() -> ! {
     unreachable!("bug in anyhit: a BLAS of two kinds of primitive")
 }
 
@@ -401,11 +419,11 @@ mod tests {
         // around all at most 6 (10 + 2 l / sqrt 3)^2: a line meets 400 l^2 / 6 (10 + 2 l / sqrt
         // 3)^2 boxes fewer or more. It takes 0.1 sqrt 400.
         let dense = BuiltBlas::build(&[rods(400, 5.0)]);
-        assert!(dense.has_pieces(), "6.7 fewer");
+        assert!(dense.has_split_primitives(), "6.7 fewer");
         assert_eq!(count(&dense), 800);
         // And here at most 400 l^2 / 6 9^2, as all rods begin in more than a cube of nine.
         let sparse = BuiltBlas::build(&[rods(400, 0.6)]);
-        assert!(!sparse.has_pieces(), "0.3 fewer");
+        assert!(!sparse.has_split_primitives(), "0.3 fewer");
         assert_eq!(count(&sparse), 400);
     }
 }

@@ -7,8 +7,8 @@ use crate::accel::trav_ray::{APPROXIMATE_SCALES, FAR_AWAY, SHRINK, TravRay, WIDE
 use crate::geometry::{APPROXIMATE_ERROR, APPROXIMATE_UNDERFLOW, Ray, Transform};
 use crate::math::f32x8::F32x8Ops;
 
-/// The number of rays in a SIMD register.
-const EIGHT: usize = 8;
+/// The number of rays that one SIMD register holds.
+const RAYS_PER_REGISTER: usize = 8;
 
 /// One number for each ray of a packet.
 #[derive(Clone, Copy, Debug)]
@@ -22,17 +22,17 @@ impl PerRay {
     /// Loads the numbers of the eight rays of group `at`.
     #[inline(always)]
     fn load<E: F32x8Ops>(&self, simd: E, at: usize) -> E::F32x8 {
-        simd.load(&self.0.as_chunks().0[at % (MAX_RAYS / EIGHT)])
+        simd.load(&self.0.as_chunks().0[at % (MAX_RAYS / RAYS_PER_REGISTER)])
     }
 
     #[inline(always)]
     fn store<E: F32x8Ops>(&mut self, simd: E, at: usize, numbers: E::F32x8) {
-        self.0.as_chunks_mut().0[at % (MAX_RAYS / EIGHT)] = simd.to_array(numbers);
+        self.0.as_chunks_mut().0[at % (MAX_RAYS / RAYS_PER_REGISTER)] = simd.to_array(numbers);
     }
 
     /// The maximum over all groups of eight that hold one of the given rays.
     #[inline(always)]
-    pub fn greatest<E: F32x8Ops>(&self, simd: E, rays: u64) -> f32 {
+    pub fn max_over<E: F32x8Ops>(&self, simd: E, rays: u64) -> f32 {
         let mut all = simd.splat(f32::NEG_INFINITY);
         for at in groups_of_eight(rays) {
             all = simd.max(self.load(simd, at), all);
@@ -60,7 +60,7 @@ impl WorldRays {
     #[inline(always)]
     pub fn take<E: F32x8Ops>(&mut self, simd: E, traces: &[TraceRay]) -> u64 {
         let mut valid = 0;
-        let (whole, first) = (traces.len().next_multiple_of(EIGHT).min(MAX_RAYS), traces[0]);
+        let (whole, first) = (traces.len().next_multiple_of(RAYS_PER_REGISTER).min(MAX_RAYS), traces[0]);
         for at in 0..whole {
             // Pad with the first ray.
             let ray = traces.get(at).unwrap_or(&first).ray;
@@ -71,23 +71,23 @@ impl WorldRays {
             self.t_min.0[at] = ray.t_min + 0.0;
             valid |= u64::from((ray.t_min >= 0.0) & !ray.t_max.is_nan()) << at;
         }
-        let (least, most) = (simd.splat(Ray::LEAST), simd.splat(Ray::MOST));
+        let (least, most) = (simd.splat(Ray::MIN_MAGNITUDE), simd.splat(Ray::MAX_MAGNITUDE));
         let zero = simd.splat(0.0);
         let mut well_scaled = 0;
-        for at in 0..whole / EIGHT {
-            let (mut within, mut still) = (0xFF, 0xFF);
+        for at in 0..whole / RAYS_PER_REGISTER {
+            let (mut within, mut all_zero) = (0xFF, 0xFF);
             for axis in 0..3 {
                 let (origin, direction) = (&self.origin[axis], &self.direction[axis]);
                 let origin = simd.abs(origin.load(simd, at));
                 let direction = simd.abs(direction.load(simd, at));
                 within &= simd.cmp_ge(origin, least) | simd.cmp_ge(zero, origin);
                 within &= simd.cmp_ge(most, origin);
-                let no_way = simd.cmp_ge(zero, direction);
-                within &= simd.cmp_ge(direction, least) | no_way;
+                let is_zero = simd.cmp_ge(zero, direction);
+                within &= simd.cmp_ge(direction, least) | is_zero;
                 within &= simd.cmp_ge(most, direction);
-                still &= no_way;
+                all_zero &= is_zero;
             }
-            well_scaled |= u64::from(within & !still) << (at * EIGHT);
+            well_scaled |= u64::from(within & !all_zero) << (at * RAYS_PER_REGISTER);
         }
         let given = u64::MAX >> (MAX_RAYS - traces.len().min(MAX_RAYS));
         well_scaled & valid & given
@@ -128,21 +128,15 @@ impl RaySoA {
     /// Prepares well-scaled rays for a tree in world space ([`TravRay::set_world_space`]); returns
     /// a mask of those that start near it.
     #[inline(always)]
-    pub fn take_world_space<E: F32x8Ops>(
-        &mut self,
-        simd: E,
-        rays: &WorldRays,
-        scale: f64,
-        which: u64,
-    ) -> u64 {
+    pub fn take_world_space<E: F32x8Ops>(&mut self, simd: E, rays: &WorldRays, scale: f64, mask: u64) -> u64 {
         let scale = scale as f32;
         if !WORLD_SPACE_SCALES.contains(&scale) {
             return 0;
         }
         let scale = simd.splat(scale);
-        let mut fit = 0;
+        let mut prepared = 0;
         self.downwards = [0; 3];
-        for at in groups_of_eight(which) {
+        for at in groups_of_eight(mask) {
             let mut near_by = 0xFF;
             for axis in 0..3 {
                 let origin = simd.mul(rays.origin[axis].load(simd, at), scale);
@@ -158,9 +152,9 @@ impl RaySoA {
                 self.near_reciprocal[axis].store(simd, at, near);
                 self.far_reciprocal[axis].store(simd, at, far);
             }
-            fit |= u64::from(near_by) << (at * EIGHT);
+            prepared |= u64::from(near_by) << (at * RAYS_PER_REGISTER);
         }
-        fit & which
+        prepared & mask
     }
 
     /// Prepares well-scaled rays for the tree of an instance ([`Transform::approximate`],
@@ -173,7 +167,7 @@ impl RaySoA {
         rays: &WorldRays,
         transform: &Transform,
         scale: f64,
-        which: u64,
+        mask: u64,
     ) -> u64 {
         let scale = scale as f32;
         let Some((columns, translation)) = transform.approximate_inverse() else { return 0 };
@@ -182,40 +176,40 @@ impl RaySoA {
         }
         let (one, scale) = (simd.splat(1.0), simd.splat(scale));
         let rows = [0, 1, 2].map(|axis| columns.map(|column| column[axis]));
-        let mut fit = 0;
+        let mut prepared = 0;
         self.downwards = [0; 3];
-        for at in groups_of_eight(which) {
+        for at in groups_of_eight(mask) {
             let (mut offset, mut along) = ([one; 3], [one; 3]);
             for k in 0..3 {
                 offset[k] = simd.sub(rays.origin[k].load(simd, at), simd.splat(translation[k]));
                 along[k] = rays.direction[k].load(simd, at);
             }
-            let mut fits = 0xFF;
+            let mut supported = 0xFF;
             for (axis, row) in rows.into_iter().enumerate() {
                 let (origin, origin_error) = approximate_component(simd, row, offset);
                 let (direction, direction_error) = approximate_component(simd, row, along);
                 let origin_error = simd.add(origin_error, simd.splat(APPROXIMATE_UNDERFLOW));
                 let origin = simd.mul(origin, scale);
                 let size = simd.abs(direction);
-                fits &= simd.cmp_ge(simd.splat(FAR_AWAY as f32), simd.abs(origin));
-                fits &= simd.cmp_ge(size, simd.mul(direction_error, simd.splat(4.0)));
+                supported &= simd.cmp_ge(simd.splat(FAR_AWAY as f32), simd.abs(origin));
+                supported &= simd.cmp_ge(size, simd.mul(direction_error, simd.splat(4.0)));
                 let direction = simd.add(direction, simd.splat(0.0));
                 let sign = simd.signum(direction);
                 self.downwards[axis] |= below_zero(simd, direction, at);
                 // Widen the slab on both sides.
                 let slack = simd.mul(simd.mul(origin_error, scale), sign);
-                let slow = simd.div(one, simd.mul(simd.add(size, direction_error), scale));
-                let fast = simd.div(one, simd.mul(simd.sub(size, direction_error), scale));
-                let near = simd.mul(simd.mul(slow, simd.splat(SHRINK as f32)), sign);
-                let far = simd.mul(simd.mul(fast, simd.splat(WIDEN as f32)), sign);
+                let near_reciprocal = simd.div(one, simd.mul(simd.add(size, direction_error), scale));
+                let far_reciprocal = simd.div(one, simd.mul(simd.sub(size, direction_error), scale));
+                let near = simd.mul(simd.mul(near_reciprocal, simd.splat(SHRINK as f32)), sign);
+                let far = simd.mul(simd.mul(far_reciprocal, simd.splat(WIDEN as f32)), sign);
                 self.near_origin[axis].store(simd, at, simd.add(origin, slack));
                 self.far_origin[axis].store(simd, at, simd.sub(origin, slack));
                 self.near_reciprocal[axis].store(simd, at, near);
                 self.far_reciprocal[axis].store(simd, at, far);
             }
-            fit |= u64::from(fits) << (at * EIGHT);
+            prepared |= u64::from(supported) << (at * RAYS_PER_REGISTER);
         }
-        fit & which
+        prepared & mask
     }
 
     /// The group of those of some rays, at least one, whose direction signs are those of the first.
@@ -249,21 +243,21 @@ impl RaySoA {
             }
         }
         let members = (&members, group.rays);
-        let mut ray = TravRay::from(min_or_max_of::<E, false>(simd, &rays.t_min, members));
+        let mut ray = TravRay::with_t_min(min_or_max_of::<E, false>(simd, &rays.t_min, members));
         ray.near_side = group.near_side;
         for axis in 0..3 {
             let (near, far) = (&self.near_origin[axis], &self.far_origin[axis]);
-            let (slow, fast) = (&self.near_reciprocal[axis], &self.far_reciprocal[axis]);
+            let (near_reciprocal, far_reciprocal) = (&self.near_reciprocal[axis], &self.far_reciprocal[axis]);
             if group.near_side[axis] == 0 {
                 ray.near_origin[axis] = min_or_max_of::<E, true>(simd, near, members);
                 ray.far_origin[axis] = min_or_max_of::<E, false>(simd, far, members);
-                ray.near_reciprocal[axis] = min_or_max_of::<E, false>(simd, slow, members);
-                ray.far_reciprocal[axis] = min_or_max_of::<E, true>(simd, fast, members);
+                ray.near_reciprocal[axis] = min_or_max_of::<E, false>(simd, near_reciprocal, members);
+                ray.far_reciprocal[axis] = min_or_max_of::<E, true>(simd, far_reciprocal, members);
             } else {
                 ray.near_origin[axis] = min_or_max_of::<E, false>(simd, near, members);
                 ray.far_origin[axis] = min_or_max_of::<E, true>(simd, far, members);
-                ray.near_reciprocal[axis] = min_or_max_of::<E, true>(simd, slow, members);
-                ray.far_reciprocal[axis] = min_or_max_of::<E, false>(simd, fast, members);
+                ray.near_reciprocal[axis] = min_or_max_of::<E, true>(simd, near_reciprocal, members);
+                ray.far_reciprocal[axis] = min_or_max_of::<E, false>(simd, far_reciprocal, members);
             }
         }
         ray
@@ -272,7 +266,7 @@ impl RaySoA {
     /// A single ray of a group.
     #[inline(always)]
     pub fn single(&self, rays: &WorldRays, at: usize, group: &OctantGroup) -> TravRay {
-        let mut ray = TravRay::from(rays.t_min.0[at]);
+        let mut ray = TravRay::with_t_min(rays.t_min.0[at]);
         ray.near_side = group.near_side;
         for axis in 0..3 {
             ray.near_origin[axis] = self.near_origin[axis].0[at];
@@ -307,12 +301,12 @@ impl RaySoA {
             for (axis, [first, last]) in planes.into_iter().enumerate() {
                 let enter = simd.sub(first, self.near_origin[axis].load(simd, at));
                 let leave = simd.sub(last, self.far_origin[axis].load(simd, at));
-                let slow = self.near_reciprocal[axis].load(simd, at);
-                let fast = self.far_reciprocal[axis].load(simd, at);
-                near = simd.max(simd.mul(enter, slow), near);
-                far = simd.min(simd.mul(leave, fast), far);
+                let near_reciprocal = self.near_reciprocal[axis].load(simd, at);
+                let far_reciprocal = self.far_reciprocal[axis].load(simd, at);
+                near = simd.max(simd.mul(enter, near_reciprocal), near);
+                far = simd.min(simd.mul(leave, far_reciprocal), far);
             }
-            maybe_hit |= u64::from(simd.cmp_ge(far, near)) << (at * EIGHT);
+            maybe_hit |= u64::from(simd.cmp_ge(far, near)) << (at * RAYS_PER_REGISTER);
         }
         maybe_hit & group.rays
     }
@@ -331,29 +325,29 @@ fn approximate_component<E: F32x8Ops>(simd: E, row: [f32; 3], v: [E::F32x8; 3]) 
 /// A mask of the rays of a group of eight whose number is below 0.
 #[inline(always)]
 fn below_zero<E: F32x8Ops>(simd: E, numbers: E::F32x8, at: usize) -> u64 {
-    u64::from(!simd.cmp_ge(numbers, simd.splat(0.0)) & 0xFF) << (at * EIGHT)
+    u64::from(!simd.cmp_ge(numbers, simd.splat(0.0)) & 0xFF) << (at * RAYS_PER_REGISTER)
 }
 
 /// The maximum or minimum of the numbers of some rays, which are given as 0 or NaN and as a mask.
 #[inline(always)]
-fn min_or_max_of<E: F32x8Ops, const GREATEST: bool>(
+fn min_or_max_of<E: F32x8Ops, const MAX: bool>(
     simd: E,
-    row: &PerRay,
+    numbers: &PerRay,
     (members, rays): (&PerRay, u64),
 ) -> f32 {
-    let mut all = simd.splat(if GREATEST { f32::NEG_INFINITY } else { f32::INFINITY });
+    let mut all = simd.splat(if MAX { f32::NEG_INFINITY } else { f32::INFINITY });
     for at in groups_of_eight(rays) {
-        let next = simd.add(row.load(simd, at), members.load(simd, at));
-        all = if GREATEST { simd.max(next, all) } else { simd.min(next, all) };
+        let next = simd.add(numbers.load(simd, at), members.load(simd, at));
+        all = if MAX { simd.max(next, all) } else { simd.min(next, all) };
     }
-    min_or_max::<E, GREATEST>(simd, all)
+    min_or_max::<E, MAX>(simd, all)
 }
 
 /// The maximum or minimum of eight lanes.
 #[inline(always)]
-fn min_or_max<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> f32 {
+fn min_or_max<E: F32x8Ops, const MAX: bool>(simd: E, numbers: E::F32x8) -> f32 {
     let lanes = simd.to_array(numbers);
-    let beyond = |a: f32, b: f32| if (a > b) == GREATEST { a } else { b };
+    let beyond = |a: f32, b: f32| if (a > b) == MAX { a } else { b };
     let four = [0, 1, 2, 3].map(|at| beyond(lanes[at], lanes[at + 4]));
     beyond(beyond(four[0], four[2]), beyond(four[1], four[3]))
 }
@@ -361,5 +355,5 @@ fn min_or_max<E: F32x8Ops, const GREATEST: bool>(simd: E, numbers: E::F32x8) -> 
 /// The groups of eight that hold one of the given rays.
 #[inline(always)]
 fn groups_of_eight(rays: u64) -> impl Iterator<Item = usize> {
-    (0..MAX_RAYS / EIGHT).filter(move |at| rays >> (at * EIGHT) & 0xFF != 0)
+    (0..MAX_RAYS / RAYS_PER_REGISTER).filter(move |at| rays >> (at * RAYS_PER_REGISTER) & 0xFF != 0)
 }

@@ -1,4 +1,4 @@
-//! WorldRays that go together find what each finds by itself.
+//! Rays that are traced as a packet find the hits that each finds alone.
 
 use std::sync::Arc;
 
@@ -158,7 +158,7 @@ fn what_takes_long_together_is_given_up() {
     let mut hits = Vec::new();
     packet.trace(&tlas, &tile, false, &mut hits);
     assert!(hits.iter().any(Option::is_some) && packet.steps > 0, "{} steps are left", packet.steps);
-    // WorldRays of one sign all over the floor soon go by themselves.
+    // Rays of one octant that are spread all over the floor soon leave the packet.
     let apart: Vec<_> =
         (0..64).map(|k| trace((k * 37 % 64) as f32 * 0.06, (k * 29 % 64) as f32 * 0.06)).collect();
     check(&tlas, &apart);

@@ -6,9 +6,11 @@ use crate::accel::cursor::TraceRay;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::packet::ray_soa::{OctantGroup, PerRay, RaySoA};
-use crate::accel::packet::{Found, MAX_RAYS, Packet};
-use crate::accel::rules::{is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible, presented};
-use crate::accel::tlas::{Placed, Tlas};
+use crate::accel::packet::{MAX_RAYS, Packet, PacketHit};
+use crate::accel::rules::{
+    apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible,
+};
+use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{DoubleRay, Intersection, Intersection4, ObjectRay};
 use crate::math::f64x4::F64x4Ops;
@@ -16,7 +18,7 @@ use crate::math::lane_ops::{LaneOps, LaneTask};
 
 /// Up to this many rays leave the packet below a node that no other ray hits, and traverse it
 /// singly.
-const FEW: u32 = 3;
+const MAX_SINGLE_RAYS: u32 = 3;
 
 /// The traversal of a packet, with its arguments.
 pub struct PacketTraversal<'a> {
@@ -33,14 +35,14 @@ impl LaneTask for PacketTraversal<'_> {
 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) -> u64 {
-        self.together(simd)
+        self.traverse(simd)
     }
 }
 
 /// Tests the primitives of a leaf for some rays.
 struct LeafTask<'w, 'a, 'i> {
     traversal: &'w mut PacketTraversal<'a>,
-    inside: &'i Inside<'i>,
+    context: &'i InstanceContext<'i>,
     leaf: NodeRef,
     rays: u64,
 }
@@ -50,11 +52,11 @@ impl LaneTask for LeafTask<'_, '_, '_> {
 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) {
-        self.traversal.test(simd, self.inside, self.leaf, self.rays);
+        self.traversal.intersect_primitives(simd, self.context, self.leaf, self.rays);
     }
 }
 
-/// Takes some rays into an instance.
+/// Traverses an instance with some rays.
 struct InstanceTask<'w, 'a> {
     traversal: &'w mut PacketTraversal<'a>,
     instance: u32,
@@ -66,7 +68,7 @@ impl LaneTask for InstanceTask<'_, '_> {
 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) {
-        self.traversal.enter(simd, self.instance, self.rays);
+        self.traversal.enter_instance(simd, self.instance, self.rays);
     }
 }
 
@@ -74,7 +76,7 @@ impl LaneTask for InstanceTask<'_, '_> {
 // be.
 impl PacketTraversal<'_> {
     #[inline(always)]
-    fn together<E: LaneOps>(mut self, simd: E) -> u64 {
+    fn traverse<E: LaneOps>(mut self, simd: E) -> u64 {
         let count = self.traces.len();
         let packet = &mut *self.packet;
         packet.hit = 0;
@@ -96,7 +98,7 @@ impl PacketTraversal<'_> {
                     simd.dispatch(InstanceTask { traversal: &mut self, instance: number as u32, rays });
                 }
             }
-            Some((bvh, order)) => self.through_world(simd, bvh, order, rays),
+            Some((bvh, order)) => self.traverse_tlas(simd, bvh, order, rays),
         }
         if self.packet.steps == 0 { u64::MAX } else { self.single_ray_mask }
     }
@@ -112,10 +114,10 @@ impl PacketTraversal<'_> {
 
     /// Traverses the tree over the instances.
     #[inline(always)]
-    fn through_world<E: LaneOps>(&mut self, simd: E, bvh: &WideBvh, order: &[u32], rays: u64) {
-        let fit = self.packet.world_soa.take_world_space(simd, &self.packet.rays, bvh.scale(), rays);
-        self.leave_to_single_rays(rays & !fit);
-        let mut rest = fit;
+    fn traverse_tlas<E: LaneOps>(&mut self, simd: E, bvh: &WideBvh, order: &[u32], rays: u64) {
+        let prepared = self.packet.world_soa.take_world_space(simd, &self.packet.rays, bvh.scale(), rays);
+        self.leave_to_single_rays(rays & !prepared);
+        let mut rest = prepared;
         while rest != 0 {
             let group = self.packet.world_soa.first_group(rest);
             rest &= !group.rays;
@@ -128,21 +130,27 @@ impl PacketTraversal<'_> {
                 });
                 continue;
             }
-            self.visit(simd, &group, bvh, &Instances(order));
+            self.traverse_bvh(simd, &group, bvh, &TlasLeaves(order));
         }
     }
 
     /// Traverses a tree with a group of rays, the nearest nodes first; below nodes that at most
-    /// [`FEW`] of them hit these go singly.
+    /// [`MAX_SINGLE_RAYS`] of them hit these go singly.
     #[inline(always)]
-    fn visit<E: LaneOps>(&mut self, simd: E, group: &OctantGroup, bvh: &WideBvh, leaves: &impl Leaves) {
-        if group.rays.count_ones() <= FEW {
-            return self.visit_singly(simd, group, bvh, bvh.root(), leaves);
+    fn traverse_bvh<E: LaneOps>(
+        &mut self,
+        simd: E,
+        group: &OctantGroup,
+        bvh: &WideBvh,
+        leaves: &impl LeafVisitor,
+    ) {
+        if group.rays.count_ones() <= MAX_SINGLE_RAYS {
+            return self.traverse_singly(simd, group, bvh, bvh.root(), leaves);
         }
         let base = self.packet.stack.len();
         let frustum = leaves.ray_soa(self.packet).frustum(simd, &self.packet.rays, group);
         let slabs = frustum.slabs(simd);
-        let mut limit = self.packet.limits.greatest(simd, group.rays);
+        let mut limit = self.packet.limits.max_over(simd, group.rays);
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
@@ -169,25 +177,25 @@ impl PacketTraversal<'_> {
                 leaves.ray_soa(self.packet).maybe_hit_mask(simd, rays, group, (node, slot), limits);
             if child.is_leaf() {
                 leaves.visit_leaf(self, simd, child, maybe_hit);
-            } else if maybe_hit.count_ones() <= FEW {
-                self.visit_singly(simd, &OctantGroup { rays: maybe_hit, ..*group }, bvh, child, leaves);
+            } else if maybe_hit.count_ones() <= MAX_SINGLE_RAYS {
+                self.traverse_singly(simd, &OctantGroup { rays: maybe_hit, ..*group }, bvh, child, leaves);
             } else {
                 inner = Some(child);
                 continue;
             }
-            limit = self.packet.limits.greatest(simd, group.rays);
+            limit = self.packet.limits.max_over(simd, group.rays);
         }
     }
 
     /// Traverses the subtree below a node with each of some rays singly.
     #[inline(always)]
-    fn visit_singly<E: LaneOps>(
+    fn traverse_singly<E: LaneOps>(
         &mut self,
         simd: E,
         group: &OctantGroup,
         bvh: &WideBvh,
         root: NodeRef,
-        leaves: &impl Leaves,
+        leaves: &impl LeafVisitor,
     ) {
         let base = self.packet.stack.len();
         let mut rest = group.rays;
@@ -227,9 +235,9 @@ impl PacketTraversal<'_> {
         }
     }
 
-    /// Takes rays into an instance and traverses its tree.
+    /// Traverses the tree of an instance with some rays.
     #[inline(always)]
-    fn enter<E: LaneOps>(&mut self, simd: E, number: u32, rays: u64) {
+    fn enter_instance<E: LaneOps>(&mut self, simd: E, number: u32, rays: u64) {
         let instance = &self.tlas.instances()[number as usize];
         let TraceRay { flags, cull_mask, .. } = self.traces[0];
         if !is_visible(instance.mask, cull_mask)
@@ -239,64 +247,80 @@ impl PacketTraversal<'_> {
             return;
         }
         let built = instance.blas.built();
-        let placed = self.tlas.transform(number);
+        let instance_transform = self.tlas.transform(number);
         let Packet { rays: all, instance_soa, .. } = &mut *self.packet;
-        let fit = match (built.bvh(), placed) {
+        let prepared = match (built.bvh(), instance_transform) {
             (None, _) => rays,
-            (Some(bvh), Placed::InWorld) => instance_soa.take_world_space(simd, all, bvh.scale(), rays),
-            (Some(bvh), Placed::Still(transform)) => {
+            (Some(bvh), InstanceTransform::Identity) => {
+                instance_soa.take_world_space(simd, all, bvh.scale(), rays)
+            }
+            (Some(bvh), InstanceTransform::Static(transform)) => {
                 instance_soa.take_approximate(simd, all, transform, bvh.scale(), rays)
             }
-            (Some(_), Placed::Moving) => 0,
+            (Some(_), InstanceTransform::Moving) => 0,
         };
-        self.leave_to_single_rays(rays & !fit);
-        self.packet.stale = fit;
-        let inside = Inside { instance: number, built, in_world: matches!(placed, Placed::InWorld) };
+        self.leave_to_single_rays(rays & !prepared);
+        self.packet.stale = prepared;
+        let context = InstanceContext {
+            instance: number,
+            built,
+            in_world: matches!(instance_transform, InstanceTransform::Identity),
+        };
         let Some(bvh) = built.bvh().filter(|bvh| !bvh.root().is_leaf()) else {
             for leaf in built.leaves() {
-                simd.dispatch(LeafTask { traversal: self, inside: &inside, leaf, rays: fit });
+                simd.dispatch(LeafTask { traversal: self, context: &context, leaf, rays: prepared });
             }
             return;
         };
-        let mut rest = fit;
+        let mut rest = prepared;
         while rest != 0 {
             let group = self.packet.instance_soa.first_group(rest);
             rest &= !group.rays;
-            self.visit(simd, &group, bvh, &inside);
+            self.traverse_bvh(simd, &group, bvh, &context);
         }
     }
 
     /// Tests the primitives of a leaf for some rays.
     #[inline(always)]
-    fn test<E: LaneOps>(&mut self, simd: E, inside: &Inside, leaf: NodeRef, mut rays: u64) {
-        let (tlas, traces, built) = (self.tlas, self.traces, inside.built);
+    fn intersect_primitives<E: LaneOps>(
+        &mut self,
+        simd: E,
+        context: &InstanceContext,
+        leaf: NodeRef,
+        mut rays: u64,
+    ) {
+        let (tlas, traces, built) = (self.tlas, self.traces, context.built);
         let precision = tlas.precision();
-        let whole = built.tests_leaves(precision);
+        let tests_whole_leaves = built.tests_whole_leaves(precision);
         while rays != 0 {
             let at = rays.trailing_zeros() as usize % MAX_RAYS;
             rays &= rays - 1;
             let trace = &traces[at];
             let mut leaf_hits = Intersection4::MISSED;
-            let mut rest = if whole {
+            let mut rest = if tests_whole_leaves {
                 let limit = self.packet.limits.0[at];
-                leaf_hits =
-                    built.intersect_leaf(simd, leaf, &mut InPacket { traversal: self, inside, at }, limit);
+                leaf_hits = built.intersect_leaf(
+                    simd,
+                    leaf,
+                    &mut PacketLeafRay { traversal: self, context, at },
+                    limit,
+                );
                 leaf_hits.maybe_hit_mask() & built.full_mask(leaf)
             } else {
-                self.instance_ray(inside, at).maybe_hit_mask::<E, false>(simd, tlas, built, leaf, trace)
+                self.instance_ray(context, at).maybe_hit_mask::<E, false>(simd, tlas, built, leaf, trace)
             };
             while rest != 0 {
                 let lane = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
                 let found = match leaf_hits.hit(lane) {
                     None => {
-                        let ray = self.instance_ray(inside, at).object_ray(tlas, trace);
+                        let ray = self.instance_ray(context, at).object_ray(tlas, trace);
                         built.intersect((leaf, lane), ray, 0.0, precision)
                     }
                     found => found,
                 };
                 if let Some(found) = found.filter(|found| found.t <= self.packet.limits.0[at]) {
-                    self.take(inside, built.ordered_index(leaf, lane), at, found);
+                    self.record_hit(context, built.ordered_index(leaf, lane), at, found);
                     if self.any_opaque_hit && self.packet.hit >> at & 1 != 0 {
                         self.packet.limits.0[at] = -1.0;
                         break;
@@ -308,26 +332,34 @@ impl PacketTraversal<'_> {
 
     /// The state of a ray in an instance, which its tests of primitives need.
     #[inline(always)]
-    fn instance_ray(&mut self, inside: &Inside, at: usize) -> &mut InstanceRay {
+    fn instance_ray(&mut self, context: &InstanceContext, at: usize) -> &mut InstanceRay {
         let instance_ray = &mut self.packet.instance_rays[at];
         if self.packet.stale >> at & 1 != 0 {
             self.packet.stale &= !(1 << at);
-            instance_ray.arrive(self.tlas, inside.instance, inside.built, &self.traces[at]);
+            instance_ray.enter_with_packet(self.tlas, context.instance, context.built, &self.traces[at]);
         }
         instance_ray
     }
 
     /// Records an opaque hit if it is the closest so far.
     #[inline(always)]
-    fn take(&mut self, inside: &Inside, ordered_index: usize, at: usize, found: Intersection) {
-        let instance = &self.tlas.instances()[inside.instance as usize];
+    fn record_hit(
+        &mut self,
+        context: &InstanceContext,
+        ordered_index: usize,
+        at: usize,
+        found: Intersection,
+    ) {
+        let instance = &self.tlas.instances()[context.instance as usize];
         let flags = self.traces[0].flags;
-        let intersection = Intersection { surface: presented(found.surface, instance.flags), ..found };
+        let intersection =
+            Intersection { surface: apply_flip_facing(found.surface, instance.flags), ..found };
         if is_culled_by_face(flags, instance.flags, intersection.surface) {
             return;
         }
         let Packet { hits, hit, limits, .. } = &mut *self.packet;
-        let found = Found { instance: inside.instance, ordered_index: ordered_index as u32, intersection };
+        let found =
+            PacketHit { instance: context.instance, ordered_index: ordered_index as u32, intersection };
         if found.intersection.t == limits.0[at]
             && *hit >> at & 1 != 0
             && !found.is_before(&hits[at], self.tlas)
@@ -341,31 +373,31 @@ impl PacketTraversal<'_> {
 }
 
 /// One ray of the packet in an instance, as the tests of whole leaves take it.
-struct InPacket<'a, 'b, 'c> {
+struct PacketLeafRay<'a, 'b, 'c> {
     traversal: &'a mut PacketTraversal<'b>,
-    inside: &'a Inside<'c>,
+    context: &'a InstanceContext<'c>,
     at: usize,
 }
 
-impl LeafRay for InPacket<'_, '_, '_> {
+impl LeafRay for PacketLeafRay<'_, '_, '_> {
     #[inline(always)]
-    fn double<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
-        if self.inside.in_world {
+    fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D> {
+        if self.context.in_world {
             DoubleRay::in_world(simd, &self.traversal.traces[self.at].ray)
         } else {
-            DoubleRay::of(simd, self.object())
+            DoubleRay::of(simd, self.object_ray())
         }
     }
 
     #[inline(always)]
-    fn object(&mut self) -> &ObjectRay {
+    fn object_ray(&mut self) -> &ObjectRay {
         let PacketTraversal { tlas, traces, .. } = *self.traversal;
-        self.traversal.instance_ray(self.inside, self.at).object_ray(tlas, &traces[self.at])
+        self.traversal.instance_ray(self.context, self.at).object_ray(tlas, &traces[self.at])
     }
 }
 
 /// The instance that rays of the packet are in.
-struct Inside<'a> {
+struct InstanceContext<'a> {
     instance: u32,
     built: &'a BuiltBlas,
     /// Whether its object space is world space.
@@ -373,7 +405,7 @@ struct Inside<'a> {
 }
 
 /// What the leaves of a tree hold: instances or primitives.
-trait Leaves {
+trait LeafVisitor {
     /// The packet's rays in the space of the tree.
     fn ray_soa<'p>(&self, packet: &'p Packet) -> &'p RaySoA;
 
@@ -382,9 +414,9 @@ trait Leaves {
 }
 
 /// The numbers of the instances, in tree order.
-struct Instances<'a>(&'a [u32]);
+struct TlasLeaves<'a>(&'a [u32]);
 
-impl Leaves for Instances<'_> {
+impl LeafVisitor for TlasLeaves<'_> {
     #[inline(always)]
     fn ray_soa<'p>(&self, packet: &'p Packet) -> &'p RaySoA {
         &packet.world_soa
@@ -398,7 +430,7 @@ impl Leaves for Instances<'_> {
     }
 }
 
-impl Leaves for Inside<'_> {
+impl LeafVisitor for InstanceContext<'_> {
     #[inline(always)]
     fn ray_soa<'p>(&self, packet: &'p Packet) -> &'p RaySoA {
         &packet.instance_soa
@@ -407,7 +439,7 @@ impl Leaves for Inside<'_> {
     #[inline(always)]
     fn visit_leaf<E: LaneOps>(&self, traversal: &mut PacketTraversal, simd: E, leaf: NodeRef, rays: u64) {
         if rays != 0 {
-            simd.dispatch(LeafTask { traversal, inside: self, leaf, rays });
+            simd.dispatch(LeafTask { traversal, context: self, leaf, rays });
         }
     }
 }

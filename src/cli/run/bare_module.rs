@@ -1,8 +1,8 @@
-//! A module's compute shader without a scene: the command line makes one.
+//! A module's compute shader without a scene file: the scene is made from the command line.
 //!
 //! The arguments become the text of a scene file, so that their values are written, checked and
-//! reported as in any other; what the shader binds and the command line does not mention is made by
-//! reflection, filled with zeros.
+//! reported as in any other scene. Resources that the shader binds and the command line does not
+//! mention are made by reflection, filled with zeros.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -52,29 +52,29 @@ pub struct Arguments {
     subgroup_size: Option<u32>,
 }
 
-/// `[SET,]BINDING`, in an array of descriptors with `[ELEMENT]` behind.
+/// Parses `[SET,]BINDING`, or `[SET,]BINDING[ELEMENT]` for an element of an array of descriptors.
 pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
     let number = |text: &str| text.trim().parse().ok();
-    let (place, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
-        Some(parts) => parts.and_then(|(place, element)| Some((place, Some(number(element)?))))?,
+    let (numbers, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
+        Some(parts) => parts.and_then(|(numbers, element)| Some((numbers, Some(number(element)?))))?,
         None => (text, None),
     };
-    let binding = match place.split_once(',') {
+    let binding = match numbers.split_once(',') {
         Some((set, binding)) => Binding { set: number(set)?, binding: number(binding)? },
-        None => Binding { set: 0, binding: number(place)? },
+        None => Binding { set: 0, binding: number(numbers)? },
     };
     Some((binding, element))
 }
 
-/// A resource given on the command line. Without an element it stands for all elements that are not
-/// given one by one.
-struct Given {
+/// A resource given on the command line. Without an element it is the default of all elements that
+/// are not given one by one.
+struct ResourceArgument {
     binding: Binding,
     element: Option<u32>,
     value: String,
 }
 
-impl Given {
+impl ResourceArgument {
     fn list(name: &str, all: &[String]) -> Result<Vec<Self>> {
         let given = all.iter().map(|text| {
             let parts = text.split_once('=').and_then(|(at, value)| Some((binding(at)?, value)));
@@ -89,14 +89,15 @@ impl Given {
     }
 }
 
-/// The module's file holds these bytes; the other files are named by the command line, too.
-struct WithModule {
+/// The files of the made scene: the module's is in memory, others are named by the command line,
+/// too.
+struct ModuleAndDisk {
     path: PathBuf,
     bytes: Vec<u8>,
     limits: InputLimits,
 }
 
-impl Files for WithModule {
+impl Files for ModuleAndDisk {
     fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
         match path == self.path {
             true => Ok(self.bytes.clone()),
@@ -110,8 +111,8 @@ impl Files for WithModule {
 }
 
 impl Arguments {
-    /// Refuses these arguments beside a scene file, which holds them itself.
-    pub fn refuse(&self) -> Result<()> {
+    /// Checks that none of these arguments is given with a scene file, which sets them itself.
+    pub fn check_unused(&self) -> Result<()> {
         let given = [
             ("--entry", self.entry.is_some()),
             ("--groups", self.groups.is_some()),
@@ -141,7 +142,7 @@ impl Arguments {
         let entry = self.entry_point(&module, path)?;
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
-        let files = WithModule { path: path.to_path_buf(), bytes, limits };
+        let files = ModuleAndDisk { path: path.to_path_buf(), bytes, limits };
         load_text(Path::new("the command line"), &text, &files, &LoadOptions::default())
     }
 
@@ -188,7 +189,7 @@ impl Arguments {
 
     /// The scene file's text.
     fn text(&self, path: &Path, module: Module, entry: &EntryPoint, groups: [u32; 3]) -> Result<String> {
-        let mut special = Vec::new();
+        let mut specialization = Vec::new();
         let mut module = module;
         for text in &self.spec {
             let parts =
@@ -196,8 +197,8 @@ impl Arguments {
             let Some((id, value)) = parts else {
                 return Err(invalid(format!("`--spec {text}`: ID=VALUE is needed")));
             };
-            special.push(format!("{id} = {}", value.trim()));
-            // Sizes of arrays and workgroups follow; other values are the scene's to judge.
+            specialization.push(format!("{id} = {}", value.trim()));
+            // Sizes of arrays and workgroups depend on it; the scene checks all other values.
             if let Ok(bits) = value.trim().parse::<u64>() {
                 module.specialize(id, bits)?;
             }
@@ -221,29 +222,30 @@ impl Arguments {
             let _ = writeln!(text, "push_constants = {{ zeros = {size} }}");
         }
         let _ = writeln!(text, "[shaders.main]\npath = {file}\nentry = {}", quoted(&entry.name));
-        let _ = writeln!(text, "specialization = {{ {} }}", special.join(", "));
+        let _ = writeln!(text, "specialization = {{ {} }}", specialization.join(", "));
         if let Some(size) = self.subgroup_size {
             let _ = writeln!(text, "[pipeline]\nsubgroup_size = {size}");
         }
         let _ = writeln!(text, "[[dispatch]]\nshader = \"main\"\ngroups = {groups:?}");
-        let (buffers, images) = (Given::list("buffer", &self.buffer)?, Given::list("image", &self.image)?);
+        let (buffers, images) =
+            (ResourceArgument::list("buffer", &self.buffer)?, ResourceArgument::list("image", &self.image)?);
         let variables = module.interface_of(entry);
         for variable in &variables {
             if let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) {
                 let binding = Binding { set, binding };
-                let here = |given: &&Given| given.binding == binding;
+                let here = |given: &&ResourceArgument| given.binding == binding;
                 let (buffers, images) = (buffers.iter().filter(here), images.iter().filter(here));
                 let given = [buffers.collect::<Vec<_>>(), images.collect()];
                 let elements = elements(&module, variable, &given);
                 for element in 0..elements.unwrap_or(1) {
-                    let value = |list: &[&Given]| {
+                    let value = |list: &[&ResourceArgument]| {
                         let own = list.iter().find(|one| one.element == Some(element));
                         let found = own.or_else(|| list.iter().find(|one| one.element.is_none()));
                         found.map(|one| one.value.clone())
                     };
-                    let place = (binding, elements.map(|_| element));
+                    let descriptor = (binding, elements.map(|_| element));
                     let [buffer, image] = [value(&given[0]), value(&given[1])];
-                    resource(&mut text, &module, variable, place, buffer, image, invocations)?;
+                    resource(&mut text, &module, variable, descriptor, buffer, image, invocations)?;
                 }
             }
         }
@@ -296,11 +298,16 @@ fn push_constant_size(module: &Module, entry: &EntryPoint) -> Option<u64> {
     module.size_of(variable.ty?)
 }
 
-/// How many elements of an array of descriptors are bound; `None` for a single descriptor.
-fn elements(module: &Module, variable: &InterfaceVariable, given: &[Vec<&Given>; 2]) -> Option<u32> {
-    /// Of a runtime array.
+/// The number of elements of an array of descriptors that are bound; `None` for a single
+/// descriptor.
+fn elements(
+    module: &Module,
+    variable: &InterfaceVariable,
+    given: &[Vec<&ResourceArgument>; 2],
+) -> Option<u32> {
+    /// The number of bound elements of a runtime array.
     const ELEMENTS: u32 = 16;
-    let asked = given.iter().flatten().filter_map(|one| one.element).max().map_or(1, |last| last + 1);
+    let requested = given.iter().flatten().filter_map(|one| one.element).max().map_or(1, |last| last + 1);
     let (mut ty, mut count) = (variable.ty?, None);
     loop {
         match *module.ty(ty) {
@@ -312,8 +319,8 @@ fn elements(module: &Module, variable: &InterfaceVariable, given: &[Vec<&Given>;
             Type::RuntimeArray { element, .. } => {
                 let sampled = matches!(module.ty(element), Type::SampledImage(_))
                     || matches!(module.ty(element), Type::Image(image) if image.sampled != 2);
-                // A sampled image is a file of the user's: no more of them than are asked for.
-                count = Some(if sampled { asked } else { asked.max(ELEMENTS) });
+                // A sampled image needs a file of the user: bind only the elements that are given.
+                count = Some(if sampled { requested } else { requested.max(ELEMENTS) });
                 ty = element;
             }
             _ => return count.map(|count| count.min(1 << 16)),
@@ -342,8 +349,8 @@ fn resource(
     };
     let of_element = element.map_or_else(String::new, |element| format!("[{element}]"));
     let named = format!("{name}{of_element}");
-    let taken = text.contains(&format!("[resources.{}]", quoted(&named)));
-    let name = if taken { format!("{set}.{number}{of_element}") } else { named };
+    let is_taken = text.contains(&format!("[resources.{}]", quoted(&named)));
+    let name = if is_taken { format!("{set}.{number}{of_element}") } else { named };
     let _ = writeln!(text, "[resources.{}]\nset = {set}\nbinding = {number}", quoted(&name));
     if let Some(element) = element {
         let _ = writeln!(text, "element = {element}");

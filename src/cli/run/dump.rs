@@ -40,7 +40,7 @@ pub enum FoundResource {
 
 /// A resource to print, looked up in the scene.
 #[derive(Clone, Debug)]
-pub struct Shown {
+pub struct FoundDump {
     name: String,
     binding: Binding,
     element: u32,
@@ -53,8 +53,8 @@ pub fn invalid(message: String) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
 }
 
-/// How to ask for what a scene's run leaves.
-pub fn all(scene: &ResolvedScene) -> String {
+/// A hint at the options that show what a run wrote.
+pub fn hint(scene: &ResolvedScene) -> String {
     let holds_data = |one: &&resolved::ResolvedBinding| {
         matches!(one.resource, Resource::StorageBuffer(_) | Resource::StorageImage(_))
     };
@@ -82,8 +82,8 @@ impl Dump {
         Ok(Self { what: what.to_owned(), format, unless_zero: false })
     }
 
-    /// Every storage buffer that the compute shaders use; of an array of them the first, and those
-    /// that something is written to.
+    /// Every storage buffer that the compute shaders use; of an array the first element, and those
+    /// that are not all zeros.
     pub fn storage_buffers(assembled: &Assembled, scene: &ResolvedScene) -> Vec<Self> {
         let mut dumps = Vec::new();
         for program in programs(assembled) {
@@ -101,13 +101,13 @@ impl Dump {
         dumps
     }
 
-    /// Finds what is to be shown.
-    pub fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<Shown> {
+    /// Finds the resource to print.
+    pub fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<FoundDump> {
         let (binding, element, found) = descriptor(&self.what, scene, resources)?;
         let place = (binding.set, binding.binding, element);
         let named = scene.resources.iter().find(|one| (one.set, one.binding, one.element) == place);
         let name = named.map_or_else(String::new, |one| one.name.clone());
-        Ok(Shown { name, binding, element, format: self.format, unless_zero: self.unless_zero, found })
+        Ok(FoundDump { name, binding, element, format: self.format, unless_zero: self.unless_zero, found })
     }
 }
 
@@ -145,7 +145,7 @@ pub fn descriptor(
     Ok((binding, element, found))
 }
 
-impl Shown {
+impl FoundDump {
     /// The text.
     pub fn text(&self, assembled: &Assembled) -> Result<String> {
         let Binding { set, binding } = self.binding;
@@ -197,7 +197,7 @@ impl Shown {
     }
 }
 
-/// Sixteen bytes a line.
+/// A hex dump, sixteen bytes a line.
 fn hex(bytes: &[u8]) -> String {
     let mut text = String::new();
     for (at, line) in bytes.chunks(16).enumerate() {

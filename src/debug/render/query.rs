@@ -1,14 +1,14 @@
 //! Renders ray queries as text.
 
-use crate::debug::page::{Ink, Page};
-use crate::debug::render::{Way, Writer, called_at, ray};
+use crate::debug::page::{Page, TextStyle};
+use crate::debug::render::{TraversalView, Writer, ray, source_suffix};
 use crate::debug::transcript::{QueryCandidate, QueryEnd, QueryReport};
 
 impl Writer {
     pub(super) fn query(&mut self, query: &QueryReport) {
-        let head = self.page.ink(Ink::Head, "ray query");
+        let head = self.page.styled(TextStyle::Heading, "ray query");
         self.page
-            .line(format_args!("{head}{}", called_at(query.traversal.called_at.as_ref(), "initialised")));
+            .line(format_args!("{head}{}", source_suffix(query.traversal.called_at.as_ref(), "initialised")));
         self.page.nested("│ ", |page| {
             let mut inner = Self { page: std::mem::replace(page, Page::new(false)), all: self.all };
             inner.query_body(query);
@@ -18,19 +18,20 @@ impl Writer {
 
     fn query_body(&mut self, query: &QueryReport) {
         self.page.rows(ray(&query.traversal));
-        self.page.gap();
+        self.page.blank_line();
         let shown = query.candidates.iter().map(|one| [one.instance, one.geometry, one.primitive]);
-        let way = Way { traversal: &query.traversal, hit: query.hit.as_ref(), shown: shown.collect() };
-        self.instances(&way);
+        let view =
+            TraversalView { traversal: &query.traversal, hit: query.hit.as_ref(), shown: shown.collect() };
+        self.instances(&view);
         for candidate in &query.candidates {
-            self.page.gap();
+            self.page.blank_line();
             self.query_candidate(candidate);
         }
-        self.page.gap();
+        self.page.blank_line();
         match &query.hit {
             Some(hit) => self.hit(hit),
             None => {
-                let head = self.page.ink(Ink::Head, "nothing committed");
+                let head = self.page.styled(TextStyle::Heading, "nothing committed");
                 self.page.line(head);
             }
         }
@@ -44,22 +45,22 @@ impl Writer {
 
     fn query_candidate(&mut self, candidate: &QueryCandidate) {
         let QueryCandidate { instance, geometry, primitive, t, is_box, opaque, .. } = candidate;
-        let head = self.page.ink(Ink::Head, if *is_box { "box" } else { "candidate" });
+        let head = self.page.styled(TextStyle::Heading, if *is_box { "box" } else { "candidate" });
         let at = if *is_box { "entered at" } else { "at" };
         let opaque = if *opaque { ", opaque" } else { "" };
         self.page.line(format_args!(
             "{head}  instance {instance}, geometry {geometry}, primitive {primitive}, {at} t {t}{opaque}"
         ));
         if candidate.confirmed {
-            let text = self.page.ink(Ink::Kept, "confirmed");
+            let text = self.page.styled(TextStyle::Kept, "confirmed");
             self.page.line(format_args!("  {text}"));
         }
         for t in &candidate.generated {
-            let text = self.page.ink(Ink::Kept, format_args!("hit generated at t {t}"));
+            let text = self.page.styled(TextStyle::Kept, format_args!("hit generated at t {t}"));
             self.page.line(format_args!("  {text}"));
         }
         if !candidate.confirmed && candidate.generated.is_empty() {
-            let text = self.page.ink(Ink::Dim, "passed over");
+            let text = self.page.styled(TextStyle::Dim, "passed over");
             self.page.line(format_args!("  {text}"));
         }
     }

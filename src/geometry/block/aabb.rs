@@ -14,7 +14,7 @@
 //! confine, unless it is exactly 0: then reciprocals are infinite and only the side of the origin
 //! counts; a NaN (0 times infinity) confines nothing.
 
-use super::{ALL, CullRay, LANES, Row};
+use super::{ALL_LANES, CullRay, LANES, PerLane};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
 use crate::math::error_bound::{round_down, round_up};
@@ -26,7 +26,7 @@ use crate::math::prefetch::prefetch;
 #[repr(align(16))]
 pub struct Aabb4 {
     /// The minimum corners, then the maximum corners.
-    sides: [[Row; 3]; 2],
+    corners: [[PerLane; 3]; 2],
 }
 
 /// A ray in f32 with widened slabs, prepared for the boxes of one BLAS.
@@ -87,18 +87,18 @@ const WIDEN: f64 = 1.0 + 1.0 / 1_048_576.0;
 
 impl Aabb4 {
     /// A block of no primitives; the results of lanes that are not set have no meaning.
-    pub const EMPTY: Self = Self { sides: [[[0.0; LANES]; 3]; 2] };
+    pub const EMPTY: Self = Self { corners: [[[0.0; LANES]; 3]; 2] };
 
     /// Prefetches the block into the L1 cache.
     #[inline(always)]
     pub fn prefetch(&self) {
-        prefetch(self.sides.as_flattened().as_flattened());
+        prefetch(self.corners.as_flattened().as_flattened());
     }
 
     /// Stores a box into a lane.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, min: [f32; 3], max: [f32; 3]) {
-        for (rows, corner) in self.sides.iter_mut().zip([min, max]) {
+        for (rows, corner) in self.corners.iter_mut().zip([min, max]) {
             for (row, x) in rows.iter_mut().zip(corner) {
                 row[lane] = x;
             }
@@ -113,7 +113,7 @@ impl Aabb4 {
         for i in 0..3 {
             let side = slabs.near_side[i];
             let slab_t = |side: usize, origin: [f32; 3], reciprocal: [f32; 3]| {
-                (F32x4::new(self.sides[side][i]) - F32x4::splat(origin[i])) * F32x4::splat(reciprocal[i])
+                (F32x4::new(self.corners[side][i]) - F32x4::splat(origin[i])) * F32x4::splat(reciprocal[i])
             };
             let enter = slab_t(side, slabs.near_origin, slabs.near_reciprocal);
             let leave = slab_t(side ^ 1, slabs.far_origin, slabs.far_reciprocal);
@@ -121,13 +121,13 @@ impl Aabb4 {
             near = enter.max(near);
             far = leave.min(far);
         }
-        ALL & !(near.cmp_gt(far))
+        ALL_LANES & !(near.cmp_gt(far))
     }
 
     /// Intersects the box in a lane: [`aabb::intersect`].
     #[inline]
     pub fn intersect(&self, lane: usize, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
-        let [min, max] = self.sides.map(|rows| rows.map(|row| row[lane]));
+        let [min, max] = self.corners.map(|rows| rows.map(|row| row[lane]));
         aabb::intersect(ray, min, max, precision)
     }
 }

@@ -18,7 +18,7 @@
 //! and S by 3 c |E|^2 L^2, of which 10 c |E|^2 L^2 is taken. The derivation, underflow and overflow
 //! included, is in `docs/derivations/cull-linear-swept-spheres.md`.
 
-use super::{ALL, CullRay, LANES, Row, load, norm1, sub};
+use super::{ALL_LANES, CullRay, LANES, PerLane, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::prefetch::prefetch;
@@ -28,22 +28,22 @@ use crate::math::prefetch::prefetch;
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct LinearSweptSphere4 {
-    positions: [[Row; 3]; 2],
-    radii: [Row; 2],
+    positions: [[PerLane; 3]; 2],
+    radii: [PerLane; 2],
 }
 
 /// The terms that both tests share, in the symbols of the module documentation.
-struct Beside {
+struct SharedTerms {
     /// W, the vector from the first end to the origin.
     from_start: [F32x4; 3],
     /// E x A, the vector across the ray and the axis.
-    across: [F32x4; 3],
-    /// The squared length of `across`.
-    square: F32x4,
+    cross: [F32x4; 3],
+    /// The squared length of `cross`.
+    cross2: F32x4,
     /// An upper bound of |A|.
     length: F32x4,
     /// A lower bound of |W.(E x A)|.
-    apart: F32x4,
+    separation: F32x4,
 }
 
 impl LinearSweptSphere4 {
@@ -71,42 +71,43 @@ impl LinearSweptSphere4 {
     /// A mask of the lanes whose capsule of the greater radius the line of the ray may hit.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
-        let Beside { square, apart, .. } = self.beside(simd, ray);
+        let SharedTerms { cross2, separation, .. } = self.shared_terms(simd, ray);
         let radius = F32x4::new(self.radii[0]).relaxed_max(F32x4::new(self.radii[1]));
-        let room = simd.fma(radius * radius, square, F32x4::splat(f32::MIN_POSITIVE));
-        ALL & !((apart * apart).cmp_gt(room))
+        let limit = simd.fma(radius * radius, cross2, F32x4::splat(f32::MIN_POSITIVE));
+        ALL_LANES & !((separation * separation).cmp_gt(limit))
     }
 
-    /// A mask of the lanes whose double cone, too, the line of the ray may hit: fewer, for half as
-    /// many operations again. This pays for single rays, whose next branches depend on it.
+    /// A mask of the lanes whose double cone, too, the line of the ray may hit: fewer lanes, for
+    /// half as many operations again. This is worthwhile for single rays, whose next branches
+    /// depend on it.
     #[inline(always)]
     pub fn maybe_hit_mask_tight<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
-        let Beside { from_start, across, square, length, apart } = self.beside(simd, ray);
+        let SharedTerms { from_start, cross, cross2, length, separation } = self.shared_terms(simd, ray);
         let [r0, r1] = self.radii.map(F32x4::new);
         let slope = r1 - r0;
-        let area = length * length;
-        let place = simd.fma_dot(simd.fma_cross(ray.directions(), from_start), across);
-        let [wider, blur, steep] = ray.cone.map(F32x4::splat);
-        let rest = square - simd.fma(area, blur, slope * slope * steep);
-        let rest = rest.max(F32x4::ZERO);
-        let radius = simd.fma(slope, place, r0 * square).abs();
-        let radius = simd.fma(area, wider, radius);
-        let room = simd.fma(radius * radius, F32x4::splat(1.0 + 1e-5), F32x4::splat(f32::MIN_POSITIVE));
-        ALL & !((apart * rest * apart).cmp_gt(room))
+        let length2 = length * length;
+        let n = simd.fma_dot(simd.fma_cross(ray.directions(), from_start), cross);
+        let [r_error, s_error, direction2] = ray.cone_terms.map(F32x4::splat);
+        let s = cross2 - simd.fma(length2, s_error, slope * slope * direction2);
+        let s = s.max(F32x4::ZERO);
+        let radius = simd.fma(slope, n, r0 * cross2).abs();
+        let radius = simd.fma(length2, r_error, radius);
+        let limit = simd.fma(radius * radius, F32x4::splat(1.0 + 1e-5), F32x4::splat(f32::MIN_POSITIVE));
+        ALL_LANES & !((separation * s * separation).cmp_gt(limit))
     }
 
     /// Computes the terms of both tests.
     #[inline(always)]
-    fn beside<F: FmaOps>(&self, simd: F, ray: &CullRay) -> Beside {
+    fn shared_terms<F: FmaOps>(&self, simd: F, ray: &CullRay) -> SharedTerms {
         let p0 = load(&self.positions[0]);
         let axis = sub(load(&self.positions[1]), p0);
         let from_start = sub(ray.origins(), p0);
-        let across = simd.fma_cross(ray.directions(), axis);
+        let cross = simd.fma_cross(ray.directions(), axis);
         let length = norm1(axis) + F32x4::splat(1.0 / 1_099_511_627_776.0);
-        let apart = simd.fma_dot(from_start, across).abs() - length * F32x4::splat(ray.error_bound);
-        // Written so that a NaN is not apart.
-        let apart = apart.max(F32x4::ZERO);
-        Beside { from_start, across, square: simd.fma_dot(across, across), length, apart }
+        let separation = simd.fma_dot(from_start, cross).abs() - length * F32x4::splat(ray.error_bound);
+        // Written so that a NaN becomes 0.
+        let separation = separation.max(F32x4::ZERO);
+        SharedTerms { from_start, cross, cross2: simd.fma_dot(cross, cross), length, separation }
     }
 
     /// Intersects the swept sphere in a lane: [`linear_swept_sphere::intersect`]. `caps`

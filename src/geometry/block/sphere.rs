@@ -13,7 +13,7 @@
 //! By the table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0
 //! or later and whose origin was not moved.
 
-use super::{ALL, CullRay, LANES, Row, load, sub};
+use super::{ALL_LANES, CullRay, LANES, PerLane, load, sub};
 use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision, sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
@@ -23,8 +23,8 @@ use crate::math::prefetch::prefetch;
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Sphere4 {
-    center: [Row; 3],
-    radius: Row,
+    center: [PerLane; 3],
+    radius: PerLane,
 }
 
 impl Sphere4 {
@@ -50,23 +50,24 @@ impl Sphere4 {
     /// A mask of the lanes that the line of the ray may hit.
     #[inline(always)]
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
-        self.met_from(simd, ray, F32x4::splat(f32::INFINITY))
+        self.maybe_hit_mask_with(simd, ray, F32x4::splat(f32::INFINITY))
     }
 
     /// [`Self::maybe_hit_mask`] without the spheres that are certainly entered behind the origin,
     /// if t is never negative.
     #[inline(always)]
     pub fn maybe_entered_mask<F: FmaOps>(&self, simd: F, ray: &CullRay) -> u32 {
-        self.met_from(simd, ray, F32x4::splat(ray.behind))
+        self.maybe_hit_mask_with(simd, ray, F32x4::splat(ray.behind_error_bound))
     }
 
     #[inline(always)]
-    fn met_from<F: FmaOps>(&self, simd: F, ray: &CullRay, behind: F32x4) -> u32 {
+    fn maybe_hit_mask_with<F: FmaOps>(&self, simd: F, ray: &CullRay, behind: F32x4) -> u32 {
         let d = ray.directions();
         let m = sub(ray.origins(), load(&self.center));
         let q = simd.fma_cross(d, m);
-        let room = simd.fma(F32x4::new(self.radius), F32x4::splat(ray.length), F32x4::splat(ray.error_bound));
-        ALL & !(simd.fma_dot(q, q).cmp_gt(room * room) | simd.fma_dot(d, m).cmp_gt(behind))
+        let threshold =
+            simd.fma(F32x4::new(self.radius), F32x4::splat(ray.length), F32x4::splat(ray.error_bound));
+        ALL_LANES & !(simd.fma_dot(q, q).cmp_gt(threshold * threshold) | simd.fma_dot(d, m).cmp_gt(behind))
     }
 
     /// The f64 filter for all lanes.

@@ -25,7 +25,7 @@
 //! are certain is known some steps later. [`Triangle4::maybe_hit_mask`] checks the certainty in a
 //! branch of its own, which is predicted well, so that nothing waits for it.
 
-use super::{ALL, CullRay, LANES, MOST, Row, TINY, UNIT, greatest, three};
+use super::{ALL_LANES, CullRay, LANES, MAX_COORDINATE, PerLane, TINY, UNIT, max_component, xyz0};
 use crate::geometry::triangle;
 use crate::geometry::{Bounds, DoubleRay, Intersection, Intersection4, ObjectRay, Precision, Ray, Verdict};
 use crate::math::f32x4::{F32x4, FmaOps};
@@ -75,8 +75,8 @@ impl ShearedRay {
     /// has a magnitude above 2^60.
     #[inline(always)]
     pub fn covers(around: &Bounds) -> bool {
-        let size = three(around.min).abs().relaxed_max(three(around.max).abs());
-        F32x4::splat(MOST).cmp_ge(size) == ALL
+        let size = xyz0(around.min).abs().relaxed_max(xyz0(around.max).abs());
+        F32x4::splat(MAX_COORDINATE).cmp_ge(size) == ALL_LANES
     }
 
     /// A ray in world space, for triangles that it [covers](Self::covers). `None` where no
@@ -84,16 +84,16 @@ impl ShearedRay {
     /// one above 2^60.
     #[inline(always)]
     pub fn world_space(ray: &Ray) -> Option<Self> {
-        let (axis, most) = greatest(ray.direction);
-        let within = |v: [f32; 3]| F32x4::splat(Ray::MOST).cmp_ge(three(v).abs());
-        let fits = within(ray.origin) & within(ray.direction) == ALL && most >= Ray::LEAST;
+        let (axis, most) = max_component(ray.direction);
+        let within = |v: [f32; 3]| F32x4::splat(Ray::MAX_MAGNITUDE).cmp_ge(xyz0(v).abs());
+        let fits = within(ray.origin) & within(ray.direction) == ALL_LANES && most >= Ray::MIN_MAGNITUDE;
         fits.then(|| Self::in_world_space(axis, ray))
     }
 
     /// A ray in world space that [is well scaled](Ray::is_well_scaled), so that nothing is checked.
     #[inline(always)]
     pub fn well_scaled(ray: &Ray) -> Self {
-        let (axis, _) = greatest(ray.direction);
+        let (axis, _) = max_component(ray.direction);
         Self::in_world_space(axis, ray)
     }
 
@@ -134,12 +134,12 @@ impl ShearedRay {
 
     /// A vertex of each lane, sheared so that the ray runs along the third axis from 0.
     #[inline(always)]
-    fn seen<F: FmaOps>(&self, simd: F, vertex: &[Row; 3]) -> [F32x4; 3] {
+    fn shear<F: FmaOps>(&self, simd: F, vertex: &[PerLane; 3]) -> [F32x4; 3] {
         let [i, j, k] = [self.axes[0] as usize, self.axes[1] as usize, self.axes[2] as usize];
-        let beside = |axis: usize, origin: f32| F32x4::new(vertex[axis]) - F32x4::splat(origin);
-        let z = beside(k, self.origin[2]);
-        let x = simd.fma(F32x4::splat(self.shear[0]), z, beside(i, self.origin[0]));
-        let y = simd.fma(F32x4::splat(self.shear[1]), z, beside(j, self.origin[1]));
+        let from_origin = |axis: usize, origin: f32| F32x4::new(vertex[axis]) - F32x4::splat(origin);
+        let z = from_origin(k, self.origin[2]);
+        let x = simd.fma(F32x4::splat(self.shear[0]), z, from_origin(i, self.origin[0]));
+        let y = simd.fma(F32x4::splat(self.shear[1]), z, from_origin(j, self.origin[1]));
         [x, y, z]
     }
 }
@@ -148,7 +148,7 @@ impl ShearedRay {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
 pub struct Triangle4 {
-    vertices: [[Row; 3]; 3],
+    vertices: [[PerLane; 3]; 3],
 }
 
 impl Triangle4 {
@@ -176,7 +176,7 @@ impl Triangle4 {
     pub fn maybe_hit_mask<F: FmaOps>(&self, simd: F, ray: &ShearedRay) -> u32 {
         let [a, b, c] = &self.vertices;
         let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) =
-            (ray.seen(simd, a), ray.seen(simd, b), ray.seen(simd, c));
+            (ray.shear(simd, a), ray.shear(simd, b), ray.shear(simd, c));
         let area = |x: F32x4, y: F32x4, u: F32x4, v: F32x4| simd.fms(x, v, y * u);
         let areas = [area(ax, ay, bx, by), area(bx, by, cx, cy), area(cx, cy, ax, ay)];
         let least = areas[0].relaxed_min(areas[1]).relaxed_min(areas[2]);
@@ -189,8 +189,8 @@ impl Triangle4 {
         let around = across + squares(az, bz, cz);
         let p = simd.fma(F32x4::splat(ray.relative_error), around.sqrt(), F32x4::splat(ray.absolute_error));
         let missed = most.relaxed_min(zero - least).cmp_gt(p * (across.sqrt() + p));
-        if maybe_hit | missed != ALL {
-            return not_surely(missed);
+        if maybe_hit | missed != ALL_LANES {
+            return all_but(missed);
         }
         maybe_hit
     }
@@ -199,7 +199,7 @@ impl Triangle4 {
     #[inline(always)]
     fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
         let [a, b, c] = &self.vertices;
-        let vertex = |[x, y, z]: &[Row; 3]| [x[lane], y[lane], z[lane]];
+        let vertex = |[x, y, z]: &[PerLane; 3]| [x[lane], y[lane], z[lane]];
         [vertex(a), vertex(b), vertex(c)]
     }
 
@@ -230,6 +230,6 @@ impl Triangle4 {
 /// The mask of all lanes but some. It is not inlined, so that its call is a branch.
 #[cold]
 #[inline(never)]
-fn not_surely(missed: u32) -> u32 {
-    ALL & !missed
+fn all_but(missed: u32) -> u32 {
+    ALL_LANES & !missed
 }

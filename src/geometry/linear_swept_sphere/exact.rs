@@ -18,9 +18,9 @@ pub(super) fn intersect(
     caps: [bool; 2],
 ) -> Option<Intersection> {
     // An end of negative radius comes second; u is then reversed.
-    let turned = radii[0] < 0.0;
-    let order = if turned { [1, 0] } else { [0, 1] };
-    let shape = Shape::new(ray, order.map(|end| positions[end]), order.map(|end| radii[end]));
+    let swapped = radii[0] < 0.0;
+    let order = if swapped { [1, 0] } else { [0, 1] };
+    let shape = ExactShape::new(ray, order.map(|end| positions[end]), order.map(|end| radii[end]));
     let entry = shape.entry()?;
     let (surface, t) = match entry {
         Entry::Cap(end, t) => {
@@ -28,18 +28,18 @@ pub(super) fn intersect(
             if !caps[end] {
                 return None;
             }
-            return Some(super::cap(ray.settle_closed(&t)?, end));
+            return Some(super::cap(ray.round_within_closed(&t)?, end));
         }
         Entry::Side(t) => (shape.parameter(&t), t),
-        Entry::Apex(t) => (Surd::ratio(shape.cut.clone(), shape.whole.clone()), t),
+        Entry::Apex(t) => (Surd::ratio(shape.end_numerator.clone(), shape.end_denominator.clone()), t),
     };
-    let u = if turned {
+    let u = if swapped {
         let one = Dyadic::integer(1);
         surface.affine(&one, &Dyadic::integer(-1), &one)
     } else {
         surface
     };
-    Some(super::side(ray.settle_closed(&t)?, u.to_f32()))
+    Some(super::side(ray.round_within_closed(&t)?, u.to_f32()))
 }
 
 enum Entry {
@@ -50,8 +50,8 @@ enum Entry {
 }
 
 /// Ray and shape, multiplied by the ray's weight and, where the shape is cut at its apex, by
-/// `whole`, so that no coordinate needs a division.
-struct Shape {
+/// `end_denominator`, so that no coordinate needs a division.
+struct ExactShape {
     /// From the first end to the ray's origin.
     w: Vector,
     d: Vector,
@@ -61,37 +61,37 @@ struct Shape {
     delta: Dyadic,
     g: Dyadic,
     /// The shape ends at u = cut / whole; both are 1 where no radius is negative.
-    cut: Dyadic,
-    whole: Dyadic,
-    is_cut: bool,
+    end_numerator: Dyadic,
+    end_denominator: Dyadic,
+    has_apex: bool,
 }
 
-impl Shape {
+impl ExactShape {
     fn new(ray: &ObjectRay, positions: [[f32; 3]; 2], radii: [f32; 2]) -> Self {
         let ray = ray.exact();
         let [p0, p1] = positions.map(exact::vector);
         let [r0, r1] = radii.map(Dyadic::from_f32);
-        let is_cut = r1.sign() < 0;
+        let has_apex = r1.sign() < 0;
         let one = Dyadic::integer(1);
         // The radius r0 + u (r1 - r0) is 0 at u = r0 / (r0 - r1).
-        let (cut, whole, r1) =
-            if is_cut { (r0.clone(), &r0 - &r1, Dyadic::zero()) } else { (one.clone(), one, r1) };
-        let length = &ray.weight * &whole;
-        let axis = exact::scale(&(&ray.weight * &cut), &exact::sub(&p1, &p0));
+        let (end_numerator, end_denominator, r1) =
+            if has_apex { (r0.clone(), &r0 - &r1, Dyadic::zero()) } else { (one.clone(), one, r1) };
+        let length = &ray.weight * &end_denominator;
+        let axis = exact::scale(&(&ray.weight * &end_numerator), &exact::sub(&p1, &p0));
         let (r0, r1) = (&length * &r0, &length * &r1);
         let delta = &r1 - &r0;
         let g = &exact::dot(&axis, &axis) - &delta.square();
         Self {
-            w: exact::scale(&whole, &ray.origin_from(&p0)),
-            d: exact::scale(&whole, &ray.direction),
+            w: exact::scale(&end_denominator, &ray.origin_from(&p0)),
+            d: exact::scale(&end_denominator, &ray.direction),
             axis,
             r0,
             r1,
             delta,
             g,
-            cut,
-            whole,
-            is_cut,
+            end_numerator,
+            end_denominator,
+            has_apex,
         }
     }
 
@@ -123,7 +123,7 @@ impl Shape {
         let t = self.sphere(end)?;
         let position = self.sweep(&t);
         let owned = if end == 0 { position.sign() <= 0 } else { position.compare(&self.g) != Ordering::Less };
-        let entry = |t| if self.is_cut && end == 1 { Entry::Apex(t) } else { Entry::Cap(end, t) };
+        let entry = |t| if self.has_apex && end == 1 { Entry::Apex(t) } else { Entry::Cap(end, t) };
         owned.then(|| entry(t))
     }
 
@@ -166,6 +166,6 @@ impl Shape {
     /// u of the uncut shape at a point of the side.
     fn parameter(&self, t: &Surd) -> Surd {
         let (a, b) = self.line();
-        t.affine(&(&a * &self.cut), &(&b * &self.cut), &(&self.g * &self.whole))
+        t.affine(&(&a * &self.end_numerator), &(&b * &self.end_numerator), &(&self.g * &self.end_denominator))
     }
 }

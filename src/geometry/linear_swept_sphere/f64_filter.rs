@@ -45,18 +45,18 @@ pub(super) fn entry(
     let size = norm1(approach.offset) + r0;
     let error_bound = approach.error_bound(ray, size);
 
-    let square = dot(axis, axis);
-    let g = square - delta * delta;
-    let along = dot(axis, ray.direction);
-    let lean = along * inverse;
-    let k = g - along * lean;
-    let begin = dot(approach.offset, axis) + r0 * delta;
-    let room = r0 * r0 - dot(approach.offset, approach.offset);
-    let h = begin * begin + k * room;
-    let wide = 8.0 * (size + error_bound) * error_bound;
-    let e_h = square * wide;
+    let axis2 = dot(axis, axis);
+    let g = axis2 - delta * delta;
+    let m = dot(axis, ray.direction);
+    let q = m * inverse;
+    let k = g - m * q;
+    let e = dot(approach.offset, axis) + r0 * delta;
+    let f = r0 * r0 - dot(approach.offset, approach.offset);
+    let h = e * e + k * f;
+    let h_error_factor = 8.0 * (size + error_bound) * error_bound;
+    let e_h = axis2 * h_error_factor;
     // Written so that a NaN is undecided.
-    if !(k >= square * (1.0 / 16.0) && r0 >= 0.0 && r1 >= 0.0) {
+    if !(k >= axis2 * (1.0 / 16.0) && r0 >= 0.0 && r1 >= 0.0) {
         return Verdict::Undecided;
     }
     if !(h >= e_h + e_h) {
@@ -64,48 +64,51 @@ pub(super) fn entry(
     }
     let root = (g * h * inverse).sqrt();
     let inv_k = 1.0 / k;
-    let tau = (begin * lean - root) * inv_k;
-    let error = square
+    let tau = (e * q - root) * inv_k;
+    let error = axis2
         * inv_k
-        * (error_bound * (14.0 * inv_length) + wide * (root / h) + 3.0 * relative_error * tau.abs());
+        * (error_bound * (14.0 * inv_length)
+            + h_error_factor * (root / h)
+            + 3.0 * relative_error * tau.abs());
 
-    let length = square.sqrt();
-    let speed = 1.5 * length * ray.direction_norm;
-    let place = begin + along * tau;
-    let e_place = speed * error;
-    let rest = g - place;
-    let e_rest = e_place + relative_error * square;
-    if place > e_place && rest > e_rest {
+    let length = axis2.sqrt();
+    // v is u* g.
+    let v_error_factor = 1.5 * length * ray.direction_norm;
+    let v = e + m * tau;
+    let e_v = v_error_factor * error;
+    let g_minus_v = g - v;
+    let e_g_minus_v = e_v + relative_error * axis2;
+    if v > e_v && g_minus_v > e_g_minus_v {
         let t = tau - approach.sigma;
-        let t = match closest_approach::settle(ray, t, error) {
+        let t = match closest_approach::round_within(ray, t, error) {
             Verdict::Hit(t) => t,
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
         };
         let inverse_g = 1.0 / g;
-        let (u, e_u) = (place * inverse_g, 1.25 * inverse_g * e_rest);
+        let (u, e_u) = (v * inverse_g, 1.25 * inverse_g * e_g_minus_v);
         return match rounded(u - e_u, u + e_u) {
             Verdict::Hit(u) => Verdict::Hit(side(t, u)),
             _ => Verdict::Undecided,
         };
     }
-    if place < -e_place {
+    if v < -e_v {
         let (t, error) = match approach.entry(ray, r0, error_bound) {
             Verdict::Hit(entry) => entry,
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
         };
-        let place = begin + along * (t + approach.sigma);
-        let e_place = speed * (error + 2.0 * inv_length * error_bound);
-        return if place < -e_place {
+        let v = e + m * (t + approach.sigma);
+        let e_v = v_error_factor * (error + 2.0 * inv_length * error_bound);
+        return if v < -e_v {
             on_cap(ray, (t, error), 0, caps)
-        } else if place > e_place {
+        } else if v > e_v {
             Verdict::Miss
         } else {
             Verdict::Undecided
         };
     }
-    if rest < -e_rest {
+    if g_minus_v < -e_g_minus_v {
         let other = ClosestApproach::new(ray, positions[1]);
         let error_bound_1 = other.error_bound(ray, r1);
         let (t, error) = match other.entry(ray, r1, error_bound_1) {
@@ -114,12 +117,13 @@ pub(super) fn entry(
             Verdict::Undecided => return Verdict::Undecided,
         };
         let tau = t + approach.sigma;
-        let rest = g - (begin + along * tau);
-        let e_rest = speed * (error + 2.0 * inv_length * error_bound + relative_error * tau.abs())
-            + relative_error * square;
-        return if rest < -e_rest {
+        let g_minus_v = g - (e + m * tau);
+        let e_g_minus_v = v_error_factor
+            * (error + 2.0 * inv_length * error_bound + relative_error * tau.abs())
+            + relative_error * axis2;
+        return if g_minus_v < -e_g_minus_v {
             on_cap(ray, (t, error), 1, caps)
-        } else if rest > e_rest {
+        } else if g_minus_v > e_g_minus_v {
             Verdict::Miss
         } else {
             Verdict::Undecided
@@ -133,7 +137,7 @@ fn on_cap(ray: &ObjectRay, (t, error): (f64, f64), end: usize, caps: [bool; 2]) 
     if !caps[end] {
         return Verdict::Miss;
     }
-    match closest_approach::settle(ray, t, error) {
+    match closest_approach::round_within(ray, t, error) {
         Verdict::Hit(t) => Verdict::Hit(cap(t, end)),
         Verdict::Miss => Verdict::Miss,
         Verdict::Undecided => Verdict::Undecided,

@@ -3,7 +3,7 @@
 //! unrounded is off by less than those allow.
 
 use crate::geometry::closest_approach::ClosestApproachTerms;
-use crate::geometry::intersection4::{ALL, Ends, Intersection4};
+use crate::geometry::intersection4::{ALL, Intersection4, Interval4};
 use crate::geometry::object_ray::ObjectRay;
 use crate::math::f32x4::F32x4;
 use crate::math::f64x4::F64x4Ops;
@@ -43,27 +43,28 @@ pub fn intersect4<D: F64x4Ops>(
         simd.mul_add(simd.splat(relative_error), simd.add(radius, travel), simd.splat(absolute_error));
     let square = simd.dot3(offset, offset);
 
-    let near = simd.add(radius, error_bound);
+    let outer = simd.add(radius, error_bound);
     let beside = simd.mul(square, simd.splat(1.0 - 3.0 * relative_error));
-    let missed = simd.cmp_gt(beside, simd.mul(near, near));
+    let missed = simd.cmp_gt(beside, simd.mul(outer, outer));
     if missed == ALL {
         return Intersection4::MISSED;
     }
-    let room = simd.mul_sub(radius, radius, square);
-    let sure = simd.mul_add(simd.splat(16.0), error_bound, simd.mul(simd.splat(0.125), radius));
-    let entered = simd.cmp_ge(room, simd.mul(sure, sure)) & simd.cmp_gt(radius, simd.splat(0.0));
+    let half_chord2 = simd.mul_sub(radius, radius, square);
+    let threshold = simd.mul_add(simd.splat(16.0), error_bound, simd.mul(simd.splat(0.125), radius));
+    let entered =
+        simd.cmp_ge(half_chord2, simd.mul(threshold, threshold)) & simd.cmp_gt(radius, simd.splat(0.0));
     let mut out = Intersection4 { undecided: ALL & !(missed | entered), ..Intersection4::MISSED };
     if entered == 0 {
         return out;
     }
 
-    let half = simd.sqrt(simd.mul(room, simd.splat(inverse)));
-    let t = simd.sub(simd.sub(simd.splat(0.0), sigma), half);
+    let half_chord = simd.sqrt(simd.mul(half_chord2, simd.splat(inverse)));
+    let t = simd.sub(simd.sub(simd.splat(0.0), sigma), half_chord);
     let error = simd.mul(simd.splat(16.0 * inv_length), error_bound);
-    let t = Ends::around(simd, t, error);
+    let t = Interval4::new(simd, t, error);
     let (t_min, t_max) = (simd.splat(t_min), simd.splat(t_max));
-    let within = simd.cmp_ge(t.below, t_min) & simd.cmp_ge(t_max, t.above);
-    let outside = simd.cmp_gt(t_min, t.above) | simd.cmp_gt(t.below, t_max);
+    let within = simd.cmp_ge(t.low, t_min) & simd.cmp_ge(t_max, t.high);
+    let outside = simd.cmp_gt(t_min, t.high) | simd.cmp_gt(t.low, t_max);
     let (known, rounded) = t.rounded(simd);
     let beyond = within & known & rounded.cmp_gt(F32x4::splat(limit));
     out.hits = entered & within & known & !beyond;

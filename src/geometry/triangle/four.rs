@@ -21,20 +21,20 @@ pub fn intersect4<D: F64x4Ops>(
     vertices: &[[[f32; 4]; 3]; 3],
     limit: f32,
 ) -> Intersection4 {
-    let DoubleRay { origin, direction, origin_error, slack, direction_norm, t_min, t_max } = *ray;
+    let DoubleRay { origin, direction, origin_error, relative_error, direction_norm, t_min, t_max } = *ray;
     let (v0, v1, v2) = (point(simd, &vertices[0]), point(simd, &vertices[1]), point(simd, &vertices[2]));
     let d = simd.splat_xyz(direction);
     let (e1, e2) = (simd.sub3(v1, v0), simd.sub3(v2, v0));
     let w = simd.sub3(simd.splat_xyz(origin), v0);
     let (e1n, e2n) = (simd.norm1(e1), simd.norm1(e2));
-    let error_bound = simd.mul_add(slack, simd.norm1(w), origin_error);
+    let error_bound = simd.mul_add(relative_error, simd.norm1(w), origin_error);
     let de1 = simd.mul(direction_norm, e1n);
     let de2 = simd.mul(direction_norm, e2n);
 
     let p = simd.cross3(d, e2);
     let q = simd.cross3(w, e1);
     let det = simd.dot3(e1, p);
-    let e_det = simd.mul(slack, simd.mul(e1n, de2));
+    let e_det = simd.mul(relative_error, simd.mul(e1n, de2));
     let beta = simd.dot3(w, p);
     let e_beta = simd.mul(de2, error_bound);
     let gamma = simd.dot3(d, q);
@@ -45,18 +45,19 @@ pub fn intersect4<D: F64x4Ops>(
     let rounding = two_units::<f64>() + two_units::<f64>();
     let e_alpha = simd.mul_add(simd.splat(rounding), sizes, errors);
 
-    let of_alpha = Signs::of(simd, alpha, e_alpha);
-    let of_beta = Signs::of(simd, beta, e_beta);
-    let of_gamma = Signs::of(simd, gamma, e_gamma);
-    let some_negative = of_alpha.negative | of_beta.negative | of_gamma.negative;
-    let some_positive = of_alpha.positive | of_beta.positive | of_gamma.positive;
+    let alpha_signs = Signs::of(simd, alpha, e_alpha);
+    let beta_signs = Signs::of(simd, beta, e_beta);
+    let gamma_signs = Signs::of(simd, gamma, e_gamma);
+    let some_negative = alpha_signs.negative | beta_signs.negative | gamma_signs.negative;
+    let some_positive = alpha_signs.positive | beta_signs.positive | gamma_signs.positive;
     let missed = some_negative & some_positive;
     if missed == ALL {
         return MISSED;
     }
-    let of_det = Signs::of(simd, det, e_det);
-    let inside = of_alpha.certain() & of_beta.certain() & of_gamma.certain() & of_det.certain();
-    let mut out = Intersection4 { undecided: ALL & !(missed | inside), marked: of_det.positive, ..MISSED };
+    let det_signs = Signs::of(simd, det, e_det);
+    let inside = alpha_signs.certain() & beta_signs.certain() & gamma_signs.certain() & det_signs.certain();
+    let mut out =
+        Intersection4 { undecided: ALL & !(missed | inside), second_surface: det_signs.positive, ..MISSED };
     let inside = inside & !missed;
     if inside == 0 {
         return out;
@@ -65,10 +66,10 @@ pub fn intersect4<D: F64x4Ops>(
     let divisor = Divisor4::new(simd, det, e_det);
     let t = divisor.quotient(simd.dot3(e2, q), simd.mul(simd.mul(e1n, e2n), error_bound));
     let (t_min, t_max) = (simd.splat(t_min.into()), simd.splat(t_max.into()));
-    let outside = simd.cmp_ge(t_min, t.above) | simd.cmp_ge(t.below, t_max);
-    let within = simd.cmp_gt(t.below, t_min) & simd.cmp_gt(t_max, t.above);
+    let outside = simd.cmp_ge(t_min, t.high) | simd.cmp_ge(t.low, t_max);
+    let within = simd.cmp_gt(t.low, t_min) & simd.cmp_gt(t_max, t.high);
     let (known, rounded) = t.rounded(simd);
-    // A t that rounds to infinity is none.
+    // A t that rounds to infinity is no hit.
     let beyond = known & (rounded.cmp_gt(F32x4::splat(limit)) | rounded.abs().cmp_gt(F32x4::splat(f32::MAX)));
     let left = inside & !(outside | within & beyond);
     let decided = left & within & known & divisor.is_certain;

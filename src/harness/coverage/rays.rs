@@ -57,7 +57,7 @@ impl RayCounts {
     pub(super) fn event(&mut self, event: &Event) {
         match event {
             Event::Trace { trace, .. } => count_flags(&mut self.flags, trace.flags.0),
-            Event::RayQuery(event) => match &event.what {
+            Event::RayQuery(event) => match &event.step {
                 RayQueryStep::Initialize(_, trace) => count_flags(&mut self.query_flags, trace.flags.0),
                 RayQueryStep::Commit(hit) => {
                     count(&mut self.query_commits, surface(hit.candidate.intersection.surface));

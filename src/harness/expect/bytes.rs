@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::harness::expect::{Difference, SHOWN, Subject};
 use crate::harness::number::{Tolerance, TypedNumbers};
 use crate::machine::image::Image;
-use crate::scene::read::{At, Parse, Table, TomlValue};
+use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// A resource's memory after the launch.
 #[derive(Clone, Debug)]
@@ -27,13 +27,13 @@ pub struct Bytes {
 #[derive(Clone, Debug)]
 pub struct BytesExpectation {
     /// The resource's name in the scene.
-    pub name: At<String>,
+    pub name: Spanned<String>,
     /// Where the first number lies, in bytes.
     pub offset: usize,
     /// Bytes from one outermost element to the next; without it they follow each other.
     pub stride: Option<usize>,
     /// An image's first texel, x and y.
-    pub at: Option<At<[u32; 2]>>,
+    pub at: Option<Spanned<[u32; 2]>>,
     /// The numbers, by outermost element.
     pub numbers: TypedNumbers,
     /// How exact.
@@ -113,7 +113,7 @@ impl BytesExpectation {
 impl BytesExpectation {
     /// Where the first texel begins, in bytes.
     fn first_texel(&self, found: &Bytes) -> Result<usize> {
-        let Some(At { value, span }) = &self.at else { return Ok(0) };
+        let Some(Spanned { value, span }) = &self.at else { return Ok(0) };
         let Some([width, texel]) = found.row else {
             return Err(span.error("`at` is a texel of an image; a buffer has an `offset` in bytes"));
         };

@@ -4,7 +4,7 @@ use crate::accel::Committed;
 use crate::harness::expect::Difference;
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::value::Value as Found;
-use crate::scene::read::{At, Span, Table};
+use crate::scene::read::{Span, Spanned, Table};
 
 /// What a ray found.
 #[derive(Clone, Debug)]
@@ -23,11 +23,11 @@ pub struct HitExpectation {
     /// `miss = true`, from its key to its value.
     pub miss: Option<Span>,
     /// `InstanceId`, `RayGeometryIndexKHR`, `PrimitiveId`, `HitKindKHR`, `InstanceCustomIndexKHR`.
-    pub numbers: [Option<At<u32>>; 5],
+    pub numbers: [Option<Spanned<u32>>; 5],
     /// The hit distance.
-    pub t: Option<At<ExpectedNumber>>,
+    pub t: Option<Spanned<ExpectedNumber>>,
     /// The hit attributes of a triangle or a linear swept sphere.
-    pub attributes: Vec<At<ExpectedNumber>>,
+    pub attributes: Vec<Spanned<ExpectedNumber>>,
 }
 
 /// The keys of [`HitExpectation::numbers`], in its order.
@@ -89,7 +89,7 @@ impl HitExpectation {
         let numbers =
             [candidate.instance, candidate.geometry, candidate.primitive, hit.hit_kind.0, custom_index];
         for ((expected, found), name) in self.numbers.iter().zip(numbers).zip(NUMBERS) {
-            let Some(At { value, span }) = expected else { continue };
+            let Some(Spanned { value, span }) = expected else { continue };
             if *value != found {
                 let is_hexadecimal = span.source.text[span.range.clone()].starts_with("0x");
                 let text = |number: u32| match is_hexadecimal {

@@ -29,7 +29,7 @@ use crate::harness::cost::Costs;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
 use crate::scene::SceneFiles;
-use crate::scene::read::{At, Diagnostics, Document, Parse, Span, Table, TomlValue, nearest};
+use crate::scene::read::{Diagnostics, Document, Parse, Span, Spanned, Table, TomlValue, nearest};
 
 /// How many differences of one table are shown.
 const SHOWN: usize = 6;
@@ -38,7 +38,7 @@ const SHOWN: usize = 6;
 #[derive(Clone, Debug, Default)]
 pub struct Expectations {
     /// Why the case is known to fail; it must fail then.
-    pub known_failure: Option<At<String>>,
+    pub known_failure: Option<Spanned<String>>,
     /// `[expect.trap]`
     pub trap: Option<TrapExpectation>,
     /// `[[expect.buffer]]`
@@ -138,7 +138,7 @@ impl Difference {
     }
 
     /// A name that the scene does not know, with those that it does.
-    fn unknown<'n>(name: &At<String>, what: &str, known: impl Iterator<Item = &'n str> + Clone) -> Self {
+    fn unknown<'n>(name: &Spanned<String>, what: &str, known: impl Iterator<Item = &'n str> + Clone) -> Self {
         let label = nearest(&name.value, known.clone()).map(|near| format!("did you mean `{near}`?"));
         let message = format!("the scene has no {what} `{}`", name.value);
         let error = name.span.error_with(message, label.unwrap_or_default());

@@ -3,13 +3,13 @@
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::value::Value as Found;
-use crate::scene::read::{Diagnostics, Kept, Span, Table, TomlValue, nearest};
+use crate::scene::read::{Diagnostics, OwnedTomlValue, Span, Table, TomlValue, nearest};
 use crate::scene::tree::Toml;
 
 /// A payload as it is expected: a table of some members, nested as the payload is. A payload of one
 /// member needs no table.
 #[derive(Clone, Debug)]
-pub struct PayloadExpectation(Kept);
+pub struct PayloadExpectation(OwnedTomlValue);
 
 /// The comparison on its way down the payload.
 struct Comparison<'a> {
@@ -20,7 +20,7 @@ struct Comparison<'a> {
 
 impl PayloadExpectation {
     pub(super) fn of(value: TomlValue<'_>) -> Self {
-        Self(value.kept())
+        Self(value.to_owned_value())
     }
 
     /// Where it stands.

@@ -9,7 +9,7 @@ use crate::harness::expect::{Bytes, Difference, Fix, Subject};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::{Picture, exr_support};
-use crate::scene::read::{At, Parse, Table, TomlValue};
+use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 use crate::scene::{Files, SceneFiles};
 
 /// A picture file that an image must be like.
@@ -19,9 +19,9 @@ use crate::scene::{Files, SceneFiles};
 #[derive(Clone, Debug)]
 pub struct PictureExpectation {
     /// The resource's name in the scene.
-    pub name: At<String>,
+    pub name: Spanned<String>,
     /// The file, relative to the scene.
-    pub file: At<String>,
+    pub file: Spanned<String>,
     /// How it is measured.
     pub measure: Measure,
     /// Why this is expected.
@@ -36,12 +36,12 @@ pub enum Measure {
     /// Every channel of every texel by itself.
     Each(Tolerance),
     /// The root of the mean of all channels' squared differences is at most this.
-    Rmse(At<f64>),
+    Rmse(Spanned<f64>),
     /// How alike they look, from 0 to 1 for equal, is at least this: the hybrid measure of the
     /// crate `image-compare` on the pictures as 8-bit RGBA. Of each pixel the least of three
     /// counts: the structural similarity (SSIM) of the luma in its block of 8 x 8, and how near
     /// colours and alpha are.
-    Similarity(At<f64>),
+    Similarity(Spanned<f64>),
 }
 
 /// Two pictures, both as 8-bit RGBA.
@@ -89,8 +89,8 @@ impl Parse for PictureExpectation {
         let table = Table::new(value)?;
         let (name, file) = (table.required("name"), table.required("file"));
         let tolerance = Tolerance::of(&table);
-        let rmse: Option<At<f64>> = table.optional("rmse");
-        let similarity: Option<At<f64>> = table.optional("similarity");
+        let rmse: Option<Spanned<f64>> = table.optional("rmse");
+        let similarity: Option<Spanned<f64>> = table.optional("similarity");
         let because = table.optional("because");
         table.finish();
         if let Some(similarity) = similarity.as_ref().filter(|one| !(0.0..=1.0).contains(&one.value)) {

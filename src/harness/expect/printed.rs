@@ -1,14 +1,14 @@
 //! `stdout` of `[expect]`: what shaders print.
 
 use crate::harness::expect::Difference;
-use crate::scene::read::{At, Parse, Table, TomlValue};
+use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// The text that shaders must print (`debugPrintfEXT`), in launch order: a string, or a table with
 /// `text` and `because`.
 #[derive(Clone, Debug)]
 pub struct PrintedExpectation {
     /// The text.
-    pub text: At<String>,
+    pub text: Spanned<String>,
     /// Why this is expected.
     pub because: Option<String>,
 }
@@ -16,7 +16,7 @@ pub struct PrintedExpectation {
 impl Parse for PrintedExpectation {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
-            return Some(Self { text: At::parse(value)?, because: None });
+            return Some(Self { text: Spanned::parse(value)?, because: None });
         }
         let table = Table::new(value)?;
         let text = table.required("text");

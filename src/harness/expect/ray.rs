@@ -7,7 +7,7 @@ use crate::harness::expect::{
     Difference, Expectations, Fix, HitExpectation, Observed, PayloadExpectation, RayFound, Subject,
 };
 use crate::harness::number::Tolerance;
-use crate::scene::read::{At, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Parse, Span, Spanned, Table, TomlValue};
 
 /// What a ray must find.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ pub struct FoundExpectation {
 #[derive(Clone, Debug)]
 pub struct RayExpectation {
     /// The ray's name.
-    pub name: At<String>,
+    pub name: Spanned<String>,
     /// What it must find.
     pub check: FoundExpectation,
 }

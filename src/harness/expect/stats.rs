@@ -4,7 +4,7 @@ use crate::harness::cost::Most;
 use crate::harness::expect::{Difference, Observed, Subject};
 use crate::module::interface::Stage;
 use crate::pipeline::Stats;
-use crate::scene::read::{At, Parse, Span, Table, TomlValue};
+use crate::scene::read::{Parse, Span, Spanned, Table, TomlValue};
 
 /// How often shaders run.
 #[derive(Clone, Debug)]
@@ -12,13 +12,13 @@ pub struct StatsExpectation {
     /// Where its table begins.
     pub span: Span,
     /// Counts of the whole launch, each with its key and what counts it.
-    pub totals: Vec<(&'static str, Total, At<u64>)>,
+    pub totals: Vec<(&'static str, Total, Spanned<u64>)>,
     /// Invocations by stage.
-    pub invocations: Vec<(Stage, At<u64>)>,
+    pub invocations: Vec<(Stage, Spanned<u64>)>,
     /// The most any-hit invocations that one ray may need.
-    pub max_any_hit_per_ray: Option<At<u64>>,
+    pub max_any_hit_per_ray: Option<Spanned<u64>>,
     /// The most SPIR-V instructions that the shaders of one ray may run.
-    pub max_instructions_per_ray: Option<At<u64>>,
+    pub max_instructions_per_ray: Option<Spanned<u64>>,
     /// Why this is expected.
     pub because: Option<String>,
 }
@@ -100,7 +100,13 @@ impl StatsExpectation {
     }
 }
 
-fn exceeded(key: &str, limit: &At<u64>, most: &Most, what: &str, because: Option<&String>) -> Difference {
+fn exceeded(
+    key: &str,
+    limit: &Spanned<u64>,
+    most: &Most,
+    what: &str,
+    because: Option<&String>,
+) -> Difference {
     let message = format!("{key}: a ray needs {} {what}, and {} are allowed", most.count, limit.value);
     let mut difference =
         Difference::new(&limit.span, message, because).mended(&limit.span, most.count.to_string(), because);

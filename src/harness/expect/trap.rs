@@ -3,17 +3,17 @@
 use crate::error::{Error, Place};
 use crate::harness::expect::{Difference, Subject};
 use crate::machine::TrapCode;
-use crate::scene::read::{At, Named, Parse, Table, TomlValue};
+use crate::scene::read::{Named, Parse, Spanned, Table, TomlValue};
 
 /// The trap that the launch must end with: a name, or a table.
 #[derive(Clone, Debug)]
 pub struct TrapExpectation {
     /// The trap's code.
-    pub code: At<TrapName>,
+    pub code: Spanned<TrapName>,
     /// The launch index that traps.
-    pub launch_id: Option<At<[u32; 3]>>,
+    pub launch_id: Option<Spanned<[u32; 3]>>,
     /// The line of the shader's source.
-    pub line: Option<At<u32>>,
+    pub line: Option<Spanned<u32>>,
     /// Why this is expected.
     pub because: Option<String>,
 }
@@ -77,7 +77,7 @@ impl Named for TrapName {
 impl Parse for TrapExpectation {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
-            return Some(Self { code: At::parse(value)?, launch_id: None, line: None, because: None });
+            return Some(Self { code: Spanned::parse(value)?, launch_id: None, line: None, because: None });
         }
         let table = Table::new(value)?;
         let code = table.required("code");

@@ -141,7 +141,7 @@ impl PipelineObserver for StandIn<'_> {
         let happened = &mut self.happened;
         let count = match event {
             Event::Trace { caller: Some(_), .. } => &mut happened.traces,
-            Event::RayQuery(event) if matches!(event.what, RayQueryStep::Initialize(..)) => {
+            Event::RayQuery(event) if matches!(event.step, RayQueryStep::Initialize(..)) => {
                 &mut happened.ray_queries
             }
             Event::Enter { stage: Stage::AnyHit, .. } => &mut happened.any_hits,
@@ -153,7 +153,7 @@ impl PipelineObserver for StandIn<'_> {
 
     /// The answer depends on the invocation and on how many it was given before: not on the order
     /// in which invocations run.
-    fn absent(&mut self, caller: Caller, words: &mut [u32]) {
+    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) {
         let before = self.answers.entry(self.launch_id).or_default();
         let [x, y, z] = self.launch_id.map(u64::from);
         let before = std::mem::replace(before, *before + 1);

@@ -2,24 +2,24 @@
 //!
 //! The bounds are those of Vulkan's "Precision and Operation of SPIR-V Instructions", or the
 //! greatest error that a driver was measured to make (`docs/stability.md` lists both). A result is
-//! drawn inside: half of the time at random, else at one end, where decisions turn. What is defined
-//! by a formula is drawn step by step.
+//! drawn within the bounds: half of the time uniformly, otherwise at one end, where decisions are
+//! most likely to change. Instructions that Vulkan defines by a formula are drawn step by step.
 
 use crate::harness::stability::calculate::Draw;
 use crate::scene::read::Named;
 
-/// Whose errors are tried.
+/// The device whose errors are simulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Envelope {
-    /// What Vulkan allows.
+    /// The errors that Vulkan allows.
     #[default]
     Vulkan,
-    /// What NVIDIA's driver was measured to do.
+    /// The errors that NVIDIA's driver was measured to make.
     Nvidia,
 }
 
 impl Envelope {
-    /// Its name in sentences.
+    /// The name in sentences.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vulkan => "Vulkan",
@@ -37,37 +37,37 @@ impl Named for Envelope {
 /// thousand rays in ordinary scenes).
 pub(super) const NVIDIA_T: f64 = 20.0;
 
-/// One draw of what an instruction on f32 or f16 may give; `None` where only the correct result may
-/// be given. Operands are what the run has.
-pub(super) fn drawn(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Option<f64> {
+/// Draws a result that an instruction on f32 or f16 may return; `None` if only the correct result
+/// is allowed. Operands are those of the run.
+pub(super) fn perturbed_result(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Option<f64> {
     use std::f64::consts::{LN_2, PI};
     let half = draw.width == 16;
     let measured = draw.envelope == Envelope::Nvidia;
     Some(match name {
-        "FAdd" => draw.sum(a, b),
-        "FSub" => draw.sum(a, -b),
-        "FMul" => draw.product(a, b),
-        "FDiv" => draw.quotient(a, b),
-        "FmaKHR" => draw.fused(a, b, c),
-        "Fma" => draw.product_and_sum(a, b, c),
+        "FAdd" => draw.add(a, b),
+        "FSub" => draw.add(a, -b),
+        "FMul" => draw.mul(a, b),
+        "FDiv" => draw.div(a, b),
+        "FmaKHR" => draw.fma(a, b, c),
+        "Fma" => draw.mul_add(a, b, c),
         "FRem" | "FMod" => {
-            let quotient = draw.quotient(a, b);
+            let quotient = draw.div(a, b);
             let whole = if name == "FRem" { quotient.trunc() } else { quotient.floor() };
-            draw.product_and_sum(-b, whole, a)
+            draw.mul_add(-b, whole, a)
         }
         "FMix" => {
-            let rest = draw.sum(1.0, -c);
-            let first = draw.product(a, rest);
-            draw.product_and_sum(b, c, first)
+            let rest = draw.add(1.0, -c);
+            let first = draw.mul(a, rest);
+            draw.mul_add(b, c, first)
         }
         "SmoothStep" => {
-            let (above, range) = (draw.sum(c, -a), draw.sum(b, -a));
-            let t = draw.quotient(above, range).clamp(0.0, 1.0);
-            let (square, rest) = (draw.product(t, t), draw.product_and_sum(-2.0, t, 3.0));
-            draw.product(square, rest)
+            let (above, range) = (draw.add(c, -a), draw.add(b, -a));
+            let t = draw.div(above, range).clamp(0.0, 1.0);
+            let (square, rest) = (draw.mul(t, t), draw.mul_add(-2.0, t, 3.0));
+            draw.mul(square, rest)
         }
-        "Radians" => draw.product(a, draw.nearest(PI / 180.0)),
-        "Degrees" => draw.product(a, draw.nearest(180.0 / PI)),
+        "Radians" => draw.mul(a, draw.nearest(PI / 180.0)),
+        "Degrees" => draw.mul(a, draw.nearest(180.0 / PI)),
         "Fract" => draw.rounded(a - a.floor(), 0.0),
         // "The fraction 0.5 will round in a direction chosen by the implementation."
         "Round" if (a - a.trunc()).abs() == 0.5 => {
@@ -87,7 +87,7 @@ pub(super) fn drawn(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Opt
         "Pow" if measured => draw.ulps(a.powf(b), 54.0),
         "Pow" => {
             let log = draw.log(a, a.log2());
-            let exponent = draw.product(b, log);
+            let exponent = draw.mul(b, log);
             draw.exp2(exponent)
         }
         "InverseSqrt" => draw.ulps(1.0 / a.sqrt(), if measured { 1.5 } else { 2.0 }),
@@ -99,13 +99,13 @@ pub(super) fn drawn(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Opt
         "Tan" => {
             let sine = draw.near(a.sin(), angle(half, None));
             let cosine = draw.near(a.cos(), angle(half, None));
-            draw.quotient(sine, cosine)
+            draw.div(sine, cosine)
         }
         "Asin" | "Acos" if !(-1.0..=1.0).contains(&a) => return None,
         "Asin" if measured => draw.ulps(a.asin(), 2.3),
         "Acos" if measured => draw.ulps(a.acos(), 2.3),
         "Asin" | "Acos" => {
-            let rest = draw.product_and_sum(-a, a, 1.0).max(0.0);
+            let rest = draw.mul_add(-a, a, 1.0).max(0.0);
             let root = draw.sqrt(rest);
             let (y, x) = if name == "Asin" { (a, root) } else { (root, a) };
             draw.atan(y.atan2(x))
@@ -122,20 +122,20 @@ pub(super) fn drawn(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Opt
             if !cosh.is_finite() {
                 return None;
             }
-            draw.quotient(sinh, cosh)
+            draw.div(sinh, cosh)
         }
         "Asinh" | "Acosh" => {
             let one = if name == "Asinh" { 1.0 } else { -1.0 };
-            let square = draw.product_and_sum(a, a, one).max(0.0);
+            let square = draw.mul_add(a, a, one).max(0.0);
             let root = draw.sqrt(square);
-            let sum = draw.sum(a, root);
+            let sum = draw.add(a, root);
             draw.log(sum, sum.ln())
         }
         "Atanh" => {
-            let (above, below) = (draw.sum(1.0, a), draw.sum(1.0, -a));
-            let quotient = draw.quotient(above, below);
+            let (above, below) = (draw.add(1.0, a), draw.add(1.0, -a));
+            let quotient = draw.div(above, below);
             let log = draw.log(quotient, quotient.log2() * LN_2);
-            draw.product(log, 0.5)
+            draw.mul(log, 0.5)
         }
         // Conversions, from floats and from integers.
         "Convert" => draw.rounded(a, 0.0),
@@ -143,8 +143,8 @@ pub(super) fn drawn(name: &str, [a, b, c]: [f64; 3], draw: &mut Draw<'_>) -> Opt
     })
 }
 
-/// The absolute error of sine and cosine, given for [-pi, pi]; beyond Vulkan asks for nothing, and
-/// the same is tried.
+/// The absolute error of sine and cosine. Vulkan specifies it on [-pi, pi] and nothing beyond,
+/// where the same error is used.
 fn angle(half: bool, measured: Option<f64>) -> f64 {
     measured.unwrap_or(if half { 2f64.powi(-7) } else { 2f64.powi(-11) })
 }

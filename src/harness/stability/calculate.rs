@@ -2,38 +2,38 @@
 
 use crate::harness::stability::allowed::Envelope;
 
-/// A seeded generator (splitmix64).
+/// A seeded pseudorandom generator (SplitMix64).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Random(pub u64);
+pub(super) struct SplitMix64(pub u64);
 
-impl Random {
+impl SplitMix64 {
     /// Draws 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        mixed(self.0)
+        mix64(self.0)
     }
 }
 
-/// Bits that depend on all bits of a number.
-pub(super) fn mixed(number: u64) -> u64 {
+/// SplitMix64's finalizer: a hash in which every bit depends on all bits of the number.
+pub(super) fn mix64(number: u64) -> u64 {
     let mut z = number;
     z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ z >> 31
 }
 
-/// Draws results of a float type. Operands are its values; exact results come as f64, with what
-/// f64 rounded away where it matters.
+/// Draws perturbed results in a float type. Operands are values of that type. Exact results are
+/// given in f64, with the rest that f64 rounded away where it matters.
 #[derive(Debug)]
 pub(super) struct Draw<'a> {
-    pub random: &'a mut Random,
+    pub random: &'a mut SplitMix64,
     pub envelope: Envelope,
-    /// 16 or 32.
+    /// The width of the float type: 16 or 32.
     pub width: u32,
     /// Whether sums and products are rounded to nearest (`RoundingModeRTE`).
     pub nearest: bool,
     /// Whether products may be added without being rounded.
-    pub contracts: bool,
+    pub may_contract: bool,
 }
 
 impl Draw<'_> {
@@ -42,7 +42,7 @@ impl Draw<'_> {
         self.random.bits() >> 63 == 1
     }
 
-    /// From -1 to 1: half of the time anywhere, else at one end.
+    /// Draws from -1 to 1: half of the time uniformly, otherwise at one end.
     fn offset(&mut self) -> f64 {
         let bits = self.random.bits();
         match bits & 3 {
@@ -52,17 +52,17 @@ impl Draw<'_> {
         }
     }
 
-    /// The float next to a number.
+    /// The nearest float of the type.
     pub fn nearest(&self, value: f64) -> f64 {
         match self.width {
-            16 => crate::math::float::half_of(value).to_f64(),
+            16 => crate::math::float::f64_to_f16(value).to_f64(),
             _ => f64::from(value as f32),
         }
     }
 
     fn up(&self, value: f64) -> f64 {
         match self.width {
-            16 => half_up(crate::math::float::half_of(value)).to_f64(),
+            16 => half_up(crate::math::float::f64_to_f16(value)).to_f64(),
             _ => f64::from((value as f32).next_up()),
         }
     }
@@ -71,8 +71,9 @@ impl Draw<'_> {
         -self.up(-value)
     }
 
-    /// A correctly rounded result: of `value` and a rest too small for f64, one of the two floats
-    /// around it. To the nearest one where the shader asks for that, and on NVIDIA's.
+    /// A correctly rounded result: one of the two floats around `value` plus a rest too small for
+    /// f64. It is the nearest float if the shader requires that (`RoundingModeRTE`), and on
+    /// NVIDIA's driver.
     pub fn rounded(&mut self, value: f64, rest: f64) -> f64 {
         let near = self.nearest(value);
         if !near.is_finite() || self.nearest || self.envelope == Envelope::Nvidia {
@@ -87,7 +88,7 @@ impl Draw<'_> {
         }
     }
 
-    pub fn sum(&mut self, a: f64, b: f64) -> f64 {
+    pub fn add(&mut self, a: f64, b: f64) -> f64 {
         // The error of a sum of two f64 is a f64 (Knuth's TwoSum).
         let sum = a + b;
         let part = sum - a;
@@ -96,27 +97,27 @@ impl Draw<'_> {
     }
 
     /// A product of two floats of at most 24 bits is exact in f64.
-    pub fn product(&mut self, a: f64, b: f64) -> f64 {
+    pub fn mul(&mut self, a: f64, b: f64) -> f64 {
         self.rounded(a * b, 0.0)
     }
 
     /// `a * b + c`, rounded once.
-    pub fn fused(&mut self, a: f64, b: f64, c: f64) -> f64 {
-        self.sum(a * b, c)
+    pub fn fma(&mut self, a: f64, b: f64, c: f64) -> f64 {
+        self.add(a * b, c)
     }
 
-    /// `a * b + c`, rounded once or twice where that is left open.
-    pub fn product_and_sum(&mut self, a: f64, b: f64, c: f64) -> f64 {
-        if self.contracts && self.coin() {
-            return self.fused(a, b, c);
+    /// `a * b + c`, rounded once or twice if contraction is allowed, otherwise twice.
+    pub fn mul_add(&mut self, a: f64, b: f64, c: f64) -> f64 {
+        if self.may_contract && self.coin() {
+            return self.fma(a, b, c);
         }
-        let product = self.product(a, b);
-        self.sum(product, c)
+        let product = self.mul(a, b);
+        self.add(product, c)
     }
 
     /// 2.5 units in the last place for divisors that are zero or in 2^-126..=2^126 (2^-14..=2^14 in
-    /// f16); for others nothing is asked, and the correct quotient is given.
-    pub fn quotient(&mut self, a: f64, b: f64) -> f64 {
+    /// f16); for others Vulkan specifies nothing, and the correct quotient is returned.
+    pub fn div(&mut self, a: f64, b: f64) -> f64 {
         let range = if self.width == 16 { 14 } else { 126 };
         let near = (2f64.powi(-range)..=2f64.powi(range)).contains(&b.abs());
         match (near, self.envelope) {
@@ -126,7 +127,7 @@ impl Draw<'_> {
         }
     }
 
-    /// Within so many units in the last place.
+    /// Draws within `count` units in the last place of a value.
     pub fn ulps(&mut self, value: f64, count: f64) -> f64 {
         let near = self.nearest(value);
         if !near.is_finite() || value == 0.0 {
@@ -137,14 +138,14 @@ impl Draw<'_> {
         self.near(value, count * gap)
     }
 
-    /// Within an absolute distance.
+    /// Draws within an absolute distance of a value.
     pub fn near(&mut self, value: f64, distance: f64) -> f64 {
         if !value.is_finite() {
             return self.nearest(value);
         }
         let aim = value + self.offset() * distance;
         let moved = self.nearest(aim);
-        // Rounding must not lead out of the range.
+        // Rounding must not leave the range.
         let inside = |moved: f64| (moved - value).abs() <= distance;
         let nearer = if moved > value { self.down(moved) } else { self.up(moved) };
         match (inside(moved), inside(nearer)) {
@@ -181,7 +182,7 @@ impl Draw<'_> {
             return self.nearest(x.sqrt());
         }
         let inverse = self.ulps(1.0 / x.sqrt(), 2.0);
-        self.quotient(1.0, inverse)
+        self.div(1.0, inverse)
     }
 
     /// 4096 units in the last place (5 in f16).
@@ -199,8 +200,8 @@ impl Draw<'_> {
         let first = if self.width == 16 { 1.0 } else { 3.0 };
         let rising = self.ulps(x.exp(), first + 2.0 * x.abs());
         let falling = self.ulps((-x).exp(), first + 2.0 * x.abs());
-        let sum = self.sum(rising, sign * falling);
-        self.product(sum, 0.5)
+        let sum = self.add(rising, sign * falling);
+        self.mul(sum, 0.5)
     }
 }
 
@@ -217,15 +218,15 @@ fn half_up(value: half::f16) -> half::f16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::harness::stability::allowed::drawn;
+    use crate::harness::stability::allowed::perturbed_result;
 
     fn range(name: &str, operands: [f64; 3], width: u32, envelope: Envelope) -> (f64, f64) {
-        let mut random = Random(7);
+        let mut random = SplitMix64(7);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for _ in 0..4000 {
             let random = &mut random;
-            let mut draw = Draw { random, envelope, width, nearest: false, contracts: true };
-            let value = drawn(name, operands, &mut draw).expect("a result that may move");
+            let mut draw = Draw { random, envelope, width, nearest: false, may_contract: true };
+            let value = perturbed_result(name, operands, &mut draw).expect("a result that may move");
             (low, high) = (low.min(value), high.max(value));
         }
         (low, high)
@@ -265,16 +266,16 @@ mod tests {
 
     #[test]
     fn correct_results_are_left_alone() {
-        let mut random = Random(1);
+        let mut random = SplitMix64(1);
         let mut draw = Draw {
             random: &mut random,
             envelope: Envelope::Vulkan,
             width: 32,
             nearest: false,
-            contracts: true,
+            may_contract: true,
         };
         for name in ["FNegate", "FAbs", "Floor", "FMin", "FOrdLessThan", "Step"] {
-            assert_eq!(drawn(name, [0.3, 0.4, 0.0], &mut draw), None, "{name}");
+            assert_eq!(perturbed_result(name, [0.3, 0.4, 0.0], &mut draw), None, "{name}");
         }
     }
 }

@@ -1,59 +1,59 @@
-//! What the f64 shadow of a run showed, line by line.
+//! The findings of the shadow interpreter, by source line.
 
 use std::collections::BTreeMap;
 
-use crate::harness::stability::place::Spot;
+use crate::harness::stability::place::SourceLocation;
 
 /// Lines whose worst relative error is greater are reported even without other findings.
-pub const ERROR: f64 = 1e-4;
+pub const REPORTED_ERROR: f64 = 1e-4;
 
-/// What the shadow of a run showed.
+/// The findings of a shadow run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Shadow {
+pub struct ShadowFindings {
     /// Float results that were compared.
     pub results: u64,
-    /// By line.
-    pub lines: BTreeMap<Spot, LineFindings>,
+    /// The findings by source line.
+    pub lines: BTreeMap<SourceLocation, LineFindings>,
 }
 
-/// What the shadow showed on one line.
+/// The findings on one source line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineFindings {
-    /// Float results of the line.
+    /// Float results that were compared.
     pub results: u64,
-    /// The greatest relative error of a result: the difference by the greater magnitude.
+    /// The greatest relative error of a result: the difference divided by the greater magnitude.
     pub error: f64,
-    /// The invocation of ray generation (or of a dispatch, its first) with that error.
+    /// The launch index of the first invocation with that error.
     pub launch_id: Option<[u32; 3]>,
-    /// The most bits that one operation lost: by how many its result is worse than its worst
-    /// operand.
+    /// The most bits that one operation lost: the base-2 logarithm of its result's error divided by
+    /// its worst operand's.
     pub bits_lost: f64,
     /// Sums and differences that lost more than 8 bits.
     pub cancellations: u64,
-    /// Results that are infinite or NaN where the shadow is not, or the other way round.
+    /// Results of which either the f32 value or the shadow is infinite or NaN.
     pub not_finite: u64,
-    /// Comparisons that the shadow decides otherwise.
+    /// Comparisons that the shadow decides differently.
     pub comparisons: u64,
-    /// Branches that the shadow would take otherwise.
+    /// Branches that the shadow would take differently.
     pub branches: u64,
-    /// Conversions to integers that give another one.
+    /// Conversions to integers with a different result.
     pub integers: u64,
-    /// Rays that would hit something else.
+    /// Rays whose shadow hits a different primitive.
     pub hits: u64,
 }
 
 impl LineFindings {
-    /// Whether the line is worth a look.
-    pub fn matters(&self) -> bool {
-        self.flips() + self.cancellations + self.not_finite > 0 || self.error > ERROR
+    /// Whether a report shows the line.
+    pub fn is_significant(&self) -> bool {
+        self.flips() + self.cancellations + self.not_finite > 0 || self.error > REPORTED_ERROR
     }
 
-    /// Decisions that fall out otherwise.
+    /// The number of decisions that differ.
     pub fn flips(&self) -> u64 {
         self.comparisons + self.branches + self.integers + self.hits
     }
 
-    /// Adds what another run showed.
+    /// Adds the findings of another run.
     pub fn add(&mut self, other: &Self) {
         if other.error > self.error {
             (self.error, self.launch_id) = (other.error, other.launch_id);
@@ -69,17 +69,17 @@ impl LineFindings {
     }
 }
 
-impl Shadow {
-    /// Adds what another run showed.
+impl ShadowFindings {
+    /// Adds the findings of another run.
     pub fn add(&mut self, other: &Self) {
         self.results += other.results;
-        for (spot, found) in &other.lines {
-            self.lines.entry(spot.clone()).or_default().add(found);
+        for (location, found) in &other.lines {
+            self.lines.entry(location.clone()).or_default().add(found);
         }
     }
 
     /// The lines, worst first: by decisions that flip, then by lost bits, then by error.
-    pub fn sorted(&self) -> Vec<(&Spot, &LineFindings)> {
+    pub fn sorted(&self) -> Vec<(&SourceLocation, &LineFindings)> {
         let mut lines: Vec<_> = self.lines.iter().collect();
         lines.sort_by(|(_, one), (_, other)| {
             let key = |found: &LineFindings| (found.flips() > 0, found.cancellations + found.not_finite > 0);

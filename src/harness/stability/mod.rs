@@ -1,6 +1,6 @@
 //! How far a shader's results depend on rounding.
 //!
-//! [`shadow()`] runs every float operation once more in f64 beside the f32 run, and says on which
+//! [`shadow()`] executes every float operation of the run also in f64, and says on which
 //! lines the two differ. [`perturb()`] repeats a run with every result moved at random within what
 //! Vulkan allows, and says which outputs and branches change. Both observe invocations one by one,
 //! as [`Observer`](crate::machine::Observer)s of the interpreter: a run without observers costs
@@ -21,16 +21,17 @@ mod shadows;
 mod stable;
 
 pub use allowed::Envelope;
-pub use found::Shadow;
+pub use found::ShadowFindings;
 pub use perturb::{Instability, Perturbation, perturb};
-pub use place::Spot;
+pub use place::SourceLocation;
 pub use shadow::shadow;
 pub use stable::StableExpectation;
 
 use crate::harness::memory;
 use crate::scene::Assembled;
 
-/// Copies a scene with its memory as it is now: what runs on one does not change the other.
-pub fn apart(assembled: &Assembled) -> Assembled {
+/// Copies a scene and the contents of its buffers and images, so that runs on one do not change the
+/// other.
+pub fn deep_copy(assembled: &Assembled) -> Assembled {
     Assembled { resources: memory::copied(&assembled.resources), ..assembled.clone() }
 }

@@ -1,4 +1,4 @@
-//! What a run leaves behind, compared with another run value by value.
+//! Compares the outputs of two runs value by value.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -9,42 +9,42 @@ use crate::machine::Binding;
 use crate::machine::format::Class;
 use crate::scene::Assembled;
 
-/// An output that is not the same in every run.
+/// An output that differs between runs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Unstable {
+pub struct UnstableOutput {
     /// The value that differs most: `` `sums` values[3] ``, `` `image` texel (4, 2).r ``,
     /// `payload.color[0]`.
     pub name: String,
-    /// How many values of the output differ in some run.
+    /// The number of values of the output that differ in some run.
     pub values: usize,
     /// The value without perturbation.
     pub reference: String,
-    /// The value that differs most from it.
+    /// The value that differs most from the reference.
     pub other: String,
-    /// The run of that one, from 1.
+    /// The number of its run, from 1.
     pub run: u32,
     /// By how much, as a share of the value or absolutely below 1; infinite for what is no float.
-    pub spread: f64,
+    pub difference: f64,
 }
 
-/// Finds what differs.
+/// Compares the outputs of runs with those of a reference run.
 #[derive(Debug)]
-pub(super) struct Comparison<'a> {
+pub(super) struct OutputComparison<'a> {
     assembled: &'a Assembled,
     reference: &'a Observed,
     tolerance: f64,
-    /// By output: the values that differ, and the worst.
-    found: BTreeMap<String, (HashSet<String>, Unstable)>,
+    /// By output: the values that differ, and the one that differs most.
+    found: BTreeMap<String, (HashSet<String>, UnstableOutput)>,
 }
 
-impl<'a> Comparison<'a> {
+impl<'a> OutputComparison<'a> {
     /// Differences up to `tolerance` are none: of a value, or absolutely below 1.
     pub fn new(assembled: &'a Assembled, reference: &'a Observed, tolerance: f64) -> Self {
         Self { assembled, reference, tolerance, found: BTreeMap::new() }
     }
 
-    /// How many outputs there are: resources that the reference has changed, and the ray's.
-    pub fn outputs(&self, before: &Observed) -> usize {
+    /// The number of outputs: resources that the reference run changed, and results of rays.
+    pub fn output_count(&self, before: &Observed) -> usize {
         let changed = |(one, other): &(&Bytes, &Bytes)| one.bytes != other.bytes;
         let count = |one: &[Bytes], other: &[Bytes]| one.iter().zip(other).filter(changed).count();
         count(&self.reference.buffers, &before.buffers)
@@ -52,29 +52,29 @@ impl<'a> Comparison<'a> {
             + self.reference.rays.len()
     }
 
-    /// Compares a run.
+    /// Compares a run with the reference.
     pub fn add(&mut self, run: u32, other: &Observed) {
         let reference = self.reference;
         for (one, other) in reference.buffers.iter().zip(&other.buffers) {
             if one.bytes != other.bytes {
-                self.all(run, &one.name, &self.buffer(one), &self.buffer(other));
+                self.compare_values(run, &one.name, &self.buffer(one), &self.buffer(other));
             }
         }
         for (one, other) in reference.images.iter().zip(&other.images) {
             if one.bytes != other.bytes {
-                self.all(run, &one.name, &texels(one), &texels(other));
+                self.compare_values(run, &one.name, &texels(one), &texels(other));
             }
         }
         for (one, other) in reference.rays.iter().zip(&other.rays) {
             if let ((_, Ok(one)), (_, Ok(other))) = (one, other) {
                 let leaves = |found: &crate::harness::expect::RayFound| {
                     let mut leaves = Vec::new();
-                    let place = found.committed.map(|hit| hit.candidate.hit_primitive());
+                    let hit = found.committed.map(|hit| hit.candidate.hit_primitive());
                     let number = |number: Option<u32>| number.map_or(-1, i128::from);
                     let numbers = [
-                        ("instance", place.map(|place| place.instance)),
-                        ("geometry", place.map(|place| place.geometry)),
-                        ("primitive", place.map(|place| place.primitive)),
+                        ("instance", hit.map(|hit| hit.instance)),
+                        ("geometry", hit.map(|hit| hit.geometry)),
+                        ("primitive", hit.map(|hit| hit.primitive)),
                     ];
                     leaves.extend(
                         numbers.map(|(name, value)| (format!("hit.{name}"), Leaf::Integer(number(value)))),
@@ -86,41 +86,42 @@ impl<'a> Comparison<'a> {
                     });
                     leaves
                 };
-                self.all(run, "", &leaves(one), &leaves(other));
+                self.compare_values(run, "", &leaves(one), &leaves(other));
             }
         }
     }
 
     /// The outputs that differ.
-    pub fn unstable(self) -> Vec<Unstable> {
+    pub fn unstable(self) -> Vec<UnstableOutput> {
         let all = self.found.into_values();
-        all.map(|(values, worst)| Unstable { values: values.len(), ..worst }).collect()
+        all.map(|(values, worst)| UnstableOutput { values: values.len(), ..worst }).collect()
     }
 
-    fn all(&mut self, run: u32, resource: &str, one: &[(String, Leaf)], other: &[(String, Leaf)]) {
+    fn compare_values(&mut self, run: u32, resource: &str, one: &[(String, Leaf)], other: &[(String, Leaf)]) {
         for ((path, one), (_, other)) in one.iter().zip(other) {
-            let Some(spread) = spread(*one, *other).filter(|&spread| spread > self.tolerance) else {
+            let Some(difference) = difference(*one, *other).filter(|&difference| difference > self.tolerance)
+            else {
                 continue;
             };
             let name = match resource {
                 "" => path.clone(),
                 resource => format!("`{resource}` {path}"),
             };
-            let worst = Unstable {
+            let worst = UnstableOutput {
                 name: name.clone(),
                 values: 0,
-                reference: words(*one),
-                other: words(*other),
+                reference: leaf_text(*one),
+                other: leaf_text(*other),
                 run,
-                spread,
+                difference,
             };
             let (values, known) =
-                self.found.entry(format!("{resource} {}", group(path))).or_insert_with(|| {
-                    let none = Unstable { spread: -1.0, ..worst.clone() };
+                self.found.entry(format!("{resource} {}", output_name(path))).or_insert_with(|| {
+                    let none = UnstableOutput { difference: -1.0, ..worst.clone() };
                     (HashSet::new(), none)
                 });
             values.insert(name);
-            if spread > known.spread {
+            if difference > known.difference {
                 *known = worst;
             }
         }
@@ -167,8 +168,8 @@ fn texels(bytes: &Bytes) -> Vec<(String, Leaf)> {
     texels.collect()
 }
 
-/// A path without its indices: values with one are one output.
-fn group(path: &str) -> String {
+/// The name of a value's output: its path without indices.
+fn output_name(path: &str) -> String {
     let mut inside = false;
     let keep = |one: &char| {
         let was_inside = inside;
@@ -184,8 +185,8 @@ fn group(path: &str) -> String {
     if name.starts_with("texel") { "texel".into() } else { name }
 }
 
-/// How far two scalars are apart; `None` where they are equal.
-fn spread(one: Leaf, other: Leaf) -> Option<f64> {
+/// The difference of two scalars, relative above 1; `None` if they are equal.
+fn difference(one: Leaf, other: Leaf) -> Option<f64> {
     match (one, other) {
         (Leaf::Float(one), Leaf::Float(other)) if one == other || (one.is_nan() && other.is_nan()) => None,
         (Leaf::Float(one), Leaf::Float(other)) if one.is_finite() && other.is_finite() => {
@@ -196,7 +197,7 @@ fn spread(one: Leaf, other: Leaf) -> Option<f64> {
     }
 }
 
-fn words(leaf: Leaf) -> String {
+fn leaf_text(leaf: Leaf) -> String {
     match leaf {
         Leaf::Float(number) => format!("{}", number as f32),
         Leaf::Integer(number) => number.to_string(),
@@ -209,18 +210,18 @@ mod tests {
 
     #[test]
     fn values_with_one_path_are_one_output() {
-        assert_eq!(group("values[3].normal[0]"), "values.normal");
-        assert_eq!(group("texel (3, 4).g"), "texel");
-        assert_eq!(group("payload.t"), "payload.t");
+        assert_eq!(output_name("values[3].normal[0]"), "values.normal");
+        assert_eq!(output_name("texel (3, 4).g"), "texel");
+        assert_eq!(output_name("payload.t"), "payload.t");
     }
 
     #[test]
     fn floats_may_differ_a_little_and_integers_may_not() {
-        assert_eq!(spread(Leaf::Float(4.0), Leaf::Float(3.0)), Some(0.25));
-        assert_eq!(spread(Leaf::Float(0.5), Leaf::Float(0.25)), Some(0.25));
-        assert_eq!(spread(Leaf::Float(f64::NAN), Leaf::Float(f64::NAN)), None);
-        assert_eq!(spread(Leaf::Float(1.0), Leaf::Float(f64::NAN)), Some(f64::INFINITY));
-        assert_eq!(spread(Leaf::Integer(7), Leaf::Integer(8)), Some(f64::INFINITY));
-        assert_eq!(spread(Leaf::Integer(7), Leaf::Integer(7)), None);
+        assert_eq!(difference(Leaf::Float(4.0), Leaf::Float(3.0)), Some(0.25));
+        assert_eq!(difference(Leaf::Float(0.5), Leaf::Float(0.25)), Some(0.25));
+        assert_eq!(difference(Leaf::Float(f64::NAN), Leaf::Float(f64::NAN)), None);
+        assert_eq!(difference(Leaf::Float(1.0), Leaf::Float(f64::NAN)), Some(f64::INFINITY));
+        assert_eq!(difference(Leaf::Integer(7), Leaf::Integer(8)), Some(f64::INFINITY));
+        assert_eq!(difference(Leaf::Integer(7), Leaf::Integer(7)), None);
     }
 }

@@ -1,17 +1,17 @@
-//! Perturbed runs: every float result moved at random within what a device may give.
+//! Perturbed runs: every float result is moved at random within the errors that a device may make.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::accel::Committed;
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Observed;
-use crate::harness::run::{found, fresh, look};
+use crate::harness::run::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::allowed::{self, Envelope, NVIDIA_T};
-use crate::harness::stability::calculate::{Draw, Random, mixed};
-use crate::harness::stability::outputs::{Comparison, Unstable};
-use crate::harness::stability::place::{Programs, Spot};
-use crate::harness::stability::probe::{self, Part, Probe};
+use crate::harness::stability::calculate::{Draw, SplitMix64, mix64};
+use crate::harness::stability::outputs::{OutputComparison, UnstableOutput};
+use crate::harness::stability::place::{Programs, SourceLocation};
+use crate::harness::stability::probe::{self, Probe, RunPart};
 use crate::harness::stability::shadow::branch_offsets;
 use crate::harness::stability::shadows::{bits, float};
 use crate::machine::{Batch, Bindings, Reg};
@@ -29,7 +29,7 @@ use crate::scene::{Assembled, ResolvedScene};
 pub struct Perturbation {
     /// The number of runs.
     pub runs: u32,
-    /// What the random numbers depend on, and nothing else: the order of threads does not matter.
+    /// The seed of the random numbers; they do not depend on the order of threads.
     pub seed: u64,
     /// How far results are moved.
     pub envelope: Envelope,
@@ -43,27 +43,28 @@ impl Default for Perturbation {
     }
 }
 
-/// What kind of decision went another way.
+/// The kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Where {
-    /// A branch or switch.
+pub enum DecisionKind {
+    /// The target of a branch or switch.
     Branch,
-    /// What a traced ray hits.
+    /// The primitive that a traced ray hits.
     Hit,
 }
 
-/// What was not the same in every run.
+/// What differs between perturbed runs.
 #[derive(Clone, Debug, Default)]
 pub struct Instability {
     /// How runs were perturbed.
     pub perturbation: Perturbation,
-    /// How many outputs there are.
-    pub outputs_seen: usize,
+    /// The number of outputs.
+    pub output_count: usize,
     /// Outputs that differ by more than the tolerance.
-    pub outputs: Vec<Unstable>,
-    /// Where invocations first went another way than without perturbation, and how many did.
-    pub branches: BTreeMap<(Spot, Where), u64>,
-    /// Runs that trapped, from 1.
+    pub outputs: Vec<UnstableOutput>,
+    /// The first decisions at which invocations diverge from the run without perturbation, and the
+    /// number of invocations.
+    pub branches: BTreeMap<(SourceLocation, DecisionKind), u64>,
+    /// Runs that trapped, numbered from 1.
     pub traps: Vec<(u32, Error)>,
 }
 
@@ -74,7 +75,7 @@ impl Instability {
     }
 }
 
-/// Runs a scene's launch and dispatches again and again, each time on a copy of its resources.
+/// Runs a scene's launch and dispatches several times, each time on a copy of its resources.
 ///
 /// # Errors
 /// The trap of the run without perturbation; `UnsupportedModule` where invocations cannot run one
@@ -84,17 +85,18 @@ pub fn perturb(
     assembled: &Assembled,
     perturbation: &Perturbation,
 ) -> Result<Instability> {
-    let plan = Plan::new(scene, assembled, perturbation);
-    let run = |number: u32, reference: Option<&Ways>| {
-        let resources = fresh(&assembled.resources);
-        let mut seen = Seen::default();
-        let new = |_| Mover::new(&plan, number, reference);
-        let outcome = probe::run(assembled, &resources, &new, &mut |mover: Mover<'_>| seen.add(mover));
+    let context = PerturbContext::new(scene, assembled, perturbation);
+    let run = |number: u32, reference: Option<&DecisionLog>| {
+        let resources = fresh_resources(&assembled.resources);
+        let mut seen = RunDecisions::default();
+        let new = |_| Perturber::new(&context, number, reference);
+        let outcome =
+            probe::run(assembled, &resources, &new, &mut |perturber: Perturber<'_>| seen.add(perturber));
         let mut observed = Observed::default();
-        look(scene, &resources, &mut observed);
+        read_resources(scene, &resources, &mut observed);
         (observed, seen, outcome)
     };
-    all(scene, assembled, &plan, &run)
+    compare_runs(scene, assembled, &context, &run)
 }
 
 /// Perturbs one ray or one invocation of ray generation.
@@ -104,46 +106,52 @@ pub fn perturb(
 pub fn perturb_one(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    which: &SettledRequest,
+    which: &ResolvedRequest,
     perturbation: &Perturbation,
 ) -> Result<Instability> {
-    let plan = Plan::new(scene, assembled, perturbation);
-    let run = |number: u32, reference: Option<&Ways>| {
-        let resources = fresh(&assembled.resources);
-        let (mut seen, mut events) = (Seen::default(), Vec::new());
-        let mover = Mover::new(&plan, number, reference);
+    let context = PerturbContext::new(scene, assembled, perturbation);
+    let run = |number: u32, reference: Option<&DecisionLog>| {
+        let resources = fresh_resources(&assembled.resources);
+        let (mut seen, mut events) = (RunDecisions::default(), Vec::new());
+        let perturber = Perturber::new(&context, number, reference);
         let mut event = |event: Event| events.push(event);
-        let outcome = probe::one(scene, assembled, &resources, which, mover, &mut event);
-        let outcome = outcome.and_then(|(mover, outcome)| {
-            seen.add(mover);
+        let outcome = probe::run_one(scene, assembled, &resources, which, perturber, &mut event);
+        let outcome = outcome.and_then(|(perturber, outcome)| {
+            seen.add(perturber);
             outcome
         });
         let mut observed = Observed::default();
-        observed.rays.push((None, Ok(found(&assembled.pipeline, &events))));
-        look(scene, &resources, &mut observed);
+        observed.rays.push((None, Ok(first_ray(&assembled.pipeline, &events))));
+        read_resources(scene, &resources, &mut observed);
         (observed, seen, outcome)
     };
-    all(scene, assembled, &plan, &run)
+    compare_runs(scene, assembled, &context, &run)
 }
 
-/// A run: what it left, which ways it went, and how it ended. Run 0 moves nothing.
-type Run<'r> = dyn Fn(u32, Option<&Ways>) -> (Observed, Seen, Result<()>) + 'r;
+/// A run by its number: returns its outputs, its decisions, and how it ended. Run 0 is not
+/// perturbed.
+type Run<'r> = dyn Fn(u32, Option<&DecisionLog>) -> (Observed, RunDecisions, Result<()>) + 'r;
 
-fn all(scene: &ResolvedScene, assembled: &Assembled, plan: &Plan, run: &Run<'_>) -> Result<Instability> {
+fn compare_runs(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    context: &PerturbContext,
+    run: &Run<'_>,
+) -> Result<Instability> {
     let mut before = Observed::default();
-    look(scene, &fresh(&assembled.resources), &mut before);
-    let (reference, ways, outcome) = run(0, None);
+    read_resources(scene, &fresh_resources(&assembled.resources), &mut before);
+    let (reference, decisions, outcome) = run(0, None);
     outcome?;
-    let mut comparison = Comparison::new(assembled, &reference, plan.perturbation.tolerance);
+    let mut comparison = OutputComparison::new(assembled, &reference, context.perturbation.tolerance);
     let mut found = Instability {
-        perturbation: plan.perturbation,
-        outputs_seen: comparison.outputs(&before),
+        perturbation: context.perturbation,
+        output_count: comparison.output_count(&before),
         ..Instability::default()
     };
-    for number in 1..=plan.perturbation.runs {
-        let (observed, seen, outcome) = run(number, Some(&ways.ways));
-        for ((shader, offset, kind), count) in seen.parted {
-            *found.branches.entry((plan.programs.spot(shader, offset), kind)).or_default() += count;
+    for number in 1..=context.perturbation.runs {
+        let (observed, seen, outcome) = run(number, Some(&decisions.decisions));
+        for ((shader, offset, kind), count) in seen.divergences {
+            *found.branches.entry((context.programs.location(shader, offset), kind)).or_default() += count;
         }
         match outcome {
             Ok(()) => comparison.add(number, &observed),
@@ -155,34 +163,35 @@ fn all(scene: &ResolvedScene, assembled: &Assembled, plan: &Plan, run: &Run<'_>)
     Ok(found)
 }
 
-/// What is known before anything runs.
-struct Plan {
+/// What perturbed runs need to know of a scene.
+struct PerturbContext {
     programs: Programs,
     perturbation: Perturbation,
-    shaders: Vec<Shader>,
+    shaders: Vec<ShaderFacts>,
 }
 
-/// What is known of a shader.
-struct Shader {
+/// What perturbed runs need to know of a shader.
+struct ShaderFacts {
     /// The word offset of the branch that ends each block.
     branches: Vec<u32>,
     /// Word offsets of instructions decorated `NoContraction`.
     no_contraction: HashSet<u32>,
     /// Widths whose results are rounded to nearest (`RoundingModeRTE`), as a mask.
-    nearest: u32,
-    /// Widths whose denormals may be flushed: neither `DenormPreserve` nor `DenormFlushToZero`.
+    rounds_to_nearest: u32,
+    /// Widths whose denormals may be flushed, as a mask: neither `DenormPreserve` nor
+    /// `DenormFlushToZero`.
     flushes: u32,
 }
 
-impl Plan {
+impl PerturbContext {
     fn new(scene: &ResolvedScene, assembled: &Assembled, perturbation: &Perturbation) -> Self {
         let programs = Programs::of(scene, assembled);
-        let shaders = programs.all.iter().map(|program| Shader::of(program)).collect();
+        let shaders = programs.all.iter().map(|program| ShaderFacts::of(program)).collect();
         Self { programs, perturbation: *perturbation, shaders }
     }
 }
 
-impl Shader {
+impl ShaderFacts {
     fn of(program: &Program) -> Self {
         const DENORM_PRESERVE: u32 = 4459;
         const DENORM_FLUSH_TO_ZERO: u32 = 4460;
@@ -200,7 +209,7 @@ impl Shader {
         Self {
             branches: branch_offsets(program),
             no_contraction: no_contraction(module),
-            nearest: widths(ROUNDING_MODE_RTE),
+            rounds_to_nearest: widths(ROUNDING_MODE_RTE),
             flushes: !(widths(DENORM_PRESERVE) | widths(DENORM_FLUSH_TO_ZERO)),
         }
     }
@@ -215,89 +224,91 @@ fn no_contraction(module: &Module) -> HashSet<u32> {
     decorated.map(|one| one.offset).collect()
 }
 
-/// An invocation: of ray generation, or of the dispatch whose shader stands at a place.
-type Who = (usize, [u32; 3]);
+/// An invocation: the index of the dispatch's program, or `usize::MAX` for ray generation, and the
+/// launch index.
+type InvocationKey = (usize, [u32; 3]);
 /// The way of each invocation: branches, and what rays hit.
-type Ways = HashMap<Who, Vec<u64>>;
+type DecisionLog = HashMap<InvocationKey, Vec<u64>>;
 
-/// What the movers of a run have seen.
+/// The decisions of a run.
 #[derive(Default)]
-struct Seen {
-    ways: Ways,
-    parted: BTreeMap<(usize, u32, Where), u64>,
+struct RunDecisions {
+    decisions: DecisionLog,
+    divergences: BTreeMap<(usize, u32, DecisionKind), u64>,
 }
 
-impl Seen {
-    fn add(&mut self, mover: Mover<'_>) {
-        self.ways.extend(mover.ways);
-        for (place, count) in mover.parted {
-            *self.parted.entry(place).or_default() += count;
+impl RunDecisions {
+    fn add(&mut self, perturber: Perturber<'_>) {
+        self.decisions.extend(perturber.decisions);
+        for (decision, count) in perturber.divergences {
+            *self.divergences.entry(decision).or_default() += count;
         }
     }
 }
 
-/// A product whose rounding a sum may leave out.
+/// A product that a sum may contract, so that it is not rounded.
 #[derive(Clone, Copy)]
 struct Product {
     bits: u64,
     factors: [f64; 2],
 }
 
-/// Moves the results of one task of invocations.
-struct Mover<'a> {
-    plan: &'a Plan,
-    /// From 1; 0 moves nothing.
+/// Perturbs the results of one task of invocations, and records or compares their decisions.
+struct Perturber<'a> {
+    context: &'a PerturbContext,
+    /// The number of the run, from 1; run 0 is not perturbed.
     run: u32,
-    random: Random,
-    /// The shaders that run or wait, with the instruction that they wait at.
+    random: SplitMix64,
+    /// The shaders that run or wait, with the word offset of the instruction that they wait at.
     frames: Vec<(usize, u32)>,
     shader: usize,
     products: HashMap<Reg, Product>,
-    who: Who,
+    invocation: InvocationKey,
     dispatch: Option<usize>,
-    /// The ways taken, where this is the run without perturbation.
-    ways: Ways,
-    /// The ways of that run, and how far each invocation has gone along.
-    reference: Option<&'a Ways>,
-    along: HashMap<Who, Option<usize>>,
-    parted: BTreeMap<(usize, u32, Where), u64>,
+    /// The decisions, recorded in the run without perturbation.
+    decisions: DecisionLog,
+    /// The decisions of the run without perturbation, and how many of them each invocation has
+    /// made; `None` after it diverged.
+    reference: Option<&'a DecisionLog>,
+    progress: HashMap<InvocationKey, Option<usize>>,
+    divergences: BTreeMap<(usize, u32, DecisionKind), u64>,
 }
 
-impl<'a> Mover<'a> {
-    fn new(plan: &'a Plan, run: u32, reference: Option<&'a Ways>) -> Self {
+impl<'a> Perturber<'a> {
+    fn new(context: &'a PerturbContext, run: u32, reference: Option<&'a DecisionLog>) -> Self {
         Self {
-            plan,
+            context,
             run,
-            random: Random(0),
+            random: SplitMix64(0),
             frames: Vec::new(),
             shader: 0,
             products: HashMap::new(),
-            who: (usize::MAX, [0; 3]),
+            invocation: (usize::MAX, [0; 3]),
             dispatch: None,
-            ways: HashMap::new(),
+            decisions: HashMap::new(),
             reference,
-            along: HashMap::new(),
-            parted: BTreeMap::new(),
+            progress: HashMap::new(),
+            divergences: BTreeMap::new(),
         }
     }
 
-    /// The invocation decides something at a place.
-    fn decide(&mut self, code: u64, place: (usize, u32, Where)) {
+    /// Records a decision of the invocation, or compares it with the reference.
+    fn decide(&mut self, code: u64, decision: (usize, u32, DecisionKind)) {
         let Some(reference) = self.reference else {
-            self.ways.entry(self.who).or_default().push(code);
+            self.decisions.entry(self.invocation).or_default().push(code);
             return;
         };
-        let along = self.along.entry(self.who).or_insert(Some(0));
-        let Some(at) = *along else { return };
-        let same = reference.get(&self.who).and_then(|way| way.get(at)) == Some(&code);
-        *along = same.then_some(at + 1);
+        let progress = self.progress.entry(self.invocation).or_insert(Some(0));
+        let Some(at) = *progress else { return };
+        let same = reference.get(&self.invocation).and_then(|decisions| decisions.get(at)) == Some(&code);
+        *progress = same.then_some(at + 1);
         if !same {
-            *self.parted.entry(place).or_default() += 1;
+            *self.divergences.entry(decision).or_default() += 1;
         }
     }
 
-    /// Moves the result of a kernel.
-    fn kernel(
+    /// Perturbs the result of a kernel.
+    fn perturb_kernel(
         &mut self,
         batch: &mut Batch<1>,
         offset: u32,
@@ -307,7 +318,7 @@ impl<'a> Mover<'a> {
         if !matches!(width, 16 | 32) {
             return;
         }
-        let shader = &self.plan.shaders[self.shader];
+        let shader = &self.context.shaders[self.shader];
         let mut operands = [0.0; 3];
         for at in 0..3 {
             if kernel.operands[at] > 0 {
@@ -320,16 +331,16 @@ impl<'a> Mover<'a> {
             }
         }
         let old = bits(batch, to, 1);
-        let own = float(old, width);
-        let free = !shader.no_contraction.contains(&offset);
+        let value_before = float(old, width);
+        let may_contract = !shader.no_contraction.contains(&offset);
         let random = &mut self.random;
-        let envelope = self.plan.perturbation.envelope;
-        let nearest = shader.nearest & width != 0;
-        let mut draw = Draw { random, envelope, width, nearest, contracts: free };
-        // What is infinite or NaN stays so.
-        if own.is_finite() {
+        let envelope = self.context.perturbation.envelope;
+        let nearest = shader.rounds_to_nearest & width != 0;
+        let mut draw = Draw { random, envelope, width, nearest, may_contract };
+        // Infinities and NaN are not perturbed.
+        if value_before.is_finite() {
             let fused = match kernel.name {
-                "FAdd" | "FSub" if free => {
+                "FAdd" | "FSub" if may_contract => {
                     let product = |at: usize| {
                         let product = self.products.get(&from[at])?;
                         (product.bits == bits(batch, from[at], 1)).then_some((at, *product))
@@ -345,71 +356,72 @@ impl<'a> Mover<'a> {
                         0 => (a, sign * operands[1]),
                         _ => (sign * a, operands[0]),
                     };
-                    Some(draw.fused(a, b, c))
+                    Some(draw.fma(a, b, c))
                 }
-                _ => allowed::drawn(kernel.name, operands, &mut draw),
+                _ => allowed::perturbed_result(kernel.name, operands, &mut draw),
             };
             if let Some(mut value) = drawn {
-                let least = if width == 16 { 2f64.powi(-14) } else { f64::from(f32::MIN_POSITIVE) };
-                let denormal = value != 0.0 && value.abs() < least;
+                let min_normal = if width == 16 { 2f64.powi(-14) } else { f64::from(f32::MIN_POSITIVE) };
+                let denormal = value != 0.0 && value.abs() < min_normal;
                 let flushes = shader.flushes & width != 0 && envelope == Envelope::Vulkan;
                 if denormal && flushes && draw.coin() {
                     value = 0f64.copysign(value);
                 }
                 let word = match width {
-                    16 => crate::math::float::half_of(value).to_bits().into(),
+                    16 => crate::math::float::f64_to_f16(value).to_bits().into(),
                     _ => (value as f32).to_bits(),
                 };
                 batch.registers[to].0[0] = word;
             }
         }
-        if kernel.name == "FMul" && free {
+        if kernel.name == "FMul" && may_contract {
             let product = Product { bits: bits(batch, to, 1), factors: [operands[0], operands[1]] };
             self.products.insert(to, product);
         }
     }
 
     fn program(&self) -> &Program {
-        &self.plan.programs.all[self.shader]
+        &self.context.programs.all[self.shader]
     }
 }
 
-/// An integer of a width with its sign.
+/// The value of a signed integer of a width.
 fn signed(bits: u64, width: u32) -> f64 {
     let empty = 64 - width.clamp(1, 64);
     ((bits << empty) as i64 >> empty) as f64
 }
 
-/// What a ray hits, as a step of an invocation's way; no code of a branch has the highest bit.
+/// The code of a decision about what a ray hits. It has the highest bit, unlike the code of a
+/// branch.
 fn hit_code(committed: Option<&Committed>) -> u64 {
-    let place = committed.map(|hit| hit.candidate.hit_primitive());
-    let numbers = place.map_or([u32::MAX; 3], |place| [place.instance, place.geometry, place.primitive]);
-    numbers.iter().fold(1, |sum, &number| mixed(sum) ^ u64::from(number)) | 1 << 63
+    let hit = committed.map(|hit| hit.candidate.hit_primitive());
+    let numbers = hit.map_or([u32::MAX; 3], |hit| [hit.instance, hit.geometry, hit.primitive]);
+    numbers.iter().fold(1, |sum, &number| mix64(sum) ^ u64::from(number)) | 1 << 63
 }
 
 /// `RayTmaxKHR`
 const RAY_T_MAX: u32 = 5326;
 
-impl Probe for Mover<'_> {
-    fn begin(&mut self, part: Part) {
+impl Probe for Perturber<'_> {
+    fn begin(&mut self, part: RunPart) {
         self.frames.clear();
         self.products.clear();
-        let id = if let Part::Invocation(id) = part { id } else { [0; 3] };
-        self.dispatch = if let Part::Dispatch(at) = part { Some(at) } else { None };
-        self.who = (self.dispatch.map_or(usize::MAX, |at| at), id);
-        let perturbation = &self.plan.perturbation;
-        let place = id.iter().fold(self.who.0 as u64, |sum, &axis| mixed(sum) ^ u64::from(axis));
-        self.random = Random(mixed(mixed(perturbation.seed) ^ u64::from(self.run)) ^ mixed(place));
+        let id = if let RunPart::Invocation(id) = part { id } else { [0; 3] };
+        self.dispatch = if let RunPart::Dispatch(at) = part { Some(at) } else { None };
+        self.invocation = (self.dispatch.map_or(usize::MAX, |at| at), id);
+        let perturbation = &self.context.perturbation;
+        let hash = id.iter().fold(self.invocation.0 as u64, |sum, &axis| mix64(sum) ^ u64::from(axis));
+        self.random = SplitMix64(mix64(mix64(perturbation.seed) ^ u64::from(self.run)) ^ mix64(hash));
     }
 
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>) {
         self.shader = shader;
         self.products.clear();
         if let Some(dispatch) = self.dispatch {
-            self.who = (dispatch, batch.invocations.launch_id(0));
+            self.invocation = (dispatch, batch.invocations.launch_id(0));
         }
         let begins = batch.block == 0 && batch.op == self.program().blocks[0].first;
-        let moves = self.run > 0 && self.plan.perturbation.envelope == Envelope::Nvidia;
+        let moves = self.run > 0 && self.context.perturbation.envelope == Envelope::Nvidia;
         if !begins || !moves || !batch.invocations.hit {
             return;
         }
@@ -417,10 +429,10 @@ impl Probe for Mover<'_> {
         let Some(first) = input.map(|input| input.first) else { return };
         let t = float(bits(batch, first, 1), 32);
         let (random, envelope) = (&mut self.random, Envelope::Nvidia);
-        let mut draw = Draw { random, envelope, width: 32, nearest: false, contracts: true };
+        let mut draw = Draw { random, envelope, width: 32, nearest: false, may_contract: true };
         let moved = draw.ulps(t, NVIDIA_T);
-        let least = f64::from(batch.invocations.rays.get(0).ray.t_min);
-        batch.registers[first].0[0] = (moved.max(least) as f32).to_bits();
+        let t_min = f64::from(batch.invocations.rays.get(0).ray.t_min);
+        batch.registers[first].0[0] = (moved.max(t_min) as f32).to_bits();
     }
 
     fn stopped(&mut self, batch: &Batch<1>) {
@@ -433,21 +445,21 @@ impl Probe for Mover<'_> {
     }
 
     fn after(&mut self, batch: &mut Batch<1>, _: &Bindings, op: u32) {
-        let plan = self.plan;
-        let program = &plan.programs.all[self.shader];
+        let context = self.context;
+        let program = &context.programs.all[self.shader];
         match &program.ops[op as usize] {
             &Op::RayQuery(ray_query::RayQueryOp::Proceed { query, to }) if batch.registers[to].0[0] == 0 => {
                 let handle =
                     query.register(&batch.registers, 0).map(|register| batch.registers[register].0[0]);
                 if let Ok(query) = handle.and_then(|handle| batch.queries.query(handle)) {
-                    let place = (self.shader, program.origins[op as usize].offset, Where::Hit);
-                    self.decide(hit_code(query.committed()), place);
+                    let decision = (self.shader, program.origins[op as usize].offset, DecisionKind::Hit);
+                    self.decide(hit_code(query.committed()), decision);
                 }
             }
             _ if self.run == 0 => {}
             Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[op as usize].offset;
-                self.kernel(batch, offset, (kernel, *to, from));
+                self.perturb_kernel(batch, offset, (kernel, *to, from));
             }
             Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
                 match self.products.get(from).copied() {
@@ -459,14 +471,14 @@ impl Probe for Mover<'_> {
         }
     }
 
-    fn taken(&mut self, block: u32, edge: u32) {
+    fn edge_taken(&mut self, block: u32, edge: u32) {
         let shader = self.shader;
         if let Terminator::BranchConditional { .. } | Terminator::Switch { .. } =
             self.program().blocks[block as usize].terminator
         {
-            let offset = self.plan.shaders[shader].branches[block as usize];
+            let offset = self.context.shaders[shader].branches[block as usize];
             let code = (shader as u64) << 44 | u64::from(block) << 20 | u64::from(edge);
-            self.decide(code, (shader, offset, Where::Branch));
+            self.decide(code, (shader, offset, DecisionKind::Branch));
         }
     }
 
@@ -478,7 +490,7 @@ impl Probe for Mover<'_> {
             }
             Event::Traversed { committed, .. } => {
                 if let Some(&(shader, offset)) = self.frames.last() {
-                    self.decide(hit_code(committed.as_ref()), (shader, offset, Where::Hit));
+                    self.decide(hit_code(committed.as_ref()), (shader, offset, DecisionKind::Hit));
                 }
             }
             _ => {}

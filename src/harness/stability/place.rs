@@ -1,4 +1,4 @@
-//! The source lines of findings.
+//! The source locations of findings.
 
 use std::sync::Arc;
 
@@ -9,18 +9,18 @@ use crate::pipeline::Shader;
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
-/// A line of a shader's source, or an instruction where the module knows no lines.
+/// A line of a shader's source, or an instruction if the module has no debug information.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-pub struct Spot {
-    /// The source file as the compiler wrote it; without debug information the module.
+pub struct SourceLocation {
+    /// The source file's name as the compiler wrote it; without debug information the module's.
     pub file: String,
-    /// From 1; 0 where the module knows no lines.
+    /// The line's number, from 1; 0 without debug information.
     pub line: u32,
-    /// The line, where the module holds its source; the instruction where there is no line.
+    /// The line's text, if the module holds its source; the instruction, if there is no line.
     pub text: Option<String>,
 }
 
-impl Spot {
+impl SourceLocation {
     /// `file:line`, or the file and the instruction.
     pub fn label(&self) -> String {
         let file = self.file.rsplit(['/', '\\']).next().unwrap_or(&self.file);
@@ -32,7 +32,7 @@ impl Spot {
     }
 }
 
-/// The programs of a scene, those of its dispatches behind those of its pipeline.
+/// The programs of a scene: those of its pipeline, then those of its dispatches.
 #[derive(Clone, Debug)]
 pub(super) struct Programs {
     pub all: Vec<Arc<Program>>,
@@ -60,11 +60,11 @@ impl Programs {
         Self { all, files }
     }
 
-    /// The place of the instruction at a word offset of a shader's module.
-    pub fn spot(&self, shader: usize, offset: u32) -> Spot {
+    /// The location of the instruction at a word offset of a shader's module.
+    pub fn location(&self, shader: usize, offset: u32) -> SourceLocation {
         let program = &self.all[shader];
         if let Some(line) = source_line_at(program, offset) {
-            return Spot { file: line.file, line: line.line, text: line.text };
+            return SourceLocation { file: line.file, line: line.line, text: line.text };
         }
         let mut functions = program.module.functions.iter();
         let function = functions.rfind(|function| function.offset <= offset);
@@ -76,6 +76,6 @@ impl Programs {
             format!(" in function {name}")
         });
         let text = Some(format!("word {offset}{within}"));
-        Spot { file: self.files[shader].clone(), line: 0, text }
+        SourceLocation { file: self.files[shader].clone(), line: 0, text }
     }
 }

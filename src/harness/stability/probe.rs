@@ -2,48 +2,48 @@
 
 use std::cell::RefCell;
 
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::run::in_tasks;
 use crate::machine::{Batch, Bindings, Observer, Resources};
 use crate::pipeline::{Event, Launch};
 use crate::scene::{Assembled, ResolvedScene};
 
-/// Which part of a run.
+/// A part of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Part {
+pub(super) enum RunPart {
     /// An invocation of ray generation.
     Invocation([u32; 3]),
-    /// A dispatch, whose shader stands at this place among all.
+    /// A dispatch, by the index of its program among [`Programs`](super::place::Programs).
     Dispatch(usize),
-    /// A ray of the scene that no shader traces.
+    /// A ray that the host traces.
     Ray,
 }
 
-/// Watches parts of a run, one after the other, each at one lane.
+/// Observes the parts of a run one after the other, each in one lane.
 pub(super) trait Probe: Send {
-    /// What follows belongs to a part.
-    fn begin(&mut self, part: Part);
+    /// Begins a part: the following calls belong to it.
+    fn begin(&mut self, part: RunPart);
     /// See [`Observer::resumed`].
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>);
     /// See [`Observer::stopped`].
     fn stopped(&mut self, batch: &Batch<1>);
     /// See [`Observer::after`].
     fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32);
-    /// See [`Observer::edge`]; it was taken.
-    fn taken(&mut self, block: u32, edge: u32);
-    /// Something happened in the pipeline.
+    /// See [`Observer::edge`], for an edge that was taken.
+    fn edge_taken(&mut self, block: u32, edge: u32);
+    /// Receives an event of the pipeline.
     fn event(&mut self, event: &Event);
 }
 
-/// A probe as the interpreter's observer.
-struct Eyes<'a, P> {
+/// Passes the calls of an observer of the interpreter on to a probe.
+struct ProbeObserver<'a, P> {
     probe: &'a RefCell<P>,
-    /// The place of the observer's first shader among all.
+    /// The index of the observer's first program among all programs of the scene.
     first: usize,
 }
 
-impl<P: Probe> Observer<1> for Eyes<'_, P> {
+impl<P: Probe> Observer<1> for ProbeObserver<'_, P> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
         self.probe.borrow_mut().resumed(self.first + shader as usize, batch);
     }
@@ -58,26 +58,26 @@ impl<P: Probe> Observer<1> for Eyes<'_, P> {
 
     fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
         if lanes > 0 {
-            self.probe.borrow_mut().taken(block, edge);
+            self.probe.borrow_mut().edge_taken(block, edge);
         }
     }
 }
 
 /// Runs the launch and the dispatches of a scene on resources. Each task of the launch
-/// ([`in_tasks`]) and each dispatch has a probe of its own; all are given to `take` in order.
+/// ([`in_tasks`]) and each dispatch has a probe of its own; all are given to `collect` in order.
 pub(super) fn run<P: Probe>(
     assembled: &Assembled,
     resources: &Resources,
-    new: &(impl Fn(u64) -> P + Sync),
-    take: &mut dyn FnMut(P),
+    make_probe: &(impl Fn(u64) -> P + Sync),
+    collect: &mut dyn FnMut(P),
 ) -> Result<()> {
     let pipeline = &assembled.pipeline;
     let mut number = 0;
     if pipeline.sbt.ray_generation.is_some() {
-        alone(assembled)?;
+        check_single_lane(assembled)?;
         let launch = Launch { pipeline, resources };
         let done = in_tasks(assembled, |number, ids| {
-            let probe = RefCell::new(new(number));
+            let probe = RefCell::new(make_probe(number));
             let mut outcome = Ok(());
             for id in ids {
                 outcome = invocation(&launch, assembled, id, &probe);
@@ -89,23 +89,23 @@ pub(super) fn run<P: Probe>(
         });
         number = done.len() as u64;
         for (probe, outcome) in done {
-            take(probe);
+            collect(probe);
             outcome?;
         }
     }
     for (at, dispatch) in assembled.dispatches.iter().enumerate() {
         let first = pipeline.programs.len() + at;
-        let probe = RefCell::new(new(number + at as u64));
-        probe.borrow_mut().begin(Part::Dispatch(first));
+        let probe = RefCell::new(make_probe(number + at as u64));
+        probe.borrow_mut().begin(RunPart::Dispatch(first));
         let own = dispatch.push_constants.clone();
         let own = own.map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
         let resources = own.as_ref().unwrap_or(resources);
         let outcome = dispatch.compute.run_one_lane_observed(
             resources,
             dispatch.groups,
-            &mut Eyes { probe: &probe, first },
+            &mut ProbeObserver { probe: &probe, first },
         );
-        take(probe.into_inner());
+        collect(probe.into_inner());
         outcome?;
     }
     Ok(())
@@ -118,25 +118,25 @@ pub(super) fn invocation<P: Probe>(
     id: [u32; 3],
     probe: &RefCell<P>,
 ) -> Result<()> {
-    probe.borrow_mut().begin(Part::Invocation(id));
+    probe.borrow_mut().begin(RunPart::Invocation(id));
     let mut sink = |event: Event| probe.borrow_mut().event(&event);
     let mut sink: &mut dyn FnMut(Event) = &mut sink;
-    let mut eyes = Eyes { probe, first: 0 };
-    let mut eyes: &mut dyn Observer<1> = &mut eyes;
-    launch.run_one(id, assembled.size, &mut sink, &mut eyes).map(|_| ())
+    let mut observer = ProbeObserver { probe, first: 0 };
+    let mut observer: &mut dyn Observer<1> = &mut observer;
+    launch.run_one(id, assembled.size, &mut sink, &mut observer).map(|_| ())
 }
 
-/// Runs one ray that no shader traces, or one invocation of ray generation; `event` is told what
-/// happens, too.
-pub(super) fn one<P: Probe>(
+/// Runs one ray from the host, or one invocation of ray generation; `event` receives the events,
+/// too.
+pub(super) fn run_one<P: Probe>(
     scene: &ResolvedScene,
     assembled: &Assembled,
     resources: &Resources,
-    which: &SettledRequest,
+    which: &ResolvedRequest,
     probe: P,
     event: &mut dyn FnMut(Event),
 ) -> Result<(P, Result<()>)> {
-    alone(assembled)?;
+    check_single_lane(assembled)?;
     let probe = RefCell::new(probe);
     let launch = Launch { pipeline: &assembled.pipeline, resources };
     let outcome = {
@@ -145,29 +145,29 @@ pub(super) fn one<P: Probe>(
             event(one);
         };
         let mut sink: &mut dyn FnMut(Event) = &mut sink;
-        let mut eyes = Eyes { probe: &probe, first: 0 };
-        let mut eyes: &mut dyn Observer<1> = &mut eyes;
+        let mut observer = ProbeObserver { probe: &probe, first: 0 };
+        let mut observer: &mut dyn Observer<1> = &mut observer;
         match which {
-            SettledRequest::Pixel(id) => {
-                probe.borrow_mut().begin(Part::Invocation(*id));
-                launch.run_one(*id, assembled.size, &mut sink, &mut eyes).map(|_| ())
+            ResolvedRequest::Pixel(id) => {
+                probe.borrow_mut().begin(RunPart::Invocation(*id));
+                launch.run_one(*id, assembled.size, &mut sink, &mut observer).map(|_| ())
             }
-            SettledRequest::Ray(given) => {
-                probe.borrow_mut().begin(Part::Ray);
+            ResolvedRequest::Ray(given) => {
+                probe.borrow_mut().begin(RunPart::Ray);
                 let Some((_, tlas)) = scene.tlas.first() else {
                     let message = "a ray needs a scene with instances";
                     return Err(Error::new(ErrorKind::InvalidScene, message));
                 };
                 let operands = given.operands(launch.pipeline)?;
-                launch.trace_observed(tlas, operands, &mut sink, &mut eyes).map(|_| ())
+                launch.trace_observed(tlas, operands, &mut sink, &mut observer).map(|_| ())
             }
         }
     };
     Ok((probe.into_inner(), outcome))
 }
 
-/// Refuses shaders whose invocations cannot run one by one.
-fn alone(assembled: &Assembled) -> Result<()> {
+/// Refuses pipelines whose invocations cannot run one by one.
+fn check_single_lane(assembled: &Assembled) -> Result<()> {
     if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
         let message = "watching invocations one by one, of a pipeline with subgroup instructions";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)

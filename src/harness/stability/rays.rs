@@ -1,4 +1,4 @@
-//! Rays with the shadows of their numbers: whether they would hit something else.
+//! Rays of shadow values: whether they would hit another primitive.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -6,41 +6,41 @@ use std::sync::Arc;
 use crate::accel::observer::HitPrimitive;
 use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay};
 use crate::geometry::Ray;
-use crate::harness::stability::shadows::Entry;
+use crate::harness::stability::shadows::ShadowValue;
 use crate::machine::{RayQuery, Reg};
 
-/// Where the numbers of a ray stand among the operands of its instruction, in words: the origin,
-/// and behind it t min, direction and t max.
+/// The offset of a ray's origin among the operands of its instruction, in words. t min, direction
+/// and t max follow the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Numbers(pub u32);
+pub(super) struct RayOperandOffset(pub u32);
 
-impl Numbers {
-    /// Of `OpTraceRayKHR` and its like.
+impl RayOperandOffset {
+    /// The offset in `OpTraceRayKHR` and other instructions that trace.
     pub const TRACE: Self = Self(7);
-    /// Of `OpRayQueryInitializeKHR`.
+    /// The offset in `OpRayQueryInitializeKHR`.
     pub const QUERY: Self = Self(4);
     pub const T_MIN: u32 = 3;
     pub const DIRECTION: u32 = 4;
     pub const T_MAX: u32 = 7;
     const COUNT: u32 = 8;
 
-    /// Their registers, given the first of the operands.
-    pub fn rows(self, operands: Reg) -> impl Iterator<Item = Reg> {
+    /// The registers of the ray, given the first register of the operands.
+    pub fn registers(self, operands: Reg) -> impl Iterator<Item = Reg> {
         (0..Self::COUNT).map(move |word| operands.plus(self.0 + word))
     }
 }
 
-/// The shadow entries of the numbers of a ray.
+/// The shadow values of a ray's origin, t min, direction and t max.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Beside(pub Vec<Option<Entry>>);
+pub(super) struct RayShadow(pub Vec<Option<ShadowValue>>);
 
-impl Beside {
-    /// Beside a number, counted from the origin on.
-    pub fn entry(&self, at: u32) -> Option<Entry> {
+impl RayShadow {
+    /// The shadow value of a scalar, counted from the origin on.
+    pub fn entry(&self, at: u32) -> Option<ShadowValue> {
         self.0.get(at as usize).copied().flatten()
     }
 
-    /// The ray of the shadows, rounded to f32.
+    /// The ray of shadow values, rounded to f32.
     fn ray(&self, given: &Ray) -> Ray {
         let shadow = |at: u32, own: f32| {
             let entry = self.entry(at).filter(|entry| entry.bits == u64::from(own.to_bits()));
@@ -49,31 +49,31 @@ impl Beside {
         let three = |first: u32, own: [f32; 3]| [0, 1, 2].map(|axis| shadow(first + axis as u32, own[axis]));
         Ray {
             origin: three(0, given.origin),
-            t_min: shadow(Numbers::T_MIN, given.t_min),
-            direction: three(Numbers::DIRECTION, given.direction),
-            t_max: shadow(Numbers::T_MAX, given.t_max),
+            t_min: shadow(RayOperandOffset::T_MIN, given.t_min),
+            direction: three(RayOperandOffset::DIRECTION, given.direction),
+            t_max: shadow(RayOperandOffset::T_MAX, given.t_max),
         }
     }
 
-    /// Whether the ray of the shadows hits something else than what the run committed. `ignored`
-    /// are candidates that its shaders did not take, at `last` they ended the ray.
-    pub fn other_hit(
+    /// Whether the ray of shadow values hits another primitive than the run committed. `ignored`
+    /// are candidates that shaders ignored; at `last` they terminated the ray.
+    pub fn hit_differs(
         &self,
         tlas: &Tlas,
         trace: TraceRay,
         committed: Option<&Committed>,
-        ignored: &HashSet<Key>,
-        last: Option<Key>,
+        ignored: &HashSet<PrimitiveKey>,
+        last: Option<PrimitiveKey>,
     ) -> bool {
         let other = TraceRay { ray: self.ray(&trace.ray), ..trace };
-        // What an intersection shader would report, or a query generate, is not known.
+        // The hits that an intersection shader would report, or a query generate, are unknown.
         let is_box = committed.is_some_and(|hit| hit.candidate.is_box());
         if other.ray == trace.ray || other.check().is_err() || is_box {
             return false;
         }
         let mut cursor = Cursor::new(tlas, other);
         while let Some(candidate) = cursor.proceed(tlas) {
-            let key = key(candidate.hit_primitive());
+            let key = primitive_key(candidate.hit_primitive());
             if !candidate.is_box() && !ignored.contains(&key) {
                 cursor.confirm();
             }
@@ -81,59 +81,59 @@ impl Beside {
                 break;
             }
         }
-        let place = |hit: &Committed| key(hit.candidate.hit_primitive());
-        cursor.committed().map(place) != committed.map(place)
+        let primitive_of = |hit: &Committed| primitive_key(hit.candidate.hit_primitive());
+        cursor.committed().map(primitive_of) != committed.map(primitive_of)
     }
 }
 
-/// A primitive of an instance.
-pub(super) type Key = (u32, u32, u32);
+/// The instance, geometry and primitive of a hit.
+pub(super) type PrimitiveKey = (u32, u32, u32);
 
-pub(super) fn key(place: HitPrimitive) -> Key {
-    (place.instance, place.geometry, place.primitive)
+pub(super) fn primitive_key(hit: HitPrimitive) -> PrimitiveKey {
+    (hit.instance, hit.geometry, hit.primitive)
 }
 
-/// A ray that a shader traced, on its way.
+/// A ray that a shader traces, with its shadow values.
 #[derive(Debug, Default)]
-pub(super) struct Traced {
-    pub payload: Vec<Option<Entry>>,
-    pub beside: Beside,
+pub(super) struct ShadowedTrace {
+    pub payload: Vec<Option<ShadowValue>>,
+    pub ray_shadow: RayShadow,
     pub traced: Option<(Arc<Tlas>, TraceRay)>,
-    pub candidate: Option<Key>,
-    pub ignored: HashSet<Key>,
+    pub candidate: Option<PrimitiveKey>,
+    pub ignored: HashSet<PrimitiveKey>,
     /// Hit distance and attributes of the last report, and of the last accepted one.
-    pub reported: (Option<Entry>, Vec<Option<Entry>>),
-    pub accepted: (Option<Entry>, Vec<Option<Entry>>),
+    pub reported: (Option<ShadowValue>, Vec<Option<ShadowValue>>),
+    pub accepted: (Option<ShadowValue>, Vec<Option<ShadowValue>>),
 }
 
-impl Traced {
-    /// Whether it would have hit something else; `flags` are the pipeline's.
-    pub fn other_hit(&self, committed: Option<&Committed>, flags: u32) -> bool {
+impl ShadowedTrace {
+    /// Whether the ray of shadow values hits another primitive; `flags` are the pipeline's.
+    pub fn hit_differs(&self, committed: Option<&Committed>, flags: u32) -> bool {
         let Some((tlas, trace)) = &self.traced else { return false };
         let trace = TraceRay { flags: RayFlags(trace.flags.0 | flags), ..*trace };
-        self.beside.other_hit(tlas, trace, committed, &self.ignored, None)
+        self.ray_shadow.hit_differs(tlas, trace, committed, &self.ignored, None)
     }
 }
 
-/// A ray query that was initialised.
+/// A ray query that was initialised, with its shadow values.
 #[derive(Debug, Default)]
-pub(super) struct Queried {
-    pub beside: Beside,
-    candidate: Option<Key>,
+pub(super) struct ShadowedQuery {
+    pub ray_shadow: RayShadow,
+    candidate: Option<PrimitiveKey>,
     /// Whether the candidate was confirmed.
     confirmed: bool,
-    ignored: HashSet<Key>,
+    ignored: HashSet<PrimitiveKey>,
     terminated: bool,
     /// Whether `OpRayQueryProceedKHR` returned false.
     complete: bool,
-    /// Whether it is known to hit something else already.
-    other: bool,
+    /// Whether a difference was reported before.
+    is_reported: bool,
 }
 
-impl Queried {
-    /// Of a query whose ray has these shadows.
-    pub fn new(beside: Beside) -> Self {
-        Self { beside, ..Self::default() }
+impl ShadowedQuery {
+    /// A query whose ray has these shadow values.
+    pub fn new(ray_shadow: RayShadow) -> Self {
+        Self { ray_shadow, ..Self::default() }
     }
 
     pub fn confirm(&mut self) {
@@ -144,7 +144,7 @@ impl Queried {
         self.terminated = true;
     }
 
-    /// It went on to a candidate, or to its end.
+    /// The query proceeds to a candidate, or to its end.
     pub fn proceed(&mut self, to: Option<&Candidate>) {
         if let Some(before) = self.candidate.filter(|_| !self.confirmed) {
             self.ignored.insert(before);
@@ -152,25 +152,26 @@ impl Queried {
         self.complete = to.is_none();
         // A query that was terminated ended at its last candidate.
         if !self.terminated {
-            (self.candidate, self.confirmed) = (to.map(|candidate| key(candidate.hit_primitive())), false);
+            (self.candidate, self.confirmed) =
+                (to.map(|candidate| primitive_key(candidate.hit_primitive())), false);
         }
     }
 
-    /// Whether what is committed by now is something else for the ray of the shadows; true once.
-    /// While the query is underway nothing is said, but behind a hit that was confirmed.
-    pub fn other_hit(&mut self, query: &RayQuery) -> bool {
+    /// Whether the ray of shadow values has another committed hit by now; true at most once. A
+    /// query in progress is compared only after a hit was confirmed.
+    pub fn hit_differs(&mut self, query: &RayQuery) -> bool {
         let mut ignored = self.ignored.clone();
         ignored.extend(self.candidate.filter(|_| !self.confirmed));
-        let other = !self.other
+        let differs = !self.is_reported
             && (self.complete || self.confirmed)
-            && self.beside.other_hit(
+            && self.ray_shadow.hit_differs(
                 query.tlas(),
                 *query.trace(),
                 query.committed(),
                 &ignored,
                 self.candidate,
             );
-        self.other |= other;
-        other
+        self.is_reported |= differs;
+        differs
     }
 }

@@ -5,27 +5,27 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use crate::error::Error;
-use crate::harness::stability::Spot;
-use crate::harness::stability::found::{LineFindings, Shadow};
-use crate::harness::stability::perturb::{Instability, Perturbation, Where};
+use crate::harness::stability::SourceLocation;
+use crate::harness::stability::found::{LineFindings, ShadowFindings};
+use crate::harness::stability::perturb::{DecisionKind, Instability, Perturbation};
 
-impl Shadow {
-    /// A table of the lines that matter, worst first.
+impl ShadowFindings {
+    /// A table of the significant lines, worst first.
     pub fn text(&self) -> String {
         let lines = self.sorted();
-        let matter: Vec<_> = lines.iter().filter(|(_, found)| found.matters()).collect();
+        let significant: Vec<_> = lines.iter().filter(|(_, found)| found.is_significant()).collect();
         let mut text = format!(
             "shadow in f64: {} float results on {} lines; {}\n",
             self.results,
             lines.len(),
-            match matter.len() {
+            match significant.len() {
                 0 => "no line loses much, and nothing is decided otherwise".to_owned(),
                 1 => "1 line is worth a look".to_owned(),
                 count => format!("{count} lines are worth a look"),
             }
         );
-        let width = matter.iter().map(|(spot, _)| spot.label().len()).max().unwrap_or(0);
-        if !matter.is_empty() {
+        let width = significant.iter().map(|(location, _)| location.label().len()).max().unwrap_or(0);
+        if !significant.is_empty() {
             // Writing to a string does not fail.
             let _ = writeln!(
                 text,
@@ -33,11 +33,11 @@ impl Shadow {
                 "line"
             );
         }
-        for (spot, found) in matter {
+        for (location, found) in significant {
             let _ = writeln!(
                 text,
                 "  {:width$}  {:>7}  {:>9.0}  {:>9}  {:>11}  {:>8}  {:>8}  {:>4}{}",
-                spot.label(),
+                location.label(),
                 format!("{:.1e}", found.error),
                 found.bits_lost,
                 found.cancellations,
@@ -45,7 +45,7 @@ impl Shadow {
                 found.branches,
                 found.integers,
                 found.hits,
-                notes(spot, found)
+                notes(location, found)
             );
         }
         text
@@ -53,11 +53,11 @@ impl Shadow {
 
     /// All lines, worst first.
     pub fn json(&self, trap: Option<&Error>) -> Value {
-        let line = |(spot, found): (&Spot, &LineFindings)| {
+        let line = |(location, found): (&SourceLocation, &LineFindings)| {
             json!({
-                "file": spot.file,
-                "line": spot.line,
-                "text": spot.text,
+                "file": location.file,
+                "line": location.line,
+                "text": location.text,
                 "results": found.results,
                 "relative_error": found.error,
                 "worst_launch_id": found.launch_id,
@@ -68,7 +68,7 @@ impl Shadow {
                 "branches_flipped": found.branches,
                 "integers_changed": found.integers,
                 "hits_changed": found.hits,
-                "matters": found.matters(),
+                "matters": found.is_significant(),
             })
         };
         let lines: Vec<Value> = self.sorted().into_iter().map(line).collect();
@@ -76,13 +76,13 @@ impl Shadow {
     }
 }
 
-/// What stands beneath a row: the source, and where it was worst.
-fn notes(spot: &Spot, found: &LineFindings) -> String {
+/// The notes beneath a row: the source line, and the launch index of the greatest error.
+fn notes(location: &SourceLocation, found: &LineFindings) -> String {
     let mut text = String::new();
     if found.not_finite > 0 {
         let _ = write!(text, "\n      {} infinite or NaN where f64 is not, or only there", found.not_finite);
     }
-    if let (Some(source), true) = (&spot.text, spot.line > 0) {
+    if let (Some(source), true) = (&location.text, location.line > 0) {
         let _ = write!(text, "\n      {source}");
     }
     if let Some([x, y, z]) = found.launch_id {
@@ -101,15 +101,15 @@ impl Perturbation {
 }
 
 impl Instability {
-    /// What is not stable, in sentences; one line where everything is.
+    /// The instabilities as text; one line if everything is stable.
     pub fn text(&self) -> String {
         let head = self.perturbation.describe();
         if self.is_stable() && self.branches.is_empty() {
-            return format!("{head}: {}\n", self.fine());
+            return format!("{head}: {}\n", self.stable_text());
         }
         let mut text = format!("{head}:\n");
         if self.is_stable() {
-            let _ = writeln!(text, "  {}", self.fine());
+            let _ = writeln!(text, "  {}", self.stable_text());
         }
         for line in self.lines() {
             let _ = writeln!(text, "  {line}");
@@ -117,8 +117,9 @@ impl Instability {
         text
     }
 
-    fn fine(&self) -> String {
-        match self.outputs_seen {
+    /// Says that all outputs are stable.
+    fn stable_text(&self) -> String {
+        match self.output_count {
             1 => "the output is stable".to_owned(),
             count => format!("all {count} outputs are stable"),
         }
@@ -131,9 +132,9 @@ impl Instability {
         lines
     }
 
-    /// One sentence for each output.
+    /// One sentence for each output that is not stable.
     pub fn output_lines(&self) -> Vec<String> {
-        let output = |one: &super::outputs::Unstable| {
+        let output = |one: &super::outputs::UnstableOutput| {
             let more =
                 if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
             format!(
@@ -142,7 +143,11 @@ impl Instability {
                 one.reference,
                 one.other,
                 one.run,
-                if one.spread.is_finite() { format!(", off by {:.1e}", one.spread) } else { String::new() }
+                if one.difference.is_finite() {
+                    format!(", off by {:.1e}", one.difference)
+                } else {
+                    String::new()
+                }
             )
         };
         let mut lines: Vec<String> = self.outputs.iter().map(output).collect();
@@ -150,21 +155,21 @@ impl Instability {
         lines
     }
 
-    /// One sentence for each branch and each instruction that traces.
+    /// One sentence for each branch and each traced ray that is not stable.
     pub fn branch_lines(&self) -> Vec<String> {
-        let branch = |(place, count): (&(Spot, Where), &u64)| {
-            let (spot, kind) = place;
-            let source = match (&spot.text, spot.line) {
+        let branch = |(decision, count): (&(SourceLocation, DecisionKind), &u64)| {
+            let (location, kind) = decision;
+            let source = match (&location.text, location.line) {
                 (Some(text), 1..) => format!(": {text}"),
                 _ => String::new(),
             };
             let what = match kind {
-                Where::Branch => "branch",
-                Where::Hit => "hit of the ray traced",
+                DecisionKind::Branch => "branch",
+                DecisionKind::Hit => "hit of the ray traced",
             };
             format!(
                 "{what} at {} goes another way first in {count} invocations of runs{source}",
-                spot.label()
+                location.label()
             )
         };
         self.branches.iter().map(branch).collect()
@@ -182,19 +187,19 @@ impl Instability {
                     "reference": one.reference,
                     "other": one.other,
                     "run": one.run,
-                    "difference": one.spread,
+                    "difference": one.difference,
                 })
             })
             .collect();
         let branches: Vec<Value> = self
             .branches
             .iter()
-            .map(|((spot, kind), count)| {
+            .map(|((location, kind), count)| {
                 json!({
-                    "file": spot.file,
-                    "line": spot.line,
-                    "text": spot.text,
-                    "what": match kind { Where::Branch => "branch", Where::Hit => "hit" },
+                    "file": location.file,
+                    "line": location.line,
+                    "text": location.text,
+                    "what": match kind { DecisionKind::Branch => "branch", DecisionKind::Hit => "hit" },
                     "count": count,
                 })
             })

@@ -1,18 +1,17 @@
-//! The f64 shadow: every float operation once more in f64, beside the run.
+//! The f64 shadow: every float operation is executed a second time in f64.
 //!
-//! Beside each register that holds a float stands the value that f64 arithmetic would have led to;
-//! it goes with the value through variables, calls, payloads, callable data, hit attributes and
-//! buffers. What comes from elsewhere (constants, builtins, textures, what a ray query says of a
-//! hit, what an atomic gives) stands beside itself. The run itself stays as it is: where a
-//! comparison of shadows falls out otherwise, that is counted, and both go on along the way of the
-//! run.
+//! Each register that holds a float has a shadow value, the one that f64 arithmetic would have
+//! computed. It follows the value through variables, calls, payloads, callable data, hit attributes
+//! and buffers. Values from elsewhere (constants, builtins, textures, results of ray queries and
+//! atomic instructions) are their own shadows. The shadow does not change the run: if a comparison
+//! of shadow values has a different result, it is counted, and control flow follows the run.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::debug::session::SettledRequest;
+use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, Result};
-use crate::harness::run::fresh;
-use crate::harness::stability::found::Shadow;
+use crate::harness::run::fresh_resources;
+use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::place::Programs;
 use crate::harness::stability::probe;
 use crate::harness::stability::shadow_interpreter::{Memory, ShadowInterpreter};
@@ -21,25 +20,25 @@ use crate::ops::shadow_op::{ShadowOp, shadow_op};
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
-/// Runs a scene's launch and dispatches on a copy of its resources, with shadows. Beside the
-/// findings stands the trap that ended the run, if there is one.
+/// Runs a scene's launch and dispatches on a copy of its resources, with shadows. Returns
+/// the findings, and the trap that ended the run, if there is one.
 ///
 /// # Errors
 /// `UnsupportedModule` where invocations cannot run one by one.
-pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(Shadow, Option<Error>)> {
-    let plan = Plan::new(scene, assembled);
-    let resources = fresh(&assembled.resources);
-    let mut sum = Shadow::default();
+pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(ShadowFindings, Option<Error>)> {
+    let context = ShadowContext::new(scene, assembled);
+    let resources = fresh_resources(&assembled.resources);
+    let mut sum = ShadowFindings::default();
     let outcome = probe::run(
         assembled,
         &resources,
-        &|_| ShadowInterpreter::new(&plan),
+        &|_| ShadowInterpreter::new(&context),
         &mut |interpreter: ShadowInterpreter<'_>| {
-            sum.add(&interpreter.shadow());
-            plan.memory().extend(interpreter.memory);
+            sum.add(&interpreter.findings());
+            context.memory().extend(interpreter.memory);
         },
     );
-    trapped(outcome).map(|trap| (sum, trap))
+    trap_of(outcome).map(|trap| (sum, trap))
 }
 
 /// Runs one ray or one invocation of ray generation with f64 shadows.
@@ -49,17 +48,18 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(Shadow, O
 pub fn shadow_one(
     scene: &ResolvedScene,
     assembled: &Assembled,
-    which: &SettledRequest,
-) -> Result<(Shadow, Option<Error>)> {
-    let plan = Plan::new(scene, assembled);
-    let resources = fresh(&assembled.resources);
-    let interpreter = ShadowInterpreter::new(&plan);
-    let (interpreter, outcome) = probe::one(scene, assembled, &resources, which, interpreter, &mut |_| ())?;
-    trapped(outcome).map(|trap| (interpreter.shadow(), trap))
+    which: &ResolvedRequest,
+) -> Result<(ShadowFindings, Option<Error>)> {
+    let context = ShadowContext::new(scene, assembled);
+    let resources = fresh_resources(&assembled.resources);
+    let interpreter = ShadowInterpreter::new(&context);
+    let (interpreter, outcome) =
+        probe::run_one(scene, assembled, &resources, which, interpreter, &mut |_| ())?;
+    trap_of(outcome).map(|trap| (interpreter.findings(), trap))
 }
 
-/// A trap is a finding; any other error is one.
-fn trapped(outcome: Result<()>) -> Result<Option<Error>> {
+/// The trap of a run, which is a finding; any other error is returned as an error.
+fn trap_of(outcome: Result<()>) -> Result<Option<Error>> {
     match outcome {
         Ok(()) => Ok(None),
         Err(error) if error.kind() == crate::error::ErrorKind::Trap => Ok(Some(error)),
@@ -67,20 +67,20 @@ fn trapped(outcome: Result<()>) -> Result<Option<Error>> {
     }
 }
 
-/// What is known of the programs before anything runs.
-pub(super) struct Plan {
+/// What the shadow interpreter needs to know of a scene.
+pub(super) struct ShadowContext {
     pub programs: Programs,
-    /// By shader and operation.
+    /// The shadow operations, by shader and operation.
     pub shadow_ops: Vec<Vec<ShadowOp>>,
-    /// By shader and block: the word offset of the branch.
+    /// The word offsets of branches, by shader and block.
     pub branches: Vec<Vec<u32>>,
-    /// What the pipeline adds to every ray's flags.
+    /// The ray flags that the pipeline adds to those of every ray.
     pub flags: u32,
-    /// What the launch left in buffers, for dispatches after it.
+    /// The shadow values of buffers after the launch, for later dispatches.
     memory: Mutex<Memory>,
 }
 
-impl Plan {
+impl ShadowContext {
     fn new(scene: &ResolvedScene, assembled: &Assembled) -> Self {
         let programs = Programs::of(scene, assembled);
         let shadow_ops = |program: &Arc<Program>| {
@@ -95,7 +95,7 @@ impl Plan {
         Self { programs, shadow_ops, branches, flags, memory: Mutex::default() }
     }
 
-    /// Locks the memory.
+    /// Locks the shadow values of buffers.
     pub fn memory(&self) -> MutexGuard<'_, Memory> {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
     }

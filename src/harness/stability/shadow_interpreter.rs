@@ -1,14 +1,14 @@
-//! Executes the operations of invocations in f64 beside the f32 run: a shadow interpreter, as in
-//! LLVM's NSan.
+//! Executes the operations of invocations in f64 along with the f32 run: a shadow interpreter, as
+//! in LLVM's NSan.
 
 use std::collections::HashMap;
 
 use crate::accel::Candidate;
-use crate::harness::stability::found::{LineFindings, Shadow};
-use crate::harness::stability::probe::{Part, Probe};
-use crate::harness::stability::rays::{Beside, Numbers, Queried, Traced};
-use crate::harness::stability::shadow::Plan;
-use crate::harness::stability::shadows::{Entry, Frame, Waits, bits, float};
+use crate::harness::stability::found::{LineFindings, ShadowFindings};
+use crate::harness::stability::probe::{Probe, RunPart};
+use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery, ShadowedTrace};
+use crate::harness::stability::shadow::ShadowContext;
+use crate::harness::stability::shadows::{ShadowFrame, ShadowValue, WaitsFor, bits, float};
 use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Bindings, Exit, Reg};
 use crate::module::interface::Stage;
@@ -16,79 +16,79 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{self, Chunk};
 use crate::ops::op::{Access, Op};
 use crate::ops::pointer::storage;
-use crate::ops::shadow_op::{Scratch, ShadowOp};
+use crate::ops::shadow_op::{ScratchRegisters, ShadowOp};
 use crate::ops::{ray_query, ray_tracing};
 use crate::pipeline::Event;
 use crate::program::Terminator;
 
-/// A sum or difference that loses more bits than this is a cancellation.
-const CANCELLED: f64 = 8.0;
+/// A sum or difference that loses more bits than this counts as a cancellation.
+const CANCELLATION_BITS: f64 = 8.0;
 
-/// Entries of scalars in buffers, by the buffer and the byte.
-pub(super) type Memory = HashMap<(usize, u64), Entry>;
+/// The shadow values of scalars in buffers, by buffer and byte offset.
+pub(super) type Memory = HashMap<(usize, u64), ShadowValue>;
 
-/// The shadow values of some consecutive invocations.
+/// The shadow interpreter of one task of invocations.
 pub(super) struct ShadowInterpreter<'a> {
-    plan: &'a Plan,
-    frames: Vec<Frame>,
-    spare: Vec<Frame>,
+    context: &'a ShadowContext,
+    frames: Vec<ShadowFrame>,
+    free_frames: Vec<ShadowFrame>,
     /// Invocations of a dispatch that wait at a barrier.
-    waiting: HashMap<[u32; 3], Frame>,
-    number: u64,
-    rays: Vec<Traced>,
+    waiting: HashMap<[u32; 3], ShadowFrame>,
+    generation: u64,
+    rays: Vec<ShadowedTrace>,
     pub memory: Memory,
-    scratch: Scratch,
+    scratch: ScratchRegisters,
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
-    /// By shader and word offset.
+    /// The findings by shader and word offset.
     found: HashMap<(usize, u32), LineFindings>,
 }
 
 impl<'a> ShadowInterpreter<'a> {
-    /// Makes an interpreter before anything runs.
-    pub fn new(plan: &'a Plan) -> Self {
+    /// An interpreter for a task that has not begun.
+    pub fn new(context: &'a ShadowContext) -> Self {
         Self {
-            plan,
+            context,
             frames: Vec::new(),
-            spare: Vec::new(),
+            free_frames: Vec::new(),
             waiting: HashMap::new(),
-            number: 0,
+            generation: 0,
             rays: Vec::new(),
-            memory: plan.memory().clone(),
-            scratch: Scratch::default(),
+            memory: context.memory().clone(),
+            scratch: ScratchRegisters::default(),
             launch_id: None,
             dispatch: false,
             found: HashMap::new(),
         }
     }
 
-    /// What it found.
-    pub fn shadow(&self) -> Shadow {
-        let mut shadow = Shadow::default();
+    /// The findings by source line.
+    pub fn findings(&self) -> ShadowFindings {
+        let mut shadow = ShadowFindings::default();
         let mut found: Vec<_> = self.found.iter().collect();
-        found.sort_unstable_by_key(|(place, _)| **place);
+        found.sort_unstable_by_key(|(key, _)| **key);
         for (&(shader, offset), found) in found {
             shadow.results += found.results;
-            shadow.lines.entry(self.plan.programs.spot(shader, offset)).or_default().add(found);
+            shadow.lines.entry(self.context.programs.location(shader, offset)).or_default().add(found);
         }
         shadow
     }
 
-    fn enter(&mut self, shader: usize) -> &mut Frame {
-        let mut frame = self.spare.pop().unwrap_or_default();
-        self.number += 1;
-        frame.begin(shader, self.plan.programs.all[shader].register_count as usize, self.number);
+    fn enter(&mut self, shader: usize) -> &mut ShadowFrame {
+        let mut frame = self.free_frames.pop().unwrap_or_default();
+        self.generation += 1;
+        frame.begin(shader, self.context.programs.all[shader].register_count as usize, self.generation);
         self.frames.push(frame);
         self.frames.last_mut().expect("bug in anyhit: no frame was pushed")
     }
 
-    fn note(&mut self, offset: u32) -> Option<&mut LineFindings> {
+    fn findings_at(&mut self, offset: u32) -> Option<&mut LineFindings> {
         let shader = self.frames.last()?.shader;
         Some(self.found.entry((shader, offset)).or_default())
     }
 
-    /// Runs the shadow operation of a kernel and compares.
-    fn kernel(
+    /// Runs the shadow operation of a kernel and compares the results.
+    fn lane_kernel(
         &mut self,
         batch: &Batch<1>,
         offset: u32,
@@ -99,7 +99,7 @@ impl<'a> ShadowInterpreter<'a> {
         let read = |at: usize| bits(batch, from[at], kernel.operands[at].max(1));
         let result = bits(batch, to, kernel.words);
         match shadow_op {
-            ShadowOp::None => frame.forget(to, kernel.words),
+            ShadowOp::None => frame.invalidate(to, kernel.words),
             ShadowOp::Select => {
                 let chosen = if read(0) != 0 { from[1] } else { from[2] };
                 let entry = frame.entry(chosen);
@@ -108,18 +108,18 @@ impl<'a> ShadowInterpreter<'a> {
             ShadowOp::Identity => {
                 let width = kernel.float_operands[0];
                 let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), width));
-                frame.set(to, Some(Entry { bits: result, value }));
-                let error = relative(float(read(0), width), value);
+                frame.set(to, Some(ShadowValue { bits: result, value }));
+                let error = relative_difference(float(read(0), width), value);
                 self.compare(offset, kernel, result, to, (value, error, ""));
             }
             ShadowOp::Logical => {
                 let known = [0, 1].map(|at| frame.value(from[at], read(at)));
                 if known == [None, None] {
-                    return frame.forget(to, 1);
+                    return frame.invalidate(to, 1);
                 }
                 let operands = [0, 1].map(|at| known[at].map_or(read(at), |value| value as u64));
                 let value = self.scratch.run(kernel, [operands[0], operands[1], 0]) as f64;
-                frame.set(to, Some(Entry { bits: result, value }));
+                frame.set(to, Some(ShadowValue { bits: result, value }));
             }
             ShadowOp::Number(wide) | ShadowOp::Comparison(wide) | ShadowOp::Integer(wide) => {
                 let mut operands = [0; 3];
@@ -133,13 +133,13 @@ impl<'a> ShadowInterpreter<'a> {
                         let value = frame.value(from[at], bits);
                         known |= value.is_some();
                         let value = value.unwrap_or(own);
-                        worst = worst.max(relative(own, value));
+                        worst = worst.max(relative_difference(own, value));
                         operands[at] = value.to_bits();
                     }
                 }
                 let decides = !matches!(shadow_op, ShadowOp::Number(_));
                 if decides && !known {
-                    return frame.forget(to, kernel.words);
+                    return frame.invalidate(to, kernel.words);
                 }
                 let value = self.scratch.run(wide, operands);
                 if !decides {
@@ -151,9 +151,9 @@ impl<'a> ShadowInterpreter<'a> {
                         (f64::from_bits(value), worst, wide.name),
                     );
                 }
-                frame.set(to, Some(Entry { bits: result, value: value as f64 }));
+                frame.set(to, Some(ShadowValue { bits: result, value: value as f64 }));
                 if value != result
-                    && let Some(found) = self.note(offset)
+                    && let Some(found) = self.findings_at(offset)
                 {
                     match shadow_op {
                         ShadowOp::Comparison(_) => found.comparisons += 1,
@@ -176,29 +176,29 @@ impl<'a> ShadowInterpreter<'a> {
         let own = float(result, kernel.float_result);
         let launch_id = self.launch_id;
         let comparable = own.is_finite() && value.is_finite();
-        let entry = comparable.then_some(Entry { bits: result, value });
+        let entry = comparable.then_some(ShadowValue { bits: result, value });
         let Some(frame) = self.frames.last_mut() else { return };
         frame.set(to, entry);
-        let Some(found) = self.note(offset) else { return };
+        let Some(found) = self.findings_at(offset) else { return };
         found.results += 1;
         if !comparable {
             found.not_finite += u64::from(own.is_finite() != value.is_finite());
             return;
         }
-        let error = relative(own, value);
+        let error = relative_difference(own, value);
         if error > found.error {
             (found.error, found.launch_id) = (error, launch_id);
         }
-        let unit = unit(kernel.float_result);
-        if error > unit {
-            let lost = (error / worst.max(unit)).log2();
+        let roundoff = unit_roundoff(kernel.float_result);
+        if error > roundoff {
+            let lost = (error / worst.max(roundoff)).log2();
             found.bits_lost = found.bits_lost.max(lost);
             let sums = ["FAdd", "FSub", "Fma", "FmaKHR", "FMix"].contains(&name);
-            found.cancellations += u64::from(sums && lost > CANCELLED);
+            found.cancellations += u64::from(sums && lost > CANCELLATION_BITS);
         }
     }
 
-    fn moves(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp) {
+    fn memory_op(&mut self, batch: &Batch<1>, bindings: &Bindings, op: &memory::MemoryOp) {
         let Some(frame) = self.frames.last_mut() else { return };
         let at = |first: Reg, register: Reg| first.computed(batch.registers[register].0[0]);
         match *op {
@@ -219,14 +219,14 @@ impl<'a> ShadowInterpreter<'a> {
                 }
             }
             memory::MemoryOp::BufferLoad { to, chunk } => {
-                let keys = keys(batch, bindings, &chunk);
+                let keys = memory_keys(batch, bindings, &chunk);
                 for word in 0..chunk.count {
                     let known = keys.and_then(|key| self.memory.get(&key(word)).copied());
                     frame.set(to.plus(word), known);
                 }
             }
             memory::MemoryOp::BufferStore { from, chunk } => {
-                let Some(key) = keys(batch, bindings, &chunk) else { return };
+                let Some(key) = memory_keys(batch, bindings, &chunk) else { return };
                 for word in 0..chunk.count {
                     match frame.entry(from.plus(word)) {
                         Some(entry) => self.memory.insert(key(word), entry),
@@ -235,17 +235,17 @@ impl<'a> ShadowInterpreter<'a> {
                 }
             }
             memory::MemoryOp::Index { to, .. } | memory::MemoryOp::ArrayLength { to, .. } => {
-                frame.forget(to, 1)
+                frame.invalidate(to, 1)
             }
         }
     }
 
-    /// Follows a ray query; where it ends, or what it committed is read, its hit is judged.
-    fn query(&mut self, batch: &mut Batch<1>, offset: u32, op: &ray_query::RayQueryOp) {
+    /// Follows a ray query. At its end, and when its committed hit is read, that hit is compared.
+    fn ray_query_op(&mut self, batch: &mut Batch<1>, offset: u32, op: &ray_query::RayQueryOp) {
         let Some(frame) = self.frames.last_mut() else { return };
         op.accesses(&mut |access| {
             if let Access::Write(first, count) = access {
-                frame.forget(first, count);
+                frame.invalidate(first, count);
             }
         });
         let register = |query: ObjectRef| query.register(&batch.registers, 0).ok();
@@ -254,50 +254,51 @@ impl<'a> ShadowInterpreter<'a> {
             return;
         };
         if let ray_query::RayQueryOp::Initialize { operands, .. } = *op {
-            let beside = frame.beside(Numbers::QUERY, operands);
-            frame.queries.insert(handle, Queried::new(beside));
+            let ray_shadow = frame.ray_shadow(RayOperandOffset::QUERY, operands);
+            frame.queries.insert(handle, ShadowedQuery::new(ray_shadow));
             return;
         }
-        let Some(queried) = frame.queries.get_mut(&handle) else { return };
-        let judged = match *op {
+        let Some(shadowed_query) = frame.queries.get_mut(&handle) else { return };
+        let is_final = match *op {
             ray_query::RayQueryOp::Confirm { .. } | ray_query::RayQueryOp::Generate { .. } => {
-                queried.confirm();
+                shadowed_query.confirm();
                 false
             }
             ray_query::RayQueryOp::Terminate { .. } => {
-                queried.terminate();
+                shadowed_query.terminate();
                 false
             }
             ray_query::RayQueryOp::Proceed { .. } => {
                 let candidate = query.candidate().ok();
-                queried.proceed(candidate);
+                shadowed_query.proceed(candidate);
                 candidate.is_none()
             }
             ray_query::RayQueryOp::Type { committed, .. } => committed,
             ray_query::RayQueryOp::GetRay { getter, to, .. } => {
-                let beside = queried.beside.clone();
+                let ray_shadow = shadowed_query.ray_shadow.clone();
                 for word in 0..getter.words() {
-                    let number = getter.operand().and_then(|first| first.checked_sub(Numbers::QUERY.0));
-                    frame.set(to.plus(word), number.and_then(|first| beside.entry(first + word)));
+                    let number =
+                        getter.operand().and_then(|first| first.checked_sub(RayOperandOffset::QUERY.0));
+                    frame.set(to.plus(word), number.and_then(|first| ray_shadow.entry(first + word)));
                 }
                 return;
             }
             _ => false,
         };
-        if judged
-            && queried.other_hit(query)
-            && let Some(found) = self.note(offset)
+        if is_final
+            && shadowed_query.hit_differs(query)
+            && let Some(found) = self.findings_at(offset)
         {
             found.hits += 1;
         }
     }
 
     fn enter_stage(&mut self, shader: usize, stage: Stage) {
-        let program = self.plan.programs.all[shader].clone();
+        let program = self.context.programs.all[shader].clone();
         let caller = self.frames.last();
         let data = match stage {
-            Stage::Callable => caller.and_then(|caller| match caller.waits {
-                Waits::Call(span) => Some(caller.entries(span)),
+            Stage::Callable => caller.and_then(|caller| match caller.waits_for {
+                WaitsFor::Call(span) => Some(caller.entries(span)),
                 _ => None,
             }),
             _ => self.rays.last().map(|ray| ray.payload.clone()),
@@ -306,15 +307,15 @@ impl<'a> ShadowInterpreter<'a> {
             Stage::Callable => storage::INCOMING_CALLABLE_DATA,
             _ => storage::INCOMING_RAY_PAYLOAD,
         };
-        let reported = matches!(caller, Some(Frame { waits: Waits::Report, .. }));
+        let reported = matches!(caller, Some(ShadowFrame { waits_for: WaitsFor::Report, .. }));
         let (t, attributes) = match (stage, self.rays.last()) {
             (Stage::AnyHit, Some(ray)) if reported => ray.reported.clone(),
             (Stage::ClosestHit | Stage::Intersection, Some(ray)) => ray.accepted.clone(),
             _ => Default::default(),
         };
-        let beside = match stage {
-            Stage::Callable | Stage::RayGeneration => Beside::default(),
-            _ => self.rays.last().map_or_else(Beside::default, |ray| ray.beside.clone()),
+        let ray_shadow = match stage {
+            Stage::Callable | Stage::RayGeneration => RayShadow::default(),
+            _ => self.rays.last().map_or_else(RayShadow::default, |ray| ray.ray_shadow.clone()),
         };
         let frame = self.enter(shader);
         if let (Some(registers), Some(data)) = (program.interface_registers(class), data) {
@@ -325,12 +326,12 @@ impl<'a> ShadowInterpreter<'a> {
         }
         for input in &program.inputs {
             let entry = |word: u32| match input.builtin.number {
-                WORLD_RAY_ORIGIN => beside.entry(word),
-                WORLD_RAY_DIRECTION => beside.entry(Numbers::DIRECTION + word),
-                RAY_T_MIN => beside.entry(Numbers::T_MIN),
-                // Where nothing was reported it is the ray's own; an entry counts where its bits
-                // do.
-                RAY_T_MAX => t.or_else(|| beside.entry(Numbers::T_MAX)),
+                WORLD_RAY_ORIGIN => ray_shadow.entry(word),
+                WORLD_RAY_DIRECTION => ray_shadow.entry(RayOperandOffset::DIRECTION + word),
+                RAY_T_MIN => ray_shadow.entry(RayOperandOffset::T_MIN),
+                // Without a reported hit it is the ray's t max. A shadow value is used only if its
+                // bits match the register's.
+                RAY_T_MAX => t.or_else(|| ray_shadow.entry(RayOperandOffset::T_MAX)),
                 _ => None,
             };
             for word in 0..input.count {
@@ -341,11 +342,11 @@ impl<'a> ShadowInterpreter<'a> {
 
     fn leave(&mut self, stage: Stage, exit: Exit) {
         let Some(frame) = self.frames.pop() else { return };
-        let program = &self.plan.programs.all[frame.shader];
+        let program = &self.context.programs.all[frame.shader];
         if stage == Stage::Callable {
             let registers = program.interface_registers(storage::INCOMING_CALLABLE_DATA);
             if let (Some(registers), Some(caller)) = (registers, self.frames.last_mut())
-                && let Waits::Call(data) = caller.waits
+                && let WaitsFor::Call(data) = caller.waits_for
             {
                 caller.set_all(data, &frame.entries(registers.span()));
             }
@@ -353,35 +354,35 @@ impl<'a> ShadowInterpreter<'a> {
             if let Some(registers) = program.interface_registers(storage::INCOMING_RAY_PAYLOAD) {
                 ray.payload = frame.entries(registers.span());
             }
-            if let (Stage::AnyHit, Exit::Ignored, Some(place)) = (stage, exit, ray.candidate) {
-                ray.ignored.insert(place);
+            if let (Stage::AnyHit, Exit::Ignored, Some(candidate)) = (stage, exit, ray.candidate) {
+                ray.ignored.insert(candidate);
             }
         }
-        self.spare.push(frame);
+        self.free_frames.push(frame);
     }
 }
 
-/// Numbers of builtins whose shadows are the trace's.
+/// The numbers of builtins that have the shadow values of the traced ray.
 const WORLD_RAY_ORIGIN: u32 = 5321;
 const WORLD_RAY_DIRECTION: u32 = 5322;
 const RAY_T_MIN: u32 = 5325;
 const RAY_T_MAX: u32 = 5326;
 
-/// Where the scalars of an access lie.
-fn keys<'a>(
+/// The keys in [`Memory`] of the scalars of an access, by word.
+fn memory_keys<'a>(
     batch: &Batch<1>,
     bindings: &Bindings,
     chunk: &'a Chunk,
 ) -> Option<impl Fn(u32) -> (usize, u64) + Copy + use<'a>> {
-    let (buffer, offset) = memory::place(batch, 0, bindings, chunk)?;
+    let (buffer, offset) = memory::access_location(batch, 0, bindings, chunk)?;
     let buffer = std::ptr::from_ref(buffer) as usize;
     let width = u64::from(chunk.width / 8);
     Some(move |word: u32| (buffer, offset + u64::from(word) * width))
 }
 
-/// The difference of two numbers by the greater magnitude; nothing below the normal numbers of f32,
-/// where there is no relative accuracy.
-fn relative(own: f64, value: f64) -> f64 {
+/// The difference of two numbers divided by the greater magnitude; 0 below the normal numbers of
+/// f32, where relative accuracy is lost.
+fn relative_difference(own: f64, value: f64) -> f64 {
     let scale = own.abs().max(value.abs());
     if own == value || !scale.is_finite() || scale < f64::from(f32::MIN_POSITIVE) {
         return 0.0;
@@ -390,7 +391,7 @@ fn relative(own: f64, value: f64) -> f64 {
 }
 
 /// The relative error of one rounding to a width.
-fn unit(width: u32) -> f64 {
+fn unit_roundoff(width: u32) -> f64 {
     match width {
         16 => 2f64.powi(-11),
         32 => 2f64.powi(-24),
@@ -399,13 +400,13 @@ fn unit(width: u32) -> f64 {
 }
 
 impl Probe for ShadowInterpreter<'_> {
-    fn begin(&mut self, part: Part) {
+    fn begin(&mut self, part: RunPart) {
         self.frames.clear();
         self.rays.clear();
-        // A ray that no shader traces has none beside its numbers.
-        self.rays.push(Traced::default());
-        self.launch_id = if let Part::Invocation(id) = part { Some(id) } else { None };
-        self.dispatch = matches!(part, Part::Dispatch(_));
+        // A ray from the host has no shadow values.
+        self.rays.push(ShadowedTrace::default());
+        self.launch_id = if let RunPart::Invocation(id) = part { Some(id) } else { None };
+        self.dispatch = matches!(part, RunPart::Dispatch(_));
     }
 
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>) {
@@ -421,22 +422,22 @@ impl Probe for ShadowInterpreter<'_> {
             return;
         }
         let Some(frame) = self.frames.last_mut() else { return };
-        match std::mem::take(&mut frame.waits) {
-            Waits::Trace(span) => {
+        match std::mem::take(&mut frame.waits_for) {
+            WaitsFor::Trace(span) => {
                 if let Some(ray) = self.rays.pop() {
                     frame.set_all(span, &ray.payload);
                 }
             }
-            Waits::No | Waits::Call(_) | Waits::Report => {}
+            WaitsFor::No | WaitsFor::Call(_) | WaitsFor::Report => {}
         }
     }
 
     fn stopped(&mut self, batch: &Batch<1>) {
         if self.dispatch {
             let Some(frame) = self.frames.pop() else { return };
-            // Behind a barrier no lane runs, as behind the end; only the one of them has ended.
+            // No lane runs after a barrier or after the end; only after the end none is live.
             match batch.live().is_empty() {
-                true => self.spare.push(frame),
+                true => self.free_frames.push(frame),
                 false => {
                     self.waiting.insert(batch.invocations.launch_id(0), frame);
                 }
@@ -444,27 +445,27 @@ impl Probe for ShadowInterpreter<'_> {
             return;
         }
         let Some(frame) = self.frames.last_mut().filter(|_| !batch.mask.is_empty()) else { return };
-        let program = &self.plan.programs.all[frame.shader];
+        let program = &self.context.programs.all[frame.shader];
         let Some(at) = (batch.op as usize).checked_sub(1) else { return };
         let Some(Op::Stop(stop)) = program.ops.get(at) else { return };
-        frame.waits_at = program.origins[at].offset;
+        frame.wait_offset = program.origins[at].offset;
         match *stop {
             ray_tracing::RayTracingOp::TraceRay { operands, payload }
             | ray_tracing::RayTracingOp::HitObjectTrace { operands, payload, .. } => {
-                frame.waits = Waits::Trace(payload);
-                let beside = frame.beside(Numbers::TRACE, operands);
+                frame.waits_for = WaitsFor::Trace(payload);
+                let ray_shadow = frame.ray_shadow(RayOperandOffset::TRACE, operands);
                 let payload = frame.entries(payload);
-                self.rays.push(Traced { payload, beside, ..Traced::default() });
+                self.rays.push(ShadowedTrace { payload, ray_shadow, ..ShadowedTrace::default() });
             }
             ray_tracing::RayTracingOp::HitObjectExecute { payload, .. } => {
-                frame.waits = Waits::Trace(payload);
+                frame.waits_for = WaitsFor::Trace(payload);
                 let payload = frame.entries(payload);
-                self.rays.push(Traced { payload, ..Traced::default() });
+                self.rays.push(ShadowedTrace { payload, ..ShadowedTrace::default() });
             }
-            ray_tracing::RayTracingOp::ExecuteCallable { data, .. } => frame.waits = Waits::Call(data),
+            ray_tracing::RayTracingOp::ExecuteCallable { data, .. } => frame.waits_for = WaitsFor::Call(data),
             ray_tracing::RayTracingOp::ReportIntersection { t, accepted, .. } => {
-                frame.waits = Waits::Report;
-                frame.forget(accepted, 1);
+                frame.waits_for = WaitsFor::Report;
+                frame.invalidate(accepted, 1);
                 let t = frame.entry(t);
                 let registers = program.interface_registers(storage::HIT_ATTRIBUTE);
                 let attributes = registers.map_or_else(Vec::new, |registers| frame.entries(registers.span()));
@@ -472,33 +473,33 @@ impl Probe for ShadowInterpreter<'_> {
                     ray.reported = (t, attributes);
                 }
             }
-            ray_tracing::RayTracingOp::HitObjectRecordHandle { to, .. } => frame.forget(to, 2),
+            ray_tracing::RayTracingOp::HitObjectRecordHandle { to, .. } => frame.invalidate(to, 2),
         }
     }
 
     fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32) {
         let Some(frame) = self.frames.last_mut() else { return };
-        let plan = self.plan;
+        let context = self.context;
         let (shader, at) = (frame.shader, op as usize);
-        let program = &plan.programs.all[shader];
+        let program = &context.programs.all[shader];
         match &program.ops[at] {
             Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[at].offset;
-                self.kernel(batch, offset, plan.shadow_ops[shader][at], (kernel, *to, from));
+                self.lane_kernel(batch, offset, context.shadow_ops[shader][at], (kernel, *to, from));
             }
-            Op::Memory(op) => self.moves(batch, bindings, op),
-            Op::RayQuery(op) => self.query(batch, program.origins[at].offset, op),
+            Op::Memory(op) => self.memory_op(batch, bindings, op),
+            Op::RayQuery(op) => self.ray_query_op(batch, program.origins[at].offset, op),
             other => other.accesses(|access| {
                 if let Access::Write(first, count) = access {
-                    frame.forget(first, count);
+                    frame.invalidate(first, count);
                 }
             }),
         }
     }
 
-    fn taken(&mut self, block: u32, edge: u32) {
+    fn edge_taken(&mut self, block: u32, edge: u32) {
         let Some(frame) = self.frames.last() else { return };
-        let program = &self.plan.programs.all[frame.shader];
+        let program = &self.context.programs.all[frame.shader];
         let flips = match &program.blocks[block as usize].terminator {
             Terminator::BranchConditional { condition, .. } => frame
                 .entry(*condition)
@@ -509,8 +510,8 @@ impl Probe for ShadowInterpreter<'_> {
             }),
             _ => false,
         };
-        let offset = self.plan.branches[frame.shader][block as usize];
-        if flips && let Some(found) = self.note(offset) {
+        let offset = self.context.branches[frame.shader][block as usize];
+        if flips && let Some(found) = self.findings_at(offset) {
             found.branches += 1;
         }
     }
@@ -534,10 +535,10 @@ impl Probe for ShadowInterpreter<'_> {
                 }
             }
             Event::Traversed { committed, .. } => {
-                let other = |ray: &Traced| ray.other_hit(committed.as_ref(), self.plan.flags);
+                let other = |ray: &ShadowedTrace| ray.hit_differs(committed.as_ref(), self.context.flags);
                 if self.rays.last().is_some_and(other)
-                    && let Some(at) = self.frames.last().map(|frame| frame.waits_at)
-                    && let Some(found) = self.note(at)
+                    && let Some(at) = self.frames.last().map(|frame| frame.wait_offset)
+                    && let Some(found) = self.findings_at(at)
                 {
                     found.hits += 1;
                 }

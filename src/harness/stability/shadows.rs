@@ -2,62 +2,62 @@
 
 use std::collections::HashMap;
 
-use crate::harness::stability::rays::{Beside, Numbers, Queried};
+use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg};
 
-/// The shadow of a word, or of the two words of a wide number.
+/// The shadow value of a word, or of the two words of a 64-bit number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Entry {
-    /// The bits of the register: if it holds others by now, it was written by something that is not
-    /// shadowed, and the entry is invalid.
+pub(super) struct ShadowValue {
+    /// The bits of the register when the shadow was set. If the register holds other bits by now,
+    /// an operation without a shadow wrote it, and the shadow value is invalid.
     pub bits: u64,
-    /// The value without the rounding; of a truth value 0 or 1, of an integer the integer.
+    /// The value without f32 rounding; 0 or 1 for a Boolean, the number for an integer.
     pub value: f64,
 }
 
 /// A shader that runs or waits.
 #[derive(Debug, Default)]
-pub(super) struct Frame {
+pub(super) struct ShadowFrame {
     pub shader: usize,
-    /// By register; an entry is valid only with the frame's own number.
-    entries: Vec<(u64, Entry)>,
-    number: u64,
-    /// What it waits for.
-    pub waits: Waits,
-    /// The word offset of the instruction that it waits at.
-    pub waits_at: u32,
-    /// Its ray queries, by handle.
-    pub queries: HashMap<u32, Queried>,
+    /// The shadow values by register; valid only with the frame's own generation.
+    entries: Vec<(u64, ShadowValue)>,
+    generation: u64,
+    /// What the shader waits for.
+    pub waits_for: WaitsFor,
+    /// The word offset of the instruction that the shader waits at.
+    pub wait_offset: u32,
+    /// The shader's ray queries, by handle.
+    pub queries: HashMap<u32, ShadowedQuery>,
 }
 
 /// What a shader waits for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) enum Waits {
-    /// The frame waits for nothing.
+pub(super) enum WaitsFor {
+    /// Nothing: the shader runs.
     #[default]
     No,
-    /// The ray that it traces, whose payload lies there.
+    /// A traced ray, whose payload is in these registers.
     Trace(RegSpan),
-    /// The callable shader that it calls, whose data lie there.
+    /// A callable shader, whose data are in these registers.
     Call(RegSpan),
-    /// The answer to a report.
+    /// The result of a report.
     Report,
 }
 
-impl Frame {
-    /// Resets the frame for a shader with that many registers.
-    pub fn begin(&mut self, shader: usize, registers: usize, number: u64) {
-        self.entries.resize(registers.max(self.entries.len()), (0, Entry::default()));
-        (self.shader, self.number) = (shader, number);
-        (self.waits, self.waits_at) = (Waits::No, 0);
+impl ShadowFrame {
+    /// Resets the frame for a shader with this number of registers.
+    pub fn begin(&mut self, shader: usize, registers: usize, generation: u64) {
+        self.entries.resize(registers.max(self.entries.len()), (0, ShadowValue::default()));
+        (self.shader, self.generation) = (shader, generation);
+        (self.waits_for, self.wait_offset) = (WaitsFor::No, 0);
         self.queries.clear();
     }
 
-    /// The entry of a register, whatever the register holds by now.
-    pub fn entry(&self, reg: Reg) -> Option<Entry> {
-        let &(number, entry) = self.entries.get(reg.0 as usize)?;
-        (number == self.number).then_some(entry)
+    /// The shadow value of a register, whatever bits the register holds by now.
+    pub fn entry(&self, reg: Reg) -> Option<ShadowValue> {
+        let &(generation, entry) = self.entries.get(reg.0 as usize)?;
+        (generation == self.generation).then_some(entry)
     }
 
     /// The shadow value of a register of one or two words, if it holds `bits`.
@@ -65,30 +65,30 @@ impl Frame {
         self.entry(reg).filter(|entry| entry.bits == bits).map(|entry| entry.value)
     }
 
-    /// Sets the entry of a register, or removes it.
-    pub fn set(&mut self, reg: Reg, entry: Option<Entry>) {
-        if let Some(place) = self.entries.get_mut(reg.0 as usize) {
-            *place = entry.map_or((0, Entry::default()), |entry| (self.number, entry));
+    /// Sets or removes the shadow value of a register.
+    pub fn set(&mut self, reg: Reg, entry: Option<ShadowValue>) {
+        if let Some(slot) = self.entries.get_mut(reg.0 as usize) {
+            *slot = entry.map_or((0, ShadowValue::default()), |entry| (self.generation, entry));
         }
     }
 
-    /// Removes the entries of some registers.
-    pub fn forget(&mut self, first: Reg, count: u32) {
+    /// Removes the shadow values of some registers.
+    pub fn invalidate(&mut self, first: Reg, count: u32) {
         (0..count).for_each(|word| self.set(first.plus(word), None));
     }
 
-    /// The entries of the numbers of a ray, given the first of an instruction's operands.
-    pub fn beside(&self, numbers: Numbers, operands: Reg) -> Beside {
-        Beside(numbers.rows(operands).map(|register| self.entry(register)).collect())
+    /// The shadow values of a ray, given the first register of an instruction's operands.
+    pub fn ray_shadow(&self, numbers: RayOperandOffset, operands: Reg) -> RayShadow {
+        RayShadow(numbers.registers(operands).map(|register| self.entry(register)).collect())
     }
 
-    /// The entries of some registers.
-    pub fn entries(&self, span: RegSpan) -> Vec<Option<Entry>> {
+    /// The shadow values of some registers.
+    pub fn entries(&self, span: RegSpan) -> Vec<Option<ShadowValue>> {
         (0..span.count).map(|word| self.entry(span.first.plus(word))).collect()
     }
 
-    /// Sets the entries of registers.
-    pub fn set_all(&mut self, span: RegSpan, entries: &[Option<Entry>]) {
+    /// Sets the shadow values of some registers.
+    pub fn set_all(&mut self, span: RegSpan, entries: &[Option<ShadowValue>]) {
         for word in 0..span.count {
             self.set(span.first.plus(word), entries.get(word as usize).copied().flatten());
         }

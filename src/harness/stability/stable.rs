@@ -1,4 +1,4 @@
-//! `[expect.stable]`: the outputs must be equal on every conforming device.
+//! `[expect.stable]`: the outputs must not depend on rounding.
 
 use crate::error::Result;
 use crate::harness::expect::Difference;
@@ -8,13 +8,13 @@ use crate::scene::read::{Parse, Span, Table, TomlValue};
 /// `[expect.stable]`: what must not depend on rounding.
 #[derive(Clone, Debug)]
 pub struct StableExpectation {
-    /// Where its table begins.
+    /// The position of the table in the scene file.
     pub span: Span,
     /// How runs are perturbed.
     pub perturbation: Perturbation,
     /// Whether branches must go the same way in every run, too.
     pub branches: bool,
-    /// Why this is expected.
+    /// The reason for the expectation.
     pub because: Option<String>,
 }
 
@@ -40,7 +40,7 @@ impl Parse for StableExpectation {
 }
 
 impl StableExpectation {
-    /// What is not stable, one difference each.
+    /// Adds a difference for each output or branch that is not stable.
     pub fn check(&self, found: &Result<Instability>, differences: &mut Vec<Difference>) {
         let found = match found {
             Ok(found) => found,

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use crate::debug::render::{self, Look};
-use crate::debug::session::SettledRequest;
+use crate::debug::render::{self, RenderOptions};
+use crate::debug::session::ResolvedRequest;
 use crate::debug::transcript::TranscriptLine;
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -16,8 +16,8 @@ use crate::harness::case::Loaded;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::{Difference, Fix, Subject};
 use crate::harness::rendering;
-use crate::harness::run::{RayMeasurements, launch_covered, one_ray, rays, run_launch};
-use crate::harness::stability::found::Shadow;
+use crate::harness::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
+use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::perturb::{Instability, Perturbation, perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
@@ -61,7 +61,7 @@ pub struct SuiteReport {
     /// Coverage, where it was asked for.
     pub coverage: Coverage,
     /// What the shadows of all tests showed, where they were asked for.
-    pub shadow: Shadow,
+    pub shadow: ShadowFindings,
     /// How many tests passed and were held to stable outputs, where that was asked for.
     pub perturbed: usize,
     /// Files that were written anew.
@@ -185,7 +185,7 @@ impl Suite {
         let loading = begin.elapsed() / tests.len() as u32;
         let mut recorder = options.coverage.then(Recorder::default);
         let mut finished = Vec::new();
-        let mut shadow = Shadow::default();
+        let mut shadow = ShadowFindings::default();
         let mut perturbed = 0;
         for test in tests {
             let begin = Instant::now();
@@ -223,7 +223,7 @@ impl Suite {
 struct Done {
     finished: Vec<Finished>,
     coverage: Coverage,
-    shadow: Shadow,
+    shadow: ShadowFindings,
     perturbed: usize,
     notes: Vec<String>,
 }
@@ -242,7 +242,7 @@ impl Done {
             outcome: Outcome::Broken(if at == 0 { error.clone() } else { again() }),
             took: Duration::ZERO,
         });
-        let (coverage, shadow) = (Coverage::default(), Shadow::default());
+        let (coverage, shadow) = (Coverage::default(), ShadowFindings::default());
         Self { finished: finished.collect(), coverage, shadow, perturbed: 0, notes: Vec::new() }
     }
 }
@@ -275,11 +275,11 @@ struct Tester<'a> {
 }
 
 impl Tester<'_> {
-    fn shadow(&self) -> Result<(Shadow, Option<Error>)> {
+    fn shadow(&self) -> Result<(ShadowFindings, Option<Error>)> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {
             None => shadow(scene, assembled),
-            Some(at) => shadow_one(scene, assembled, &SettledRequest::of(&scene.rays[at])?),
+            Some(at) => shadow_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?),
         }
     }
 
@@ -297,7 +297,7 @@ impl Tester<'_> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         match self.part() {
             None => perturb(scene, assembled, perturbation),
-            Some(at) => perturb_one(scene, assembled, &SettledRequest::of(&scene.rays[at])?, perturbation),
+            Some(at) => perturb_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?, perturbation),
         }
     }
 
@@ -355,7 +355,7 @@ impl Tester<'_> {
         };
         let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
         let mut watch = RayMeasurements { recorder: recorder.as_mut(), costs, stable };
-        let observed = one_ray(&self.loaded.scene, &self.loaded.assembled, at, &mut watch);
+        let observed = run_ray(&self.loaded.scene, &self.loaded.assembled, at, &mut watch);
         if let [(_, Err(error))] = &observed.rays[..]
             && error.kind() != ErrorKind::Trap
         {
@@ -472,7 +472,7 @@ impl Tester<'_> {
             return;
         };
         failure.explanation =
-            Some(render::text(&transcript, Look { colour: self.options.colour, all: false }));
+            Some(render::text(&transcript, RenderOptions { colour: self.options.colour, all: false }));
     }
 }
 

@@ -4,8 +4,8 @@ use std::ops::{BitAnd, BitOr, Not};
 
 use crate::machine::lanes::Lanes;
 
-/// A set of lanes; W is at most 128. The upper half is looked at for W above 64 only, so that it
-/// costs nothing where it is not needed.
+/// A set of lanes; W is at most 128. The upper half is used for W above 64 only, so that it costs
+/// nothing otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mask<const W: usize> {
     low: u64,
@@ -22,7 +22,7 @@ impl<const W: usize> Mask<W> {
     pub const NONE: Self = Self { low: 0, high: 0 };
     /// Every lane.
     pub const ALL: Self = Self { low: ones(W), high: ones(W.saturating_sub(64)) };
-    /// Whether the upper half counts.
+    /// Whether the upper half is used.
     const WIDE: bool = W > 64;
 
     /// The first `count` lanes.
@@ -195,9 +195,9 @@ impl<const W: usize> Not for Mask<W> {
     }
 }
 
-/// A register of booleans whose mask is made of eight lanes at a time.
+/// Computes the mask of a register of booleans, eight lanes at a time.
 #[cfg(target_arch = "x86_64")]
-pub(super) struct SignsOf<'a, const W: usize> {
+pub(super) struct BooleanMask<'a, const W: usize> {
     /// The processor's instructions.
     pub simd: pulp::x86::V3,
     /// The register, each lane 0 or 1.
@@ -205,7 +205,7 @@ pub(super) struct SignsOf<'a, const W: usize> {
 }
 
 #[cfg(target_arch = "x86_64")]
-impl<const W: usize> pulp::NullaryFnOnce for SignsOf<'_, W> {
+impl<const W: usize> pulp::NullaryFnOnce for BooleanMask<'_, W> {
     type Output = Mask<W>;
 
     #[inline(always)]

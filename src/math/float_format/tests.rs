@@ -1,11 +1,11 @@
-//! The judge knows each format by its parameters alone: the value of every code by the formula
+//! The reference knows each format by its parameters alone: the value of every code by the formula
 //! (-1)^s 2^(e - bias) (1 + m / 2^t), and the nearest code by counting the middles of neighbours
 //! below a number. Codes, middles and the numbers near them are exact in f64.
 
 use super::*;
 
-/// What the papers say of a format.
-struct Judge {
+/// The parameters of a format, as the papers define it.
+struct ReferenceFormat {
     format: FloatFormat,
     exponent: u32,
     significand: u32,
@@ -16,8 +16,8 @@ struct Judge {
     nan: u64,
 }
 
-const JUDGES: [Judge; 3] = [
-    Judge {
+const FORMATS: [ReferenceFormat; 3] = [
+    ReferenceFormat {
         format: FloatFormat::BFloat16,
         exponent: 8,
         significand: 7,
@@ -26,7 +26,7 @@ const JUDGES: [Judge; 3] = [
         infinity: Some(0x7F80),
         nan: 0x7FC0,
     },
-    Judge {
+    ReferenceFormat {
         format: FloatFormat::E4M3,
         exponent: 4,
         significand: 3,
@@ -35,7 +35,7 @@ const JUDGES: [Judge; 3] = [
         infinity: None,
         nan: 0x7F,
     },
-    Judge {
+    ReferenceFormat {
         format: FloatFormat::E5M2,
         exponent: 5,
         significand: 2,
@@ -46,7 +46,7 @@ const JUDGES: [Judge; 3] = [
     },
 ];
 
-impl Judge {
+impl ReferenceFormat {
     /// The number of a code without a sign, as though the exponents went on.
     fn number(&self, code: u64) -> f64 {
         let (exponent, low) = ((code >> self.significand) as i32, code & ((1 << self.significand) - 1));
@@ -85,25 +85,26 @@ impl Judge {
 
 #[test]
 fn every_code_has_the_value_of_its_formula() {
-    for judge in &JUDGES {
+    for reference in &FORMATS {
         let mut nans = 0;
-        for code in 0..judge.sign() {
+        for code in 0..reference.sign() {
             let expected = match code {
-                _ if code < judge.finite => judge.number(code),
-                _ if Some(code) == judge.infinity => f64::INFINITY,
+                _ if code < reference.finite => reference.number(code),
+                _ if Some(code) == reference.infinity => f64::INFINITY,
                 _ => f64::NAN,
             };
-            let found = [code, code | judge.sign()].map(|bits| judge.format.value(bits));
+            let found = [code, code | reference.sign()].map(|bits| reference.format.value(bits));
             if expected.is_nan() {
-                assert!(found.iter().all(|value| value.is_nan()), "{:?} {code:#x}", judge.format);
+                assert!(found.iter().all(|value| value.is_nan()), "{:?} {code:#x}", reference.format);
                 nans += 1;
             } else {
                 let expected = [expected, -expected].map(f64::to_bits);
-                assert_eq!(found.map(f64::to_bits), expected, "{:?} {code:#x}", judge.format);
+                assert_eq!(found.map(f64::to_bits), expected, "{:?} {code:#x}", reference.format);
             }
         }
         // 2^7 - 1 significands of bfloat16, one of E4M3, three of E5M2.
-        let expected = if judge.format == FloatFormat::E4M3 { 1 } else { (1 << judge.significand) - 1 };
+        let expected =
+            if reference.format == FloatFormat::E4M3 { 1 } else { (1 << reference.significand) - 1 };
         assert_eq!(nans, expected);
     }
     // The table of the paper: greatest and least numbers.
@@ -114,31 +115,31 @@ fn every_code_has_the_value_of_its_formula() {
 
 #[test]
 fn every_middle_and_its_neighbours_round_to_nearest_even() {
-    for judge in &JUDGES {
-        let middles: Vec<f64> = (0..judge.finite).map(|code| judge.middle(code)).collect();
-        let numbers = (0..judge.finite).map(|code| judge.number(code));
+    for reference in &FORMATS {
+        let middles: Vec<f64> = (0..reference.finite).map(|code| reference.middle(code)).collect();
+        let numbers = (0..reference.finite).map(|code| reference.number(code));
         let edges = [0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e300, f64::MAX, f64::INFINITY, f64::NAN];
         let edges = edges.into_iter().chain([f32::MAX.into(), f64::from(f32::MAX) + 1e22, 2f64.powi(128)]);
         let all = numbers.chain(middles.iter().copied()).chain(edges);
         // Neighbours as f64, and as f32 where it has them.
         let near = |x: f64| [x, x.next_up(), x.next_down(), f64::from((x as f32).next_up())];
         for value in all.flat_map(near).flat_map(|x| [x, -x]) {
-            let expected = judge.nearest(value, false, &middles);
-            let found = judge.format.round(value);
-            assert_eq!(found, expected, "{:?} of {value:e}", judge.format);
-            let saturated = match judge.format {
+            let expected = reference.nearest(value, false, &middles);
+            let found = reference.format.round(value);
+            assert_eq!(found, expected, "{:?} of {value:e}", reference.format);
+            let saturated = match reference.format {
                 FloatFormat::E4M3 => to_e4m3_saturated(value),
                 FloatFormat::E5M2 => to_e5m2_saturated(value),
                 _ => {
                     // What an f32 holds needs no rounding on the way.
                     let single = value as f32;
-                    let expected = judge.nearest(single.into(), false, &middles);
+                    let expected = reference.nearest(single.into(), false, &middles);
                     assert_eq!(u64::from(to_bfloat16(single)), expected, "{single:e}");
                     continue;
                 }
             };
-            let expected = judge.nearest(value, true, &middles);
-            assert_eq!(u64::from(saturated), expected, "{:?} of {value:e}, saturated", judge.format);
+            let expected = reference.nearest(value, true, &middles);
+            assert_eq!(u64::from(saturated), expected, "{:?} of {value:e}, saturated", reference.format);
         }
     }
     // By hand: 464 lies in the middle of 448 and 480, and 61,440 in that of 57,344 and 65,536.
@@ -156,11 +157,11 @@ fn every_middle_and_its_neighbours_round_to_nearest_even() {
 
 #[test]
 fn formats_tell_their_parameters() {
-    for judge in &JUDGES {
-        let (least, greatest, significand) = judge.format.binades();
-        assert_eq!(judge.format.width(), 1 + judge.exponent + judge.significand);
-        assert_eq!((least, significand), (1 - judge.bias, judge.significand as i32));
-        let top = judge.format.value(judge.finite - 1);
+    for reference in &FORMATS {
+        let (least, greatest, significand) = reference.format.binades();
+        assert_eq!(reference.format.width(), 1 + reference.exponent + reference.significand);
+        assert_eq!((least, significand), (1 - reference.bias, reference.significand as i32));
+        let top = reference.format.value(reference.finite - 1);
         assert!((2f64.powi(greatest)..2f64.powi(greatest + 1)).contains(&top));
     }
 }

@@ -1,4 +1,4 @@
-//! Conversions from and to bfloat16 and 8-bit floats, on the way through IEEE 754's formats.
+//! Conversions from and to bfloat16 and 8-bit floats, by way of IEEE 754's formats.
 //!
 //! "Conversions to or from floating-point values with the BFloat16KHR encoding first convert the
 //! source value to IEEE754 binary32, and then from IEEE754 binary32 to the target format"
@@ -76,11 +76,12 @@ impl Rounding {
     }
 }
 
-/// A value of a format as the IEEE 754 one that its arithmetic is done in, and that one's bits.
+/// Converts a value to the IEEE 754 format in which its arithmetic is done; also gives that
+/// format's bits.
 ///
 /// # Errors
 /// Where there is no room for the result.
-pub fn widened(translator: &mut Translator<'_>, format: FloatFormat, value: Reg) -> Result<(Reg, u32)> {
+pub fn widen(translator: &mut Translator<'_>, format: FloatFormat, value: Reg) -> Result<(Reg, u32)> {
     let (family, width): (&OpFamily, u32) = match format {
         FloatFormat::BFloat16 => (&FromBFloat16, 16),
         FloatFormat::E4M3 => (&FromE4M3, 8),
@@ -90,11 +91,11 @@ pub fn widened(translator: &mut Translator<'_>, format: FloatFormat, value: Reg)
     Ok((translator.emit_family(family, width, &[value])?, 32))
 }
 
-/// A number of a type, on its way into a format by a conversion from that type.
+/// Converts a value of a type of `from` bits to a float format.
 ///
 /// # Errors
 /// `UnsupportedModule` where there is no such conversion.
-pub fn narrowed(
+pub fn narrow(
     translator: &mut Translator<'_>,
     (conversion, from): (Conversion, u32),
     (format, rounding): (FloatFormat, Rounding),
@@ -109,17 +110,17 @@ pub fn narrowed(
         (FloatFormat::E4M3, _) => (&ToE4M3, exact),
         (FloatFormat::E5M2, Rounding::Saturated) => (&ToE5M2Saturated, exact),
         (FloatFormat::E5M2, _) => (&ToE5M2, exact),
-        _ => return between(translator, conversion, (from, format.width()), value),
+        _ => return emit_conversion(translator, conversion, (from, format.width()), value),
     };
-    let value = between(translator, conversion, (from, through), value)?;
+    let value = emit_conversion(translator, conversion, (from, through), value)?;
     translator.emit_family(family, through, &[value])
 }
 
-/// A conversion between two widths.
+/// Appends a conversion between two widths, if they differ.
 ///
 /// # Errors
 /// `UnsupportedModule` where there is no such conversion.
-pub fn between(
+pub fn emit_conversion(
     translator: &mut Translator<'_>,
     conversion: Conversion,
     (from, to): (u32, u32),

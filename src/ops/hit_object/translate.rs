@@ -1,4 +1,4 @@
-//! Hit object instructions of a module become operations.
+//! Translates the hit object instructions of a module to operations.
 
 use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
@@ -12,7 +12,7 @@ use crate::module::ty::Type;
 use crate::ops::builtin::ValueShape;
 use crate::ops::hit_object::getters::GETTERS;
 use crate::ops::hit_object::{HitObjectOp, MISS_OPERANDS, hit_operands};
-use crate::ops::object::{self, result};
+use crate::ops::object::{self, define_result};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::{self, TRACE_OPERANDS, variable_span};
@@ -107,9 +107,9 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         return Ok(true);
     }
     let id = translator.id(instruction, 0)?;
-    let object = object::object(translator, id, |ty| matches!(ty, Type::HitObject { .. }))?;
+    let object = object::object_ref(translator, id, |ty| matches!(ty, Type::HitObject { .. }))?;
     if let Some(getter) = GETTERS.iter().find(|getter| getter.opcodes.contains(&opcode)) {
-        let to = result(translator, instruction, getter.shape)?;
+        let to = define_result(translator, instruction, getter.shape)?;
         emit(translator, HitObjectOp::Get { object, getter, to });
         return Ok(true);
     }
@@ -120,15 +120,16 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         | Opcode::HitObjectTraceRayMotionEXT
         | Opcode::HitObjectTraceRayMotionNV
         | Opcode::HitObjectTraceMotionReorderExecuteEXT => {
-            let end = if moves(opcode) { 12 } else { 11 };
-            let operands = timed(translator, instruction, 1..end, moves(opcode), TRACE_OPERANDS)?;
+            let end = if has_motion(opcode) { 12 } else { 11 };
+            let operands =
+                operands_with_time(translator, instruction, 1..end, has_motion(opcode), TRACE_OPERANDS)?;
             let payload = payload(translator, instruction, end)?;
             translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectTrace {
                 object,
                 operands,
                 payload,
             }));
-            translator.forget();
+            translator.invalidate_known_values();
             if matches!(
                 opcode,
                 Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
@@ -146,10 +147,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 emit(translator, HitObjectOp::Reorder);
             }
             translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
-            translator.forget();
+            translator.invalidate_known_values();
         }
         Opcode::HitObjectGetShaderRecordBufferHandleEXT | Opcode::HitObjectGetShaderRecordBufferHandleNV => {
-            let to = result(translator, instruction, ValueShape::Int2)?;
+            let to = define_result(translator, instruction, ValueShape::Int2)?;
             translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { object, to }));
         }
         Opcode::HitObjectRecordHitNV
@@ -160,27 +161,34 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 opcode,
                 Opcode::HitObjectRecordHitWithIndexNV | Opcode::HitObjectRecordHitWithIndexMotionNV
             );
-            let end = 12 - usize::from(with_index) + usize::from(moves(opcode));
-            let operands = timed(translator, instruction, 1..end, moves(opcode), hit_operands(with_index))?;
+            let end = 12 - usize::from(with_index) + usize::from(has_motion(opcode));
+            let operands = operands_with_time(
+                translator,
+                instruction,
+                1..end,
+                has_motion(opcode),
+                hit_operands(with_index),
+            )?;
             let attributes = attributes(translator, instruction, end)?;
             emit(translator, HitObjectOp::RecordHit { object, operands, with_index, attributes });
         }
         Opcode::HitObjectRecordMissEXT | Opcode::HitObjectRecordMissMotionEXT => {
-            let end = if moves(opcode) { 8 } else { 7 };
-            let operands = timed(translator, instruction, 1..end, moves(opcode), MISS_OPERANDS)?;
+            let end = if has_motion(opcode) { 8 } else { 7 };
+            let operands =
+                operands_with_time(translator, instruction, 1..end, has_motion(opcode), MISS_OPERANDS)?;
             emit(translator, HitObjectOp::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordMissNV | Opcode::HitObjectRecordMissMotionNV => {
             // These have no ray flags.
             let mut words: Words = SmallVec::from_slice(&[translator.constant(0)?]);
-            let end = if moves(opcode) { 7 } else { 6 };
+            let end = if has_motion(opcode) { 7 } else { 6 };
             for at in 1..end {
                 words.extend(translator.operand(instruction, at)?);
             }
-            if !moves(opcode) {
+            if !has_motion(opcode) {
                 words.push(translator.constant(0)?);
             }
-            let operands = whole(translator, instruction, &words, MISS_OPERANDS)?;
+            let operands = consecutive_operands(translator, instruction, &words, MISS_OPERANDS)?;
             emit(translator, HitObjectOp::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordEmptyEXT | Opcode::HitObjectRecordEmptyNV => {
@@ -188,7 +196,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         }
         Opcode::HitObjectRecordFromQueryEXT => {
             let query = translator.id(instruction, 1)?;
-            let query = object::object(translator, query, |ty| matches!(ty, Type::RayQuery))?;
+            let query = object::object_ref(translator, query, |ty| matches!(ty, Type::RayQuery))?;
             let record = scalar(translator, instruction, 2)?;
             let attributes = attributes(translator, instruction, 3)?;
             let has_kind = translator.operands(instruction).len() > 4;
@@ -203,7 +211,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::HitObjectGetAttributesEXT | Opcode::HitObjectGetAttributesNV => {
             let to = attributes(translator, instruction, 1)?;
             emit(translator, HitObjectOp::GetAttributes { object, to });
-            translator.forget();
+            translator.invalidate_known_values();
         }
         // OpReorderThreadWithHitObject*
         _ => emit(translator, HitObjectOp::Reorder),
@@ -215,7 +223,7 @@ fn emit(translator: &mut Translator<'_>, op: HitObjectOp) {
     translator.emit(Operation::HitObject(Box::new(op)));
 }
 
-/// Hit objects are for three stages, reordering for one.
+/// Checks the stage: hit objects are allowed in three stages, reordering in one.
 fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
     let reorders = matches!(
         opcode,
@@ -246,7 +254,7 @@ fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instru
 type Words = SmallVec<[Reg; 17]>;
 
 /// Whether an instruction takes a time.
-fn moves(opcode: Opcode) -> bool {
+fn has_motion(opcode: Opcode) -> bool {
     matches!(
         opcode,
         Opcode::HitObjectTraceRayMotionEXT
@@ -260,7 +268,7 @@ fn moves(opcode: Opcode) -> bool {
 }
 
 /// Operands in consecutive registers, the last of them a time, which is 0 where none is given.
-fn timed(
+fn operands_with_time(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
     range: std::ops::Range<usize>,
@@ -274,10 +282,10 @@ fn timed(
     if !has_time {
         words.push(translator.constant(0)?);
     }
-    whole(translator, instruction, &words, count)
+    consecutive_operands(translator, instruction, &words, count)
 }
 
-fn whole(
+fn consecutive_operands(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
     words: &[Reg],

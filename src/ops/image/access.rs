@@ -8,21 +8,21 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::machine::format::{Class, Component};
 use crate::machine::image::{Image, Position};
-use crate::machine::{Accessed, Batch, Bindings, Reg, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::image::operands::Operands;
-use crate::ops::image::reader::Reader;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::{View, check_texel, view_of};
-use crate::ops::image::{ImageOp, Texel, texel_result};
-use crate::ops::integer_operand::Reading;
+use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator, Words};
 
-/// A texel by integer coordinates.
+/// A texel, named by integer coordinates.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TexelPlace {
+pub struct TexelRef {
     /// The declared view of the image.
     pub view: View,
     /// The image's handle.
@@ -37,7 +37,7 @@ pub struct TexelPlace {
     pub sample: Option<Reg>,
 }
 
-impl TexelPlace {
+impl TexelRef {
     fn new(
         translator: &Translator<'_>,
         view: View,
@@ -61,7 +61,7 @@ impl TexelPlace {
         })
     }
 
-    /// Every register that is read.
+    /// The registers that are read.
     pub fn registers(&self) -> impl Iterator<Item = Reg> {
         let optional = self.level.into_iter().chain(self.sample);
         let offset = self.offset.iter().flatten().copied();
@@ -72,9 +72,9 @@ impl TexelPlace {
     ///
     /// # Errors
     /// As [`View::image`], and `ImageOutOfBounds`.
-    pub fn find<'b, const W: usize>(
+    pub fn resolve<'b, const W: usize>(
         &self,
-        reader: Reader<'_, 'b, W>,
+        reader: LaneReader<'_, 'b, W>,
     ) -> Result<(&'b Image, usize), TrapCode> {
         let image = reader.image(self.view, self.image)?;
         let mut position = Position::default();
@@ -84,7 +84,7 @@ impl TexelPlace {
         }
         position.level = self.level.map_or(0, |reg| reader.word(reg));
         position.sample = self.sample.map_or(0, |reg| reader.word(reg));
-        let outside = || match image.has(&position) {
+        let outside = || match image.contains(&position) {
             true => TrapCode::ImageRowAbsent,
             false => TrapCode::ImageOutOfBounds,
         };
@@ -92,7 +92,7 @@ impl TexelPlace {
     }
 
     /// The coordinates with the offset added; layers and faces have no offset.
-    fn coordinates<const W: usize>(&self, reader: Reader<'_, '_, W>) -> impl Iterator<Item = i64> {
+    fn coordinates<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> impl Iterator<Item = i64> {
         let axes = self.view.dimension.axes();
         self.coordinate.iter().enumerate().map(move |(axis, &reg)| {
             let offset = self.offset.as_ref().and_then(|offset| offset.get(axis)).filter(|_| axis < axes);
@@ -103,18 +103,18 @@ impl TexelPlace {
 
     /// Stores the coordinates of the lane, for the report of its trap.
     #[cold]
-    pub fn remember<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
-        let reader = Reader::new(&batch.registers, lane, bindings);
+    pub fn record_fault<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
+        let reader = LaneReader::new(&batch.registers, lane, bindings);
         let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
-        let accessed = match self.view.image(bindings, handle) {
-            Err(_) => Accessed::descriptor(handle, bindings),
+        let fault = match self.view.image(bindings, handle) {
+            Err(_) => AccessFault::descriptor(handle, bindings),
             Ok(image) => {
                 let shape = image.shape();
                 let level = self.level.map_or(0, |reg| reader.word(reg));
                 let layer = self.coordinate.len() > axes;
                 let sides = shape.level_extent(level.min(shape.levels - 1));
-                Accessed::Texel {
+                AccessFault::Texel {
                     handle,
                     coordinate: self.coordinates(reader).collect(),
                     extent: sides[..axes].iter().copied().chain(layer.then_some(shape.layers)).collect(),
@@ -123,20 +123,20 @@ impl TexelPlace {
                 }
             }
         };
-        batch.remember_access(lane, accessed);
+        batch.record_access_fault(lane, fault);
     }
 
-    /// As [`TexelPlace::find`], for atomic instructions: the texel must have the size of the scalar
-    /// that the pointer points to, or be the vector of that many 16-bit floats.
+    /// Does what [`TexelRef::resolve`] does for atomic instructions: the texel must have the size
+    /// of the scalar that the pointer points to, or be the vector of that many 16-bit floats.
     ///
     /// # Errors
-    /// As [`TexelPlace::find`], and `ImageMismatch` for a texel of another size.
-    pub fn find_texel<'b, const W: usize>(
+    /// As [`TexelRef::resolve`], and `ImageMismatch` for a texel of another size.
+    pub fn resolve_atomic<'b, const W: usize>(
         &self,
-        reader: Reader<'_, 'b, W>,
+        reader: LaneReader<'_, 'b, W>,
         components: u32,
     ) -> Result<(&'b Image, usize), TrapCode> {
-        let (image, index) = self.find(reader)?;
+        let (image, index) = self.resolve(reader)?;
         let size = if self.view.wide { 8 } else { 4 };
         let format = image.format();
         let fits = match components {
@@ -147,67 +147,67 @@ impl TexelPlace {
     }
 }
 
-/// Reads a texel.
+/// An operation that reads a texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TexelRead {
-    /// Where to.
-    pub to: Texel,
+    /// The registers of the result.
+    pub to: TexelRegisters,
     /// The texel.
-    pub place: TexelPlace,
+    pub texel: TexelRef,
 }
 
 impl TexelRead {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
-        self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
+        self.texel.registers().for_each(|reg| visit(Access::Read(reg, 1)));
         visit(Access::Write(self.to.to, self.to.registers()));
     }
 
     /// The texel for a lane.
-    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
-        match self.place.find(reader) {
+    pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+        match self.texel.resolve(reader) {
             Ok((image, index)) => Ok(image.format().decode(image.load(index))),
             // Zeros, with missing components of the format filled in (Vulkan, robustImageAccess2).
             Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => {
-                Ok(reader.image(self.place.view, self.place.image)?.format().decode(0))
+                Ok(reader.image(self.texel.view, self.texel.image)?.format().decode(0))
             }
             Err(code) => Err(code),
         }
     }
 }
 
-/// Writes a texel.
+/// An operation that writes a texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TexelWrite {
     /// The first register of each of four components.
     pub from: [Reg; 4],
-    /// How integers are extended.
+    /// The class of the values: it tells how integers are extended.
     pub class: Class,
-    /// Where to.
-    pub place: TexelPlace,
+    /// The texel that is written.
+    pub texel: TexelRef,
 }
 
 impl TexelWrite {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
-        let registers = if self.place.view.wide { 2 } else { 1 };
-        self.place.registers().for_each(|reg| visit(Access::Read(reg, 1)));
+        let registers = if self.texel.view.wide { 2 } else { 1 };
+        self.texel.registers().for_each(|reg| visit(Access::Read(reg, 1)));
         self.from.iter().for_each(|&reg| visit(Access::Read(reg, registers)));
         visit(Access::Effect);
     }
 
     /// Runs it for a lane.
-    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<(), TrapCode> {
-        let (image, index) = match self.place.find(reader) {
+    pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<(), TrapCode> {
+        let (image, index) = match self.texel.resolve(reader) {
             Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => return Ok(()),
             found => found?,
         };
-        let texel = self.from.map(|reg| match (self.place.view.wide, self.class) {
+        let words = self.from.map(|reg| match (self.texel.view.wide, self.class) {
             (true, _) => reader.wide(reg),
             (false, Class::Sint) => i64::from(reader.integer(reg)) as u64,
             (false, _) => u64::from(reader.word(reg)),
         });
-        image.store(index, image.format().encode(texel, self.class == Class::Sint));
+        image.store(index, image.format().encode(words, self.class == Class::Sint));
         Ok(())
     }
 }
@@ -217,29 +217,29 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     match opcode {
         Opcode::ImageFetch | Opcode::ImageRead | Opcode::ImageSparseFetch | Opcode::ImageSparseRead => {
             let operands = Operands::read(translator, instruction, 2, false)?;
-            let place = place(translator, instruction, &operands)?;
+            let texel = texel_ref(translator, instruction, &operands)?;
             let sparse = matches!(opcode, Opcode::ImageSparseFetch | Opcode::ImageSparseRead);
             let to = texel_result(translator, instruction, sparse, true)?;
-            if to.wide != place.view.wide {
+            if to.wide != texel.view.wide {
                 return Err(translator.invalid("the texel's type is not the image's Sampled Type"));
             }
-            translator.emit(Operation::Image(ImageOp::Read(Box::new(TexelRead { to, place }))));
+            translator.emit(Operation::Image(ImageOp::Read(Box::new(TexelRead { to, texel }))));
         }
         Opcode::ImageWrite => {
             let operands = Operands::read(translator, instruction, 3, false)?;
-            let place = place(translator, instruction, &operands)?;
+            let texel = texel_ref(translator, instruction, &operands)?;
             let id = translator.id(instruction, 2)?;
             let ty = translator.type_of(id)?;
             check_texel(translator, translator.id(instruction, 0)?, ty)?;
             let wide = translator.scalar_width(ty)? == 64;
-            if wide != place.view.wide {
+            if wide != texel.view.wide {
                 return Err(translator.invalid("the texel's type is not the image's Sampled Type"));
             }
             let components = translator.components(id)?;
             let zero = translator.wide_constant(0)?;
             let from = std::array::from_fn(|at| components.get(at).copied().unwrap_or(zero));
-            let class = operands.class.unwrap_or(place.view.class);
-            translator.emit(Operation::Image(ImageOp::Write(Box::new(TexelWrite { from, class, place }))));
+            let class = operands.class.unwrap_or(texel.view.class);
+            translator.emit(Operation::Image(ImageOp::Write(Box::new(TexelWrite { from, class, texel }))));
         }
         Opcode::ImageTexelPointer => texel_pointer(translator, instruction)?,
         _ => return Ok(false),
@@ -247,22 +247,22 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
-fn place(
+fn texel_ref(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
     operands: &Operands,
-) -> Result<TexelPlace> {
+) -> Result<TexelRef> {
     let id = translator.id(instruction, 0)?;
     let view = view_of(translator, id)?;
     let image = translator.words(id)?[0];
-    let coordinate = integers(translator, instruction)?;
-    TexelPlace::new(translator, view, image, coordinate, operands)
+    let coordinate = integer_coordinates(translator, instruction)?;
+    TexelRef::new(translator, view, image, coordinate, operands)
 }
 
 /// The integer coordinates of operand 1.
-fn integers(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
+fn integer_coordinates(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
     let id = translator.id(instruction, 1)?;
-    translator.integers(id, Reading::Coordinate)
+    translator.integers(id, ReadAs::Coordinate)
 }
 
 fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<()> {
@@ -274,13 +274,13 @@ fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> 
     let view = view_of(translator, id)?;
     let variable = translator.pointer(id)?;
     let image = crate::ops::load_store::load(translator, &variable)?[0];
-    let coordinate = integers(translator, instruction)?;
+    let coordinate = integer_coordinates(translator, instruction)?;
     let sample = translator.id(instruction, 2)?;
-    let sample = translator.integer(sample, Reading::Coordinate)?;
+    let sample = translator.integer(sample, ReadAs::Coordinate)?;
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
-    let place = TexelPlace::new(translator, view, image, coordinate, &operands)?;
-    let pointer = Pointer::new(PointerBase::Texel(Box::new(place)), pointee, storage_class);
+    let texel = TexelRef::new(translator, view, image, coordinate, &operands)?;
+    let pointer = Pointer::new(PointerBase::Texel(Box::new(texel)), pointee, storage_class);
     if let Some(id) = instruction.result {
         translator.define(id, IdValue::Pointer(pointer.into()));
     }

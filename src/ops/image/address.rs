@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_has_a_place_too() {
+    fn nan_and_infinite_coordinates_have_texels() {
         assert_eq!(floor(f32::NAN), (0, 0.0));
         assert_eq!(floor(f32::INFINITY), (i64::from(i32::MAX), 0.0));
         assert_eq!(floor(-1e30), (i64::from(i32::MIN), 0.0));

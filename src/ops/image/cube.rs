@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(face([-1.0, -1.0, -1.0]), 5);
         assert_eq!(face([1.0, -1.0, 0.5]), 3);
         assert_eq!(face([1.0, f32::NAN, 0.5]), 0);
-        // None is largest: z.
+        // On a tie of all components, z wins.
         assert_eq!(face([0.0; 3]), 4);
     }
 

@@ -36,7 +36,7 @@ pub enum Lod {
     Gradients([[f32; 3]; 2]),
 }
 
-/// A lookup of one lane.
+/// The texture lookup of one lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup<'a> {
     /// The image.
@@ -82,10 +82,10 @@ impl Lookup<'_> {
         let levels = level::levels(lod, self.sampler.mipmap_mode, count);
         let value = |at: [f32; 3]| {
             let point = self.point(at);
-            let mut sum = Sum::new(self.sampler.reduction_mode);
+            let mut sum = WeightedReduction::new(self.sampler.reduction_mode);
             for (level, weight) in levels {
                 if weight != 0.0 {
-                    sum.add(weight, self.filtered(&point, level, filter));
+                    sum.add(weight, self.sample_level(&point, level, filter));
                 }
             }
             sum.value()
@@ -93,7 +93,7 @@ impl Lookup<'_> {
         if probes <= 1 {
             return bits(value(self.at));
         }
-        let mut sum = Sum::new(self.sampler.reduction_mode);
+        let mut sum = WeightedReduction::new(self.sampler.reduction_mode);
         for probe in 1..=probes {
             let along = probe as f32 / (probes + 1) as f32 - 0.5;
             sum.add(1.0, value(std::array::from_fn(|axis| self.at[axis] + along * step[axis])));
@@ -107,7 +107,7 @@ impl Lookup<'_> {
 
     /// The level that would be accessed, fractional between two levels, and lambda', which is not
     /// clamped (`OpImageQueryLod`).
-    pub fn query(&self, lod: Lod) -> [f32; 2] {
+    pub fn query_lod(&self, lod: Lod) -> [f32; 2] {
         let lambda = level::biased(self.footprint(lod).0, self.sampler, 0.0);
         let lod = level::lod(lambda, self.sampler, 0.0);
         let levels = level::levels(lod, self.sampler.mipmap_mode, self.image.shape().levels);
@@ -122,7 +122,7 @@ impl Lookup<'_> {
 
     /// Whether only one level is read, the level, and the first and last texel read in it; none of
     /// the coarser level if it is not read. For addresses clamped to the edge.
-    pub fn texels(
+    pub fn footprint_texels(
         &self,
         lod: Lod,
         bias: f32,
@@ -238,12 +238,12 @@ impl Lookup<'_> {
         self.texel(point, level, at, Filter::Nearest)
     }
 
-    fn filtered(&self, point: &Point, level: u32, filter: Filter) -> [f32; 4] {
+    fn sample_level(&self, point: &Point, level: u32, filter: Filter) -> [f32; 4] {
         if filter == Filter::Nearest {
             return floats(self.nearest(point, level));
         }
         let corner = self.corner(point, level);
-        let mut sum = Sum::new(self.sampler.reduction_mode);
+        let mut sum = WeightedReduction::new(self.sampler.reduction_mode);
         let weights = corner.map(|(_, fraction)| [1.0 - fraction, fraction]);
         for k in 0..2 {
             for j in 0..2 {
@@ -259,7 +259,7 @@ impl Lookup<'_> {
         sum.value()
     }
 
-    /// A texel of a linear filter; beyond a cube's corner a mean.
+    /// A texel of a linear filter; beyond a cube's corner the mean of three texels.
     fn float_texel(&self, point: &Point, level: u32, at: [i64; 3]) -> [f32; 4] {
         let size = self.image.level_extent(level)[0];
         let face = point.layer % 6;
@@ -267,7 +267,7 @@ impl Lookup<'_> {
         if is_cube && cube::neighbour(face as u32, [at[0], at[1]], size).is_none() {
             let texels = cube::corner(face as u32, [at[0], at[1]], size).map(|(other, [i, j])| {
                 let layer = point.layer - face + i64::from(other);
-                floats(self.stored(Some(Position { at: [i, j, 0], layer, sample: 0, level })))
+                floats(self.fetch(Some(Position { at: [i, j, 0], layer, sample: 0, level })))
             });
             return std::array::from_fn(|part| (texels[0][part] + texels[1][part] + texels[2][part]) / 3.0);
         }
@@ -286,21 +286,21 @@ impl Lookup<'_> {
                 (at, layer) = ([i, j, 0], layer - layer % 6 + i64::from(other));
             }
             at = std::array::from_fn(|axis| at[axis].clamp(0, i64::from(extent[axis]) - 1));
-            return self.stored(Some(Position { at, layer, sample: 0, level }));
+            return self.fetch(Some(Position { at, layer, sample: 0, level }));
         }
         let mut wrapped = [0; 3];
         for axis in 0..shape.dimension.axes() {
             match address::wrap(self.sampler.address_mode[axis], at[axis], extent[axis]) {
                 Some(inside) => wrapped[axis] = inside,
-                None => return self.stored(None),
+                None => return self.fetch(None),
             }
         }
-        self.stored(Some(Position { at: wrapped, layer, sample: 0, level }))
+        self.fetch(Some(Position { at: wrapped, layer, sample: 0, level }))
     }
 
     /// A texel of the image or, without a position, of the border; compared if the lookup has a
     /// reference.
-    fn stored(&self, position: Option<Position>) -> [u64; 4] {
+    fn fetch(&self, position: Option<Position>) -> [u64; 4] {
         let format = self.image.format();
         let mut texel = match position {
             Some(position) => {
@@ -338,15 +338,15 @@ impl Lookup<'_> {
     }
 }
 
-/// A weighted sum, or the least or greatest of the values.
-struct Sum {
+/// A reduction of values: their weighted sum, least or greatest.
+struct WeightedReduction {
     reduction: ReductionMode,
-    so_far: Option<[f32; 4]>,
+    accumulated: Option<[f32; 4]>,
 }
 
-impl Sum {
+impl WeightedReduction {
     fn new(reduction: ReductionMode) -> Self {
-        Self { reduction, so_far: None }
+        Self { reduction, accumulated: None }
     }
 
     fn add(&mut self, weight: f32, value: [f32; 4]) {
@@ -355,7 +355,7 @@ impl Sum {
             ReductionMode::WeightedAverage if weight != 1.0 => value.map(|part| weight * part),
             _ => value,
         };
-        self.so_far = Some(match self.so_far {
+        self.accumulated = Some(match self.accumulated {
             None => value,
             Some(before) => std::array::from_fn(|part| match self.reduction {
                 ReductionMode::WeightedAverage => before[part] + value[part],
@@ -378,7 +378,7 @@ impl Sum {
     }
 
     fn value(&self) -> [f32; 4] {
-        self.so_far.unwrap_or_default()
+        self.accumulated.unwrap_or_default()
     }
 }
 

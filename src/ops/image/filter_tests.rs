@@ -1,4 +1,4 @@
-//! Hand-derived values of the filters, for what the cases under `shaders/pass/images` leave out.
+//! Hand-derived values of the filters, for cases that `shaders/pass/images` does not cover.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ fn clamped() -> Sampler {
 }
 
 #[test]
-fn coordinates_that_are_no_numbers_have_a_value() {
+fn nan_and_infinite_coordinates_have_a_value() {
     let plane = floats(ImageShape::plane(2, 1), &[4.0, 8.0]);
     let modes = [
         (AddressMode::ClampToEdge, [4.0, 8.0, 4.0]),

@@ -17,12 +17,12 @@ use crate::ops::derivative::derivative;
 use crate::ops::image::ImageOp;
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::Operands;
-use crate::ops::image::reader::Reader;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::{View, view_of};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words};
 
-/// A query for a footprint.
+/// An operation that gives the footprint of a sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FootprintOp {
     /// The first register of the result: whether one level is read; anchor; offset; mask of two
@@ -40,7 +40,7 @@ pub struct FootprintOp {
 }
 
 /// Width, height and depth of a group of texels; `None` for a granularity without groups.
-fn group(granularity: u32, axes: usize) -> Option<[u32; 3]> {
+fn group_extent(granularity: u32, axes: usize) -> Option<[u32; 3]> {
     let plane = |at: u32| match at {
         1 => Some([2, 2]),
         2 => Some([4, 2]),
@@ -84,7 +84,7 @@ impl FootprintOp {
     }
 
     /// The result for a lane, word by word.
-    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<Vec<u32>, TrapCode> {
+    pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<Vec<u32>, TrapCode> {
         let image = reader.image(self.view, self.image)?;
         let sampler = reader.sampler(self.sampler)?;
         let axes = self.view.dimension.axes();
@@ -92,7 +92,7 @@ impl FootprintOp {
         if !clamped || sampler.max_anisotropy > 1.0 || sampler.unnormalized_coordinates {
             return Err(TrapCode::SamplerMismatch);
         }
-        let Some(group) = group(reader.word(self.granularity), axes) else {
+        let Some(group) = group_extent(reader.word(self.granularity), axes) else {
             return Err(TrapCode::SamplerMismatch);
         };
         let mut lookup = Lookup::new(image, sampler);
@@ -100,9 +100,10 @@ impl FootprintOp {
             lookup.at[axis] = reader.float(reg);
         }
         lookup.offset = self.operands.texel_offset(reader);
-        let [bias, least] = self.operands.limits(reader);
+        let [bias, min_lod] = self.operands.bias_and_min_lod(reader);
         let coarse = reader.word(self.coarse) != 0;
-        let (single, level, texels) = lookup.texels(self.operands.level(reader), bias, least, coarse);
+        let (single, level, texels) =
+            lookup.footprint_texels(self.operands.lane_lod(reader), bias, min_lod, coarse);
         // A side of the neighbourhood, in groups.
         let side = if axes == 2 { 8 } else { 4 };
         let (mut anchor, mut offset, mut mask) = ([0; 3], [0; 3], 0u64);
@@ -123,11 +124,11 @@ impl FootprintOp {
                 }
             }
         }
-        let mut answer = vec![u32::from(single)];
-        answer.extend(&anchor[..axes]);
-        answer.extend(&offset[..axes]);
-        answer.extend([mask as u32, (mask >> 32) as u32, level, 0]);
-        Ok(answer)
+        let mut words = vec![u32::from(single)];
+        words.extend(&anchor[..axes]);
+        words.extend(&offset[..axes]);
+        words.extend([mask as u32, (mask >> 32) as u32, level, 0]);
+        Ok(words)
     }
 }
 
@@ -191,6 +192,6 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         coarse,
         operands,
     }))));
-    translator.result(instruction, (0..registers).map(|register| to.plus(register)).collect());
+    translator.define_result(instruction, (0..registers).map(|register| to.plus(register)).collect());
     Ok(true)
 }

@@ -29,10 +29,10 @@ use rspirv::spirv::Op as Opcode;
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::{Accessed, Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
-use crate::ops::image::reader::Reader;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::op::Access;
 use crate::ops::translate::{Translator, Words};
 
@@ -86,17 +86,17 @@ pub const IMPLICIT: &[Opcode] = &[
 #[derive(Clone, Debug, PartialEq)]
 pub enum ImageOp {
     /// Samples or gathers.
-    Sample(Box<sample::Sample>),
+    Sample(Box<sample::SampleOp>),
     /// Reads a texel.
     Read(Box<access::TexelRead>),
     /// Writes a texel.
     Write(Box<access::TexelWrite>),
     /// Reads sizes and counts of an image.
-    Query(query::Query),
-    /// Returns which texels a sample would read.
+    Query(query::QueryOp),
+    /// Gives the texels that a sample would read.
     Footprint(Box<footprint::FootprintOp>),
     /// Filters and compares blocks of texels.
-    Process(Box<processing::Process>),
+    Process(Box<processing::ProcessOp>),
 }
 
 impl ImageOp {
@@ -117,7 +117,7 @@ impl ImageOp {
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
         for lane in batch.mask.lanes() {
             if let Err(code) = self.eval_lane(&mut batch.registers, lane, bindings) {
-                self.remember(batch, lane, bindings);
+                self.record_fault(batch, lane, bindings);
                 batch.trap(Mask::lane(lane), code, batch.op);
             }
         }
@@ -129,7 +129,7 @@ impl ImageOp {
         lane: usize,
         bindings: &Bindings,
     ) -> Result<(), TrapCode> {
-        let reader = Reader::new(registers, lane, bindings);
+        let reader = LaneReader::new(registers, lane, bindings);
         let (to, texel) = match self {
             Self::Sample(op) => (op.to, op.eval(reader)?),
             Self::Read(op) => (op.to, op.eval(reader)?),
@@ -137,8 +137,8 @@ impl ImageOp {
             Self::Process(op) => (op.to, op.eval(reader)?),
             Self::Write(op) => return op.eval(reader),
             Self::Footprint(op) => {
-                let answer = op.eval(reader)?;
-                registers.set_lane_words(op.to, lane, answer);
+                let words = op.eval(reader)?;
+                registers.set_lane_words(op.to, lane, words);
                 return Ok(());
             }
         };
@@ -147,27 +147,32 @@ impl ImageOp {
     }
 
     #[cold]
-    fn remember<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
+    fn record_fault<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
         match self {
-            Self::Read(op) => op.place.remember(batch, lane, bindings),
-            Self::Write(op) => op.place.remember(batch, lane, bindings),
-            Self::Sample(op) => remember_descriptor(batch, lane, op.image, bindings),
-            Self::Query(op) => remember_descriptor(batch, lane, op.image, bindings),
-            Self::Footprint(op) => remember_descriptor(batch, lane, op.image, bindings),
-            Self::Process(op) => remember_descriptor(batch, lane, op.image(), bindings),
+            Self::Read(op) => op.texel.record_fault(batch, lane, bindings),
+            Self::Write(op) => op.texel.record_fault(batch, lane, bindings),
+            Self::Sample(op) => record_descriptor_fault(batch, lane, op.image, bindings),
+            Self::Query(op) => record_descriptor_fault(batch, lane, op.image, bindings),
+            Self::Footprint(op) => record_descriptor_fault(batch, lane, op.image, bindings),
+            Self::Process(op) => record_descriptor_fault(batch, lane, op.image(), bindings),
         }
     }
 }
 
 /// Stores the descriptor that a lane accessed, for the report of its trap.
-fn remember_descriptor<const W: usize>(batch: &mut Batch<W>, lane: usize, handle: Reg, bindings: &Bindings) {
+fn record_descriptor_fault<const W: usize>(
+    batch: &mut Batch<W>,
+    lane: usize,
+    handle: Reg,
+    bindings: &Bindings,
+) {
     let handle = batch.registers[handle].0[lane];
-    batch.remember_access(lane, Accessed::descriptor(handle, bindings));
+    batch.record_access_fault(lane, AccessFault::descriptor(handle, bindings));
 }
 
 /// Registers that an instruction's texel is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Texel {
+pub struct TexelRegisters {
     /// The first register.
     pub to: Reg,
     /// How many components.
@@ -176,7 +181,7 @@ pub struct Texel {
     pub wide: bool,
 }
 
-impl Texel {
+impl TexelRegisters {
     fn registers(self) -> u32 {
         if self.wide { 2 * self.count } else { self.count }
     }
@@ -200,16 +205,16 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     match opcode {
         Opcode::SampledImage => {
             let (image, sampler) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
-            translator.result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
+            translator.define_result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
         }
         Opcode::Image => {
             let words = translator.operand(instruction, 0)?;
-            translator.result(instruction, SmallVec::from_slice(&words[..1]));
+            translator.define_result(instruction, SmallVec::from_slice(&words[..1]));
         }
         // Code 0 says that all texels were resident; no other code occurs.
         Opcode::ImageSparseTexelsResident => {
             let resident = translator.constant(1)?;
-            translator.result(instruction, SmallVec::from_slice(&[resident]));
+            translator.define_result(instruction, SmallVec::from_slice(&[resident]));
         }
         _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
             let name = crate::module::names::opcode_name(instruction.opcode);
@@ -236,7 +241,7 @@ fn texel_result(
     instruction: &Instruction,
     sparse: bool,
     checked: bool,
-) -> Result<Texel> {
+) -> Result<TexelRegisters> {
     let mut ty = translator.result_type(instruction)?;
     let mut words = Words::new();
     if sparse {
@@ -252,13 +257,13 @@ fn texel_result(
         view::check_texel(translator, translator.id(instruction, 0)?, ty)?;
     }
     let width = translator.scalar_width(ty)?;
-    let texel = Texel { to: Reg(0), count: translator.component_count(ty), wide: width == 64 };
+    let texel = TexelRegisters { to: Reg(0), count: translator.component_count(ty), wide: width == 64 };
     if texel.count > 4 {
         return Err(translator.invalid("a texel has at most four components"));
     }
-    let texel = Texel { to: translator.fresh(texel.registers())?, ..texel };
+    let texel = TexelRegisters { to: translator.fresh(texel.registers())?, ..texel };
     words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
-    translator.result(instruction, words);
+    translator.define_result(instruction, words);
     Ok(texel)
 }
 

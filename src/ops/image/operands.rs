@@ -7,8 +7,8 @@ use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::image::filter::Lod;
-use crate::ops::image::reader::Reader;
-use crate::ops::integer_operand::Reading;
+use crate::ops::image::reader::LaneReader;
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::translate::{Translator, Words};
 
 const BIAS: u32 = 0x1;
@@ -70,7 +70,7 @@ impl Operands {
         };
         let mut ids = ids.iter();
         let mut words = |translator: &mut Translator<'_>| match ids.next() {
-            Some(&id) => number(translator, Id(id)),
+            Some(&id) => numeric_components(translator, Id(id)),
             None => Err(translator.invalid("an image operand is missing")),
         };
         if mask & BIAS != 0 && implicit {
@@ -144,8 +144,8 @@ impl Operands {
         Ok(operands)
     }
 
-    /// The level of detail of a lane.
-    pub fn level<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Lod {
+    /// The source of the level of detail of a lane.
+    pub fn lane_lod<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Lod {
         match &self.gradients {
             Some(given) => Lod::Gradients([0, 1].map(|way: usize| {
                 std::array::from_fn(|axis| given[way].get(axis).map_or(0.0, |&reg| reader.float(reg)))
@@ -155,17 +155,17 @@ impl Operands {
     }
 
     /// `Bias` and `MinLod` of a lane.
-    pub fn limits<const W: usize>(&self, reader: Reader<'_, '_, W>) -> [f32; 2] {
+    pub fn bias_and_min_lod<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> [f32; 2] {
         [self.bias, self.min_lod].map(|reg| reg.map_or(0.0, |reg| reader.float(reg)))
     }
 
     /// `ConstOffset` or `Offset` of a lane, 0 where there is none.
-    pub fn texel_offset<const W: usize>(&self, reader: Reader<'_, '_, W>) -> [i32; 3] {
+    pub fn texel_offset<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> [i32; 3] {
         let part = |axis: usize| self.offset.as_ref().and_then(|offset| offset.get(axis));
         std::array::from_fn(|axis| part(axis).map_or(0, |&reg| reader.integer(reg)))
     }
 
-    /// Every register that is read.
+    /// The registers that are read.
     pub fn registers(&self) -> impl Iterator<Item = Reg> {
         let single = [self.bias, self.lod, self.sample, self.min_lod].into_iter().flatten();
         let gradients = self.gradients.iter().flatten().flatten().copied();
@@ -178,14 +178,14 @@ impl Operands {
 ///
 /// # Errors
 /// `UnsupportedModule` for arrays of numbers of other than 32 bits.
-pub fn number(translator: &mut Translator<'_>, id: Id) -> Result<Words> {
+pub fn numeric_components(translator: &mut Translator<'_>, id: Id) -> Result<Words> {
     let ty = translator.type_of(id)?;
     let scalar = match *translator.module.ty(ty) {
         Type::Vector { component, .. } => component,
         _ => ty,
     };
     match *translator.module.ty(scalar) {
-        Type::Int { .. } => translator.integers(id, Reading::Coordinate),
+        Type::Int { .. } => translator.integers(id, ReadAs::Coordinate),
         Type::Float { .. } => {
             let (components, width) = translator.components_of_width(id)?;
             let Some(kernel) = conversion::kernel(Conversion::F, width, 32) else { return Ok(components) };

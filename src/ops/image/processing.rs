@@ -16,78 +16,78 @@ use crate::machine::sampler::{ReductionMode, Sampler};
 use crate::machine::{Reg, TrapCode};
 use crate::module::{Id, Instruction};
 use crate::ops::image::filter::Lookup;
-use crate::ops::image::reader::Reader;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, Texel, texel_result};
+use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words};
 
 /// The longest side of a box (`maxBoxFilterBlockSize`).
-const MOST_BOX: f32 = 64.0;
+const MAX_BOX_SIDE: f32 = 64.0;
 
 /// An image with its sampler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sampled {
+pub struct SampledImageRef {
     view: View,
     image: Reg,
     sampler: Reg,
 }
 
-/// The kind of processing.
+/// The kind of image processing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProcessKind {
     /// The mean of a box, with the registers of its sides.
-    Box(Words),
+    BoxFilter(Words),
     /// A sum weighted by another image.
-    Weighted(Sampled),
+    Weighted(SampledImageRef),
     /// A comparison of blocks.
-    Match {
-        /// The other image.
-        reference: Sampled,
+    BlockMatch {
+        /// The reference image.
+        reference: SampledImageRef,
         /// The block's first texel there.
         at: Words,
         /// Width and height of the block.
         size: Words,
         /// Whether differences are squared.
         squared: bool,
-        /// The positions.
-        times: Times,
+        /// The positions in the target.
+        mode: BlockMatchMode,
     },
 }
 
-/// The positions in the target at which a block is compared.
+/// The positions in the target image at which a block is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Times {
-    /// At the coordinate.
-    Once,
-    /// At the coordinate and three to its right.
+pub enum BlockMatchMode {
+    /// One comparison at the coordinate.
+    Single,
+    /// Four comparisons: at the coordinate and at the three texels to its right.
     Gather,
-    /// In the window of the target's sampler: the least or the greatest difference.
+    /// A search in the window of the target's sampler for the least or the greatest difference.
     Window,
 }
 
-/// An operation.
+/// An operation of image processing.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Process {
-    /// Where to.
-    pub to: Texel,
-    target: Sampled,
+pub struct ProcessOp {
+    /// The registers of the result.
+    pub to: TexelRegisters,
+    target: SampledImageRef,
     coordinate: Words,
     kind: ProcessKind,
 }
 
-impl Process {
-    /// The handles of the image and of the other one.
+impl ProcessOp {
+    /// The handles of the target image and, where there is one, of the weights or the reference.
     pub fn images(&self) -> impl Iterator<Item = Reg> {
         let other = match &self.kind {
             ProcessKind::Weighted(weights) => Some(weights.image),
-            ProcessKind::Match { reference, .. } => Some(reference.image),
-            ProcessKind::Box(_) => None,
+            ProcessKind::BlockMatch { reference, .. } => Some(reference.image),
+            ProcessKind::BoxFilter(_) => None,
         };
         [self.target.image].into_iter().chain(other)
     }
 
-    /// The image's handle.
+    /// The target image's handle.
     pub fn image(&self) -> Reg {
         self.target.image
     }
@@ -98,11 +98,11 @@ impl Process {
         [self.target.image, self.target.sampler].into_iter().for_each(&mut read);
         self.coordinate.iter().copied().for_each(&mut read);
         match &self.kind {
-            ProcessKind::Box(sides) => sides.iter().copied().for_each(&mut read),
+            ProcessKind::BoxFilter(sides) => sides.iter().copied().for_each(&mut read),
             ProcessKind::Weighted(weights) => {
                 [weights.image, weights.sampler].into_iter().for_each(&mut read)
             }
-            ProcessKind::Match { reference, at, size, .. } => {
+            ProcessKind::BlockMatch { reference, at, size, .. } => {
                 [reference.image, reference.sampler].into_iter().for_each(&mut read);
                 at.iter().chain(size).copied().for_each(&mut read);
             }
@@ -111,18 +111,20 @@ impl Process {
     }
 
     /// The value for a lane.
-    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
-        let find = |sampled: Sampled| -> Result<(&Image, &Sampler), TrapCode> {
+    pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+        let find = |sampled: SampledImageRef| -> Result<(&Image, &Sampler), TrapCode> {
             Ok((reader.image(sampled.view, sampled.image)?, reader.sampler(sampled.sampler)?))
         };
         let (image, sampler) = find(self.target)?;
         let floats = |words: &Words| [0, 1].map(|at: usize| reader.float(words[at]));
         let value = match &self.kind {
-            ProcessKind::Box(sides) => boxed(image, sampler, floats(&self.coordinate), floats(sides)),
-            ProcessKind::Weighted(weights) => {
-                weighted(image, sampler, floats(&self.coordinate), find(*weights)?.0)?
+            ProcessKind::BoxFilter(sides) => {
+                box_filter(image, sampler, floats(&self.coordinate), floats(sides))
             }
-            ProcessKind::Match { reference, at, size, squared, times } => {
+            ProcessKind::Weighted(weights) => {
+                weighted_sample(image, sampler, floats(&self.coordinate), find(*weights)?.0)?
+            }
+            ProcessKind::BlockMatch { reference, at, size, squared, mode } => {
                 let integers = |words: &Words| [0, 1].map(|axis: usize| i64::from(reader.word(words[axis])));
                 let (other, _) = find(*reference)?;
                 let (at, size) = (integers(at), integers(size));
@@ -130,8 +132,9 @@ impl Process {
                 if (0..2).any(|axis| size[axis] < 1 || at[axis] + size[axis] > extent[axis]) {
                     return Err(TrapCode::ImageOutOfBounds);
                 }
-                let blocks = Blocks { image, sampler, reference: other, at, size, squared: *squared };
-                blocks.compared(integers(&self.coordinate), *times)?
+                let comparison =
+                    BlockComparison { image, sampler, reference: other, at, size, squared: *squared };
+                comparison.compare(integers(&self.coordinate), *mode)?
             }
         };
         Ok(value.map(|part| u64::from(part.to_bits())))
@@ -151,9 +154,9 @@ fn texel(image: &Image, sampler: &Sampler, at: [i64; 2]) -> [f32; 4] {
 
 /// Values combined by the sampler's reduction mode.
 #[derive(Default)]
-struct Combined(Option<[f32; 4]>);
+struct Reduction(Option<[f32; 4]>);
 
-impl Combined {
+impl Reduction {
     fn add(&mut self, mode: ReductionMode, value: [f32; 4]) {
         self.0 = Some(match self.0 {
             None => value,
@@ -171,11 +174,11 @@ impl Combined {
 }
 
 /// `OpImageBoxFilterQCOM`
-fn boxed(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]) -> [f32; 4] {
+fn box_filter(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]) -> [f32; 4] {
     let centre = unnormalized(image, sampler, coordinate);
     let mode = sampler.reduction_mode;
     // NaN counts as 1.
-    let sides = sides.map(|side| if side >= 1.0 { side.min(MOST_BOX) } else { 1.0 });
+    let sides = sides.map(|side| if side >= 1.0 { side.min(MAX_BOX_SIDE) } else { 1.0 });
     let axis = |axis: usize| {
         let start = centre[axis] - sides[axis] / 2.0;
         let first = start.floor();
@@ -190,7 +193,7 @@ fn boxed(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]
         (i64::from(first as i32), weights.collect::<Vec<f32>>())
     };
     let ((i, across), (j, down)) = (axis(0), axis(1));
-    let mut sum = Combined::default();
+    let mut sum = Reduction::default();
     for (y, vertical) in down.iter().enumerate() {
         for (x, horizontal) in across.iter().enumerate() {
             let texel = texel(image, sampler, [i + x as i64, j + y as i64]);
@@ -208,7 +211,7 @@ fn boxed(image: &Image, sampler: &Sampler, coordinate: [f32; 2], sides: [f32; 2]
 }
 
 /// `OpImageSampleWeightedQCOM`
-fn weighted(
+fn weighted_sample(
     image: &Image,
     sampler: &Sampler,
     coordinate: [f32; 2],
@@ -231,7 +234,7 @@ fn weighted(
         let index = weights.index(&position).ok_or(TrapCode::ImageOutOfBounds)?;
         Ok(f32::from_bits(weights.format().decode(weights.load(index))[0] as u32))
     };
-    let mut sum = Combined::default();
+    let mut sum = Reduction::default();
     for l in 0..filter.size[1] {
         for k in 0..filter.size[0] {
             let weight = if separable {
@@ -251,8 +254,8 @@ fn weighted(
     Ok(sum.value())
 }
 
-/// Blocks of two images that are compared.
-struct Blocks<'a> {
+/// A comparison of blocks of two images.
+struct BlockComparison<'a> {
     image: &'a Image,
     sampler: &'a Sampler,
     reference: &'a Image,
@@ -261,13 +264,13 @@ struct Blocks<'a> {
     squared: bool,
 }
 
-impl Blocks<'_> {
-    fn compared(&self, target: [i64; 2], times: Times) -> Result<[f32; 4], TrapCode> {
+impl BlockComparison<'_> {
+    fn compare(&self, target: [i64; 2], mode: BlockMatchMode) -> Result<[f32; 4], TrapCode> {
         let red = |x: u32, y: u32| self.difference([target[0] + i64::from(x), target[1] + i64::from(y)])[0];
-        match times {
-            Times::Once => Ok(self.difference(target)),
-            Times::Gather => Ok([0, 1, 2, 3].map(|x| red(x, 0))),
-            Times::Window => {
+        match mode {
+            BlockMatchMode::Single => Ok(self.difference(target)),
+            BlockMatchMode::Gather => Ok([0, 1, 2, 3].map(|x| red(x, 0))),
+            BlockMatchMode::Window => {
                 let window = self.sampler.block_match_window.ok_or(TrapCode::SamplerMismatch)?;
                 let mut found =
                     [if window.greatest { f32::NEG_INFINITY } else { f32::INFINITY }, 0.0, 0.0, 0.0];
@@ -289,18 +292,18 @@ impl Blocks<'_> {
     /// The difference between the block of the reference and the block at a position of the target.
     fn difference(&self, target: [i64; 2]) -> [f32; 4] {
         let mode = self.sampler.reduction_mode;
-        let sums = mode == ReductionMode::WeightedAverage;
+        let averages = mode == ReductionMode::WeightedAverage;
         let square = |part: f32| if self.squared { part * part } else { part };
-        let mut sum = Combined::default();
+        let mut sum = Reduction::default();
         for y in 0..self.size[1] {
             for x in 0..self.size[0] {
                 let own = texel(self.image, self.sampler, [target[0] + x, target[1] + y]);
                 let other = texel(self.reference, self.sampler, [self.at[0] + x, self.at[1] + y]);
                 let difference: [f32; 4] = std::array::from_fn(|part| (other[part] - own[part]).abs());
-                sum.add(mode, if sums { difference.map(square) } else { difference });
+                sum.add(mode, if averages { difference.map(square) } else { difference });
             }
         }
-        if sums { sum.value() } else { sum.value().map(square) }
+        if averages { sum.value() } else { sum.value().map(square) }
     }
 }
 
@@ -326,7 +329,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let target = sampled(translator, instruction, 0, &planes)?;
     let coordinate = pair(translator, instruction, 1)?;
     let kind = match opcode {
-        ImageBoxFilterQCOM => ProcessKind::Box(pair(translator, instruction, 2)?),
+        ImageBoxFilterQCOM => ProcessKind::BoxFilter(pair(translator, instruction, 2)?),
         ImageSampleWeightedQCOM => {
             let kinds = [Dimension::D2Array, Dimension::D1Array];
             ProcessKind::Weighted(sampled(translator, instruction, 2, &kinds)?)
@@ -336,22 +339,22 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 opcode,
                 ImageBlockMatchSSDQCOM | ImageBlockMatchWindowSSDQCOM | ImageBlockMatchGatherSSDQCOM
             );
-            let times = match opcode {
-                ImageBlockMatchSSDQCOM | ImageBlockMatchSADQCOM => Times::Once,
-                ImageBlockMatchGatherSSDQCOM | ImageBlockMatchGatherSADQCOM => Times::Gather,
-                _ => Times::Window,
+            let mode = match opcode {
+                ImageBlockMatchSSDQCOM | ImageBlockMatchSADQCOM => BlockMatchMode::Single,
+                ImageBlockMatchGatherSSDQCOM | ImageBlockMatchGatherSADQCOM => BlockMatchMode::Gather,
+                _ => BlockMatchMode::Window,
             };
-            ProcessKind::Match {
+            ProcessKind::BlockMatch {
                 reference: sampled(translator, instruction, 2, &planes)?,
                 at: pair(translator, instruction, 3)?,
                 size: pair(translator, instruction, 4)?,
                 squared,
-                times,
+                mode,
             }
         }
     };
     let to = texel_result(translator, instruction, false, false)?;
-    translator.emit(Operation::Image(ImageOp::Process(Box::new(Process { to, target, coordinate, kind }))));
+    translator.emit(Operation::Image(ImageOp::Process(Box::new(ProcessOp { to, target, coordinate, kind }))));
     Ok(true)
 }
 
@@ -360,7 +363,7 @@ fn sampled(
     instruction: &Instruction,
     at: usize,
     dimensions: &[Dimension],
-) -> Result<Sampled> {
+) -> Result<SampledImageRef> {
     let id: Id = translator.id(instruction, at)?;
     let view = view_of(translator, id)?;
     let &[image, sampler] = &translator.words(id)?[..] else {
@@ -371,7 +374,7 @@ fn sampled(
             translator.invalid("image processing of another kind of image (SPV_QCOM_image_processing)")
         );
     }
-    Ok(Sampled { view, image, sampler })
+    Ok(SampledImageRef { view, image, sampler })
 }
 
 fn pair(translator: &mut Translator<'_>, instruction: &Instruction, at: usize) -> Result<Words> {

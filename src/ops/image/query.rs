@@ -6,16 +6,16 @@ use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
-use crate::ops::image::reader::Reader;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, Texel, texel_result};
-use crate::ops::integer_operand::Reading;
+use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
+use crate::ops::integer_operand::ReadAs;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::Translator;
 
 /// The property of the image that is queried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Question {
+pub enum ImageProperty {
     /// Width, height, depth, as many as there are, then layers (cubes in an array of cubes), of the
     /// level in a register or of level 0. A level that does not exist traps the lane.
     Size(Option<Reg>),
@@ -25,73 +25,73 @@ pub enum Question {
     Samples,
 }
 
-/// A query.
+/// A query of a property of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Query {
+pub struct QueryOp {
     /// The registers of the result.
-    pub to: Texel,
+    pub to: TexelRegisters,
     /// The declared view of the image.
     pub view: View,
     /// The image's handle.
     pub image: Reg,
     /// The property of the image that is queried.
-    pub question: Question,
+    pub property: ImageProperty,
 }
 
-impl Query {
+impl QueryOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         visit(Access::Read(self.image, 1));
-        if let Question::Size(Some(level)) = self.question {
+        if let ImageProperty::Size(Some(level)) = self.property {
             visit(Access::Read(level, 1));
         }
         visit(Access::Write(self.to.to, self.to.registers()));
     }
 
     /// The result for a lane.
-    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+    pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
         let image = reader.image(self.view, self.image)?;
         let shape = image.shape();
-        let mut answer = [0; 4];
-        match self.question {
-            Question::Size(level) => {
+        let mut result = [0; 4];
+        match self.property {
+            ImageProperty::Size(level) => {
                 let level = level.map_or(0, |level| reader.word(level));
                 if level >= shape.levels {
                     return Err(TrapCode::ImageOutOfBounds);
                 }
                 let axes = shape.dimension.axes();
                 let extent = shape.level_extent(level);
-                for (to, side) in answer.iter_mut().zip(&extent[..axes]) {
+                for (to, side) in result.iter_mut().zip(&extent[..axes]) {
                     *to = u64::from(*side);
                 }
                 let each = if shape.dimension == Dimension::CubeArray { 6 } else { 1 };
                 if shape.dimension.is_arrayed() {
-                    answer[axes] = u64::from(shape.layers / each);
+                    result[axes] = u64::from(shape.layers / each);
                 }
             }
-            Question::Levels => answer[0] = u64::from(shape.levels),
-            Question::Samples => answer[0] = u64::from(shape.samples),
+            ImageProperty::Levels => result[0] = u64::from(shape.levels),
+            ImageProperty::Samples => result[0] = u64::from(shape.samples),
         }
-        Ok(answer)
+        Ok(result)
     }
 }
 
 /// Translates queries; `false` for any other instruction.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
-    let question = match opcode {
-        Opcode::ImageQuerySize => Question::Size(None),
+    let property = match opcode {
+        Opcode::ImageQuerySize => ImageProperty::Size(None),
         Opcode::ImageQuerySizeLod => {
             let level = translator.id(instruction, 1)?;
-            Question::Size(Some(translator.integer(level, Reading::Coordinate)?))
+            ImageProperty::Size(Some(translator.integer(level, ReadAs::Coordinate)?))
         }
-        Opcode::ImageQueryLevels => Question::Levels,
-        Opcode::ImageQuerySamples => Question::Samples,
+        Opcode::ImageQueryLevels => ImageProperty::Levels,
+        Opcode::ImageQuerySamples => ImageProperty::Samples,
         _ => return Ok(false),
     };
     let id = translator.id(instruction, 0)?;
     let view = view_of(translator, id)?;
     let image = translator.words(id)?[0];
     let to = texel_result(translator, instruction, false, false)?;
-    translator.emit(Operation::Image(ImageOp::Query(Query { to, view, image, question })));
+    translator.emit(Operation::Image(ImageOp::Query(QueryOp { to, view, image, property })));
     Ok(true)
 }

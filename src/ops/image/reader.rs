@@ -9,14 +9,14 @@ use crate::ops::memory::OUT_OF_BOUNDS;
 
 /// The registers of a lane, and the bindings for its handles.
 #[derive(Clone, Copy, Debug)]
-pub struct Reader<'r, 'b, const W: usize> {
+pub struct LaneReader<'r, 'b, const W: usize> {
     registers: &'r Registers<W>,
     lane: usize,
-    /// Where handles are looked up.
+    /// The bindings in which handles are looked up.
     pub bindings: &'b Bindings,
 }
 
-impl<'r, 'b, const W: usize> Reader<'r, 'b, W> {
+impl<'r, 'b, const W: usize> LaneReader<'r, 'b, W> {
     /// The reader of a lane.
     pub fn new(registers: &'r Registers<W>, lane: usize, bindings: &'b Bindings) -> Self {
         Self { registers, lane, bindings }

@@ -12,9 +12,9 @@ use crate::ops::arithmetic::FDiv;
 use crate::ops::derivative::derivative;
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::{self, Operands};
-use crate::ops::image::reader::Reader;
+use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, Texel, texel_result};
+use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::translate::{Translator, Words};
@@ -26,17 +26,17 @@ pub enum SampleKind {
     Filter,
     /// One component of four texels; a register holds the component's number.
     Gather(Reg),
-    /// Four comparisons.
-    GatherCompared,
-    /// The level that would be sampled.
-    Level,
+    /// Four texels, each compared with the reference.
+    GatherDref,
+    /// The level of detail that would be sampled (`OpImageQueryLod`).
+    QueryLod,
 }
 
-/// Samples or gathers.
+/// An operation that samples or gathers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
-    /// Where to.
-    pub to: Texel,
+pub struct SampleOp {
+    /// The registers of the result.
+    pub to: TexelRegisters,
     /// The result that is computed from the texels.
     pub kind: SampleKind,
     /// The declared view of the image.
@@ -55,7 +55,7 @@ pub struct Sample {
     pub operands: Operands,
 }
 
-impl Sample {
+impl SampleOp {
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let component = if let SampleKind::Gather(component) = self.kind { Some(component) } else { None };
@@ -69,7 +69,7 @@ impl Sample {
     }
 
     /// The value for a lane.
-    pub fn eval<const W: usize>(&self, reader: Reader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
+    pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<[u64; 4], TrapCode> {
         let image = reader.image(self.view, self.image)?;
         let sampler = reader.sampler(self.sampler)?;
         let plain = matches!(self.view.dimension, Dimension::D1 | Dimension::D2);
@@ -91,17 +91,17 @@ impl Sample {
                 lookup.layer = reader.float(reg);
             }
         }
-        let lod = self.operands.level(reader);
+        let lod = self.operands.lane_lod(reader);
         Ok(match self.kind {
             SampleKind::Filter => {
-                let [bias, least] = self.operands.limits(reader);
-                lookup.sample(lod, bias, least)
+                let [bias, min_lod] = self.operands.bias_and_min_lod(reader);
+                lookup.sample(lod, bias, min_lod)
             }
-            SampleKind::Level => {
-                let [level, lambda] = lookup.query(lod).map(|value| u64::from(value.to_bits()));
+            SampleKind::QueryLod => {
+                let [level, lambda] = lookup.query_lod(lod).map(|value| u64::from(value.to_bits()));
                 [level, lambda, 0, 0]
             }
-            SampleKind::Gather(_) | SampleKind::GatherCompared => {
+            SampleKind::Gather(_) | SampleKind::GatherDref => {
                 let component =
                     if let SampleKind::Gather(reg) = self.kind { reader.word(reg).min(3) } else { 0 };
                 let offsets = self.operands.offsets.as_ref().map(|offsets| {
@@ -158,10 +158,11 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             "texel buffers and multisampled images are fetched or read, not sampled (SPIR-V 3.3.10)",
         ));
     }
-    let third = if compared || gathers { Some(translator.operand(instruction, 2)?[0]) } else { None };
-    let at = 2 + usize::from(third.is_some());
+    let dref_or_component =
+        if compared || gathers { Some(translator.operand(instruction, 2)?[0]) } else { None };
+    let at = 2 + usize::from(dref_or_component.is_some());
     let mut operands = Operands::read(translator, instruction, at, implicit)?;
-    let mut coordinate = floats(translator, instruction)?;
+    let mut coordinate = float_coordinates(translator, instruction)?;
     let dimension = view.dimension;
     let queries = opcode == ImageQueryLod;
     // A query has no array coordinate.
@@ -177,12 +178,12 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     {
         return Err(translator.invalid("only planes and cubes are gathered (SPIR-V 3.3.10)"));
     }
-    let mut third = third;
+    let mut dref_or_component = dref_or_component;
     if implicit && projected {
         // The derivatives are those of the coordinates after the division.
         let divisor = coordinate[count];
-        for value in coordinate[..count].iter_mut().chain(third.as_mut()) {
-            *value = translator.emit_uncontrolled(divide(), &[*value, divisor])?;
+        for value in coordinate[..count].iter_mut().chain(dref_or_component.as_mut()) {
+            *value = translator.emit_uncontrolled(divide_kernel(), &[*value, divisor])?;
         }
     }
     if implicit {
@@ -204,14 +205,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             .invalid("an explicit level of detail needs the image operand Lod or Grad (SPIR-V 3.3.10)"));
     }
     let divisor = (projected && !implicit).then(|| coordinate[count]);
-    let kind = match third {
+    let kind = match dref_or_component {
         Some(component) if gathers && !compared => SampleKind::Gather(component),
-        _ if gathers => SampleKind::GatherCompared,
-        _ if queries => SampleKind::Level,
+        _ if gathers => SampleKind::GatherDref,
+        _ if queries => SampleKind::QueryLod,
         _ => SampleKind::Filter,
     };
     let to = texel_result(translator, instruction, sparse, !queries)?;
-    let sample = Sample {
+    let sample = SampleOp {
         to,
         kind,
         view,
@@ -219,19 +220,19 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         sampler,
         coordinate: coordinate[..count].into(),
         divisor,
-        reference: third.filter(|_| compared),
+        reference: dref_or_component.filter(|_| compared),
         operands,
     };
     translator.emit(Operation::Image(ImageOp::Sample(Box::new(sample))));
     Ok(true)
 }
 
-fn divide() -> &'static LaneKernel {
+fn divide_kernel() -> &'static LaneKernel {
     FDiv.kernel(32).expect("bug in anyhit: FDiv has no kernel for 32 bits")
 }
 
 /// The coordinates of operand 1.
-fn floats(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
+fn float_coordinates(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<Words> {
     let id = translator.id(instruction, 1)?;
     let ty = translator.type_of(id)?;
     let scalar = match *translator.module.ty(ty) {
@@ -243,5 +244,5 @@ fn floats(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<
             .invalid("the coordinate of a sample is a float scalar or vector")
             .note("SPIR-V 3.3.10: unless the Kernel capability is declared, it must be floating point"));
     }
-    operands::number(translator, id)
+    operands::numeric_components(translator, id)
 }

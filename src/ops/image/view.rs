@@ -9,7 +9,7 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::memory::OUT_OF_BOUNDS;
 use crate::ops::translate::Translator;
 
-/// An `OpTypeImage`, as far as the operations need it.
+/// The image type (`OpTypeImage`) that a shader declares, as far as operations need it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct View {
     /// `Dim` and `Arrayed`.
@@ -40,15 +40,15 @@ impl View {
             &Descriptor::Image(ref image) | &Descriptor::ImageSampler(ref image, _) => Some(&**image),
             _ => None,
         };
-        let suits = |descriptor| image(descriptor).filter(|image| self.suits(image));
-        match descriptor.find(suits) {
+        let compatible = |descriptor| image(descriptor).filter(|image| self.is_compatible(image));
+        match descriptor.find(compatible) {
             Some(image) => Ok(image),
             None if descriptor.find(image).is_some() => Err(TrapCode::ImageMismatch),
             None => Err(missing),
         }
     }
 
-    fn suits(self, image: &Image) -> bool {
+    fn is_compatible(self, image: &Image) -> bool {
         let (shape, format) = (image.shape(), image.format());
         shape.dimension == self.dimension
             && (shape.samples > 1) == self.multisampled

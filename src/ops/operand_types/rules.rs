@@ -1,34 +1,34 @@
-//! The rules: one for all instructions with operands of the same types.
+//! The rules: instructions with operands of the same types share one.
 
 use rspirv::spirv::{GlslStd450Op as G, Op};
 
-use crate::ops::operand_types::Must::{
-    self, Any, Be, Bits, ComponentOf, Condition, Converted, Count, Like, MemberOf, Pair, PartsOf, Pointee,
-    PointerTo, Same, Scalar, ScalarBits, Vector, VectorBits, VectorOf,
+use crate::ops::operand_types::TypeConstraint::{
+    self, Any, Bits, ComponentOf, Condition, MemberOf, OfKind, OtherWidth, Pair, Pointee, PointerTo, SameAs,
+    SameCount, SameShape, Scalar, ScalarBits, ScalarOrVectorOf, Vector, VectorBits, VectorOf,
 };
 use crate::ops::operand_types::kinds::{BOOL, FLOAT, INT, SCALAR, UINT};
 
 /// The types of an instruction's result and operands.
 #[derive(Debug)]
 pub struct Rule {
-    /// What the result must be.
-    pub result: Must,
-    /// What each operand must be; those behind are not told.
-    pub operands: &'static [Must],
+    /// The constraint on the result.
+    pub result: TypeConstraint,
+    /// The constraints on the operands; any further operands have none.
+    pub operands: &'static [TypeConstraint],
 }
 
-const fn rule(result: Must, operands: &'static [Must]) -> Rule {
+const fn rule(result: TypeConstraint, operands: &'static [TypeConstraint]) -> Rule {
     Rule { result, operands }
 }
 
-static FLOAT_UNARY: Rule = rule(Be(FLOAT), &[Same(0)]);
-static FLOAT_BINARY: Rule = rule(Be(FLOAT), &[Same(0), Same(0)]);
-static FLOAT_TERNARY: Rule = rule(Be(FLOAT), &[Same(0), Same(0), Same(0)]);
-static INT_UNARY: Rule = rule(Be(INT), &[Like(INT, 0)]);
-static INT_BINARY: Rule = rule(Be(INT), &[Like(INT, 0), Like(INT, 0)]);
-static INT_TERNARY: Rule = rule(Be(INT), &[Like(INT, 0), Like(INT, 0), Like(INT, 0)]);
-static UINT_BINARY: Rule = rule(Be(UINT), &[Same(0), Same(0)]);
-static BOOL_BINARY: Rule = rule(Be(BOOL), &[Same(0), Same(0)]);
+static FLOAT_UNARY: Rule = rule(OfKind(FLOAT), &[SameAs(0)]);
+static FLOAT_BINARY: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0)]);
+static FLOAT_TERNARY: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), SameAs(0)]);
+static INT_UNARY: Rule = rule(OfKind(INT), &[SameShape(INT, 0)]);
+static INT_BINARY: Rule = rule(OfKind(INT), &[SameShape(INT, 0), SameShape(INT, 0)]);
+static INT_TERNARY: Rule = rule(OfKind(INT), &[SameShape(INT, 0), SameShape(INT, 0), SameShape(INT, 0)]);
+static UINT_BINARY: Rule = rule(OfKind(UINT), &[SameAs(0), SameAs(0)]);
+static BOOL_BINARY: Rule = rule(OfKind(BOOL), &[SameAs(0), SameAs(0)]);
 
 /// The rule of an opcode; `None` where its translator checks for itself.
 pub fn core(number: u16) -> Option<&'static Rule> {
@@ -49,35 +49,35 @@ pub fn core(number: u16) -> Option<&'static Rule> {
             &RULE
         }
         Op::Dot => {
-            static RULE: Rule = rule(Scalar(FLOAT), &[VectorOf(0), Same(1)]);
+            static RULE: Rule = rule(Scalar(FLOAT), &[VectorOf(0), SameAs(1)]);
             &RULE
         }
         Op::VectorTimesScalar => {
-            static RULE: Rule = rule(Vector(FLOAT), &[Same(0), ComponentOf(0)]);
+            static RULE: Rule = rule(Vector(FLOAT), &[SameAs(0), ComponentOf(0)]);
             &RULE
         }
         Op::MatrixTimesScalar => {
-            static RULE: Rule = rule(Any, &[Same(0), ComponentOf(0)]);
+            static RULE: Rule = rule(Any, &[SameAs(0), ComponentOf(0)]);
             &RULE
         }
         Op::ShiftLeftLogical | Op::ShiftRightLogical | Op::ShiftRightArithmetic => {
-            static RULE: Rule = rule(Be(INT), &[Like(INT, 0), Count(INT, 0)]);
+            static RULE: Rule = rule(OfKind(INT), &[SameShape(INT, 0), SameCount(INT, 0)]);
             &RULE
         }
         Op::BitFieldInsert => {
-            static RULE: Rule = rule(Be(INT), &[Same(0), Same(0), Scalar(INT), Scalar(INT)]);
+            static RULE: Rule = rule(OfKind(INT), &[SameAs(0), SameAs(0), Scalar(INT), Scalar(INT)]);
             &RULE
         }
         Op::BitFieldSExtract | Op::BitFieldUExtract => {
-            static RULE: Rule = rule(Be(INT), &[Same(0), Scalar(INT), Scalar(INT)]);
+            static RULE: Rule = rule(OfKind(INT), &[SameAs(0), Scalar(INT), Scalar(INT)]);
             &RULE
         }
         Op::BitReverse => {
-            static RULE: Rule = rule(Be(INT), &[Same(0)]);
+            static RULE: Rule = rule(OfKind(INT), &[SameAs(0)]);
             &RULE
         }
         Op::BitCount => {
-            static RULE: Rule = rule(Be(INT), &[Count(INT, 0)]);
+            static RULE: Rule = rule(OfKind(INT), &[SameCount(INT, 0)]);
             &RULE
         }
         Op::Any | Op::All => {
@@ -85,7 +85,7 @@ pub fn core(number: u16) -> Option<&'static Rule> {
             &RULE
         }
         Op::IsNan | Op::IsInf => {
-            static RULE: Rule = rule(Be(BOOL), &[Count(FLOAT, 0)]);
+            static RULE: Rule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0)]);
             &RULE
         }
         Op::FOrdEqual
@@ -103,12 +103,12 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::LessOrGreater
         | Op::Ordered
         | Op::Unordered => {
-            static RULE: Rule = rule(Be(BOOL), &[Count(FLOAT, 0), Same(1)]);
+            static RULE: Rule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0), SameAs(1)]);
             &RULE
         }
         Op::LogicalEqual | Op::LogicalNotEqual | Op::LogicalOr | Op::LogicalAnd => &BOOL_BINARY,
         Op::LogicalNot => {
-            static RULE: Rule = rule(Be(BOOL), &[Same(0)]);
+            static RULE: Rule = rule(OfKind(BOOL), &[SameAs(0)]);
             &RULE
         }
         Op::IEqual
@@ -121,39 +121,39 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::SGreaterThanEqual
         | Op::SLessThan
         | Op::SLessThanEqual => {
-            static RULE: Rule = rule(Be(BOOL), &[Count(INT, 0), Like(INT, 1)]);
+            static RULE: Rule = rule(OfKind(BOOL), &[SameCount(INT, 0), SameShape(INT, 1)]);
             &RULE
         }
         Op::Select => {
-            static RULE: Rule = rule(Any, &[Condition(0), Same(0), Same(0)]);
+            static RULE: Rule = rule(Any, &[Condition(0), SameAs(0), SameAs(0)]);
             &RULE
         }
         Op::ConvertFToU => {
-            static RULE: Rule = rule(Be(UINT), &[Count(FLOAT, 0)]);
+            static RULE: Rule = rule(OfKind(UINT), &[SameCount(FLOAT, 0)]);
             &RULE
         }
         Op::ConvertFToS => {
-            static RULE: Rule = rule(Be(INT), &[Count(FLOAT, 0)]);
+            static RULE: Rule = rule(OfKind(INT), &[SameCount(FLOAT, 0)]);
             &RULE
         }
         Op::ConvertSToF | Op::ConvertUToF => {
-            static RULE: Rule = rule(Be(FLOAT), &[Count(INT, 0)]);
+            static RULE: Rule = rule(OfKind(FLOAT), &[SameCount(INT, 0)]);
             &RULE
         }
         Op::UConvert => {
-            static RULE: Rule = rule(Be(UINT), &[Converted(INT, 0)]);
+            static RULE: Rule = rule(OfKind(UINT), &[OtherWidth(INT, 0)]);
             &RULE
         }
         Op::SConvert => {
-            static RULE: Rule = rule(Be(INT), &[Converted(INT, 0)]);
+            static RULE: Rule = rule(OfKind(INT), &[OtherWidth(INT, 0)]);
             &RULE
         }
         Op::FConvert => {
-            static RULE: Rule = rule(Be(FLOAT), &[Converted(FLOAT, 0)]);
+            static RULE: Rule = rule(OfKind(FLOAT), &[OtherWidth(FLOAT, 0)]);
             &RULE
         }
         Op::QuantizeToF16 => {
-            static RULE: Rule = rule(Bits(FLOAT, 32), &[Same(0)]);
+            static RULE: Rule = rule(Bits(FLOAT, 32), &[SameAs(0)]);
             &RULE
         }
         Op::SatConvertSToU => &INT_UNARY,
@@ -162,11 +162,11 @@ pub fn core(number: u16) -> Option<&'static Rule> {
             &RULE
         }
         Op::PtrEqual | Op::PtrNotEqual => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, Same(1)]);
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, SameAs(1)]);
             &RULE
         }
         Op::PtrDiff => {
-            static RULE: Rule = rule(Scalar(INT), &[Any, Same(1)]);
+            static RULE: Rule = rule(Scalar(INT), &[Any, SameAs(1)]);
             &RULE
         }
         Op::ConvertPtrToU => {
@@ -193,19 +193,19 @@ pub fn core(number: u16) -> Option<&'static Rule> {
             &RULE
         }
         Op::CopyObject => {
-            static RULE: Rule = rule(Any, &[Same(0)]);
+            static RULE: Rule = rule(Any, &[SameAs(0)]);
             &RULE
         }
         Op::VectorExtractDynamic => {
-            static RULE: Rule = rule(Be(SCALAR), &[VectorOf(0), Scalar(INT)]);
+            static RULE: Rule = rule(OfKind(SCALAR), &[VectorOf(0), Scalar(INT)]);
             &RULE
         }
         Op::VectorInsertDynamic => {
-            static RULE: Rule = rule(Vector(SCALAR), &[Same(0), ComponentOf(0), Scalar(INT)]);
+            static RULE: Rule = rule(Vector(SCALAR), &[SameAs(0), ComponentOf(0), Scalar(INT)]);
             &RULE
         }
         Op::ExpectKHR => {
-            static RULE: Rule = rule(Be(INT | BOOL), &[Same(0), Same(0)]);
+            static RULE: Rule = rule(OfKind(INT | BOOL), &[SameAs(0), SameAs(0)]);
             &RULE
         }
         Op::Switch => {
@@ -228,7 +228,7 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::IAverageRoundedINTEL
         | Op::UAverageRoundedINTEL => &INT_BINARY,
         Op::IMul32x16INTEL | Op::UMul32x16INTEL => {
-            static RULE: Rule = rule(Bits(INT, 32), &[Like(INT, 0), Like(INT, 0)]);
+            static RULE: Rule = rule(Bits(INT, 32), &[SameShape(INT, 0), SameShape(INT, 0)]);
             &RULE
         }
         op => return subgroup(op).or_else(|| ray(op)).or_else(|| atomic(op)),
@@ -243,11 +243,11 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
             &RULE
         }
         Op::GroupNonUniformAllEqual => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, Be(SCALAR)]);
+            static RULE: Rule = rule(Scalar(BOOL), &[Any, OfKind(SCALAR)]);
             &RULE
         }
         Op::GroupNonUniformBroadcastFirst => {
-            static RULE: Rule = rule(Be(SCALAR), &[Any, Same(0)]);
+            static RULE: Rule = rule(OfKind(SCALAR), &[Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformBroadcast
@@ -258,7 +258,7 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
         | Op::GroupNonUniformRotateKHR
         | Op::GroupNonUniformQuadBroadcast
         | Op::GroupNonUniformQuadSwap => {
-            static RULE: Rule = rule(Be(SCALAR), &[Any, Same(0), Scalar(UINT)]);
+            static RULE: Rule = rule(OfKind(SCALAR), &[Any, SameAs(0), Scalar(UINT)]);
             &RULE
         }
         Op::GroupNonUniformBallot => {
@@ -288,29 +288,29 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
         | Op::GroupNonUniformBitwiseAnd
         | Op::GroupNonUniformBitwiseOr
         | Op::GroupNonUniformBitwiseXor => {
-            static RULE: Rule = rule(Be(INT), &[Any, Any, Same(0)]);
+            static RULE: Rule = rule(OfKind(INT), &[Any, Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformUMin | Op::GroupNonUniformUMax => {
-            static RULE: Rule = rule(Be(UINT), &[Any, Any, Same(0)]);
+            static RULE: Rule = rule(OfKind(UINT), &[Any, Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformFAdd
         | Op::GroupNonUniformFMul
         | Op::GroupNonUniformFMin
         | Op::GroupNonUniformFMax => {
-            static RULE: Rule = rule(Be(FLOAT), &[Any, Any, Same(0)]);
+            static RULE: Rule = rule(OfKind(FLOAT), &[Any, Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformLogicalAnd | Op::GroupNonUniformLogicalOr | Op::GroupNonUniformLogicalXor => {
-            static RULE: Rule = rule(Be(BOOL), &[Any, Any, Same(0)]);
+            static RULE: Rule = rule(OfKind(BOOL), &[Any, Any, SameAs(0)]);
             &RULE
         }
         _ => return None,
     })
 }
 
-/// The rule of an atomic instruction: behind the pointer stand scope and semantics, two of a
+/// The rule of an atomic instruction: the pointer is followed by scope and semantics, two for a
 /// comparison.
 fn atomic(op: Op) -> Option<&'static Rule> {
     Some(match op {
@@ -323,7 +323,7 @@ fn atomic(op: Op) -> Option<&'static Rule> {
             &RULE
         }
         Op::AtomicCompareExchange => {
-            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, Any, Same(0), Same(0)]);
+            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, Any, SameAs(0), SameAs(0)]);
             &RULE
         }
         Op::AtomicExchange
@@ -339,7 +339,7 @@ fn atomic(op: Op) -> Option<&'static Rule> {
         | Op::AtomicFAddEXT
         | Op::AtomicFMinEXT
         | Op::AtomicFMaxEXT => {
-            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, Same(0)]);
+            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, SameAs(0)]);
             &RULE
         }
         _ => return None,
@@ -348,9 +348,9 @@ fn atomic(op: Op) -> Option<&'static Rule> {
 
 /// The rule of an instruction that traces, whose operands have 32 bits.
 fn ray(op: Op) -> Option<&'static Rule> {
-    const WORD: Must = ScalarBits(INT, 32);
-    const FLOAT32: Must = ScalarBits(FLOAT, 32);
-    const VECTOR: Must = VectorBits(FLOAT, 32, 3);
+    const WORD: TypeConstraint = ScalarBits(INT, 32);
+    const FLOAT32: TypeConstraint = ScalarBits(FLOAT, 32);
+    const VECTOR: TypeConstraint = VectorBits(FLOAT, 32, 3);
     Some(match op {
         Op::TraceRayKHR => {
             static RULE: Rule =
@@ -411,35 +411,35 @@ pub fn glsl(number: u32) -> Option<&'static Rule> {
         G::UMin | G::SMin | G::UMax | G::SMax => &INT_BINARY,
         G::UClamp | G::SClamp => &INT_TERNARY,
         G::Ldexp => {
-            static RULE: Rule = rule(Be(FLOAT), &[Same(0), Count(INT, 0)]);
+            static RULE: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameCount(INT, 0)]);
             &RULE
         }
         G::FindILsb | G::FindSMsb | G::FindUMsb => {
-            static RULE: Rule = rule(Bits(INT, 32), &[Like(INT, 0)]);
+            static RULE: Rule = rule(Bits(INT, 32), &[SameShape(INT, 0)]);
             &RULE
         }
         G::Length => {
-            static RULE: Rule = rule(Scalar(FLOAT), &[PartsOf(0)]);
+            static RULE: Rule = rule(Scalar(FLOAT), &[ScalarOrVectorOf(0)]);
             &RULE
         }
         G::Distance => {
-            static RULE: Rule = rule(Scalar(FLOAT), &[PartsOf(0), Same(1)]);
+            static RULE: Rule = rule(Scalar(FLOAT), &[ScalarOrVectorOf(0), SameAs(1)]);
             &RULE
         }
         G::Cross => {
-            static RULE: Rule = rule(Vector(FLOAT), &[Same(0), Same(0)]);
+            static RULE: Rule = rule(Vector(FLOAT), &[SameAs(0), SameAs(0)]);
             &RULE
         }
         G::Refract => {
-            static RULE: Rule = rule(Be(FLOAT), &[Same(0), Same(0), Scalar(FLOAT)]);
+            static RULE: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), Scalar(FLOAT)]);
             &RULE
         }
         G::MatrixInverse => {
-            static RULE: Rule = rule(Any, &[Same(0)]);
+            static RULE: Rule = rule(Any, &[SameAs(0)]);
             &RULE
         }
         G::Modf | G::Frexp => {
-            static RULE: Rule = rule(Be(FLOAT), &[Same(0), Any]);
+            static RULE: Rule = rule(OfKind(FLOAT), &[SameAs(0), Any]);
             &RULE
         }
         G::ModfStruct => {

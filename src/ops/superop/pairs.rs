@@ -1,12 +1,12 @@
-//! Compositions of two functions, where the result of the first goes into the second alone. Each
-//! function rounds as it does by itself.
+//! Compositions of two functions, where the result of the first is an operand of the second and has
+//! no other use. Each function is rounded separately.
 
 use std::marker::PhantomData;
 
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 
-/// How the functions of a pair are composed: see the types of these names here and in
-/// [`words`](super::words).
+/// How the functions of a pair are composed: each variant stands for the type with its name, here
+/// or in [`words`](super::words).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairShape {
     Then,
@@ -17,7 +17,7 @@ pub enum PairShape {
     Last,
 }
 
-/// `F(a, b)`, then `G(that, c)`.
+/// `f = F(a, b)`, then `G(f, c)`.
 pub struct Then<F, G>(PhantomData<(F, G)>);
 
 impl<F: Binary, G: Binary<A = F::R>> Ternary for Then<F, G> {
@@ -31,7 +31,7 @@ impl<F: Binary, G: Binary<A = F::R>> Ternary for Then<F, G> {
     }
 }
 
-/// `F(a, b)`, then `G(c, that)`.
+/// `f = F(a, b)`, then `G(c, f)`.
 pub struct After<F, G>(PhantomData<(F, G)>);
 
 impl<F: Binary, G: Binary<B = F::R>> Ternary for After<F, G> {
@@ -45,7 +45,7 @@ impl<F: Binary, G: Binary<B = F::R>> Ternary for After<F, G> {
     }
 }
 
-/// `F(a)`, then `G(that, b)`.
+/// `f = F(a)`, then `G(f, b)`.
 pub struct ThenWith<F, G>(PhantomData<(F, G)>);
 
 impl<F: Unary, G: Binary<A = F::R>> Binary for ThenWith<F, G> {
@@ -58,7 +58,7 @@ impl<F: Unary, G: Binary<A = F::R>> Binary for ThenWith<F, G> {
     }
 }
 
-/// `F(a, b)`, then `G(a, that)`.
+/// `f = F(a, b)`, then `G(a, f)`.
 pub struct WithItself<F, G>(PhantomData<(F, G)>);
 
 impl<F: Binary, G: Binary<A = F::A, B = F::R>> Binary for WithItself<F, G> {

@@ -10,13 +10,13 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::superop::pairs::PairShape;
-use crate::ops::superop::{Function, Operands, SuperCode, SuperOp, has, opcode};
+use crate::ops::superop::{Function, Operands, SuperCode, SuperOp, has_operand, opcode};
 
 /// How the result of an operation is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResultUse {
     /// The number of reads, if all are by operations of the same superblock that name its register
-    /// by itself, and no other operation writes that register; else `None`.
+    /// alone, and no other operation writes that register; else `None`.
     pub reads: Option<u32>,
     /// Whether an operation may observe the payload of a NaN: any that does not read it as a float.
     pub nan_payload_observed: bool,
@@ -29,7 +29,7 @@ impl ResultUse {
 
 /// Whether an operation reads an operand as a float of 32 bits, so that it treats all NaNs alike.
 pub fn takes_float(kernel: &'static LaneKernel, operand: usize) -> bool {
-    // Packing keeps as many bits of a NaN as fit.
+    // PackHalf2x16 keeps as many bits of a NaN's payload as fit.
     kernel.float_operands[operand] == 32 && kernel.name != "Half"
 }
 
@@ -47,17 +47,21 @@ fn clamp(kernel: &'static LaneKernel) -> Option<[Function; 2]> {
 
 /// What a lane kernel computes, if it has an opcode or is a clamp.
 #[derive(Clone, Copy)]
-enum Known {
-    One(Function),
+enum KnownFunction {
+    Single(Function),
     Clamp([Function; 2]),
 }
 
-fn known(kernel: &'static LaneKernel) -> Option<Known> {
-    static KNOWN: LazyLock<FxHashMap<usize, Known>> = LazyLock::new(|| {
+fn known_function(kernel: &'static LaneKernel) -> Option<KnownFunction> {
+    static KNOWN: LazyLock<FxHashMap<usize, KnownFunction>> = LazyLock::new(|| {
         let clamps = crate::ops::glsl::FAMILIES.iter().flat_map(|family| family.kernels);
-        let clamps = clamps.filter_map(|kernel| Some((address(kernel), Known::Clamp(clamp(kernel)?))));
+        let clamps =
+            clamps.filter_map(|kernel| Some((address(kernel), KnownFunction::Clamp(clamp(kernel)?))));
         let kernels = Function::kernels().into_iter();
-        kernels.map(|(kernel, function)| (address(kernel), Known::One(function))).chain(clamps).collect()
+        kernels
+            .map(|(kernel, function)| (address(kernel), KnownFunction::Single(function)))
+            .chain(clamps)
+            .collect()
     });
     KNOWN.get(&address(kernel)).copied()
 }
@@ -75,42 +79,52 @@ struct Planned {
     from: Operands<u8>,
     operands: usize,
     result_use: ResultUse,
-    /// Whether its first operand is used twice.
-    twice: bool,
-    /// Whether its result is a float that may be a NaN of any bits.
+    /// Whether the function reads its first operand twice.
+    reads_first_twice: bool,
+    /// Whether the result is a float that may be a NaN with any payload.
     float: bool,
     op: u32,
 }
 
 impl Planned {
-    /// An operation that becomes no superinstruction.
+    /// Plans an operation that becomes no superinstruction.
     fn other(at: usize, result_use: ResultUse) -> Self {
         let function = Function::Other;
         let from = Operands::default();
-        Self { function, to: 0, from, operands: 0, result_use, twice: false, float: false, op: at as u32 }
+        Self {
+            function,
+            to: 0,
+            from,
+            operands: 0,
+            result_use,
+            reads_first_twice: false,
+            float: false,
+            op: at as u32,
+        }
     }
 
-    /// Whether it has an opcode that reads constants as one word for all lanes: with this operand
-    /// in the accumulator, counted from one, or with none.
-    fn is_uniform(&self, at: usize, constants: &Constants) -> bool {
-        let (uniform, amounts) = (self.function.uniform(), self.function.amounts());
+    /// Whether it has an opcode that reads its constants as uniform operands while the operand
+    /// `acc_operand`, counted from one, is in the accumulator (0 for none).
+    fn is_uniform(&self, acc_operand: usize, constants: &Constants) -> bool {
+        let (uniform, shift_amounts) = (self.function.uniform(), self.function.shift_amounts());
         let mut operands = (0..).zip(&self.from[..self.operands]);
         uniform != 0
-            && at < 2
+            && acc_operand < 2
             && operands.all(|(operand, &register)| {
-                let limit = if has(amounts, operand) { 31 } else { u32::MAX };
-                !has(uniform, operand) || constants.word(register).is_some_and(|word| word <= limit)
+                let limit = if has_operand(shift_amounts, operand) { 31 } else { u32::MAX };
+                !has_operand(uniform, operand) || constants.word(register).is_some_and(|word| word <= limit)
             })
     }
 }
 
-/// Constants by the number of their register.
+/// The words of constants, indexed by register number.
 struct Constants(Vec<Option<u32>>);
 
 impl Constants {
     fn of(constants: &[(Reg, u32)]) -> Self {
-        let direct =
-            constants.iter().filter_map(|&(reg, constant)| Some((usize::from(word(reg)?), constant)));
+        let direct = constants
+            .iter()
+            .filter_map(|&(reg, constant)| Some((usize::from(direct_register(reg)?), constant)));
         let mut words = vec![None; direct.clone().map(|(register, _)| register + 1).max().unwrap_or(0)];
         direct.for_each(|(register, constant)| words[register] = Some(constant));
         Self(words)
@@ -122,35 +136,36 @@ impl Constants {
 }
 
 /// The value that the accumulator holds while superinstructions are selected.
-struct Held {
-    /// The register that it stands for.
+struct AccumulatorState {
+    /// The register whose value it is.
     register: u8,
     /// The superinstruction that computed it.
     superop: usize,
-    /// How often it is read, and was read from the accumulator.
+    /// The number of reads of the value, where it is known.
     reads: Option<u32>,
-    served: u32,
+    /// How many of them were from the accumulator.
+    accumulator_reads: u32,
 }
 
 impl SuperCode {
-    /// Selects superinstructions for the operations. `runs` are the ranges of superblocks; no
-    /// operation writes the registers of `constants`, which every batch has in all lanes.
+    /// Selects superinstructions for the operations. `superblocks` are their ranges; no operation
+    /// writes the registers of `constants`, which every batch has in all lanes.
     pub fn of(
         ops: &[Op],
-        runs: impl IntoIterator<Item = Range<usize>>,
+        superblocks: impl IntoIterator<Item = Range<usize>>,
         uses: &[ResultUse],
         constants: &[(Reg, u32)],
     ) -> Self {
         let mut code = Self::default();
         let constants = Constants::of(constants);
         let mut planned = Vec::new();
-        for run in runs {
-            for at in run {
+        for superblock in superblocks {
+            for at in superblock {
                 plan(at, &ops[at], uses[at], &constants, &mut planned);
             }
             let mut held = None;
             planned.drain(..).for_each(|planned| code.add(planned, &mut held, &constants));
-            code.let_go(held);
+            code.release_accumulator(held);
         }
         let mut first = 0;
         code.first = (0..=ops.len() as u32)
@@ -164,66 +179,78 @@ impl SuperCode {
         code
     }
 
-    fn add(&mut self, mut planned: Planned, held: &mut Option<Held>, constants: &Constants) {
-        let mut at = 0;
+    fn add(&mut self, mut planned: Planned, held: &mut Option<AccumulatorState>, constants: &Constants) {
+        let mut acc_operand = 0;
         if let Some(held) = held {
             let operands = &mut planned.from[..planned.operands];
             if planned.function.commutes() && operands[0] != held.register && operands[1] == held.register {
                 operands.swap(0, 1);
             }
-            // A chain begins with the accumulator, or reads only registers.
-            let places = if operands.len() > 3 { &operands[..1] } else { operands };
-            if let Some(place) = places.iter().position(|&register| register == held.register) {
-                at = place + 1;
-                held.served += if planned.twice && place == 0 { 2 } else { 1 };
+            // A chain has the accumulator as its first operand, or reads only registers.
+            let candidates = if operands.len() > 3 { &operands[..1] } else { operands };
+            if let Some(index) = candidates.iter().position(|&register| register == held.register) {
+                acc_operand = index + 1;
+                held.accumulator_reads += if planned.reads_first_twice && index == 0 { 2 } else { 1 };
             }
         }
         if let (Function::FMul, 1, [a, b, ..], Some(held)) =
-            (planned.function, at, planned.from, held.as_mut())
+            (planned.function, acc_operand, planned.from, held.as_mut())
             && a == b
         {
-            // Both operands are the accumulator.
+            // Both operands are the accumulator: the product is a square.
             (planned.function, planned.operands) = (Function::Square, 1);
-            held.served += 1;
+            held.accumulator_reads += 1;
         }
         let function = planned.function;
-        if let (Function::MoveMasked, 1, Some(held)) = (function, at, held.as_mut())
-            && held.reads == Some(held.served)
+        if let (Function::MoveMasked, 1, Some(held)) = (function, acc_operand, held.as_mut())
+            && held.reads == Some(held.accumulator_reads)
             && let Some(last) = self.superops.last_mut()
-            && last.opcode == opcode(Function::Settle, false, 1, true)
+            && last.opcode == opcode(Function::CanonicalizeNan, false, 1, true)
         {
-            // The settled value has no other use: its register is not written.
-            *last =
-                SuperOp { opcode: opcode(Function::SettleMasked, false, 1, true), to: planned.to, ..*last };
+            // The canonicalized value has no other use: its register is not written.
+            *last = SuperOp {
+                opcode: opcode(Function::CanonicalizeNanMasked, false, 1, true),
+                to: planned.to,
+                ..*last
+            };
             held.reads = None;
             return;
         }
-        let seen = planned.float && planned.result_use.nan_payload_observed;
-        let code = opcode(function, planned.is_uniform(at, constants), at, !seen);
+        let observed = planned.float && planned.result_use.nan_payload_observed;
+        let code = opcode(function, planned.is_uniform(acc_operand, constants), acc_operand, !observed);
         self.push(SuperOp { opcode: code, to: planned.to, from: planned.from }, planned.op);
-        if seen {
-            let settle = SuperOp {
-                opcode: opcode(Function::Settle, false, 1, true),
+        if observed {
+            let canonicalize = SuperOp {
+                opcode: opcode(Function::CanonicalizeNan, false, 1, true),
                 to: planned.to,
                 from: planned.from,
             };
-            self.push(settle, planned.op);
+            self.push(canonicalize, planned.op);
         }
         match function {
-            Function::Other => self.let_go(held.take()),
-            // The lanes that do not run keep what the register has.
+            Function::Other => self.release_accumulator(held.take()),
+            // The accumulator is no copy of the register, whose inactive lanes keep their values.
             Function::MoveMasked => {
-                if at == 0 {
-                    self.let_go(held.take());
+                if acc_operand == 0 {
+                    self.release_accumulator(held.take());
                     let superop = self.superops.len() - 1;
-                    *held = Some(Held { register: planned.from[0], superop, reads: None, served: 0 });
+                    *held = Some(AccumulatorState {
+                        register: planned.from[0],
+                        superop,
+                        reads: None,
+                        accumulator_reads: 0,
+                    });
                 }
             }
             _ => {
-                self.let_go(held.take());
+                self.release_accumulator(held.take());
                 let superop = self.superops.len() - 1;
-                *held =
-                    Some(Held { register: planned.to, superop, reads: planned.result_use.reads, served: 0 });
+                *held = Some(AccumulatorState {
+                    register: planned.to,
+                    superop,
+                    reads: planned.result_use.reads,
+                    accumulator_reads: 0,
+                });
             }
         }
     }
@@ -233,11 +260,11 @@ impl SuperCode {
         self.op_of.push(op);
     }
 
-    /// The accumulator takes another value: the old one is not stored if all its reads were served
-    /// from there.
-    fn let_go(&mut self, held: Option<Held>) {
-        if let Some(Held { superop, reads: Some(reads), served, .. }) = held
-            && reads == served
+    /// Replaces the accumulator's value: the old one is not stored if all its reads were from the
+    /// accumulator.
+    fn release_accumulator(&mut self, held: Option<AccumulatorState>) {
+        if let Some(AccumulatorState { superop, reads: Some(reads), accumulator_reads, .. }) = held
+            && reads == accumulator_reads
         {
             self.superops[superop].opcode &= !1;
         }
@@ -248,16 +275,16 @@ impl SuperCode {
 fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planned: &mut Vec<Planned>) {
     let known = match op {
         Op::Memory(memory::MemoryOp::Move { to, from }) if to == from => return,
-        Op::LaneKernel { kernel, .. } => known(kernel),
-        Op::Memory(memory::MemoryOp::Move { .. }) => Some(Known::One(Function::Move)),
-        Op::Memory(memory::MemoryOp::MoveMasked { .. }) => Some(Known::One(Function::MoveMasked)),
+        Op::LaneKernel { kernel, .. } => known_function(kernel),
+        Op::Memory(memory::MemoryOp::Move { .. }) => Some(KnownFunction::Single(Function::Move)),
+        Op::Memory(memory::MemoryOp::MoveMasked { .. }) => Some(KnownFunction::Single(Function::MoveMasked)),
         _ => None,
     };
     let result = match known {
-        Some(Known::One(function)) => {
-            single(at, op, function, result_use, constants).map(|one| push(planned, one))
+        Some(KnownFunction::Single(function)) => {
+            plan_single(at, op, function, result_use, constants).map(|one| push(planned, one))
         }
-        Some(Known::Clamp(both)) => clamped(at, op, both, result_use).map(|both| {
+        Some(KnownFunction::Clamp(both)) => plan_clamp(at, op, both, result_use).map(|both| {
             both.into_iter().for_each(|one| push(planned, one));
         }),
         None => None,
@@ -268,13 +295,18 @@ fn plan(at: usize, op: &Op, result_use: ResultUse, constants: &Constants, planne
 }
 
 /// The number of a direct register, as superinstructions name it.
-fn word(reg: Reg) -> Option<u8> {
+fn direct_register(reg: Reg) -> Option<u8> {
     u8::try_from(reg.0).ok()
 }
 
-fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], result_use: ResultUse) -> Option<[Planned; 2]> {
+fn plan_clamp(
+    at: usize,
+    op: &Op,
+    [lower, upper]: [Function; 2],
+    result_use: ResultUse,
+) -> Option<[Planned; 2]> {
     let Op::LaneKernel { kernel, to, from } = op else { return None };
-    let (to, [a, low, high]) = (word(*to)?, from.map(word));
+    let (to, [a, low, high]) = (direct_register(*to)?, from.map(direct_register));
     let (a, low, high) = (a?, low?, high?);
     if to == high {
         return None;
@@ -286,7 +318,7 @@ fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], result_use: Result
         from: operands(from),
         operands: 2,
         result_use,
-        twice: false,
+        reads_first_twice: false,
         float,
         op: at as u32,
     };
@@ -294,7 +326,7 @@ fn clamped(at: usize, op: &Op, [lower, upper]: [Function; 2], result_use: Result
     Some([half(lower, [a, low, low], inner), half(upper, [to, high, high], result_use)])
 }
 
-fn single(
+fn plan_single(
     at: usize,
     op: &Op,
     function: Function,
@@ -304,22 +336,23 @@ fn single(
     let (to, from, operands, float) = match op {
         Op::LaneKernel { kernel, to, from } => {
             let operands = kernel.operands.iter().take_while(|&&words| words > 0).count();
-            let [a, b, c] = [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(word);
-            (word(*to)?, [a?, b?, c?], operands, kernel.float_result == 32)
+            let [a, b, c] =
+                [from[0], from[1.min(operands - 1)], from[2.min(operands - 1)]].map(direct_register);
+            (direct_register(*to)?, [a?, b?, c?], operands, kernel.float_result == 32)
         }
         Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
-            (word(*to)?, [word(*from)?; 3], 1, false)
+            (direct_register(*to)?, [direct_register(*from)?; 3], 1, false)
         }
         _ => return None,
     };
     // Conversions of integers, and `Step`, give no NaN.
     let float = float && !matches!(function, Function::UToF | Function::SToF | Function::Step);
     let mut from = self::operands(from);
-    // Opcodes that read one word for all lanes read that of their second operand.
+    // Opcodes with a uniform operand have it as the second one.
     if function.commutes() && constants.word(from[0]).is_some() && constants.word(from[1]).is_none() {
         from.swap(0, 1);
     }
-    Some(Planned { function, to, from, operands, result_use, twice: false, float, op: at as u32 })
+    Some(Planned { function, to, from, operands, result_use, reads_first_twice: false, float, op: at as u32 })
 }
 
 /// The operands of a lane kernel, padded to the number that a superinstruction has.
@@ -327,7 +360,7 @@ fn operands([a, b, c]: [u8; 3]) -> Operands<u8> {
     [a, b, c, c, c, c]
 }
 
-/// Appends one, merged with those before it with which it forms a pair that has a function.
+/// Appends an operation, after merging it with those before it that form a known pair with it.
 fn push(planned: &mut Vec<Planned>, mut last: Planned) {
     while let Some(both) = planned.last().and_then(|first| pair(first, &last)) {
         planned.pop();
@@ -336,7 +369,7 @@ fn push(planned: &mut Vec<Planned>, mut last: Planned) {
     planned.push(last);
 }
 
-/// Merges two, if they have a function together and the first one's result has no other use.
+/// Merges two operations, if they are a known pair and the first one's result has no other use.
 fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     let mut pairs = Function::PAIRS
         .iter()
@@ -348,12 +381,12 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     if reads != 1 {
         return None;
     }
-    // The second one's operands, except for the first one's result, follow those of the first.
+    // The operands of the second, except for the first one's result, follow those of the first.
     let chain = |function, others: &[u8]| {
         let mut from = first.from;
         let operands = first.operands + others.len();
         from[first.operands..operands].copy_from_slice(others);
-        Some(Planned { function, from, operands, twice: first.twice, ..*second })
+        Some(Planned { function, from, operands, reads_first_twice: first.reads_first_twice, ..*second })
     };
     let [mut next, others @ ..] = second.from;
     let (mut others, last) = (others, second.operands - 1);
@@ -361,7 +394,7 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
         (next, others[0]) = (others[0], next);
     }
     if next == first.to
-        && first.result_use.reads == Some(if second.twice { 2 } else { 1 })
+        && first.result_use.reads == Some(if second.reads_first_twice { 2 } else { 1 })
         && let Some(known) = found(PairShape::Chain)
     {
         return chain(known.3, &others[..last]);
@@ -380,12 +413,12 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     if second.function.commutes() && d == first.to {
         (c, d) = (d, c);
     }
-    let mut twice = first.twice;
+    let mut reads_first_twice = first.reads_first_twice;
     let (function, from, operands) = if c == first.to {
-        let itself = found(PairShape::WithItself).filter(|_| d == a && second.function.commutes());
-        match (itself, found(PairShape::Then), found(PairShape::ThenWith)) {
+        let with_itself = found(PairShape::WithItself).filter(|_| d == a && second.function.commutes());
+        match (with_itself, found(PairShape::Then), found(PairShape::ThenWith)) {
             (Some(known), ..) => {
-                twice = true;
+                reads_first_twice = true;
                 (known.3, [a, b, b], 2)
             }
             (None, Some(known), _) => (known.3, [a, b, d], 3),
@@ -395,5 +428,5 @@ fn pair(first: &Planned, second: &Planned) -> Option<Planned> {
     } else {
         (found(PairShape::After)?.3, [a, b, c], 3)
     };
-    Some(Planned { function, from: self::operands(from), operands, twice, ..*second })
+    Some(Planned { function, from: self::operands(from), operands, reads_first_twice, ..*second })
 }

@@ -67,7 +67,7 @@ fn run(
 ) -> u32 {
     let wide = CpuTier::available().into_iter().filter(|(_, cpu_tier)| cpu_tier.is_wide());
     let mut results = wide.map(|(level, cpu_tier)| {
-        let mut ran = registers.clone().on(cpu_tier);
+        let mut ran = registers.clone().with_cpu_tier(cpu_tier);
         let end = code.run(&mut ran, ops, range.clone(), mask);
         (level, ran, end)
     });
@@ -79,7 +79,7 @@ fn run(
     end
 }
 
-/// What operations leave, one by one.
+/// The registers after the operations ran one by one.
 fn one_by_one(ops: &[Op], round: u32) -> Registers<64> {
     let mut registers = registers(round);
     for op in ops {
@@ -92,7 +92,7 @@ fn one_by_one(ops: &[Op], round: u32) -> Registers<64> {
     registers
 }
 
-/// A value that the next operation alone reads, and its bits, or not.
+/// A result that only the next operation reads, which may observe the payload of a NaN or not.
 const fn once(nan_payload_observed: bool) -> ResultUse {
     ResultUse { reads: Some(1), nan_payload_observed }
 }
@@ -101,7 +101,7 @@ fn operands(kernel: &LaneKernel) -> usize {
     kernel.operands.iter().take_while(|&&words| words > 0).count()
 }
 
-/// Booleans are 0 or 1.
+/// Makes the words of boolean operands 0 or 1.
 fn make_boolean(kernel: &LaneKernel, registers: &mut Registers<64>) {
     let boolean = match kernel.name {
         "SelectWord" => 0..1,
@@ -114,12 +114,12 @@ fn make_boolean(kernel: &LaneKernel, registers: &mut Registers<64>) {
 }
 
 #[test]
-fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() {
+fn every_function_gives_what_its_kernel_gives_from_registers_and_from_the_accumulator() {
     let kernels = Function::kernels();
     assert!(kernels.len() > 60, "{}", kernels.len());
     for (function, _) in kernels {
         for at in 0..=operands(function) {
-            // A copy before it, which it reads as its operand `at`; stored, and not.
+            // A copy runs first, and its result is operand `at`: stored, or not.
             let mut from = [0, 1, 2];
             let mut ops = Vec::new();
             if at > 0 {
@@ -137,56 +137,59 @@ fn every_function_gives_what_its_row_gives_from_rows_and_from_the_accumulator() 
                     let ended = run(&code, &mut ran, &ops, 0..ops.len() as u32, Mask::ALL);
                     assert_eq!(ended, ops.len() as u32);
                     Width::<64>::run(function, &mut expected, Reg(5), &[Reg(0), Reg(1), Reg(2)]);
-                    assert_eq!(ran[Reg(5)], expected[Reg(5)], "{function:?} with its operand {at} at hand");
+                    assert_eq!(
+                        ran[Reg(5)],
+                        expected[Reg(5)],
+                        "{function:?} with operand {at} in the accumulator"
+                    );
                 }
             }
         }
     }
 }
 
-/// A kernel's function, by which the functions of pairs are told from those of kernels.
-type Known = (&'static LaneKernel, Function);
+/// A kernel with its function: a function that no kernel has is that of a pair.
+type KernelFunction = (&'static LaneKernel, Function);
 
-/// Both functions of a pair, and how they hang together.
-fn halves(pair: Function) -> (Function, Function, PairShape) {
+/// Both functions of a pair, and how they are composed.
+fn functions_of_pair(pair: Function) -> (Function, Function, PairShape) {
     let &(first, second, shape, _) =
         Function::PAIRS.iter().find(|known| known.3 == pair).expect("a pair, as it is no kernel");
     (first, second, shape)
 }
 
 /// How many operands a function has.
-fn count(function: Function, kernels: &[Known]) -> usize {
+fn count(function: Function, kernels: &[KernelFunction]) -> usize {
     if let Some(&(single, _)) = kernels.iter().find(|known| known.1 == function) {
         return operands(single);
     }
-    let (first, second, shape) = halves(function);
+    let (first, second, shape) = functions_of_pair(function);
     match shape {
         PairShape::WithItself => count(first, kernels),
         _ => count(first, kernels) + count(second, kernels) - 1,
     }
 }
 
-/// Appends the operations that a function is made of, by what its shapes say; the register of the
-/// result.
-fn parts(function: Function, from: &[u32], kernels: &[Known], ops: &mut Vec<Op>) -> u32 {
+/// Appends the operations that a function is composed of, and returns the register of the result.
+fn parts(function: Function, from: &[u32], kernels: &[KernelFunction], ops: &mut Vec<Op>) -> u32 {
     if let Some(&(single, _)) = kernels.iter().find(|known| known.1 == function) {
         let to = ops.len() as u32 + 3;
         ops.push(kernel(single, to, [0, 1, 2].map(|at| from[at.min(from.len() - 1)])));
         return to;
     }
-    let (first, second, shape) = halves(function);
+    let (first, second, shape) = functions_of_pair(function);
     let (before, rest) = from.split_at(count(first, kernels));
-    let that = parts(first, before, kernels, ops);
+    let first_result = parts(first, before, kernels, ops);
     let operands = match shape {
-        PairShape::Then | PairShape::ThenWith | PairShape::Chain => [&[that], rest].concat(),
-        PairShape::After | PairShape::Last => [rest, &[that]].concat(),
-        PairShape::WithItself => vec![from[0], that],
+        PairShape::Then | PairShape::ThenWith | PairShape::Chain => [&[first_result], rest].concat(),
+        PairShape::After | PairShape::Last => [rest, &[first_result]].concat(),
+        PairShape::WithItself => vec![from[0], first_result],
     };
     parts(second, &operands, kernels, ops)
 }
 
-/// What becomes of the results of operations that [`parts`] appended, where nobody sees but the
-/// last one's.
+/// The uses of the results of operations that [`parts`] appended, of which only the last result is
+/// observed.
 fn uses(ops: &[Op]) -> Vec<ResultUse> {
     let reads = |of: Reg| {
         let named = ops.iter().map(|op| match op {
@@ -222,7 +225,7 @@ fn a_pair_is_its_operations() {
 }
 
 #[test]
-fn constants_read_as_one_word_give_what_their_rows_give() {
+fn uniform_operands_give_what_their_registers_give() {
     const AMOUNT: Reg = Reg(14);
     const OTHER: Reg = Reg(15);
     let kernels = Function::kernels();
@@ -233,27 +236,30 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
         let boolean =
             kernels.iter().any(|&(kernel, of)| of == function && kernel.name.starts_with("Logical"));
         for (at, special) in SPECIAL.into_iter().enumerate() {
-            // Shifts by nothing, by one bit and by all but one; by 32 bits they read the register.
+            // Shifts by 0, 1 and 31 bits; an amount of 32 is no uniform operand and is read per
+            // lane.
             let amount = [0, 1, 31, 32][at % 4];
             let constants = [(AMOUNT, amount), (OTHER, if boolean { special & 1 } else { special })];
-            let of =
-                |operand: usize| match (has(function.amounts(), operand), has(function.uniform(), operand)) {
-                    (true, _) => AMOUNT.0,
-                    (_, true) => OTHER.0,
-                    _ => operand as u32 % 3,
-                };
+            let of = |operand: usize| match (
+                has_operand(function.shift_amounts(), operand),
+                has_operand(function.uniform(), operand),
+            ) {
+                (true, _) => AMOUNT.0,
+                (_, true) => OTHER.0,
+                _ => operand as u32 % 3,
+            };
             let mut from: Vec<u32> = (0..count(function, &kernels)).map(of).collect();
-            for at_hand in [false, true] {
+            for in_accumulator in [false, true] {
                 let mut ops = Vec::new();
-                if at_hand {
+                if in_accumulator {
                     ops.push(copy(3, 0));
                     from[0] = 3;
                 }
                 let last = Reg(parts(function, &from, &kernels, &mut ops));
                 let code = with_constants(&ops, &uses(&ops), &constants);
-                let found = code.superops[usize::from(at_hand)].opcode;
-                let uniform = amount < 32 || function.amounts() == 0;
-                let expected = opcode(function, uniform, usize::from(at_hand), false);
+                let found = code.superops[usize::from(in_accumulator)].opcode;
+                let uniform = amount < 32 || function.shift_amounts() == 0;
+                let expected = opcode(function, uniform, usize::from(in_accumulator), false);
                 assert_eq!(found & !1, expected, "{function:?} of {ops:?}");
                 count_uniform += u32::from(uniform);
                 for round in 0..ROUNDS {
@@ -282,9 +288,8 @@ fn constants_read_as_one_word_give_what_their_rows_give() {
 }
 
 #[test]
-fn a_constant_factor_stands_behind_the_other_one() {
-    // 2.5 x, with x = 3, and what a register of constants holds beside the first lane is not looked
-    // at.
+fn a_constant_factor_becomes_the_second_operand() {
+    // 2.5 x, with x = 3. Only the first lane of a constant's register is read.
     let times = arithmetic::FMul.kernel(32).expect("a kernel");
     let ops = [kernel(times, 3, [4, 0, 4])];
     let code = with_constants(&ops, &[ResultUse::UNKNOWN], &[(Reg(4), 2.5f32.to_bits())]);
@@ -307,7 +312,8 @@ fn a_square_reads_no_register() {
     let twice = ResultUse { reads: Some(2), nan_payload_observed: false };
     let code = superops(&ops, &[twice, ResultUse::UNKNOWN]);
     let codes: Vec<u16> = code.superops.iter().map(|superop| superop.opcode).collect();
-    let expected = [(Function::FSub, 0, false), (Function::Square, 1, false), (Function::Settle, 1, true)];
+    let expected =
+        [(Function::FSub, 0, false), (Function::Square, 1, false), (Function::CanonicalizeNan, 1, true)];
     assert_eq!(codes, expected.map(|(function, at, stored)| opcode(function, false, at, stored)));
     let mut ran = registers(0);
     ran[Reg(0)].0 = [3f32.to_bits(); 64];
@@ -332,7 +338,7 @@ fn a_clamp_is_a_greater_and_a_lesser_of_two() {
 }
 
 #[test]
-fn what_the_next_step_alone_needs_is_not_stored() {
+fn a_result_that_only_the_next_superop_reads_is_not_stored() {
     let [add, times] =
         [&arithmetic::FSub, &arithmetic::FDiv].map(|family| family.kernel(32).expect("a kernel"));
     let ops = [kernel(add, 3, [0, 1, 0]), kernel(times, 4, [3, 2, 3]), kernel(add, 5, [2, 4, 2])];
@@ -346,8 +352,8 @@ fn what_the_next_step_alone_needs_is_not_stored() {
 }
 
 #[test]
-fn a_nan_whose_bits_are_seen_has_the_bits_of_all() {
-    // Infinity minus itself, to be stored and to be read as a float: quiet, positive, no payload.
+fn a_nan_whose_payload_is_observed_is_canonical() {
+    // Infinity minus itself, stored, or read as a float: quiet, positive, no payload.
     let subtract = arithmetic::FSub.kernel(32).expect("a kernel");
     let ops = [kernel(subtract, 3, [0, 0, 0]), kernel(subtract, 4, [3, 1, 3])];
     for nan_payload_observed in [true, false] {
@@ -363,7 +369,7 @@ fn a_nan_whose_bits_are_seen_has_the_bits_of_all() {
 }
 
 #[test]
-fn a_store_leaves_the_lanes_alone_that_do_not_run() {
+fn a_masked_store_leaves_inactive_lanes_unchanged() {
     let ops = [
         copy(4, 0),
         Op::Memory(memory::MemoryOp::MoveMasked { to: Reg(5), from: Reg(4) }),
@@ -384,8 +390,9 @@ fn a_store_leaves_the_lanes_alone_that_do_not_run() {
 }
 
 #[test]
-fn a_float_is_settled_and_stored_at_once() {
-    // Infinity minus itself goes to a variable alone, of the lanes that run: no payload, positive.
+fn a_float_is_canonicalized_and_stored_by_one_superop() {
+    // Infinity minus itself is stored to a variable only, in the active lanes: positive, no
+    // payload.
     let subtract = arithmetic::FSub.kernel(32).expect("a kernel");
     let ops = [
         kernel(subtract, 3, [0, 0, 0]),
@@ -405,7 +412,7 @@ fn a_float_is_settled_and_stored_at_once() {
 }
 
 #[test]
-fn a_superinstruction_chain_ends_before_an_irregular_operation_and_leaves_idle_ones_out() {
+fn superops_end_before_an_irregular_operation_and_leave_out_moves_to_the_same_register() {
     let ops = [copy(5, 0), copy(1, 1), copy(2, 2), copy(6, 5), Op::Barrier, copy(7, 6)];
     let code = superops(&ops, &[ResultUse::UNKNOWN; 6]);
     assert_eq!(code.superops.len(), 4);
@@ -418,7 +425,7 @@ fn a_superinstruction_chain_ends_before_an_irregular_operation_and_leaves_idle_o
 }
 
 #[test]
-fn what_takes_a_float_takes_every_nan_for_the_same() {
+fn a_float_operand_treats_all_nans_alike() {
     const NANS: [u32; 5] = [0x7FC0_0000, 0xFFC0_0000, 0x7FA0_0005, 0xFF80_0001, 0xFFFF_FFFF];
     let families = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
     let conversions = [Conversion::FToS, Conversion::FToU, Conversion::F]
@@ -429,7 +436,7 @@ fn what_takes_a_float_takes_every_nan_for_the_same() {
         for operand in (0..operands(kernel)).filter(|&operand| takes_float(kernel, operand)) {
             count += 1;
             for round in 0..ROUNDS {
-                // Operands of two words stand behind each other.
+                // The registers of the operands follow each other.
                 let from = [Reg(0), Reg(kernel.operands[0]), Reg(kernel.operands[0] + kernel.operands[1])];
                 let results = NANS.map(|nan| {
                     let mut ran = registers(round);

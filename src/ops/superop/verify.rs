@@ -10,18 +10,18 @@ use crate::machine::Reg;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::{Access, Op};
 use crate::ops::superop::pairs::PairShape;
-use crate::ops::superop::{Function, SuperCode, SuperOp, has, takes_float};
-use crate::ops::symbolic::{Numbering, State, ValueNumber};
+use crate::ops::superop::{Function, SuperCode, SuperOp, has_operand, takes_float};
+use crate::ops::symbolic::{State, ValueNumber, ValueTable};
 
-/// What a register or the accumulator holds while superinstructions run.
+/// The symbolic value of a register or the accumulator while superinstructions run.
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct SymbolicWord {
     value: ValueNumber,
-    /// Whether a NaN in it has the one pattern that others may see.
-    settled: bool,
+    /// Whether a NaN in it is the canonical one.
+    canonical: bool,
 }
 
-/// The function of a number.
+/// The function with a number.
 fn function(number: u16) -> Option<Function> {
     static FUNCTIONS: LazyLock<FxHashMap<u16, Function>> =
         LazyLock::new(|| functions().map(|function| (function as u16, function)).collect());
@@ -32,8 +32,8 @@ fn functions() -> impl Iterator<Item = Function> {
     let special = [
         Function::Move,
         Function::MoveMasked,
-        Function::Settle,
-        Function::SettleMasked,
+        Function::CanonicalizeNan,
+        Function::CanonicalizeNanMasked,
         Function::Square,
         Function::Other,
     ];
@@ -62,70 +62,73 @@ fn kernel(function: Function) -> Option<&'static LaneKernel> {
     KERNELS.iter().find(|&&(_, known)| known == function).map(|&(kernel, _)| kernel)
 }
 
-/// What a function gives of operands.
-fn calculate(function: Function, from: &[Held], numbering: &mut Numbering) -> Result<Held, String> {
+/// Applies a function to symbolic operands.
+fn calculate(
+    function: Function,
+    from: &[SymbolicWord],
+    table: &mut ValueTable,
+) -> Result<SymbolicWord, String> {
     if let Some(kernel) = kernel(function) {
         for (at, held) in from.iter().enumerate() {
-            if !held.settled && !takes_float(kernel, at) {
+            if !held.canonical && !takes_float(kernel, at) {
                 return Err(format!("{kernel:?} sees the bits of a NaN"));
             }
         }
         let values: Vec<ValueNumber> = from.iter().map(|held| held.value).collect();
         let is_number = matches!(function, Function::UToF | Function::SToF | Function::Step);
-        let settled = kernel.float_result != 32 || is_number;
-        return Ok(Held { value: numbering.regular(kernel, 0, &values), settled });
+        let canonical = kernel.float_result != 32 || is_number;
+        return Ok(SymbolicWord { value: table.regular(kernel, 0, &values), canonical });
     }
     if function == Function::Square {
-        return calculate(Function::FMul, &[from[0], from[0]], numbering);
+        return calculate(Function::FMul, &[from[0], from[0]], table);
     }
     let pair = Function::PAIRS.iter().find(|pair| pair.3 == function);
     let &(first, second, shape, _) = pair.ok_or_else(|| format!("{function:?} is no pair"))?;
     let (own, others) = from.split_at(operand_count(first));
-    let inner = calculate(first, own, numbering)?;
-    let operands: Vec<Held> = match shape {
+    let inner = calculate(first, own, table)?;
+    let operands: Vec<SymbolicWord> = match shape {
         PairShape::Then | PairShape::ThenWith | PairShape::Chain => [&[inner][..], others].concat(),
         PairShape::After | PairShape::Last => [others, &[inner]].concat(),
         PairShape::WithItself => vec![own[0], inner],
     };
-    calculate(second, &operands, numbering)
+    calculate(second, &operands, table)
 }
 
-/// Both executions of a range of operations.
-struct Check<'a, 'b> {
+/// Executes a range of operations both ways, symbolically, and compares the results.
+struct SuperopChecker<'a, 'b> {
     ops: &'a [Op],
-    numbering: &'b mut Numbering,
+    table: &'b mut ValueTable,
     expected: State<'a>,
-    /// Only what superinstructions and the operations between them have written.
-    found: FxHashMap<Reg, Held>,
+    /// The registers that superinstructions and the operations between them have written.
+    found: FxHashMap<Reg, SymbolicWord>,
     begin: State<'a>,
-    is_seen: &'b dyn Fn(Reg) -> bool,
-    accumulator: Option<Held>,
+    is_observed: &'b dyn Fn(Reg) -> bool,
+    accumulator: Option<SymbolicWord>,
     next: usize,
 }
 
 impl SuperCode {
-    /// Compares the superops of a range of operations that follow each other without a choice with
-    /// the operations themselves: where an operation is no superop, and behind the last one for all
-    /// registers that `is_seen` names, both must have left the same. `begin` is the state where the
-    /// range begins.
+    /// Compares the superops of a straight-line range of operations with the operations themselves.
+    /// The registers must hold the same values before each operation that is no superop, and after
+    /// the range in all registers that `is_observed` names. `begin` is the state before the range.
     ///
     /// # Errors
-    /// What differs, and where.
+    /// Returns the first difference.
     pub fn verify(
         &self,
         ops: &[Op],
         range: Range<usize>,
         begin: &State<'_>,
-        numbering: &mut Numbering,
-        is_seen: &dyn Fn(Reg) -> bool,
+        table: &mut ValueTable,
+        is_observed: &dyn Fn(Reg) -> bool,
     ) -> Result<(), String> {
-        let mut check = Check {
+        let mut check = SuperopChecker {
             ops,
-            numbering,
+            table,
             expected: begin.clone(),
             found: FxHashMap::default(),
             begin: begin.clone(),
-            is_seen,
+            is_observed,
             accumulator: None,
             next: range.start,
         };
@@ -152,41 +155,45 @@ impl SuperCode {
         }
         written.sort_unstable();
         written.dedup();
-        written.into_iter().filter(|&reg| is_seen(reg)).try_for_each(|reg| check.same(reg, true))
+        written
+            .into_iter()
+            .filter(|&reg| is_observed(reg))
+            .try_for_each(|reg| check.expect_register(reg, true))
     }
 }
 
-impl Check<'_, '_> {
-    /// Executes the operations themselves up to one.
+impl SuperopChecker<'_, '_> {
+    /// Executes the operations up to `end`.
     fn expect_up_to(&mut self, end: usize) {
         for op in &self.ops[self.next..end] {
-            self.expected.execute(op, self.numbering);
+            self.expected.execute(op, self.table);
         }
         self.next = end;
     }
 
-    fn get(&mut self, reg: Reg) -> Held {
+    fn get(&mut self, reg: Reg) -> SymbolicWord {
         match self.found.get(&reg) {
             Some(&held) => held,
-            None => Held { value: self.begin.get(reg, self.numbering), settled: true },
+            None => SymbolicWord { value: self.begin.get(reg, self.table), canonical: true },
         }
     }
 
-    /// Whether a register holds what it must.
-    fn same(&mut self, reg: Reg, nan_payload_observed: bool) -> Result<(), String> {
-        let expected = self.expected.get(reg, self.numbering);
+    /// Checks that a register holds the expected value.
+    fn expect_register(&mut self, reg: Reg, nan_payload_observed: bool) -> Result<(), String> {
+        let expected = self.expected.get(reg, self.table);
         let found = self.get(reg);
         if expected != found.value {
-            let [expected, found] = self.numbering.difference(expected, found.value);
+            let [expected, found] = self.table.difference(expected, found.value);
             return Err(format!("r{} holds {found}, not {expected}", reg.0));
         }
-        match found.settled || !nan_payload_observed {
+        match found.canonical || !nan_payload_observed {
             true => Ok(()),
             false => Err(format!("r{} holds a NaN of any pattern", reg.0)),
         }
     }
 
-    /// An operation that is no superop: what it reads must be there, and what it writes is.
+    /// Executes an operation that is no superop: the registers that it reads must hold the expected
+    /// values.
     fn other(&mut self, at: usize) -> Result<(), String> {
         self.expect_up_to(at);
         let op = &self.ops[at];
@@ -203,11 +210,13 @@ impl Check<'_, '_> {
             });
         }
         if !matches!(op, Op::LaneKernel { .. }) {
-            // It may reach more than it names.
-            let is_seen = self.is_seen;
-            reads.extend(self.found.keys().filter(|&&reg| is_seen(reg)).map(|&reg| (reg, true)));
+            // An irregular operation may read registers that it does not name.
+            let is_observed = self.is_observed;
+            reads.extend(self.found.keys().filter(|&&reg| is_observed(reg)).map(|&reg| (reg, true)));
         }
-        reads.into_iter().try_for_each(|(reg, nan_payload_observed)| self.same(reg, nan_payload_observed))?;
+        reads
+            .into_iter()
+            .try_for_each(|(reg, nan_payload_observed)| self.expect_register(reg, nan_payload_observed))?;
         self.expect_up_to(at + 1);
         let mut written: Vec<Reg> = Vec::new();
         op.accesses(|access| {
@@ -216,12 +225,12 @@ impl Check<'_, '_> {
             }
         });
         if !matches!(op, Op::LaneKernel { .. }) {
-            let reached = self.expected.reached();
-            written.extend(reached.addressed.iter().chain(&reached.interface));
+            let implicit = self.expected.implicit();
+            written.extend(implicit.addressed.iter().chain(&implicit.written_by_pipeline));
         }
         for reg in written {
-            let value = self.expected.get(reg, self.numbering);
-            self.found.insert(reg, Held { value, settled: true });
+            let value = self.expected.get(reg, self.table);
+            self.found.insert(reg, SymbolicWord { value, canonical: true });
         }
         self.accumulator = None;
         Ok(())
@@ -233,18 +242,18 @@ impl Check<'_, '_> {
         let held = |check: &Self| check.accumulator.ok_or("the accumulator holds nothing".to_owned());
         let to = Reg(superop.to.into());
         match function {
-            Function::MoveMasked | Function::SettleMasked => {
+            Function::MoveMasked | Function::CanonicalizeNanMasked => {
                 let mut held = match at {
                     0 => self.get(Reg(superop.from[0].into())),
                     _ => held(self)?,
                 };
-                held.settled |= function == Function::SettleMasked;
+                held.canonical |= function == Function::CanonicalizeNanMasked;
                 self.accumulator = Some(held);
                 self.found.insert(to, held);
                 return Ok(());
             }
-            Function::Settle => {
-                let held = Held { settled: true, ..held(self)? };
+            Function::CanonicalizeNan => {
+                let held = SymbolicWord { canonical: true, ..held(self)? };
                 self.accumulator = Some(held);
                 if stored {
                     self.found.insert(to, held);
@@ -257,13 +266,12 @@ impl Check<'_, '_> {
         let mut from = Vec::new();
         for operand in 0..count {
             let reg = Reg(superop.from[operand].into());
-            if uniform && has(function.uniform(), operand) {
+            if uniform && has_operand(function.uniform(), operand) {
                 let value = self.get(reg).value;
-                let word = self.numbering.word_of(value);
-                let word = word.ok_or_else(|| {
-                    format!("r{} is no constant but {}", reg.0, self.numbering.describe(value))
-                })?;
-                if has(function.amounts(), operand) && word > 31 {
+                let word = self.table.word_of(value);
+                let word = word
+                    .ok_or_else(|| format!("r{} is no constant but {}", reg.0, self.table.describe(value)))?;
+                if has_operand(function.shift_amounts(), operand) && word > 31 {
                     return Err(format!("{word} is no amount to shift by"));
                 }
             }
@@ -271,7 +279,7 @@ impl Check<'_, '_> {
         }
         let result = match function {
             Function::Move => from[0],
-            _ => calculate(function, &from, self.numbering)?,
+            _ => calculate(function, &from, self.table)?,
         };
         self.accumulator = Some(result);
         if stored {

@@ -1,13 +1,13 @@
-//! Functions as superinstructions apply them: from the words of one lane to a word.
+//! The functions of superinstructions, from the words of one lane to a word.
 
 use crate::machine::Scalar;
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 use crate::ops::superop::Operands;
 
-/// A function of words, of which the first [`WordFunction::OPERANDS`] count.
+/// A function that reads the first [`WordFunction::OPERANDS`] words.
 pub trait WordFunction {
     const OPERANDS: usize;
-    /// The result, a NaN as the processor made it.
+    /// The result; a NaN has the payload that the processor gave it.
     fn apply(words: Operands<u32>) -> u32;
 }
 
@@ -39,7 +39,7 @@ impl<F: Ternary> WordFunction for TernaryWord<F> {
     }
 }
 
-/// A function, then another one whose first operand is what that gave.
+/// `F`, then `G` with the result as its first operand.
 pub struct Chain<F, G>(F, G);
 
 impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
@@ -53,8 +53,8 @@ impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
     }
 }
 
-/// A function, then another one whose last operand is what that gave; its own others stand behind
-/// those of the first.
+/// `F`, then `G` with the result as its last operand; the other operands of `G` follow those of
+/// `F`.
 pub struct Last<F, G>(F, G);
 
 impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
@@ -68,10 +68,10 @@ impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
     }
 }
 
-/// A function of a value and the same value.
-pub struct WithBoth<F>(F);
+/// `F(a, a)`.
+pub struct OnBothOperands<F>(F);
 
-impl<F: Binary<B = <F as Binary>::A>> Unary for WithBoth<F> {
+impl<F: Binary<B = <F as Binary>::A>> Unary for OnBothOperands<F> {
     type A = F::A;
     type R = F::R;
     #[inline(always)]
@@ -80,10 +80,10 @@ impl<F: Binary<B = <F as Binary>::A>> Unary for WithBoth<F> {
     }
 }
 
-/// A value as it is.
-pub struct Same;
+/// Returns its operand unchanged.
+pub struct Identity;
 
-impl Unary for Same {
+impl Unary for Identity {
     type A = u32;
     type R = u32;
     #[inline(always)]
@@ -92,10 +92,10 @@ impl Unary for Same {
     }
 }
 
-/// A float as registers write it: every NaN the same.
-pub struct Settled;
+/// Replaces a NaN with the canonical NaN that registers hold.
+pub struct CanonicalNan;
 
-impl Unary for Settled {
+impl Unary for CanonicalNan {
     type A = u32;
     type R = u32;
     #[inline(always)]

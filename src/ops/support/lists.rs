@@ -1,4 +1,4 @@
-//! The lists behind [`opcode`](super::opcode) and its kin: what is classed by hand.
+//! The lists of what is classed by hand, for [`opcode`](super::opcode) and the functions beside it.
 
 use rspirv::spirv::{BuiltIn, Capability, Op, StorageClass};
 
@@ -23,7 +23,7 @@ pub(super) const NOT_VULKAN: &str = "not in Vulkan";
 /// A group's name and its members.
 pub(super) type Groups<T> = &'static [(&'static str, &'static [T])];
 
-/// The group that holds a thing.
+/// The group that has a given member.
 pub(super) fn group_of<T: PartialEq>(
     groups: &[(&'static str, &'static [T])],
     sought: T,
@@ -132,10 +132,10 @@ pub(super) const READ_BY_MODULE_AND_PROGRAM: Groups<Op> = &[
     ),
 ];
 
-/// Opcodes to come that need no capability of their own, or one that others need too.
+/// Opcodes that do not run yet and need no capability of their own, or one that others need too.
 pub(super) const UNSUPPORTED_OPCODES: Groups<Op> = &[];
 
-/// Opcodes out of scope that no capability tells.
+/// Opcodes out of scope that need no capability by which they could be classed.
 pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Op> = &[
     (GRAPHICS, &[Op::Kill, Op::TerminateInvocation]),
     (
@@ -149,7 +149,7 @@ pub(super) const OUT_OF_SCOPE_OPCODES: Groups<Op> = &[
     ),
 ];
 
-/// What needs one of these is to come.
+/// Capabilities whose instructions do not run yet, unless a section translates them.
 pub(super) const UNSUPPORTED_CAPABILITIES: Groups<Capability> = &[
     ("ray queries", &[Capability::RayQueryKHR, Capability::RayQueryPositionFetchKHR]),
     (
@@ -263,7 +263,7 @@ pub(super) const OUT_OF_SCOPE_CAPABILITIES: Groups<Capability> = &[
     (NOT_VULKAN, &[Capability::BindlessTextureNV]),
 ];
 
-/// Builtins to come.
+/// Builtins that do not run yet.
 pub(super) const UNSUPPORTED_BUILTINS: Groups<BuiltIn> = &[];
 
 /// Builtins out of scope.
@@ -364,7 +364,7 @@ pub(super) const OUT_OF_SCOPE_BUILTINS: Groups<BuiltIn> = &[
     ),
 ];
 
-/// Storage classes to come.
+/// Storage classes that do not run yet.
 pub(super) const UNSUPPORTED_STORAGE: Groups<StorageClass> = &[];
 
 /// Storage classes out of scope.

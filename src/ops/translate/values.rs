@@ -12,10 +12,10 @@ use crate::ops::memory::Pointer;
 /// always lie in consecutive registers.
 pub type Words = SmallVec<[Reg; 4]>;
 
-/// So many registers from one on.
+/// A list of consecutive registers from `first` on.
 pub fn registers_from(first: Reg, count: u32) -> Words {
     match count as usize {
-        // Without a loop: most values have four words at the most.
+        // Avoids a loop: most values have at most four words.
         count @ 0..=4 => SmallVec::from_buf_and_len([0, 1, 2, 3].map(|word| first.plus(word)), count),
         _ => (0..count).map(|word| first.plus(word)).collect(),
     }
@@ -24,7 +24,7 @@ pub fn registers_from(first: Reg, count: u32) -> Words {
 /// Returns a list of the registers in `words`.
 pub(super) fn words_from(words: &[Reg]) -> Words {
     match words.len() {
-        // Without a call that copies.
+        // Avoids a call of `memcpy`.
         count @ 0..=4 => {
             let word = |at: usize| words.get(at).copied().unwrap_or(Reg(0));
             SmallVec::from_buf_and_len([0, 1, 2, 3].map(word), count)
@@ -42,21 +42,25 @@ pub enum IdValue {
     Pointer(Box<Pointer>),
 }
 
-/// The values of ids: of a module's constants and variables for good, of a function's own as long
-/// as it is lowered.
+/// The values of ids: those of a module's constants and variables stay, those of a function last as
+/// long as it is lowered.
 pub(super) struct Values {
     globals: FxHashMap<Id, IdValue>,
     /// The values of the function that is lowered, behind those of the functions that it is inlined
     /// into.
     locals: Vec<(Id, IdValue)>,
-    /// Where an id stood last among `locals`: what stands there now may be another one's.
-    places: IdMap<u32>,
+    /// By id: its last index in `locals`. The entry there may belong to another id by now.
+    local_indices: IdMap<u32>,
 }
 
 impl Values {
-    /// No values yet.
+    /// Returns a map without values.
     pub fn new(module: &Module) -> Self {
-        Self { globals: FxHashMap::default(), locals: Vec::new(), places: IdMap::like(&module.definitions) }
+        Self {
+            globals: FxHashMap::default(),
+            locals: Vec::new(),
+            local_indices: IdMap::like(&module.definitions),
+        }
     }
 
     /// The value of an id.
@@ -66,17 +70,17 @@ impl Values {
 
     /// The value of an id of the function that is lowered.
     pub fn local(&self, id: Id) -> Option<&IdValue> {
-        let (owner, value) = self.locals.get(self.places.find(id)? as usize)?;
+        let (owner, value) = self.locals.get(self.local_indices.find(id)? as usize)?;
         (*owner == id).then_some(value)
     }
 
     /// Gives an id of the function that is lowered its value.
     pub fn define(&mut self, id: Id, value: IdValue) {
-        let known = self.places.find(id).and_then(|place| self.locals.get_mut(place as usize));
+        let known = self.local_indices.find(id).and_then(|index| self.locals.get_mut(index as usize));
         match known.filter(|(owner, _)| *owner == id) {
             Some((_, known)) => *known = value,
             None => {
-                self.places.insert(id, self.locals.len() as u32);
+                self.local_indices.insert(id, self.locals.len() as u32);
                 self.locals.push((id, value));
             }
         }
@@ -87,13 +91,13 @@ impl Values {
         self.globals.insert(id, value);
     }
 
-    /// How many there are of functions: what [`Values::forget`] goes back to.
-    pub fn locals(&self) -> usize {
+    /// The number of values of functions; [`Values::truncate_locals`] goes back to it.
+    pub fn local_count(&self) -> usize {
         self.locals.len()
     }
 
-    /// Forgets all of functions but the first so many.
-    pub fn forget(&mut self, locals: usize) {
+    /// Discards the values of functions but for the first `locals`.
+    pub fn truncate_locals(&mut self, locals: usize) {
         self.locals.truncate(locals);
     }
 }

@@ -70,10 +70,10 @@ impl Translator<'_> {
         })
     }
 
-    /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike
-    /// in registers, whatever the types and their members are called, and whether integers have a
-    /// sign.
-    pub fn scalars(&mut self, ty: TypeId) -> Result<u64> {
+    /// A hash of a type's scalars, in their order. It is equal for types whose values lie alike in
+    /// registers: it depends neither on the names of types and members nor on the signedness of
+    /// integers.
+    pub fn scalar_fingerprint(&mut self, ty: TypeId) -> Result<u64> {
         let mut hasher = FxHasher::default();
         self.hash_scalars(ty, &mut hasher)?;
         Ok(hasher.finish())
@@ -153,8 +153,8 @@ impl Translator<'_> {
         Ok(first_words(self.words(id)?, width))
     }
 
-    /// The registers of words, from the first register of each component.
-    pub fn spread(&self, components: &[Reg], width: u32) -> Words {
+    /// The registers of all words, from the first register of each component.
+    pub fn expand_components(&self, components: &[Reg], width: u32) -> Words {
         let each = width.div_ceil(32).max(1);
         components.iter().flat_map(|&reg| (0..each).map(move |word| reg.plus(word))).collect()
     }
@@ -187,7 +187,8 @@ impl Translator<'_> {
                 crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
             }
             ConstantValue::Other(4461 | 4462) => {
-                // OpConstantCompositeReplicateEXT and its kin: opcode, type, result, constituent.
+                // OpConstantCompositeReplicateEXT and the OpSpecConstant form: opcode, type,
+                // result, constituent.
                 let part = self.module.words[constant.offset as usize + 3];
                 crate::ops::composite::replicate(self, constant.ty, Id(part))
             }

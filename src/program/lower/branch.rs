@@ -1,4 +1,4 @@
-//! The ends of blocks: branches, and the moves of phis on their edges.
+//! Lowers terminators: branches, and the moves of phis on their edges.
 
 use smallvec::SmallVec;
 
@@ -10,16 +10,16 @@ use crate::ops::op::Op;
 use crate::ops::operand_types;
 use crate::program::Terminator;
 use crate::program::control_flow::block_of;
-use crate::program::lower::{Lowering, Return, Site, opcode};
+use crate::program::lower::{Lowering, ReturnTarget, Site, opcode};
 
 impl Lowering<'_> {
-    pub(super) fn terminator(&mut self, instruction: &Instruction, place: &Site<'_>) -> Result<()> {
+    pub(super) fn terminator(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
         self.translator.set_clock()?;
         match instruction.opcode {
             opcode::BRANCH => {
                 let target = self.translator.id(instruction, 0)?;
-                self.edge_moves(place, target)?;
-                let label = self.target(place, target)?;
+                self.edge_moves(site, target)?;
+                let label = self.target(site, target)?;
                 self.end(Terminator::Branch(label));
             }
             opcode::BRANCH_CONDITIONAL => {
@@ -30,16 +30,16 @@ impl Lowering<'_> {
                     self.translator.constant_word(condition).filter(|_| self.translator.optimizes)
                 {
                     let target = targets[usize::from(known == 0)];
-                    self.edge_moves(place, target)?;
-                    let label = self.target(place, target)?;
+                    self.edge_moves(site, target)?;
+                    let label = self.target(site, target)?;
                     self.end(Terminator::Branch(label));
                     return Ok(());
                 }
                 let mut edges = Vec::new();
                 let [then, other] =
-                    [self.edge(place, targets[0], &mut edges)?, self.edge(place, targets[1], &mut edges)?];
+                    [self.edge(site, targets[0], &mut edges)?, self.edge(site, targets[1], &mut edges)?];
                 self.end(Terminator::BranchConditional { condition, then, other });
-                self.edges(place, edges)?;
+                self.split_edges(site, edges)?;
             }
             opcode::SWITCH => {
                 operand_types::check(&self.translator, instruction.opcode, instruction)?;
@@ -47,13 +47,13 @@ impl Lowering<'_> {
                 let words = self.module.switch_literal_words(instruction);
                 let operands = self.module.operands(instruction);
                 let mut edges = Vec::new();
-                let default = self.edge(place, Id(operands[1]), &mut edges)?;
+                let default = self.edge(site, Id(operands[1]), &mut edges)?;
                 let mut cases = Vec::new();
                 for case in operands[2..].chunks_exact(words + 1) {
                     let value = u64::from(case[0]) | if words == 2 { u64::from(case[1]) << 32 } else { 0 };
-                    cases.push((value, self.edge(place, Id(case[words]), &mut edges)?));
+                    cases.push((value, self.edge(site, Id(case[words]), &mut edges)?));
                 }
-                // Narrow selectors lie zero-extended in their register, their literals may be
+                // Narrow selectors are zero-extended in their register; their literals may be
                 // sign-extended.
                 let ty = self.translator.type_of(Id(operands[0]))?;
                 let width = self.translator.scalar_width(ty)?;
@@ -62,18 +62,20 @@ impl Lowering<'_> {
                 }
                 let (selector, wide, cases) = (selector[0], words == 2, cases.into());
                 self.end(Terminator::Switch { selector, wide, cases, default });
-                self.edges(place, edges)?;
+                self.split_edges(site, edges)?;
             }
-            opcode::RETURN => self.leave(place),
+            opcode::RETURN => self.leave(site),
             opcode::RETURN_VALUE => {
                 let value = self.translator.id(instruction, 0)?;
-                let words = self.translator.carried(value)?;
-                if let Return::Inlined { result, .. } | Return::StandingAlone { result } = place.plan {
+                let words = self.translator.words_unchecked(value)?;
+                if let ReturnTarget::Inlined { result, .. } | ReturnTarget::Called { result } =
+                    site.return_target
+                {
                     for (&to, from) in result.iter().zip(words) {
                         self.translator.emit(Op::Memory(memory::MemoryOp::MoveMasked { to, from }));
                     }
                 }
-                self.leave(place);
+                self.leave(site);
             }
             opcode::UNREACHABLE => self.end(Terminator::Unreachable),
             opcode::IGNORE_INTERSECTION => self.end(Terminator::Exit(Exit::Ignored)),
@@ -86,24 +88,25 @@ impl Lowering<'_> {
         Ok(())
     }
 
-    fn leave(&mut self, place: &Site<'_>) {
-        let terminator = match place.plan {
-            Return::Entry => Terminator::Exit(Exit::Returned),
-            Return::Inlined { label, .. } => Terminator::Branch(*label),
-            Return::StandingAlone { .. } => Terminator::Return,
+    fn leave(&mut self, site: &Site<'_>) {
+        let terminator = match site.return_target {
+            ReturnTarget::Entry => Terminator::Exit(Exit::Returned),
+            ReturnTarget::Inlined { label, .. } => Terminator::Branch(*label),
+            ReturnTarget::Called { .. } => Terminator::Return,
         };
         self.end(terminator);
     }
 
-    fn target(&self, place: &Site<'_>, target: Id) -> Result<u32> {
-        let label = block_of(self.module, place.function, target).and_then(|block| place.labels[block]);
+    fn target(&self, site: &Site<'_>, target: Id) -> Result<u32> {
+        let label = block_of(self.module, site.function, target).and_then(|block| site.labels[block]);
         label.ok_or_else(|| self.translator.invalid(format!("a branch to %{}, which is no block", target.0)))
     }
 
-    /// The label that a conditional edge goes to: a block of its own where the target has phis.
-    fn edge(&mut self, place: &Site<'_>, target: Id, edges: &mut Vec<(u32, Id)>) -> Result<u32> {
-        if phis(self.module, place, target).next().is_none() {
-            return self.target(place, target);
+    /// The label that an edge of a conditional branch goes to. If the target has phis, the edge is
+    /// split: it goes to a new block for their moves, which is added to `edges`.
+    fn edge(&mut self, site: &Site<'_>, target: Id, edges: &mut Vec<(u32, Id)>) -> Result<u32> {
+        if phis(self.module, site, target).next().is_none() {
+            return self.target(site, target);
         }
         if let Some(&(label, _)) = edges.iter().find(|&&(_, id)| id == target) {
             return Ok(label);
@@ -113,36 +116,36 @@ impl Lowering<'_> {
         Ok(label)
     }
 
-    /// The blocks of the edges that have phis to serve.
-    fn edges(&mut self, place: &Site<'_>, edges: Vec<(u32, Id)>) -> Result<()> {
+    /// Makes the blocks of split edges.
+    fn split_edges(&mut self, site: &Site<'_>, edges: Vec<(u32, Id)>) -> Result<()> {
         for (label, target) in edges {
             self.begin(label);
-            self.edge_moves(place, target)?;
-            let target = self.target(place, target)?;
+            self.edge_moves(site, target)?;
+            let target = self.target(site, target)?;
             self.end(Terminator::Branch(target));
         }
         Ok(())
     }
 
-    /// Moves the values that the target's phis take from this block.
-    fn edge_moves(&mut self, place: &Site<'_>, target: Id) -> Result<()> {
+    /// Moves the values that the target's phis have for this block (a parallel copy).
+    fn edge_moves(&mut self, site: &Site<'_>, target: Id) -> Result<()> {
         let mut moves: SmallVec<[(Reg, Reg); 8]> = SmallVec::new();
-        for phi in phis(self.module, place, target) {
+        for phi in phis(self.module, site, target) {
             let pairs = self.module.operands(phi).chunks_exact(2);
-            let from = pairs.clone().find(|pair| Id(pair[1]) == place.block).map(|pair| Id(pair[0]));
+            let from = pairs.clone().find(|pair| Id(pair[1]) == site.block).map(|pair| Id(pair[0]));
             let (Some(from), Some(id)) = (from, phi.result) else {
                 self.translator.origin.offset = phi.offset;
                 return Err(self
                     .translator
-                    .invalid(format!("a phi has no value for block %{}", place.block.0)));
+                    .invalid(format!("a phi has no value for block %{}", site.block.0)));
             };
             let to = self.translator.words(id)?;
-            let from = self.translator.carried(from)?;
+            let from = self.translator.words_unchecked(from)?;
             if to != from {
                 moves.extend(to.into_iter().zip(from));
             }
         }
-        // All phis read before any is written: a source that is also a target is saved first.
+        // All phis read before any is written, so a source that is also a target is saved first.
         if moves.len() > 1 {
             let mut targets: SmallVec<[Reg; 8]> = moves.iter().map(|&(to, _)| to).collect();
             targets.sort_unstable();
@@ -159,12 +162,8 @@ impl Lowering<'_> {
     }
 }
 
-fn phis<'a>(
-    module: &Module,
-    place: &Site<'a>,
-    target: Id,
-) -> impl Iterator<Item = &'a Instruction> + use<'a> {
-    let block = block_of(module, place.function, target).filter(|&block| place.labels[block].is_some());
-    let instructions = block.map_or(&[][..], |block| &place.function.blocks[block].instructions);
+fn phis<'a>(module: &Module, site: &Site<'a>, target: Id) -> impl Iterator<Item = &'a Instruction> + use<'a> {
+    let block = block_of(module, site.function, target).filter(|&block| site.labels[block].is_some());
+    let instructions = block.map_or(&[][..], |block| &site.function.blocks[block].instructions);
     instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
 }

@@ -1,11 +1,13 @@
-//! Calls: inlined where that pays, else real ones.
+//! Lowers calls: inlined if that is profitable, else real calls.
 
 use crate::error::Result;
 use crate::module::{Definition, Function, Id, Instruction};
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::translate::{IdValue, Origin, Words};
-use crate::program::lower::{INLINE_DEPTH, INLINE_SIZE, INLINE_TOTAL, Inlining, Lowering, Return, Standing};
+use crate::program::lower::{
+    CalledFunction, INLINE_DEPTH, INLINE_SIZE, INLINE_TOTAL, Inlining, Lowering, ReturnTarget,
+};
 use crate::program::{Scope, Terminator};
 
 impl Lowering<'_> {
@@ -25,10 +27,10 @@ impl Lowering<'_> {
                 arguments.len()
             )));
         }
-        let size = self.sizes[index as usize];
-        let small = size.instructions <= INLINE_SIZE && self.instructions < INLINE_TOTAL;
-        let pays = self.depth < INLINE_DEPTH && (small || size.calls <= 1);
-        if pays && self.inlining == Inlining::WherePaying {
+        let cost = self.inline_costs[index as usize];
+        let small = cost.instructions <= INLINE_SIZE && self.instructions < INLINE_TOTAL;
+        let profitable = self.depth < INLINE_DEPTH && (small || cost.calls <= 1);
+        if profitable && self.inlining == Inlining::WhereProfitable {
             self.inline(instruction, function, &arguments)
         } else {
             self.real_call(instruction, function, &arguments)
@@ -36,7 +38,7 @@ impl Lowering<'_> {
     }
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let locals = self.translator.locals();
+        let locals = self.translator.local_count();
         for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
             let value = self.translator.value(argument)?;
             self.translator.define(parameter, value);
@@ -47,23 +49,24 @@ impl Lowering<'_> {
         self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
         self.translator.origin.scope = self.scopes.len() as u32 - 1;
         self.depth += 1;
-        self.body(function, &Return::Inlined { label, result: result.clone() })?;
+        self.body(function, &ReturnTarget::Inlined { label, result: result.clone() })?;
         self.depth -= 1;
-        self.translator.leave(locals);
+        self.translator.truncate_locals(locals);
         self.translator.origin = outer;
         self.begin(label);
-        self.translator.result(instruction, result);
+        self.translator.define_result(instruction, result);
         Ok(())
     }
 
+    /// Registers for the value that a function returns.
     fn result_registers(&mut self, function: &Function) -> Result<Words> {
         let count = self.translator.word_count(function.return_type)?;
         self.translator.fresh_words(count)
     }
 
     fn real_call(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
-        let standing = match self.standing.get(&function.id) {
-            Some(standing) => standing.clone(),
+        let called = match self.called_functions.get(&function.id) {
+            Some(called) => called.clone(),
             None => {
                 let mut parameters = Vec::new();
                 for &(_, ty) in &function.parameters {
@@ -71,33 +74,33 @@ impl Lowering<'_> {
                     parameters.push(self.translator.fresh_words(count)?);
                 }
                 let result = self.result_registers(function)?;
-                let standing = Standing { label: self.label(), parameters, result };
-                self.standing.insert(function.id, standing.clone());
+                let called = CalledFunction { label: self.label(), parameters, result };
+                self.called_functions.insert(function.id, called.clone());
                 self.queue.push_back(function.id);
-                standing
+                called
             }
         };
-        for (&argument, parameter) in arguments.iter().zip(&standing.parameters) {
-            let words = self.translator.carried(argument)?;
+        for (&argument, parameter) in arguments.iter().zip(&called.parameters) {
+            let words = self.translator.words_unchecked(argument)?;
             for (&to, from) in parameter.iter().zip(words) {
                 self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
             }
         }
         self.translator.set_clock()?;
         let return_to = self.label();
-        self.end(Terminator::Call { function: standing.label, return_to });
+        self.end(Terminator::Call { function: called.label, return_to });
         self.begin(return_to);
-        let result = self.translator.fresh_words(standing.result.len() as u32)?;
-        for (&to, &from) in result.iter().zip(&standing.result) {
+        let result = self.translator.fresh_words(called.result.len() as u32)?;
+        for (&to, &from) in result.iter().zip(&called.result) {
             self.translator.emit(Op::Memory(memory::MemoryOp::Move { to, from }));
         }
-        self.translator.result(instruction, result);
+        self.translator.define_result(instruction, result);
         Ok(())
     }
 
-    /// Lowers a function that is really called.
-    pub(super) fn stand_alone(&mut self, id: Id) -> Result<()> {
-        let standing = self.standing[&id].clone();
+    /// Lowers a function that is not inlined.
+    pub(super) fn lower_called_function(&mut self, id: Id) -> Result<()> {
+        let called = self.called_functions[&id].clone();
         let Some(Definition::Function(index)) = self.module.definition(id) else {
             return Err(self.translator.invalid(format!("%{} is no function", id.0)));
         };
@@ -105,11 +108,11 @@ impl Lowering<'_> {
         let function = &module.functions[index as usize];
         self.scopes.push(Scope { parent: 0, call: 0, function: id });
         self.translator.origin = Origin { offset: 0, scope: self.scopes.len() as u32 - 1 };
-        self.translator.leave(0);
-        for (&(id, _), words) in function.parameters.iter().zip(standing.parameters) {
+        self.translator.truncate_locals(0);
+        for (&(id, _), words) in function.parameters.iter().zip(called.parameters) {
             self.translator.define(id, IdValue::Words(words));
         }
-        self.begin(standing.label);
-        self.body(function, &Return::StandingAlone { result: standing.result })
+        self.begin(called.label);
+        self.body(function, &ReturnTarget::Called { result: called.result })
     }
 }

@@ -1,4 +1,5 @@
-//! Programs without any optimisation: the reference that the optimizer is checked against.
+//! Completes programs without any optimisation: the reference that the optimizer is checked
+//! against.
 
 use rustc_hash::FxHashMap;
 
@@ -11,8 +12,8 @@ use crate::program::{OptimizedCode, Program, Superblock};
 /// Makes a program ready to run as it was translated, given the optimised one of the same entry
 /// point.
 ///
-/// Of that it takes only what decides the schedule of a launch, which is a part of what a shader
-/// means here where invocations share memory, and which instructions it has eliminated.
+/// The optimised program only determines the schedule of a launch, on which results depend if
+/// invocations share memory, and which instructions are eliminated.
 pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.silent = silent(program, optimized);
     program.order_dependent = optimized.order_dependent;
@@ -25,15 +26,16 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.optimized = OptimizedCode { ops: program.ops.clone(), supercode: None, superblocks };
 }
 
-/// What tells the operations of one instruction apart: a load of a whole structure has several.
-type Part = Option<(u32, u32, u32)>;
+/// The offset, width and count of a load, which identify it among the loads of one instruction: a
+/// load of a whole structure has several.
+type LoadedBytes = Option<(u32, u32, u32)>;
 
-/// By operation: whether the optimised program lacks it. A load whose value is dead is
-/// eliminated, and with it the trap that it might have raised.
+/// By operation: whether the optimised program lacks it. If a dead load is eliminated, its trap is
+/// eliminated, too.
 fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
-    let mut kept: FxHashMap<Origin, Vec<Part>> = FxHashMap::default();
+    let mut kept: FxHashMap<Origin, Vec<LoadedBytes>> = FxHashMap::default();
     for (op, origin) in optimized.ops.iter().zip(&optimized.origins).filter(|(op, _)| may_trap(op)) {
-        kept.entry(*origin).or_default().push(part(op));
+        kept.entry(*origin).or_default().push(loaded_bytes(op));
     }
     let mut counts: FxHashMap<Origin, usize> = FxHashMap::default();
     for (_, origin) in program.ops.iter().zip(&program.origins).filter(|(op, _)| may_trap(op)) {
@@ -43,7 +45,7 @@ fn silent(program: &Program, optimized: &Program) -> Vec<bool> {
         may_trap(op)
             && match kept.get(origin) {
                 None => true,
-                Some(parts) => parts.len() < counts[origin] && !parts.contains(&part(op)),
+                Some(parts) => parts.len() < counts[origin] && !parts.contains(&loaded_bytes(op)),
             }
     };
     program.ops.iter().zip(&program.origins).map(is_silent).collect()
@@ -58,7 +60,7 @@ fn may_trap(op: &Op) -> bool {
     )
 }
 
-fn part(op: &Op) -> Part {
+fn loaded_bytes(op: &Op) -> LoadedBytes {
     match op {
         Op::Memory(memory::MemoryOp::BufferLoad { chunk, .. }) => {
             Some((chunk.offset, chunk.width, chunk.count))

@@ -1,10 +1,10 @@
-//! Affine expressions of launch indices: what the index of a memory access is a function of.
+//! Affine expressions in launch indices, for the indices of memory accesses.
 
 use smallvec::SmallVec;
 
 use crate::machine::Binding;
 
-/// Consecutive numbers from an affine value on.
+/// Consecutive numbers, the first of which is an affine expression.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct AffineRange {
     pub from: AffineExpr,
@@ -20,8 +20,8 @@ pub(super) enum Symbol {
     Local(u8),
     /// A component of `LaunchSizeKHR`, or of `NumWorkgroups`.
     Size(u8),
-    /// The word at a byte of the push constants, or of an element of a binding: the same for all,
-    /// and known once resources are.
+    /// The word at a byte offset of the push constants, or of an element of a binding: uniform over
+    /// all invocations, and known once the resources are.
     Word(Option<(Binding, u32)>, u32),
 }
 
@@ -73,7 +73,7 @@ impl AffineExpr {
         Some(product)
     }
 
-    /// Its constant part, and the rest.
+    /// Splits it into its constant term and the rest.
     pub fn split(&self) -> (i64, Self) {
         let constant = self.0.iter().find(|(symbols, _)| symbols.is_empty()).map_or(0, |term| term.1);
         (constant, Self(self.0.iter().filter(|(symbols, _)| !symbols.is_empty()).cloned().collect()))
@@ -81,17 +81,17 @@ impl AffineExpr {
 }
 
 impl AffineRange {
-    /// Whether no value of one is a value of the other, by what remains when they are divided by a
-    /// power of two that all their terms are multiples of: numbers of 32 bits begin anew behind
-    /// one.
-    pub fn avoids(&self, other: &Self) -> bool {
+    /// Whether no value of one range is a value of the other. This compares the constant terms
+    /// modulo the greatest power of two that divides all other factors, at most 2^32, so it also
+    /// holds if 32-bit arithmetic wraps around.
+    pub fn is_disjoint_from(&self, other: &Self) -> bool {
         let ((own, rest), (others, other_rest)) = (self.from.split(), other.from.split());
         let terms = rest.0.iter().chain(&other_rest.0);
         let zeros = terms.map(|(_, factor)| factor.trailing_zeros()).min().unwrap_or(32).min(32);
         let step = 1u64 << zeros;
-        let ahead = others.wrapping_sub(own).rem_euclid(step as i64) as u64;
+        let distance = others.wrapping_sub(own).rem_euclid(step as i64) as u64;
         let fits = |distance: u64, count: u64| distance > 0 && count <= distance;
-        fits(ahead, self.count) && fits(step - ahead, other.count)
+        fits(distance, self.count) && fits(step - distance, other.count)
     }
 }
 

@@ -1,35 +1,35 @@
-//! Which row of an image each invocation of a launch reaches: where it is its own, the image need
-//! not be there as a whole.
+//! Which row of an image each invocation of a launch accesses: if it is its own row, the image need
+//! not be in memory as a whole.
 
-use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, Stored, Symbol, Trace};
+use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, StoredMemory, Symbol, ValueTracking};
 use crate::machine::Binding;
-use crate::ops::atomic::Target as AtomicTarget;
+use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
 use crate::ops::op::Op;
 use crate::program::Program;
 
-/// The one row of an image that an invocation reaches.
+/// The only row of an image that an invocation accesses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OwnRow {
-    /// That of its launch index: y.
+    /// The row of its launch index: y.
     Same,
     /// Counted from the other end: the launch's height - 1 - y.
     Mirrored,
 }
 
 impl LaunchExtent<'_> {
-    /// The row of the image at a binding to which programs keep, whatever they do there: load,
-    /// store, change by atomic instructions. Asking for the image's size is no matter.
+    /// The row of the image at a binding that programs access, by loads, stores or atomic
+    /// instructions. Queries of the image's size do not count.
     ///
     /// # Errors
-    /// The first program that may reach another row, or of which it is not known.
+    /// The first program that may access another row, or an unknown one.
     pub fn own_row<'p>(
         &self,
         programs: &[&'p Program],
         binding: Binding,
     ) -> std::result::Result<OwnRow, &'p Program> {
         let accesses: Vec<&MemoryAccess> = programs.iter().flat_map(|program| &program.accesses).collect();
-        let stored = Stored::new(self, &accesses);
+        let stored = StoredMemory::new(self, &accesses);
         let mut row = None;
         for &program in programs.iter().filter(|program| program.bindings().any(|one| one == binding)) {
             for reached in texels(program, binding) {
@@ -42,9 +42,9 @@ impl LaunchExtent<'_> {
         Ok(row.unwrap_or(OwnRow::Same))
     }
 
-    /// The row that a coordinate is.
-    fn row(&self, coordinate: &AffineExpr, stored: &Stored) -> Option<OwnRow> {
-        // Coordinates have 32 bits, and so have these.
+    /// The row that a coordinate selects.
+    fn row(&self, coordinate: &AffineExpr, stored: &StoredMemory) -> Option<OwnRow> {
+        // Coordinates have 32 bits and wrap around.
         let (mut constant, mut by) = (0_u32, 0_u32);
         for (symbols, factor) in &coordinate.0 {
             let (mut product, mut varies) = (*factor as u32, false);
@@ -75,35 +75,35 @@ impl LaunchExtent<'_> {
     }
 }
 
-/// The row of every access of a program that may reach a texel of the image at a binding; `None`
-/// where it is not known, or several.
+/// The row of every access of a program to a texel of the image at a binding, where `None` stands
+/// for an unknown row or several rows.
 fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
-    let mut trace = Trace::new(program);
+    let mut values = ValueTracking::new(program);
     let here = |memory: Memory| [Memory::Binding(binding), Memory::Unknown].contains(&memory);
     let mut rows = Vec::new();
     for op in &program.ops {
         let place = match op {
-            Op::Image(ImageOp::Read(op)) => &op.place,
-            Op::Image(ImageOp::Write(op)) => &op.place,
+            Op::Image(ImageOp::Read(op)) => &op.texel,
+            Op::Image(ImageOp::Write(op)) => &op.texel,
             Op::Atomic(op) => match &op.target {
                 AtomicTarget::Texel(place) => place,
                 AtomicTarget::Buffer(_) | AtomicTarget::Registers { .. } => continue,
             },
-            Op::Image(ImageOp::Sample(op)) if !here(trace.handle(op.image)) => continue,
-            Op::Image(ImageOp::Footprint(op)) if !here(trace.handle(op.image)) => continue,
-            // They read from several images.
+            Op::Image(ImageOp::Sample(op)) if !here(values.handle(op.image)) => continue,
+            Op::Image(ImageOp::Footprint(op)) if !here(values.handle(op.image)) => continue,
+            // A sample may read several rows, and image processing reads several images.
             Op::Image(ImageOp::Sample(_) | ImageOp::Footprint(_) | ImageOp::Process(_)) => {
                 rows.push(None);
                 continue;
             }
             _ => continue,
         };
-        if !here(trace.handle(place.image)) {
+        if !here(values.handle(place.image)) {
             continue;
         }
-        // Whatever the column is: outside the image it traps, or is dropped.
+        // The column does not matter: outside the image the access traps, or is ignored.
         let plain = place.offset.is_none() && place.level.is_none() && place.sample.is_none();
-        let row = place.coordinate.get(1).filter(|_| plain).and_then(|&row| trace.value(row));
+        let row = place.coordinate.get(1).filter(|_| plain).and_then(|&row| values.value(row));
         let row = row.filter(|row| row.count == 1).map(|row| row.from);
         if !rows.contains(&row) {
             rows.push(row);

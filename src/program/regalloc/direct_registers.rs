@@ -1,6 +1,6 @@
-//! Moves values and constants from extended registers to direct ones that are free.
+//! Renames extended registers of values and constants to direct registers that are free.
 //!
-//! Superinstructions name the first [`DIRECT_REGISTERS`] registers by one byte; see
+//! Superinstructions encode the first [`DIRECT_REGISTERS`] registers in one byte; see
 //! [`crate::ops::superop`].
 
 use rustc_hash::FxHashMap;
@@ -10,51 +10,56 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::superop::DIRECT_REGISTERS;
 use crate::program::Program;
-use crate::program::copy_propagation::{Shared, each_read};
-use crate::program::regalloc::{LocalValues, RegisterPool, Single, each_single, is_idle};
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
+use crate::program::regalloc::{LocalValues, OperandKind, RegisterPool, for_each_renameable, is_noop};
 
 /// Renames extended registers whose values live longer than a superblock to free direct ones.
 ///
-/// Returns the direct registers that were taken, and by register the one that it is now. As values
-/// are written before they are read, it may be one that batches begin with zeros.
+/// Returns the direct registers that were taken, and by register its new name. A direct register
+/// that batches initialize with zeros may be taken, because values are written before they are
+/// read.
 pub(super) fn rename_values(
     program: &Program,
     ops: &mut [Op],
     pool: &RegisterPool,
-    shared: &Shared,
+    aliased: &AliasedRegisters,
     values: &LocalValues,
 ) -> (Vec<Reg>, Vec<Reg>) {
     let extended = |register: u32| register as usize >= DIRECT_REGISTERS;
     let registers = program.register_count as usize;
-    let mut stays: Vec<bool> = (0..registers).map(|register| shared.holds(Reg(register as u32))).collect();
+    let mut stays: Vec<bool> =
+        (0..registers).map(|register| aliased.contains(Reg(register as u32))).collect();
     let mut is_variable = vec![false; registers];
     for register in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
         (stays[register as usize], is_variable[register as usize]) = (true, true);
     }
     program.constants.iter().for_each(|(reg, _)| stays[reg.0 as usize] = true);
-    program.blocks.iter().for_each(|block| each_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
-    // Registers of variables first: constants cannot have those.
+    program
+        .blocks
+        .iter()
+        .for_each(|block| for_each_terminator_read(&block.terminator, |reg| stays[reg.0 as usize] = true));
+    // Takes registers of variables first, because constants cannot have those.
     let is_variable = |reg: &Reg| is_variable[reg.0 as usize];
-    let untaken = pool.untaken().iter().copied().filter(|reg| !extended(reg.0));
-    let (mut order, others): (Vec<Reg>, Vec<Reg>) = untaken.partition(is_variable);
+    let never_taken = pool.never_taken().iter().copied().filter(|reg| !extended(reg.0));
+    let (mut order, others): (Vec<Reg>, Vec<Reg>) = never_taken.partition(is_variable);
     order.extend(others);
     if order.is_empty() {
         return (order, Vec::new());
     }
-    // By register: the one that it becomes.
+    // By register: its new name.
     let mut renamed: Vec<Reg> = (0..program.register_count).map(Reg).collect();
     let mut taken = 0;
     for op in ops {
-        each_single(op, |reg, _| {
+        for_each_renameable(op, |reg, _| {
             let register = reg.0 as usize;
-            // Registers that values of one superblock share already stand behind all others.
+            // New registers of the pool come after all others.
             if !extended(reg.0) || register >= registers {
                 return;
             }
             if renamed[register] == *reg
                 && taken < order.len()
                 && !stays[register]
-                && values.stands_alone(*reg)
+                && values.is_renameable(*reg)
             {
                 renamed[register] = order[taken];
                 taken += 1;
@@ -72,34 +77,34 @@ pub(super) fn rename_constants(program: &mut Program, ops: &mut [Op], pool: &Reg
     let words: FxHashMap<Reg, u32> =
         program.constants.iter().copied().filter(|&(reg, _)| extended(reg)).collect();
     let mut renamed: FxHashMap<Reg, Reg> = FxHashMap::default();
-    // Every batch begins with zeros in variables, and keeps what constants it was made with.
-    let mut begins_as_zero = [false; DIRECT_REGISTERS];
+    // Every batch begins with zeros in variables, and keeps its constants.
+    let mut initially_zero = [false; DIRECT_REGISTERS];
     for register in program.variables.iter().flat_map(|&(first, count)| first.0..first.0 + count) {
-        if let Some(zero) = begins_as_zero.get_mut(register as usize) {
+        if let Some(zero) = initially_zero.get_mut(register as usize) {
             *zero = true;
         }
     }
-    let mut untaken = pool
-        .untaken()
+    let mut never_taken = pool
+        .never_taken()
         .iter()
         .copied()
-        .filter(|&reg| !extended(reg) && !begins_as_zero[reg.0 as usize] && !taken.contains(&reg))
+        .filter(|&reg| !extended(reg) && !initially_zero[reg.0 as usize] && !taken.contains(&reg))
         .peekable();
-    if untaken.peek().is_none() {
+    if never_taken.peek().is_none() {
         return;
     }
-    // A copy that is gone stays so.
-    for op in ops.iter_mut().filter(|op| !is_idle(op)) {
+    // A copy that became a no-op stays one.
+    for op in ops.iter_mut().filter(|op| !is_noop(op)) {
         if let Op::LaneKernel { .. }
         | Op::Memory(memory::MemoryOp::Move { .. } | memory::MemoryOp::MoveMasked { .. }) = op
         {
-            each_single(op, |reg, single| {
-                if single != Single::Read || !extended(*reg) {
+            for_each_renameable(op, |reg, kind| {
+                if kind != OperandKind::Use || !extended(*reg) {
                     return;
                 }
                 let Some(&word) = words.get(reg) else { return };
                 let known = renamed.get(reg).copied().or_else(|| {
-                    let register = untaken.next()?;
+                    let register = never_taken.next()?;
                     program.constants.push((register, word));
                     renamed.insert(*reg, register);
                     Some(register)
@@ -115,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_programs_name_direct_registers_alone() {
+    fn long_programs_have_few_extended_registers() {
         for name in ["arithmetic.rgen", "light.rchit", "heavy.rchit"] {
             let path = format!("{}/spirv-fixtures/bench/{name}.spv", env!("CARGO_MANIFEST_DIR"));
             let module = crate::Module::open(path).expect("a valid fixture");
@@ -140,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_direct_constant_has_a_row_that_no_batch_begins_with_zeros() {
+    fn a_direct_constant_has_a_register_that_is_not_zeroed() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/bench/arithmetic.rgen.spv");
         let module = crate::Module::open(path).expect("a valid fixture");
         let mut program = Program::of(&module, "main").expect("a supported fixture");

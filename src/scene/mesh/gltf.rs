@@ -205,11 +205,11 @@ impl Reader {
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             return Err(invalid("a primitive without positions"));
         };
-        self.check(&positions, &[DataType::F32], Dimensions::Vec3)?;
+        self.check_accessor(&positions, &[DataType::F32], Dimensions::Vec3)?;
         let indices = primitive.indices();
         if let Some(accessor) = &indices {
             // glTF 2.0, 3.7.2.1
-            self.check(accessor, &[DataType::U8, DataType::U16, DataType::U32], Dimensions::Scalar)?;
+            self.check_accessor(accessor, &[DataType::U8, DataType::U16, DataType::U32], Dimensions::Scalar)?;
         }
         let count = positions.count();
         let corners = indices.as_ref().map_or(count, Accessor::count);
@@ -248,9 +248,9 @@ impl Reader {
         }
     }
 
-    /// The `gltf` crate trusts accessors; this makes sure that each has a type that is read, and
-    /// stays within its buffer.
-    fn check(&mut self, accessor: &Accessor<'_>, types: &[DataType], dimensions: Dimensions) -> Result<()> {
+    /// Checks that an accessor has a type that is read and is within its buffer, which the `gltf`
+    /// crate does not.
+    fn check_accessor(&mut self, accessor: &Accessor<'_>, types: &[DataType], dimensions: Dimensions) -> Result<()> {
         let index = accessor.index();
         let wrong = |what: &str| Err(invalid(format!("accessor {index} {what}")));
         if !types.contains(&accessor.data_type()) || accessor.dimensions() != dimensions {
@@ -266,7 +266,7 @@ impl Reader {
         }
         self.check_limit(limit.0, limit.1).map_err(|error| error.context(format!("accessor {index}")))?;
         if let Some(view) = accessor.view() {
-            if !self.holds(&view, accessor.offset(), count, accessor.size()) {
+            if !self.view_contains(&view, accessor.offset(), count, accessor.size()) {
                 return wrong("reaches beyond its buffer");
             }
         } else if accessor.sparse().is_none() {
@@ -281,15 +281,15 @@ impl Reader {
         let changed = sparse.count();
         if changed == 0
             || changed > count
-            || !self.holds(&indices.view(), indices.offset(), changed, indices.index_type().size())
-            || !self.holds(&values.view(), values.offset(), changed, accessor.size())
+            || !self.view_contains(&indices.view(), indices.offset(), changed, indices.index_type().size())
+            || !self.view_contains(&values.view(), values.offset(), changed, accessor.size())
         {
             return wrong("has sparse values beyond their buffer");
         }
         Ok(())
     }
 
-    fn holds(&self, view: &gltf::buffer::View<'_>, offset: usize, count: usize, size: usize) -> bool {
+    fn view_contains(&self, view: &gltf::buffer::View<'_>, offset: usize, count: usize, size: usize) -> bool {
         let stride = view.stride().unwrap_or(size);
         let last = (count - 1).checked_mul(stride).and_then(|x| x.checked_add(size));
         let end = last.and_then(|x| x.checked_add(offset));
@@ -301,8 +301,8 @@ impl Reader {
     }
 }
 
-/// Cuts corners into triangles while they are read (glTF 2.0, 3.7.2.1): strips alternate their
-/// winding, fans turn around their first corner.
+/// Makes triangles of corners while they are read: of strips, which alternate their winding, and
+/// fans, which share their first corner (glTF 2.0, 3.7.2.1).
 struct Cut<'a> {
     mode: Mode,
     /// The index of the primitive's first vertex.
@@ -349,7 +349,7 @@ impl Cut<'_> {
     }
 }
 
-/// RFC 4648, section 4, with or without padding.
+/// Decodes base64 (RFC 4648, section 4), with or without padding.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let digits = text.trim_end_matches('=').bytes().map(|byte| match byte {
         b'A'..=b'Z' => Some(byte - b'A'),

@@ -34,7 +34,7 @@ fn decode(path: &Path, bytes: &[u8], object: Option<&str>, limits: &InputLimits)
         Ok((models, _)) => models,
         Err(error) => {
             let error = invalid(format!("not a Wavefront OBJ file: {error}"));
-            return Err(match line_to_blame(path, bytes) {
+            return Err(match first_invalid_line(path, bytes) {
                 Some(place) => error.at(place),
                 None => error,
             });
@@ -78,23 +78,23 @@ fn check_counts(bytes: &[u8], limits: &InputLimits) -> Result<()> {
     check(InputLimit::MeshValues, objects)
 }
 
-/// tobj names the kind of mistake but not its line: this finds the first line that it refuses by
-/// itself, after as many vertices as stand before it.
-fn line_to_blame(path: &Path, bytes: &[u8]) -> Option<Place> {
+/// Finds the first invalid line, given the number of vertices before it: the errors of tobj have no
+/// line number.
+fn first_invalid_line(path: &Path, bytes: &[u8]) -> Option<Place> {
     let text = std::str::from_utf8(bytes).ok()?;
-    // Positions, texture coordinates, normals.
+    // The numbers of positions, texture coordinates and normals.
     let mut counts = [0_i64; 3];
     let mut start = 0;
     for line in text.split_inclusive('\n') {
         let mut words = line.split_whitespace();
-        let broken = match words.next() {
-            Some("v") => count_if(&mut counts[0], words, 3),
-            Some("vt") => count_if(&mut counts[1], words, 2),
-            Some("vn") => count_if(&mut counts[2], words, 3),
+        let invalid_line = match words.next() {
+            Some("v") => count_line(&mut counts[0], words, 3),
+            Some("vt") => count_line(&mut counts[1], words, 2),
+            Some("vn") => count_line(&mut counts[2], words, 3),
             Some("f") => !words.all(|corner| is_corner(corner, counts)),
             _ => false,
         };
-        if broken {
+        if invalid_line {
             let span = start..start + line.trim_end().len();
             return Some(Place::Text { file: path.display().to_string(), text: text.into(), span });
         }
@@ -103,14 +103,14 @@ fn line_to_blame(path: &Path, bytes: &[u8]) -> Option<Place> {
     None
 }
 
-/// Counts a line of numbers; true where it is broken.
-fn count_if<'w>(count: &mut i64, words: impl Iterator<Item = &'w str>, least: usize) -> bool {
+/// Counts a line of numbers; returns whether it is invalid.
+fn count_line<'w>(count: &mut i64, words: impl Iterator<Item = &'w str>, least: usize) -> bool {
     let numbers: Vec<Option<f32>> = words.map(|word| word.parse().ok()).collect();
     *count += 1;
     numbers.len() < least || numbers.iter().any(Option::is_none)
 }
 
-/// Whether a corner, `position[/texture[/normal]]`, names things that exist.
+/// Whether the indices of a corner, `position[/texture[/normal]]`, exist.
 fn is_corner(corner: &str, counts: [i64; 3]) -> bool {
     corner.split('/').zip(counts).enumerate().all(|(i, (word, count))| match word.parse::<i64>() {
         Ok(index) => (1..=count).contains(&index) || (-count..0).contains(&index),

@@ -65,7 +65,7 @@ impl Diagnostics {
         self.notes.borrow_mut().push(note);
     }
 
-    /// The notes so far, which are forgotten: a line of text each.
+    /// Removes and returns the notes, a line of text each.
     pub fn take_notes(&self) -> Vec<String> {
         self.notes.take()
     }
@@ -80,7 +80,7 @@ impl Diagnostics {
         self.errors.borrow().len() + self.counted.get()
     }
 
-    /// Whether nothing is wrong so far.
+    /// Whether there are no mistakes so far.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

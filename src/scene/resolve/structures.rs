@@ -9,24 +9,24 @@ use crate::scene::read::Span;
 use crate::scene::resolve::Resolver;
 
 /// The instances of one TLAS; `None` where a BLAS could not be made.
-struct Members<'a> {
+struct TlasMembers<'a> {
     tlas: &'a str,
-    placed: Vec<Option<Placed<'a>>>,
+    instances: Vec<Option<SpannedInstance<'a>>>,
 }
 
-/// An instance and where it is written.
-struct Placed<'a> {
+/// An instance with its span in the scene.
+struct SpannedInstance<'a> {
     instance: TlasInstance,
     span: &'a Span,
 }
 
 impl Resolver<'_> {
-    /// A BLAS for every list of geometries, a TLAS for every name. A name is there even where its
-    /// structure could not be made, so that one mistake is not reported as another.
+    /// Builds a BLAS for every list of geometries, and a TLAS for every name. A name without a
+    /// structure is in the list, too, so that its error is not reported as an unknown name.
     pub(super) fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
         let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
-        let mut instances: Vec<Members<'_>> = Vec::new();
+        let mut instances: Vec<TlasMembers<'_>> = Vec::new();
         let mut places: HashMap<&str, usize> = HashMap::new();
         for entry in &self.instances {
             let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
@@ -34,42 +34,43 @@ impl Resolver<'_> {
                 let blas = self.blas(entry, &mut loaded);
                 blases.insert(names.clone(), blas);
             }
-            let placed = blases[&names].clone();
-            let placed = placed.map(|blas| Placed { instance: entry.instance(blas), span: &entry.span });
+            let spanned = blases[&names].clone();
+            let spanned =
+                spanned.map(|blas| SpannedInstance { instance: entry.instance(blas), span: &entry.span });
             let at = *places.entry(&entry.tlas).or_insert_with(|| {
-                instances.push(Members { tlas: &entry.tlas, placed: Vec::new() });
+                instances.push(TlasMembers { tlas: &entry.tlas, instances: Vec::new() });
                 instances.len() - 1
             });
-            instances[at].placed.push(placed);
+            instances[at].instances.push(spanned);
         }
-        // A geometry that no instance shows may still hold a mistake.
+        // Geometries without instances are loaded to report their errors.
         for entry in &self.geometry.entries {
             if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str())) {
                 self.report.keep(content.load(self.files));
             }
         }
-        let build = |members: Members<'_>| {
-            let placed = members.placed.into_iter().collect::<Option<Vec<_>>>();
-            (members.tlas.to_string(), placed.and_then(|placed| self.tlas(&placed)))
+        let build = |members: TlasMembers<'_>| {
+            let spanned = members.instances.into_iter().collect::<Option<Vec<_>>>();
+            (members.tlas.to_string(), spanned.and_then(|spanned| self.tlas(&spanned)))
         };
         instances.into_iter().map(build).collect()
     }
 
-    /// What the geometries of each instance of a TLAS are called.
+    /// The names of the geometries of each instance of a TLAS.
     pub(super) fn geometry_names(&self, tlas: &str) -> Vec<Vec<String>> {
         let names = |entry: &InstanceEntry| entry.geometry.iter().map(|name| name.value.clone()).collect();
         self.instances.iter().filter(|entry| entry.tlas == tlas).map(names).collect()
     }
 
-    fn tlas(&self, list: &[Placed<'_>]) -> Option<Arc<Tlas>> {
-        let instances = list.iter().map(|placed| placed.instance.clone()).collect();
+    fn tlas(&self, list: &[SpannedInstance<'_>]) -> Option<Arc<Tlas>> {
+        let instances = list.iter().map(|spanned| spanned.instance.clone()).collect();
         let error = match Tlas::with_precision(instances, self.precision) {
             Ok(tlas) => return Some(tlas),
             Err(error) => error,
         };
-        // A TLAS knows no lines: by itself, each wrong instance shows its own.
+        // The error of a TLAS has no span: each instance is built by itself to find the wrong ones.
         let before = self.report.len();
-        for Placed { instance, span } in list {
+        for SpannedInstance { instance, span } in list {
             if let Err(error) = Tlas::new(vec![instance.clone()]) {
                 let message = error.message().trim_start_matches("instance 0: ");
                 self.report.push(span.error(message));
@@ -105,12 +106,13 @@ impl Resolver<'_> {
             Ok(blas) => return Some(blas),
             Err(error) => error,
         };
-        // A BLAS knows no lines, either; what is wrong with a geometry is reported once.
+        // The error of a BLAS has no span either; each wrong geometry is reported once.
         let before = self.report.len();
         for name in &entry.geometry {
             let Some(geometry) = loaded.get_mut(name.value.as_str()) else { continue };
-            let alone = geometry.clone().map(|geometry| Blas::new(vec![geometry]));
-            let (Some(Err(error)), Some(found)) = (alone, self.find(&self.geometry, name, "geometry")) else {
+            let single = geometry.clone().map(|geometry| Blas::new(vec![geometry]));
+            let (Some(Err(error)), Some(found)) = (single, self.find(&self.geometry, name, "geometry"))
+            else {
                 continue;
             };
             *geometry = None;

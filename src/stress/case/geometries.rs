@@ -6,7 +6,7 @@ use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing};
 use crate::stress::case::{Shape, StressCase};
 
 /// The most primitives in a geometry of a case, so that cases with many have several geometries.
-const MOST: usize = 48;
+const MAX_PRIMITIVES: usize = 48;
 
 /// The kinds of primitives, each of which can share a geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +49,8 @@ impl StressCase {
         let mut rest = &self.shapes[..];
         while let Some(first) = rest.first() {
             let kind = first.kind()?;
-            let fits = |at: usize| rest[at].kind() == Some(kind) && (at < MOST || rest[at].follows());
+            let fits =
+                |at: usize| rest[at].kind() == Some(kind) && (at < MAX_PRIMITIVES || rest[at].follows());
             let count = (0..rest.len()).find(|&at| !fits(at)).unwrap_or(rest.len());
             geometries.push(geometry(kind, &rest[..count])?);
             counts.push(count);
@@ -104,7 +105,8 @@ fn geometry(kind: Kind, shapes: &[Shape]) -> Option<Geometry> {
     })
 }
 
-/// As pairs of vertices, or by successive indices if some follow others.
+/// Makes the data of swept spheres: pairs of vertices, or successive indices if some continue
+/// others.
 fn swept(end_caps: EndCaps, shapes: &[Shape]) -> Option<GeometryData> {
     let (mut all_positions, mut all_radii) = (Vec::<[f32; 3]>::new(), Vec::<f32>::new());
     let mut indices = Vec::new();

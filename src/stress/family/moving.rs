@@ -2,9 +2,9 @@
 
 use crate::accel::motion::interpolate;
 use crate::geometry::Ray;
-use crate::stress::case::{Moves, Placement, Shape, StressCase};
+use crate::stress::case::{MotionKeys, Placement, Shape, StressCase};
 use crate::stress::draw::Draw;
-use crate::stress::family::trees::{few, is_regular, sheet};
+use crate::stress::family::trees::{few_shapes, is_invertible, sheet};
 
 /// A time from 0 to 1: often an end, or next to one.
 fn time(draw: &mut Draw) -> f32 {
@@ -45,24 +45,24 @@ pub fn moving_triangles(draw: &mut Draw) -> StressCase {
     let there = later(target);
     let target = std::array::from_fn(|i| interpolate(target[i], there[i], time));
     let (origin, direction) = draw.aim(target, scale);
-    let placed = draw.placed(origin, direction);
-    StressCase { time, ..StressCase::new(shapes, placed) }
+    let transformed = draw.transformed(origin, direction);
+    StressCase { time, ..StressCase::new(shapes, transformed) }
 }
 
 /// How an instance moves, with an inverse at both ends.
-fn moves(draw: &mut Draw, scale: f32) -> Moves {
+fn moves(draw: &mut Draw, scale: f32) -> MotionKeys {
     loop {
         let moves = if draw.one_in(2) { matrices(draw, scale) } else { decompositions(draw, scale) };
         let motion = moves.motion();
         let is_valid = motion.is_finite()
-            && [0.0, 1.0].iter().all(|&time| motion.at(time).is_some_and(|matrix| is_regular(&matrix)));
+            && [0.0, 1.0].iter().all(|&time| motion.at(time).is_some_and(|matrix| is_invertible(&matrix)));
         if is_valid {
             return moves;
         }
     }
 }
 
-fn matrices(draw: &mut Draw, scale: f32) -> Moves {
+fn matrices(draw: &mut Draw, scale: f32) -> MotionKeys {
     let mut first = draw.matrix();
     (0..3).for_each(|i| first[i][3] *= scale);
     let mut second = first;
@@ -78,10 +78,10 @@ fn matrices(draw: &mut Draw, scale: f32) -> Moves {
         3 => second.as_flattened_mut().iter_mut().for_each(|x| *x = x.next_up()),
         _ => second = draw.matrix(),
     }
-    Moves::Matrix([first, second])
+    MotionKeys::Matrix([first, second])
 }
 
-fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
+fn decompositions(draw: &mut Draw, scale: f32) -> MotionKeys {
     let mut key = [0.0; 16];
     let small = draw.one_in(2);
     for at in [0, 4, 7] {
@@ -121,7 +121,7 @@ fn decompositions(draw: &mut Draw, scale: f32) -> Moves {
         }
         _ => other.iter_mut().for_each(|x| *x = if *x == 0.0 { 0.0 } else { x.next_up() }),
     }
-    Moves::Srt([key, other])
+    MotionKeys::Srt([key, other])
 }
 
 /// A box whose corner stays fixed while the elements of its matrix are exchanged, and rounding
@@ -134,18 +134,18 @@ fn still_corner(draw: &mut Draw) -> StressCase {
             let row = |draw: &mut Draw| [draw.unit(), draw.unit(), draw.unit(), draw.unit() * s];
             let first = [row(draw), row(draw), row(draw)];
             let second = first.map(|[a, b, c, d]| [[b, a, c, d], [c, b, a, d], [b, c, a, d]][draw.below(3)]);
-            Moves::Matrix([first, second])
+            MotionKeys::Matrix([first, second])
         })
         .filter(|moves| {
             let motion = moves.motion();
-            [0.0, 1.0].iter().all(|&time| motion.at(time).is_some_and(|matrix| is_regular(&matrix)))
+            [0.0, 1.0].iter().all(|&time| motion.at(time).is_some_and(|matrix| is_invertible(&matrix)))
         })
         .collect();
     let shape = Shape::Aabb([[0.0; 3], [s; 3]]);
-    let Some(seen) = all.first().and_then(|moves| moves.motion().at(time)) else {
-        return StressCase::new(vec![shape], draw.placed([0.0; 3], [s; 3]));
+    let Some(visible) = all.first().and_then(|moves| moves.motion().at(time)) else {
+        return StressCase::new(vec![shape], draw.transformed([0.0; 3], [s; 3]));
     };
-    let corner = seen.map(|[a, b, c, d]| {
+    let corner = visible.map(|[a, b, c, d]| {
         let wide = [a, b, c].iter().map(|&x| f64::from(x) * f64::from(s)).sum::<f64>() + f64::from(d);
         let near = wide as f32;
         [near, near, near.next_up(), near.next_down()][draw.below(4)]
@@ -163,7 +163,7 @@ pub fn moving_instances(draw: &mut Draw) -> StressCase {
     if draw.one_in(6) {
         return still_corner(draw);
     }
-    let (shapes, target, scale) = few(draw);
+    let (shapes, target, scale) = few_shapes(draw);
     let time = time(draw);
     let (origin, direction) = draw.aim(target, scale);
     let all: Vec<_> = (0..[1, 3, 9][draw.below(3)])
@@ -176,9 +176,9 @@ pub fn moving_instances(draw: &mut Draw) -> StressCase {
         })
         .collect();
     // The ray is aimed in the space of one of them.
-    let seen = draw.below(all.len());
-    let matrix = all[seen].motion.and_then(|moves| moves.motion().at(time));
-    let ray = match matrix.filter(is_regular) {
+    let visible = draw.below(all.len());
+    let matrix = all[visible].motion.and_then(|moves| moves.motion().at(time));
+    let ray = match matrix.filter(is_invertible) {
         Some(matrix) => draw.image(matrix, origin, direction).0,
         None => Ray::new(origin, direction),
     };

@@ -66,9 +66,9 @@ impl Sheet {
 }
 
 /// A case with a ray at a target.
-fn aimed(draw: &mut Draw, shapes: Vec<Shape>, target: [f32; 3], scale: f32) -> StressCase {
+fn case_aimed_at(draw: &mut Draw, shapes: Vec<Shape>, target: [f32; 3], scale: f32) -> StressCase {
     let (origin, direction) = draw.aim(target, scale);
-    StressCase::new(shapes, draw.placed(origin, direction))
+    StressCase::new(shapes, draw.transformed(origin, direction))
 }
 
 pub fn meshes(draw: &mut Draw) -> StressCase {
@@ -78,7 +78,7 @@ pub fn meshes(draw: &mut Draw) -> StressCase {
     let target = sheet.target(draw);
     let scale = sheet.scale;
     let shapes = sheet.triangles.into_iter().map(Shape::Triangle).collect();
-    aimed(draw, shapes, target, scale)
+    case_aimed_at(draw, shapes, target, scale)
 }
 
 pub fn grids(draw: &mut Draw) -> StressCase {
@@ -98,12 +98,12 @@ pub fn grids(draw: &mut Draw) -> StressCase {
     });
     let shapes = shapes.collect();
     let target = std::array::from_fn(|_| (draw.below(2 * side + 1) as f32 * 0.5 - 1.0) * scale);
-    aimed(draw, shapes, target, scale)
+    case_aimed_at(draw, shapes, target, scale)
 }
 
 pub fn strands(draw: &mut Draw) -> StressCase {
     if draw.one_in(4) {
-        return level(draw);
+        return coplanar_ends(draw);
     }
     let (shapes, scale) = strand(draw);
     let Shape::LinearSweptSphere { positions, radii, .. } = shapes[draw.below(shapes.len())] else {
@@ -111,15 +111,15 @@ pub fn strands(draw: &mut Draw) -> StressCase {
     };
     if draw.one_in(3) {
         let target = positions[draw.below(2)];
-        return aimed(draw, shapes, target, scale);
+        return case_aimed_at(draw, shapes, target, scale);
     }
-    let placed = draw.ray_near(positions, radii);
-    StressCase::new(shapes, placed)
+    let transformed = draw.ray_near(positions, radii);
+    StressCase::new(shapes, transformed)
 }
 
 /// Swept spheres whose ends touch one plane, with different heights and radii, and a ray in that
 /// plane: boxes around their halves end there, too, where the middle of the axis is rounded.
-fn level(draw: &mut Draw) -> StressCase {
+fn coplanar_ends(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let [up, along, across] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]][draw.below(3)];
     let top = draw.unit() * scale;
@@ -139,7 +139,7 @@ fn level(draw: &mut Draw) -> StressCase {
     let Shape::LinearSweptSphere { positions: [p, q], .. } = shapes[draw.below(shapes.len())] else {
         unreachable!("bug in anyhit: a strand of other shapes")
     };
-    // Through about the middle, across or along.
+    // The ray passes near the middle, across or along.
     let u = [0.5, 0.5, draw.unit().abs()][draw.below(3)];
     let mut target: [f32; 3] = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * u);
     target[up] = [top, top.next_up(), top.next_down()][draw.below(3)];
@@ -205,10 +205,10 @@ pub fn swarms(draw: &mut Draw) -> StressCase {
         // Where two of a lattice touch, or close to it.
         let mut target = center;
         target[draw.below(3)] += radius;
-        return aimed(draw, shapes, target, scale);
+        return case_aimed_at(draw, shapes, target, scale);
     }
-    let placed = draw.ray_near([center; 2], [radius; 2]);
-    StressCase::new(shapes, placed)
+    let transformed = draw.ray_near([center; 2], [radius; 2]);
+    StressCase::new(shapes, transformed)
 }
 
 pub fn soups(draw: &mut Draw) -> StressCase {
@@ -235,7 +235,7 @@ pub fn soups(draw: &mut Draw) -> StressCase {
 }
 
 /// A few shapes of a kind, a target for a ray, and their scale.
-pub fn few(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
+pub fn few_shapes(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
     match draw.below(4) {
         0 => {
             let side = 1 + draw.below(3);
@@ -277,7 +277,7 @@ pub fn few(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
 }
 
 pub fn places(draw: &mut Draw) -> StressCase {
-    let (shapes, target, scale) = few(draw);
+    let (shapes, target, scale) = few_shapes(draw);
     let count = 2 + draw.below(20);
     let kind = draw.below(4);
     let matrix = |draw: &mut Draw, k: usize| {
@@ -306,13 +306,13 @@ pub fn places(draw: &mut Draw) -> StressCase {
         m
     };
     let matrices: Vec<_> = (0..count).map(|k| matrix(draw, k)).collect();
-    let matrices: Vec<_> = matrices.into_iter().filter(is_regular).collect();
+    let matrices: Vec<_> = matrices.into_iter().filter(is_invertible).collect();
     let (origin, direction) = draw.aim(target, scale);
     if matrices.is_empty() {
-        return StressCase::new(shapes, draw.placed(origin, direction));
+        return StressCase::new(shapes, draw.transformed(origin, direction));
     }
-    let seen = matrices[draw.below(matrices.len())];
-    let (ray, transform) = draw.image(seen, origin, direction);
+    let visible = matrices[draw.below(matrices.len())];
+    let (ray, transform) = draw.image(visible, origin, direction);
     let mut case = StressCase::new(shapes, (ray, transform));
     case.hidden = 0;
     case.others = matrices
@@ -327,6 +327,6 @@ pub fn places(draw: &mut Draw) -> StressCase {
 }
 
 /// Whether a matrix has an inverse.
-pub fn is_regular(m: &[[f32; 4]; 3]) -> bool {
+pub fn is_invertible(m: &[[f32; 4]; 3]) -> bool {
     Transform::new(m).is_some()
 }

@@ -1,5 +1,5 @@
-//! What instructions read of an intersection: a candidate, a committed hit, or what a hit object
-//! encodes.
+//! A view of an intersection, for the instructions that read one: a candidate, a committed hit, or
+//! the hit of a hit object.
 
 use crate::accel::{Candidate, Primitive, Tlas, TraceRay};
 use crate::geometry::{ObjectRay, Surface};
@@ -8,70 +8,70 @@ use crate::ops::builtin::{columns, floats};
 
 /// An intersection with its ray.
 #[derive(Clone, Copy)]
-pub struct Seen<'a> {
+pub struct IntersectionView<'a> {
     /// The acceleration structure.
     pub tlas: &'a Tlas,
     /// The ray and its time.
     pub trace: &'a TraceRay,
-    /// What the ray meets.
+    /// The candidate, or that which was committed.
     pub candidate: &'a Candidate,
-    /// Where; for a box's candidate its entry.
+    /// The ray parameter; for the candidate of a box, that of its entry.
     pub t: f32,
-    /// Whether it is a hit, not a candidate.
+    /// Whether it is a committed hit, not a candidate.
     pub committed: bool,
 }
 
 /// Writes one word.
-pub fn word(to: &mut [u32], word: u32) -> Result<(), TrapCode> {
+pub fn write_word(to: &mut [u32], word: u32) -> Result<(), TrapCode> {
     to[0] = word;
     Ok(())
 }
 
 /// Writes floats.
-pub fn put(to: &mut [u32], values: &[f32]) -> Result<(), TrapCode> {
+pub fn write_floats(to: &mut [u32], values: &[f32]) -> Result<(), TrapCode> {
     floats(to, values);
     Ok(())
 }
 
-impl Seen<'_> {
-    /// The ray parameter, which a box's candidate has none of.
+impl IntersectionView<'_> {
+    /// The ray parameter, which the candidate of a box does not have.
     pub fn t(self, to: &mut [u32]) -> Result<(), TrapCode> {
         if self.candidate.is_box() && !self.committed {
             return Err(TrapCode::RayQueryNotTriangle);
         }
-        put(to, &[self.t])
+        write_floats(to, &[self.t])
     }
 
     /// `InstanceCustomIndexKHR`
     pub fn custom_index(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        word(to, self.candidate.instance_in(self.tlas).custom_index)
+        write_word(to, self.candidate.instance_in(self.tlas).custom_index)
     }
 
     /// `instanceShaderBindingTableRecordOffset`
     pub fn sbt_record_offset(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        word(to, self.candidate.instance_in(self.tlas).sbt_record_offset)
+        write_word(to, self.candidate.instance_in(self.tlas).sbt_record_offset)
     }
 
     /// Barycentrics; (u, 0) of spheres and linear swept spheres.
     pub fn barycentrics(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        self.no_box()?;
-        put(to, &self.candidate.intersection.attributes)
+        self.require_not_box()?;
+        write_floats(to, &self.candidate.intersection.attributes)
     }
 
     /// Whether a triangle shows its front.
     pub fn front_face(self, to: &mut [u32]) -> Result<(), TrapCode> {
-        self.no_box()?;
-        word(to, u32::from(self.candidate.intersection.surface == Surface::TriangleFront))
+        self.require_not_box()?;
+        write_word(to, u32::from(self.candidate.intersection.surface == Surface::TriangleFront))
     }
 
-    fn no_box(self) -> Result<(), TrapCode> {
+    fn require_not_box(self) -> Result<(), TrapCode> {
         if self.candidate.is_box() { Err(TrapCode::RayQueryNotTriangle) } else { Ok(()) }
     }
 
     /// A part of the ray in object space.
     pub fn object_ray(self, to: &mut [u32], part: fn(&ObjectRay) -> [f32; 3]) -> Result<(), TrapCode> {
         let ray = self.tlas.object_ray(self.candidate.instance, &self.trace.ray, self.trace.time);
-        put(to, &ray.map_or([0.0; 3], |ray| part(&ray)))
+        write_floats(to, &ray.map_or([0.0; 3], |ray| part(&ray)))
     }
 
     /// `ObjectToWorldKHR`
@@ -89,7 +89,7 @@ impl Seen<'_> {
     /// The vertices of a triangle.
     pub fn vertex_positions(self, to: &mut [u32]) -> Result<(), TrapCode> {
         match self.candidate.primitive_in(self.tlas, self.trace.time) {
-            Some(Primitive::Triangle(vertices)) => put(to, vertices.as_flattened()),
+            Some(Primitive::Triangle(vertices)) => write_floats(to, vertices.as_flattened()),
             _ => Err(TrapCode::NotTriangle),
         }
     }

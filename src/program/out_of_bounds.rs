@@ -1,6 +1,7 @@
-//! The index that an access trapped for: its value, the array and the length of that.
+//! Describes the out-of-bounds index of an access that trapped: its value, the array and the
+//! array's length.
 
-use crate::machine::{Accessed, Reg, Trap, TrapCode};
+use crate::machine::{AccessFault, Reg, Trap, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::atomic;
@@ -18,40 +19,42 @@ mod opcode {
     pub const VECTOR_INSERT_DYNAMIC: u16 = 78;
 }
 
-/// An index of a chain, and what it chooses from.
-struct Step {
-    /// What stands before it: `table`, `block.registers[2]`.
+/// An index of an access chain, and the composite that it indexes.
+struct ChainIndex {
+    /// The source expression of the composite: `table`, `block.registers[2]`.
     path: String,
     /// The array, vector or matrix.
     from: TypeId,
     index: Id,
-    /// The bytes from the beginning of the block on, where they are known.
+    /// The composite's offset in bytes from the beginning of the block, where it is known.
     offset: Option<u64>,
 }
 
 impl Program {
-    /// The index that was outside its array, of an access that trapped; `missed` tells when a
-    /// computed index was outside at an operation last, and which it was.
+    /// Describes the index that was out of bounds in an access that trapped. `last_out_of_bounds`
+    /// returns, for an operation that computes an index, when it last was out of bounds, and its
+    /// value.
     pub fn describe_index(
         &self,
         trap: Trap,
         fault_value: u64,
-        accessed: Option<&Accessed>,
-        missed: impl Fn(u32) -> Option<(u64, u32)>,
+        accessed: Option<&AccessFault>,
+        last_out_of_bounds: impl Fn(u32) -> Option<(u64, u32)>,
     ) -> Option<String> {
         match trap.code {
             TrapCode::IndexOutOfBounds => {
-                let found = self.indices(trap.op).into_iter().filter_map(|at| Some((missed(at)?, at)));
-                // Of those that lead here, the last: others were outside some other time.
+                let found =
+                    self.indices(trap.op).into_iter().filter_map(|at| Some((last_out_of_bounds(at)?, at)));
+                // The last one that was out of bounds caused this trap.
                 let ((_, index), at) = found.max()?;
-                self.describe_missed(at, index)
+                self.describe_computed_index(at, index)
             }
             TrapCode::BufferOutOfBounds => self.describe_element(trap.op, fault_value, accessed?),
             _ => None,
         }
     }
 
-    /// The operations that compute the indices that an operation goes by.
+    /// The operations that compute the indices of an access.
     fn indices(&self, op: u32) -> Vec<u32> {
         let mut found = Vec::new();
         let mut work: Vec<Reg> = Vec::new();
@@ -87,28 +90,28 @@ impl Program {
         found
     }
 
-    fn describe_missed(&self, at: u32, index: u32) -> Option<String> {
+    fn describe_computed_index(&self, at: u32, index: u32) -> Option<String> {
         let Op::Memory(memory::MemoryOp::Index { length, .. }) = self.ops[at as usize] else { return None };
-        let steps = self.steps(self.origins[at as usize].offset);
-        let chosen = |step: &&Step| {
-            let constant = self.module.scalar_value(step.index).map(|known| known as u32);
+        let chain_indices = self.chain_indices(self.origins[at as usize].offset);
+        let may_be_it = |chain_index: &&ChainIndex| {
+            let constant = self.module.scalar_value(chain_index.index).map(|known| known as u32);
             constant.is_none_or(|known| known == index)
                 && match length {
                     Length::Known(length) => {
-                        self.count(step.from).is_none_or(|count| count == u64::from(length))
+                        self.count(chain_index.from).is_none_or(|count| count == u64::from(length))
                     }
-                    Length::Unknown => self.count(step.from).is_none(),
+                    Length::Unknown => self.count(chain_index.from).is_none(),
                 }
         };
-        let mut chosen = steps.iter().filter(chosen);
-        let (first, others) = (chosen.next()?, chosen.count());
+        let mut candidates = chain_indices.iter().filter(may_be_it);
+        let (first, others) = (candidates.next()?, candidates.count());
         let index = self.describe_value(first.index, index);
         Some(match (others, self.count(first.from)) {
             (0, Some(_)) => {
                 format!("{index} of {}, which has {}", first.path, self.describe_count(first.from))
             }
             (0, None) => format!("{index} of {}", first.path),
-            // Two sides of one length: which of them it is, the value has to tell.
+            // Several dimensions have the same length: the message names the whole array.
             (_, Some(_)) => {
                 format!("{index} of a side of {} with {}", first.path, self.describe_count(first.from))
             }
@@ -116,15 +119,16 @@ impl Program {
         })
     }
 
-    /// The element of a runtime array that an access beyond the end of its buffer asked for.
-    fn describe_element(&self, op: u32, fault_value: u64, accessed: &Accessed) -> Option<String> {
-        let Accessed::Buffer { size, .. } = *accessed else { return None };
+    /// Describes the element of a runtime array that an access beyond the end of its buffer
+    /// indexed.
+    fn describe_element(&self, op: u32, fault_value: u64, accessed: &AccessFault) -> Option<String> {
+        let AccessFault::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {
             Op::Memory(
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => chunk.index?,
             Op::Atomic(op) => match &op.target {
-                atomic::Target::Buffer(chunk) => chunk.index?,
+                atomic::AtomicTarget::Buffer(chunk) => chunk.index?,
                 _ => return None,
             },
             _ => return None,
@@ -135,15 +139,15 @@ impl Program {
             }) => (to == index).then_some((at, stride)),
             _ => None,
         })?;
-        let steps = self.steps(self.origins[at].offset);
-        // Behind an array of blocks without an end is that of the block.
-        let step = steps.iter().rfind(|step| self.count(step.from).is_none())?;
-        let (offset, stride) = (step.offset?, u64::from(stride.max(1)));
+        let chain_indices = self.chain_indices(self.origins[at].offset);
+        // The last runtime array is that of the block; an array of blocks may precede it.
+        let chain_index = chain_indices.iter().rfind(|chain_index| self.count(chain_index.from).is_none())?;
+        let (offset, stride) = (chain_index.offset?, u64::from(stride.max(1)));
         let index = u32::try_from(fault_value.checked_sub(offset)? / stride).ok()?;
         let count = size.saturating_sub(offset) / stride;
         let elements = if count == 1 { "element" } else { "elements" };
-        let index = self.describe_value(step.index, index);
-        Some(format!("{index} of {}, which has {count} {elements} in this buffer", step.path))
+        let index = self.describe_value(chain_index.index, index);
+        Some(format!("{index} of {}, which has {count} {elements} in this buffer", chain_index.path))
     }
 
     fn describe_value(&self, index: Id, value: u32) -> String {
@@ -154,8 +158,7 @@ impl Program {
         }
     }
 
-    /// How many parts a value of a type has to choose from; `None` where only a buffer or binding
-    /// tells.
+    /// The length of a composite type; `None` where it depends on a buffer or a binding.
     fn count(&self, ty: TypeId) -> Option<u64> {
         match *self.module.ty(ty) {
             Type::Array { length, .. } => self.module.scalar_value(length),
@@ -182,8 +185,8 @@ impl Program {
         }
     }
 
-    /// The indices of the instruction at a word offset, but for those of members.
-    fn steps(&self, offset: u32) -> Vec<Step> {
+    /// The indices of the instruction at a word offset, except for those of struct members.
+    fn chain_indices(&self, offset: u32) -> Vec<ChainIndex> {
         let words = &self.module.words;
         let Some(&head) = words.get(offset as usize) else { return Vec::new() };
         let end = (offset as usize + (head >> 16) as usize).min(words.len());
@@ -191,16 +194,16 @@ impl Program {
         let vector = |vector: u32, index: u32| {
             let from = self.module.type_of(Id(vector));
             let path = self.path(Id(vector)).map(|path| format!("`{path}`"));
-            let step = |from| {
+            let chain_index = |from| {
                 let path = path.unwrap_or_else(|| self.describe_type(from));
-                Step { path, from, index: Id(index), offset: None }
+                ChainIndex { path, from, index: Id(index), offset: None }
             };
-            from.map(step).into_iter().collect()
+            from.map(chain_index).into_iter().collect()
         };
         match (head as u16, operands) {
             (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..])
             | (opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN, [base, _, indices @ ..]) => {
-                self.walk(Id(*base), indices).0
+                self.follow_indices(Id(*base), indices).0
             }
             (opcode::VECTOR_EXTRACT_DYNAMIC, &[from, index]) => vector(from, index),
             (opcode::VECTOR_INSERT_DYNAMIC, &[from, _, index]) => vector(from, index),
@@ -208,17 +211,17 @@ impl Program {
         }
     }
 
-    /// Follows indices from a pointer on: the steps that choose from arrays and the like, and the
-    /// path to where they lead.
-    fn walk(&self, base: Id, indices: &[u32]) -> (Vec<Step>, String) {
+    /// Follows indices from a pointer on: returns those into arrays, vectors and matrices, and the
+    /// source expression of the part that they lead to.
+    fn follow_indices(&self, base: Id, indices: &[u32]) -> (Vec<ChainIndex>, String) {
         let module = &self.module;
         let mut path = self.path(base).unwrap_or_default();
-        let mut steps = Vec::new();
+        let mut chain_indices = Vec::new();
         let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
             Type::Pointer { pointee, .. } => pointee,
             _ => None,
         });
-        let Some(mut ty) = pointee else { return (steps, path) };
+        let Some(mut ty) = pointee else { return (chain_indices, path) };
         let is_variable = matches!(module.definition(base), Some(Definition::Variable(_)));
         let mut offset = is_variable.then_some(0u64);
         for &index in indices {
@@ -243,10 +246,10 @@ impl Program {
                 | Type::RuntimeArray { element: part, .. }
                 | Type::Vector { component: part, .. }
                 | Type::Matrix { column: part, .. }) => {
-                    // An array of blocks has a buffer for each.
+                    // Each block of an array has a buffer of its own.
                     let blocks = matches!(module.ty(part), Type::Struct { block: true, .. });
                     let path = if path.is_empty() { self.describe_type(ty) } else { format!("`{path}`") };
-                    steps.push(Step { path, from: ty, index: Id(index), offset });
+                    chain_indices.push(ChainIndex { path, from: ty, index: Id(index), offset });
                     offset = offset.filter(|_| blocks);
                     ty = part;
                 }
@@ -256,10 +259,10 @@ impl Program {
                 path += &known.map_or_else(|| "[]".to_owned(), |at| format!("[{at}]"));
             }
         }
-        (steps, path)
+        (chain_indices, path)
     }
 
-    /// What the source calls a variable, or a part of one.
+    /// The source expression of a variable, or of a part of one.
     fn path(&self, id: Id) -> Option<String> {
         let module = &self.module;
         if let Some(name) = module.name(id) {
@@ -272,13 +275,13 @@ impl Program {
                 let operands = module.operands(instruction);
                 match (instruction.opcode, operands) {
                     (opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN, [base, indices @ ..]) => {
-                        Some(self.walk(Id(*base), indices).1).filter(|path| !path.is_empty())
+                        Some(self.follow_indices(Id(*base), indices).1).filter(|path| !path.is_empty())
                     }
                     _ => None,
                 }
             }
             Definition::Variable(_) => {
-                // A block without an instance name goes by its own.
+                // A block without an instance name has the name of its type.
                 let Type::Pointer { pointee, .. } = *module.ty(module.type_of(id)?) else { return None };
                 module.name(module.id_of_type(pointee?)?).map(str::to_owned)
             }

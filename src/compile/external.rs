@@ -12,12 +12,13 @@ use crate::error::{Error, ErrorKind, Result};
 /// An installed compiler.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Tool {
-    /// Its program.
+    /// The path of its program.
     pub(super) path: PathBuf,
 }
 
 impl Tool {
-    /// What an environment variable names, else the first of these names on the `PATH`.
+    /// Finds the program that an environment variable names, else the first of some names on the
+    /// `PATH`.
     pub(super) fn find(variable: &str, names: &[&str]) -> Result<Self> {
         let missing = |what: String| Error::new(ErrorKind::UnsupportedTool, what);
         if let Some(given) = env::var_os(variable).filter(|given| !given.is_empty()) {
@@ -39,16 +40,17 @@ impl Tool {
         self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// The first line that it answers to a question for its version.
+    /// The first line that it prints when it is asked for its version.
     pub(super) fn version(&self, arguments: &[&str]) -> Result<String> {
         let output = run(Command::new(&self.path).args(arguments))?;
-        Ok(said(&output).trim().lines().next().unwrap_or("of unknown version").to_owned())
+        Ok(printed(&output).trim().lines().next().unwrap_or("of unknown version").to_owned())
     }
 
-    /// What distinguishes one build of it from another without running it: path, size and time of
-    /// the program, and of the libraries beside it and in the `lib` next to its folder.
+    /// Identifies a build of the tool without running it: path, size and time of the program, and
+    /// of the libraries in its folder and in the `lib` next to it.
     ///
-    /// Asking the program for its version would be slower than reading a compiled module.
+    /// Running the program to get its version would take longer than reading a module from the
+    /// cache.
     pub(super) fn identity(&self) -> String {
         let path = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
@@ -73,33 +75,33 @@ impl Tool {
     }
 }
 
-/// A program by its path, or by its name on the `PATH`.
+/// Finds a program by its path, or by its name on the `PATH`.
 fn program(name: &Path) -> Option<PathBuf> {
-    let spelt = |path: PathBuf| {
+    let with_or_without_suffix = |path: PathBuf| {
         let with_suffix = path.with_extension(env::consts::EXE_EXTENSION);
         [path, with_suffix].into_iter().find(|path| path.is_file())
     };
     if name.components().count() > 1 {
         // Absolute, because it is run in the folder of the source.
-        return spelt(name.to_owned()).and_then(|path| std::path::absolute(path).ok());
+        return with_or_without_suffix(name.to_owned()).and_then(|path| std::path::absolute(path).ok());
     }
-    env::split_paths(&env::var_os("PATH")?).find_map(|folder| spelt(folder.join(name)))
+    env::split_paths(&env::var_os("PATH")?).find_map(|folder| with_or_without_suffix(folder.join(name)))
 }
 
-/// The place of one run: the folder of a source, and one for what comes out, removed afterwards.
-pub(super) struct Desk {
-    work: tempfile::TempDir,
+/// The folders of one compiler run: that of the source, and a temporary one for the output.
+pub(super) struct Workspace {
+    output_folder: tempfile::TempDir,
     folder: PathBuf,
 }
 
-impl Desk {
-    /// Makes ready to compile a source. A source in memory is written out, so that one path serves
-    /// both kinds.
+impl Workspace {
+    /// Prepares to compile a source. A source in memory is written to the temporary folder, so that
+    /// compilers always read a file.
     pub(super) fn new(source: &Source) -> Result<Self> {
-        let work = tempfile::Builder::new().prefix("anyhit-").tempdir();
-        let work = work.map_err(|error| Error::io(env::temp_dir(), error))?;
-        let mut folder = work.path().to_owned();
-        if source.on_disk() {
+        let output_folder = tempfile::Builder::new().prefix("anyhit-").tempdir();
+        let output_folder = output_folder.map_err(|error| Error::io(env::temp_dir(), error))?;
+        let mut folder = output_folder.path().to_owned();
+        if source.is_file() {
             let own = source.folder();
             folder = if own.as_os_str().is_empty() { PathBuf::from(".") } else { own.to_owned() };
         } else {
@@ -109,17 +111,17 @@ impl Desk {
             fs::write(&path, source.text().as_bytes()).map_err(|error| Error::io(&path, error))?;
         }
         let folder = fs::canonicalize(&folder).map_err(|error| Error::io(&folder, error))?;
-        Ok(Self { work, folder: plain(&folder) })
+        Ok(Self { output_folder, folder: without_verbatim_prefix(&folder) })
     }
 
-    /// Where names of files start from.
+    /// The folder that names of files are relative to.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Where the module is to be written.
+    /// The path to which the compiler writes the module.
     pub(super) fn output(&self) -> PathBuf {
-        self.work.path().join("out.spv")
+        self.output_folder.path().join("out.spv")
     }
 
     /// Runs a compiler in the source's folder.
@@ -127,14 +129,14 @@ impl Desk {
         run(command.current_dir(&self.folder))
     }
 
-    /// The module that a compiler wrote; without one, the error holds what the compiler printed.
-    pub(super) fn module(&self, said: String) -> Result<Vec<u8>> {
-        fs::read(self.output()).map_err(|error| Error::io(self.output(), error).note(said))
+    /// The module that a compiler wrote; if there is none, the error has what the compiler printed.
+    pub(super) fn module(&self, printed: String) -> Result<Vec<u8>> {
+        fs::read(self.output()).map_err(|error| Error::io(self.output(), error).note(printed))
     }
 }
 
-/// All that a compiler printed.
-pub(super) fn said(output: &Output) -> String {
+/// Everything that a compiler printed.
+pub(super) fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout)
 }
 
@@ -146,7 +148,7 @@ fn run(command: &mut Command) -> Result<Output> {
 }
 
 /// Windows' canonical paths begin with `\\?\`, which compilers do not take.
-fn plain(path: &Path) -> PathBuf {
+fn without_verbatim_prefix(path: &Path) -> PathBuf {
     match path.to_str().and_then(|text| text.strip_prefix(r"\\?\")) {
         Some(text) => text.into(),
         None => path.into(),
@@ -158,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_missing_tool_is_told_by_all_its_names() {
+    fn a_missing_tool_is_reported_with_all_its_names() {
         let error = Tool::find("ANYHIT_NO_SUCH_VARIABLE", &["no-such-slangc", "nor-this"]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
         assert_eq!(error.message(), "no compiler `no-such-slangc`, `nor-this` is installed");
@@ -166,7 +168,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_tool_is_found_and_another_build_of_it_is_told_apart() {
+    fn a_tool_is_found_and_its_builds_are_distinguished() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("glslc");
         fs::write(&path, "one").unwrap();

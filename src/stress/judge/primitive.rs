@@ -1,4 +1,4 @@
-//! Judges the results for one primitive: hit or miss, the surface, t and the attributes.
+//! Checks the results for one primitive: hit or miss, the surface, t and the attributes.
 
 use crate::geometry::block::{self, BoxRay, CullRay, LANES, ShearedRay};
 use crate::geometry::{
@@ -9,7 +9,7 @@ use crate::math::f32x8::BaselineSimd;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 use crate::stress::case::Shape;
 use crate::stress::judge::{Failure, Tally, fail};
-use crate::stress::reference::{Expected, LineOf};
+use crate::stress::reference::{Expected, ObjectLine};
 
 /// The result of the primitive tests, for a shape that does not move.
 pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
@@ -24,13 +24,13 @@ pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option
     }
 }
 
-/// The test of a block of triangles, on vectors.
-struct Met<'a> {
+/// The SIMD test of a block of triangles.
+struct BlockTest<'a> {
     block: &'a block::Triangle4,
     ray: &'a ShearedRay,
 }
 
-impl LaneTask for Met<'_> {
+impl LaneTask for BlockTest<'_> {
     type Output = u32;
 
     #[inline(always)]
@@ -39,16 +39,16 @@ impl LaneTask for Met<'_> {
     }
 }
 
-/// The test of a triangle of it, on vectors.
-struct Tested<'a> {
+/// The SIMD intersection of one triangle of a block.
+struct SimdIntersection<'a> {
     block: &'a block::Triangle4,
     lane: usize,
     ray: &'a ObjectRay,
-    /// Whether the ray is treated as one in world space.
+    /// Whether the ray is in world space.
     in_world: bool,
 }
 
-impl LaneTask for Tested<'_> {
+impl LaneTask for SimdIntersection<'_> {
     type Output = Verdict<Intersection>;
 
     #[inline(always)]
@@ -66,14 +66,14 @@ impl LaneTask for Tested<'_> {
 pub struct LineAndPrimitive<'a> {
     /// The primitive at the time.
     pub shape: &'a Shape,
-    pub line: &'a LineOf,
+    pub line: &'a ObjectLine,
     pub matrix: Option<&'a [[f32; 4]; 3]>,
     pub precision: Precision,
     pub index: usize,
 }
 
 impl LineAndPrimitive<'_> {
-    /// Where the line hits it; `None` for a box, whose entry depends on the interval.
+    /// The hit of the line; `None` for a box, whose entry depends on the interval.
     pub fn expected(&self) -> Option<Expected> {
         match *self.shape {
             Shape::Triangle(vertices) => self.line.triangle(vertices),
@@ -85,7 +85,7 @@ impl LineAndPrimitive<'_> {
         }
     }
 
-    /// The block test, with the primitive in one lane and nothing in the others.
+    /// Checks the block test, with the primitive in one lane and the other lanes empty.
     pub fn check_block(
         &self,
         ray: &ObjectRay,
@@ -93,14 +93,14 @@ impl LineAndPrimitive<'_> {
         tally: &mut Tally,
     ) -> Result<(), Failure> {
         let lane = self.index % LANES;
-        // As [`CullRay::new`] prepares it, and in an instance in f32 as well.
+        // The ray of [`CullRay::new`], and in an instance also the approximate one in f32.
         let transform = self.matrix.and_then(Transform::new);
         let approximate = transform.and_then(|transform| transform.approximate(ray.world()));
         let cull_rays = |bounds: &Bounds| {
             let approximate = approximate.and_then(|approximate| CullRay::approximate(&approximate, bounds));
             [Some(CullRay::new(ray, bounds)), approximate].into_iter().flatten()
         };
-        let (met, is_met) = match *self.shape {
+        let (hit_mask, is_hit) = match *self.shape {
             Shape::Triangle(vertices) => {
                 let Some(bounds) = triangle::bounds(vertices) else { return Ok(()) };
                 let mut block = block::Triangle4::EMPTY;
@@ -111,17 +111,18 @@ impl LineAndPrimitive<'_> {
                 let sheared =
                     cull_rays(&bounds).map(|ray| ShearedRay::of(&ray)).chain(world_space).chain(well_scaled);
                 let both = |ray: &ShearedRay| {
-                    block.maybe_hit_mask(BaselineSimd, ray) & CpuTier::new().run(Met { block: &block, ray })
+                    block.maybe_hit_mask(BaselineSimd, ray)
+                        & CpuTier::new().run(BlockTest { block: &block, ray })
                 };
-                (sheared.fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
+                (sheared.fold(u32::MAX, |hit_mask, ray| hit_mask & both(&ray)), expected.is_some())
             }
             Shape::MovingTriangle(_) => return Ok(()),
             Shape::Aabb([min, max]) => {
                 let Some(bounds) = aabb::bounds(min, max) else { return Ok(()) };
                 let mut block = block::Aabb4::EMPTY;
                 block.set(lane, min, max);
-                let is_met = self.line.aabb(min, max, ray.t_min(), ray.t_max()).is_some();
-                (block.maybe_hit_mask(&BoxRay::new(ray, &bounds)), is_met)
+                let is_hit = self.line.aabb(min, max, ray.t_min(), ray.t_max()).is_some();
+                (block.maybe_hit_mask(&BoxRay::new(ray, &bounds)), is_hit)
             }
             Shape::Sphere { center, radius } => {
                 let Some(bounds) = sphere::bounds(center, radius) else { return Ok(()) };
@@ -129,7 +130,7 @@ impl LineAndPrimitive<'_> {
                 block.set(lane, center, radius);
                 (
                     cull_rays(&bounds)
-                        .fold(u32::MAX, |met, ray| met & block.maybe_hit_mask(BaselineSimd, &ray)),
+                        .fold(u32::MAX, |hit_mask, ray| hit_mask & block.maybe_hit_mask(BaselineSimd, &ray)),
                     expected.is_some(),
                 )
             }
@@ -140,13 +141,13 @@ impl LineAndPrimitive<'_> {
                 let both = |ray: &CullRay| {
                     block.maybe_hit_mask(BaselineSimd, ray) & block.maybe_hit_mask_tight(BaselineSimd, ray)
                 };
-                (cull_rays(&bounds).fold(u32::MAX, |met, ray| met & both(&ray)), expected.is_some())
+                (cull_rays(&bounds).fold(u32::MAX, |hit_mask, ray| hit_mask & both(&ray)), expected.is_some())
             }
         };
-        let kept = met >> lane & 1 != 0;
-        tally.dropped += u64::from(!kept);
-        if is_met && !kept {
-            return fail(format!("primitive {}: the block test drops what the line meets", self.index));
+        let kept = hit_mask >> lane & 1 != 0;
+        tally.culled += u64::from(!kept);
+        if is_hit && !kept {
+            return fail(format!("primitive {}: the block test culls what the line hits", self.index));
         }
         Ok(())
     }
@@ -165,21 +166,22 @@ impl LineAndPrimitive<'_> {
             return fail(format!("no object-space ray over {t_min:e}..{t_max:e}"));
         };
         let found = intersect(self.shape, &object, self.precision);
-        let place = || format!("primitive {index} over {t_min:e}..{t_max:e}");
+        let location = || format!("primitive {index} over {t_min:e}..{t_max:e}");
         if let (Shape::Triangle(vertices), Precision::Exact) = (self.shape, self.precision) {
             let mut block = block::Triangle4::EMPTY;
             let lane = index % LANES;
             block.set(lane, *vertices);
-            // In world space, both representations of the ray.
+            // In world space the ray has two representations.
             for in_world in [false, true].into_iter().filter(|in_world| !in_world || self.matrix.is_none()) {
-                let tested = CpuTier::new().run(Tested { block: &block, lane, ray: &object, in_world });
-                let agrees = match tested {
+                let with_simd =
+                    CpuTier::new().run(SimdIntersection { block: &block, lane, ray: &object, in_world });
+                let agrees = match with_simd {
                     Verdict::Hit(hit) => found == Some(hit),
                     Verdict::Miss => found.is_none(),
                     Verdict::Undecided => true,
                 };
                 if !agrees {
-                    return fail(format!("{}: {tested:?} with SIMD, otherwise {found:?}", place()));
+                    return fail(format!("{}: {with_simd:?} with SIMD, otherwise {found:?}", location()));
                 }
             }
         }
@@ -188,9 +190,9 @@ impl LineAndPrimitive<'_> {
             match (&found, entry) {
                 (None, None) => {}
                 (Some(hit), Some(t)) if t.rounds_to(hit.t) => tally.hits += 1,
-                (Some(hit), Some(_)) => return fail(format!("{}: t {:e} is wrong", place(), hit.t)),
+                (Some(hit), Some(_)) => return fail(format!("{}: t {:e} is wrong", location(), hit.t)),
                 (found, entry) => {
-                    return fail(format!("{}: hit {}, not {}", place(), found.is_some(), entry.is_some()));
+                    return fail(format!("{}: hit {}, not {}", location(), found.is_some(), entry.is_some()));
                 }
             }
             return Ok(found);
@@ -201,20 +203,20 @@ impl LineAndPrimitive<'_> {
             (None, None) => return Ok(None),
             (Some(hit), Some(expected)) => (hit, expected),
             (found, expected) => {
-                return fail(format!("{}: hit {}, not {}", place(), found.is_some(), expected.is_some()));
+                return fail(format!("{}: hit {}, not {}", location(), found.is_some(), expected.is_some()));
             }
         };
         if hit.surface != expected.surface {
-            return fail(format!("{}: {:?}, not {:?}", place(), hit.surface, expected.surface));
+            return fail(format!("{}: {:?}, not {:?}", location(), hit.surface, expected.surface));
         }
         if !expected.t.rounds_to(hit.t) {
-            return fail(format!("{}: t {:e} is wrong", place(), hit.t));
+            return fail(format!("{}: t {:e} is wrong", location(), hit.t));
         }
         for (value, exact) in hit.attributes.iter().zip(&expected.attributes) {
             let clamped =
                 hit.surface == Surface::Side && [f32::MIN_POSITIVE, 1.0f32.next_down()].contains(value);
             if !clamped && !exact.rounds_to(*value) {
-                return fail(format!("{}: attribute {value:e} is wrong", place()));
+                return fail(format!("{}: attribute {value:e} is wrong", location()));
             }
         }
         tally.hits += 1;

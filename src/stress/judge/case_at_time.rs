@@ -1,5 +1,5 @@
-//! A case at one time: where its instances and vertices are, and what a ray hits by testing every
-//! primitive, without boxes and BVHs.
+//! A case at one time: its instances and vertices are interpolated. The hits of a ray are found by
+//! testing every primitive, without bounding boxes and BVHs.
 
 use std::cmp::Ordering;
 
@@ -7,25 +7,25 @@ use crate::accel::motion::interpolate;
 use crate::accel::{InstanceFlags, RayFlags, TraceRay};
 use crate::geometry::{Intersection, ObjectRay, Precision, Ray, Surface, Transform};
 use crate::stress::case::{Placement, Shape, StressCase};
-use crate::stress::judge::one::intersect;
+use crate::stress::judge::primitive::intersect;
 use crate::stress::judge::{Failure, fail};
 use crate::stress::reference::motion::{is_between, is_transform};
 
 type Matrix = [[f32; 4]; 3];
 
 /// The primitives and instances of a case at a time.
-pub struct Moment {
+pub struct CaseAtTime {
     pub time: f32,
     /// The shapes at the time, without motion.
     pub shapes: Vec<Shape>,
-    pub places: Vec<PlacedInstance>,
+    pub instances: Vec<InstanceAtTime>,
 }
 
 /// An instance at a time.
-pub struct PlacedInstance {
+pub struct InstanceAtTime {
     placement: Placement,
-    /// The matrix at the time, if the instance moves and has one.
-    moved: Option<Matrix>,
+    /// The interpolated matrix, if the instance moves and has one at the time.
+    moved_matrix: Option<Matrix>,
     /// Object to world; without one it is the identity.
     pub matrix: Option<Matrix>,
     /// The transform, if there is a matrix and it has an inverse.
@@ -37,12 +37,12 @@ pub struct PlacedInstance {
 pub struct ExactHit {
     pub instance: usize,
     pub shape: usize,
-    /// The intersection, with the surface as the instance presents it.
+    /// The intersection; its surface depends on the flags of the instance.
     pub found: Intersection,
 }
 
-impl Moment {
-    /// The time must be one from 0 to 1.
+impl CaseAtTime {
+    /// Interpolates a case at a time from 0 to 1.
     pub fn new(case: &StressCase, time: f32) -> Self {
         let shapes = case.shapes.iter().map(|shape| match shape {
             Shape::MovingTriangle([first, second]) => {
@@ -51,25 +51,25 @@ impl Moment {
             }
             still => *still,
         });
-        let places = case.placements().into_iter().map(|placement| {
-            let moved = placement.motion.and_then(|moves| moves.motion().at(time));
+        let instances = case.placements().into_iter().map(|placement| {
+            let moved_matrix = placement.motion.and_then(|moves| moves.motion().at(time));
             let matrix = match placement.motion {
                 None => placement.transform,
-                // If there is no matrix there is no inverse either.
-                Some(_) => Some(moved.unwrap_or([[0.0; 4]; 3])),
+                // An instance without a matrix has no inverse either: the zero matrix has none.
+                Some(_) => Some(moved_matrix.unwrap_or([[0.0; 4]; 3])),
             };
             let transform = matrix.as_ref().and_then(Transform::new);
-            PlacedInstance { placement, moved, matrix, transform }
+            InstanceAtTime { placement, moved_matrix, matrix, transform }
         });
-        Self { time, shapes: shapes.collect(), places: places.collect() }
+        Self { time, shapes: shapes.collect(), instances: instances.collect() }
     }
 
     /// Checks the matrix of an instance at the time.
-    pub fn check_place(&self, instance: usize) -> Result<(), Failure> {
-        let PlacedInstance { placement, moved, .. } = &self.places[instance];
+    pub fn check_transform(&self, instance: usize) -> Result<(), Failure> {
+        let InstanceAtTime { placement, moved_matrix, .. } = &self.instances[instance];
         let Some(moves) = &placement.motion else { return Ok(()) };
-        if !is_transform(moves, self.time, moved.as_ref()) {
-            return fail(format!("instance {instance} at {:e}: {moved:?} is wrong", self.time));
+        if !is_transform(moves, self.time, moved_matrix.as_ref()) {
+            return fail(format!("instance {instance} at {:e}: {moved_matrix:?} is wrong", self.time));
         }
         Ok(())
     }
@@ -93,25 +93,25 @@ impl Moment {
 
     /// The ray in the object space of an instance.
     pub fn object_ray(&self, instance: usize, ray: &Ray) -> Option<ObjectRay> {
-        let place = &self.places[instance];
-        match place.matrix {
+        let instance_at_time = &self.instances[instance];
+        match instance_at_time.matrix {
             None => ObjectRay::in_world(ray),
-            Some(_) => ObjectRay::in_instance(ray, place.transform.as_ref()?),
+            Some(_) => ObjectRay::in_instance(ray, instance_at_time.transform.as_ref()?),
         }
     }
 
     /// All hits of a ray of this time, in the order of their keys (t, instance, primitive).
     pub fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<ExactHit> {
         let mut hits = Vec::new();
-        for (instance, place) in self.places.iter().enumerate() {
-            // Vulkan, "Ray Culling": the low eight bits of both masks share one.
-            if u32::from(place.placement.mask) & trace.cull_mask == 0 {
+        for (instance, instance_at_time) in self.instances.iter().enumerate() {
+            // Vulkan, "Ray Culling": the low eight bits of the masks have no bit in common.
+            if u32::from(instance_at_time.placement.mask) & trace.cull_mask == 0 {
                 continue;
             }
             let Some(ray) = self.object_ray(instance, &trace.ray) else { continue };
             for (shape, numbers) in self.shapes.iter().enumerate() {
                 let Some(found) = intersect(numbers, &ray, precision) else { continue };
-                if let Some(surface) = place.presents(found.surface, trace.flags) {
+                if let Some(surface) = instance_at_time.presented_surface(found.surface, trace.flags) {
                     hits.push(ExactHit { instance, shape, found: Intersection { surface, ..found } });
                 }
             }
@@ -123,9 +123,9 @@ impl Moment {
     }
 }
 
-impl PlacedInstance {
-    /// The side of a primitive that an instance presents; `None` where the ray's flags cull it.
-    fn presents(&self, surface: Surface, flags: RayFlags) -> Option<Surface> {
+impl InstanceAtTime {
+    /// The surface that is hit, given the instance's flags; `None` where the ray's flags cull it.
+    fn presented_surface(&self, surface: Surface, flags: RayFlags) -> Option<Surface> {
         let has = |flag: InstanceFlags| self.placement.flags & flag.0 != 0;
         let is_flipped = has(InstanceFlags::TRIANGLE_FLIP_FACING);
         let is_front = match surface {
