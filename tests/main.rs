@@ -24,6 +24,7 @@ mod instructions;
 #[cfg(all(feature = "proptest", feature = "wgsl"))]
 mod laws;
 mod layering;
+mod limits;
 mod load_fixtures;
 mod load_hostile;
 mod lower_fixtures;

@@ -9,6 +9,7 @@ pub mod check_math;
 pub mod compile;
 pub mod inspect;
 mod interrupt;
+mod limits;
 mod module_file;
 mod output;
 mod precision;

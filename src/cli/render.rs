@@ -6,13 +6,14 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
 use crate::machine::image::ImageShape;
-use crate::machine::{Binding, Descriptor};
+use crate::machine::{Binding, Descriptor, LaunchLimits};
 use crate::pipeline::{Band, BandedLaunch, StreamedImage};
 use crate::scene::image::{stream_png, write_png};
 use crate::scene::image_entry::ImageContent;
@@ -54,6 +55,9 @@ pub struct RenderArgs {
     #[command(flatten)]
     stability: StabilityArgs,
 
+    #[command(flatten)]
+    limits: LimitArgs,
+
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
@@ -73,11 +77,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
         LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
-    let resolved = match &args.scene {
+    let mut resolved = match &args.scene {
         Some(path) => scene::load(path, &DiskFiles, &options)?,
         None => scene::demo::scene(&options)?,
     };
     output::notes(&resolved.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut resolved);
     let Some((output, image)) = output_image(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));

@@ -9,11 +9,12 @@ use std::time::Instant;
 
 use clap::Args;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::Result;
 use crate::geometry::Precision;
-use crate::machine::MemoryPolicy;
+use crate::machine::{LaunchLimits, MemoryPolicy};
 use crate::scene::image::write_png;
 use crate::scene::{self, DiskFiles, LoadOptions};
 
@@ -50,6 +51,8 @@ pub struct RunArgs {
     stats: bool,
     #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
@@ -63,7 +66,7 @@ pub struct RunArgs {
 pub fn run(args: RunArgs) -> Result<()> {
     let begin = Instant::now();
     let is_scene = args.file.extension().is_some_and(|extension| extension == "toml");
-    let scene = match is_scene {
+    let mut scene = match is_scene {
         true => {
             args.bare_module.check_unused()?;
             let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
@@ -77,6 +80,7 @@ pub fn run(args: RunArgs) -> Result<()> {
         false => args.bare_module.scene(&args.file)?,
     };
     output::notes(&scene.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let mut assembled = scene::assemble(&scene)?;
     match args.memory.as_deref() {
         Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,

@@ -6,9 +6,11 @@ use std::time::Duration;
 
 use clap::Args;
 
+use crate::cli::limits::LaunchLimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
+use crate::machine::LaunchLimits;
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
 ///
@@ -28,7 +30,7 @@ pub struct SmokeArgs {
     /// The seed of all made-up values
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Instructions that an invocation may execute, counted at back edges and calls
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel)]
     fuel: u64,
     /// The old name of `--fuel`.
@@ -41,6 +43,8 @@ pub struct SmokeArgs {
     /// Try no further sets of values after this time; the report then depends on the machine
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     seconds: Option<Duration>,
+    #[command(flatten)]
+    limits: LaunchLimitArgs,
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
@@ -70,6 +74,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         seed: args.seed,
         fuel: args.budget.unwrap_or(args.fuel),
         total_fuel: args.total_fuel,
+        launch_limits: args.limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,
     };
     let report = smoke::run(&module, options);

@@ -6,11 +6,13 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::atomic_file;
+use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
+use crate::machine::LaunchLimits;
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
@@ -57,6 +59,8 @@ pub struct TestArgs {
     coverage: Option<PathBuf>,
     #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -159,6 +163,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         perturb: args.stability.perturbation(),
         no_explanation: args.no_explanation,
         colour,
+        limits: args.limits.limits(LaunchLimits::TESTS),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
     };
     suite.run(&options, &mut |finished| match args.format {

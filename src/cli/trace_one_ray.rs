@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
@@ -12,6 +13,7 @@ use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
+use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
 use crate::scene::{DiskFiles, LoadOptions, demo, load};
 
@@ -38,6 +40,8 @@ pub struct TraceOneRayArgs {
     json: bool,
     #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Show every instance and every primitive tested
     #[arg(long)]
     all: bool,
@@ -75,11 +79,12 @@ pub struct TraceOneRayArgs {
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
     let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
-    let scene = match &args.scene {
+    let mut scene = match &args.scene {
         Some(path) => load(path, &DiskFiles, &options)?,
         None => demo::scene(&options)?,
     };
     output::notes(&scene.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;

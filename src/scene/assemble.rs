@@ -278,6 +278,7 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     if let Some(operations) = shaders.scene.fuel {
         compute = compute.fuel(operations);
     }
+    compute = compute.launch_limits(shaders.scene.launch_limits);
     if let Some(size) = shaders.scene.subgroup_size {
         compute = compute.subgroup_size(size).map_err(at)?;
     }
@@ -332,6 +333,10 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     if let Some(operations) = scene.fuel {
         builder.fuel(operations);
     }
+    if let Some(depth) = scene.max_callable_depth {
+        builder.max_callable_depth(depth);
+    }
+    builder.launch_limits(scene.launch_limits);
     if let Some(size) = scene.subgroup_size {
         builder.subgroup_size(size);
     }
@@ -339,7 +344,8 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
 }
 
 fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
-    let mut resources = Resources { policy: scene.memory, ..Resources::default() };
+    let mut resources =
+        Resources { policy: scene.memory, printed_bytes: scene.printed_bytes, ..Resources::default() };
     let is_excluded = |one: &resolved::ResolvedBinding| excluded == Some((one.set, one.binding, one.element));
     for binding in scene.resources.iter().filter(|one| !is_excluded(one)) {
         let descriptor = match &binding.resource {

@@ -27,6 +27,7 @@ pub mod read;
 pub mod resolve;
 pub mod resolved;
 pub mod resources;
+mod run_limits;
 pub mod sampler;
 pub mod specialization;
 pub mod tree;
@@ -35,6 +36,7 @@ pub use assemble::{Assembled, assemble, assemble_without};
 pub use files::{DiskFiles, EmbeddedFiles, Files};
 pub use resolve::{LoadOptions, load, load_text};
 pub use resolved::ResolvedScene;
+pub use run_limits::RunLimits;
 
 #[cfg(test)]
 mod mistakes;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::machine::sampler::Sampler;
+use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::pipeline::DeviceProfile;
 use crate::scene::data::{DataPieces, read};
 use crate::scene::file::{
@@ -216,7 +217,17 @@ impl<'a> Resolver<'a> {
             pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
+            max_callable_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_callable_depth),
             fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.fuel),
+            launch_limits: LaunchLimits {
+                fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.launch_fuel).map(LaunchFuel::of),
+                ..LaunchLimits::default()
+            },
+            printed_bytes: self
+                .pipeline
+                .as_ref()
+                .and_then(|pipeline| pipeline.printed_bytes)
+                .map_or_else(PrintedBytes::default, PrintedBytes),
             memory: self.pipeline.as_ref().and_then(|pipeline| pipeline.memory).unwrap_or_default(),
             launch: self.launch,
             rays: self.rays,
