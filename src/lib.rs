@@ -69,7 +69,7 @@
 //!
 //! Imports go one way, and a test enforces it: `cli -> harness -> {debug, recording, stress,
 //! check_math} -> scene -> {pipeline, compile} -> interp -> program -> ops -> {module, machine ->
-//! accel} -> geometry -> {math, atomic_file} -> error`.
+//! accel} -> geometry -> math -> {input, atomic_file} -> error`.
 
 #![deny(unsafe_code)]
 
@@ -83,6 +83,7 @@ pub mod debug;
 pub mod error;
 pub mod geometry;
 pub mod harness;
+pub mod input;
 pub mod interp;
 pub mod machine;
 pub mod math;

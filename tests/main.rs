@@ -35,6 +35,8 @@ mod pipeline;
 mod profiles;
 mod random_modules;
 mod random_programs;
+mod readers;
+mod reading;
 mod readme;
 mod real_calls;
 mod rewriting;

@@ -7,6 +7,7 @@
 #[cfg(feature = "stress")]
 pub mod check_math;
 pub mod compile;
+mod input;
 pub mod inspect;
 mod interrupt;
 mod limits;

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use crate::cli::input::InputLimitArgs;
 use crate::cli::limits::LaunchLimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
@@ -21,9 +22,11 @@ use crate::machine::LaunchLimits;
 /// less than `--min-coverage`, 2 one is not supported or the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang)
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang), or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    limits: InputLimitArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -44,7 +47,7 @@ pub struct SmokeArgs {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     seconds: Option<Duration>,
     #[command(flatten)]
-    limits: LaunchLimitArgs,
+    launch_limits: LaunchLimitArgs,
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
@@ -66,7 +69,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = Arc::new(module_file::read_or_compile(&args.module)?);
+    let module = Arc::new(module_file::read_or_compile(&args.module, &args.limits.limits())?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }
@@ -74,7 +77,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         seed: args.seed,
         fuel: args.budget.unwrap_or(args.fuel),
         total_fuel: args.total_fuel,
-        launch_limits: args.limits.limits(LaunchLimits::SMOKE),
+        launch_limits: args.launch_limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,
     };
     let report = smoke::run(&module, options);

@@ -6,13 +6,16 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::atomic_file;
+use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
+use crate::input::RootFolder;
 use crate::machine::LaunchLimits;
+use crate::scene::SceneFiles;
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
@@ -58,6 +61,8 @@ pub struct TestArgs {
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
     #[command(flatten)]
     limits: LimitArgs,
@@ -93,7 +98,12 @@ pub fn run(args: TestArgs) -> Result<()> {
     if args.init {
         return init_case(&args.paths);
     }
-    let mut suite = Suite::find(&args.paths)?;
+    let root = args.files.root()?;
+    let limits = args.files.limits();
+    let mut suite = Suite::find_within(&args.paths, &|file, tree| {
+        let root = root.clone().map_or_else(|| RootFolder::of_test(file, tree), Ok)?;
+        Ok(SceneFiles { limits, root: Some(root) })
+    })?;
     let found = suite.tests().len();
     suite.filter(&args.filter);
     if suite.tests().is_empty() {

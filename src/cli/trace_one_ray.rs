@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
@@ -15,14 +16,14 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
-use crate::scene::{DiskFiles, LoadOptions, demo, load};
+use crate::scene::{LoadOptions, demo};
 
 /// Traces one ray and explains everything that happened to it.
 ///
 /// Without a scene file it uses the built-in demo: a field of grass, spheres and chains.
 #[derive(Args, Clone, Debug)]
 pub struct TraceOneRayArgs {
-    /// A scene file
+    /// A scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
     /// Run the ray generation shader at this launch index
@@ -38,6 +39,8 @@ pub struct TraceOneRayArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    files: SceneFileArgs,
     #[command(flatten)]
     stability: StabilityArgs,
     #[command(flatten)]
@@ -80,7 +83,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
     let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
     let mut scene = match &args.scene {
-        Some(path) => load(path, &DiskFiles, &options)?,
+        Some(path) => args.files.scene(path, &options)?,
         None => demo::scene(&options)?,
     };
     output::notes(&scene.notes);

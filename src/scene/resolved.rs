@@ -8,6 +8,7 @@ use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
+use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::specialization::SpecializationValue;
@@ -60,6 +61,8 @@ pub struct ResolvedScene {
     pub document: Document,
     /// Notes for the scene's author, a line each: old names that the scene uses.
     pub notes: Vec<String>,
+    /// How files that shaders and expectations name are read: those beside the scene's own.
+    pub files: SceneFiles,
 }
 
 /// A file with shaders.

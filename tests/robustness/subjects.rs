@@ -8,6 +8,7 @@ use std::sync::Arc;
 use anyhit::error::{Error, ErrorKind, Result};
 use anyhit::harness::expect::Expectations;
 use anyhit::harness::smoke::{self, SmokeOptions};
+use anyhit::input::{InputLimit, InputLimits};
 use anyhit::machine::{Bindings, Mask, Resources, Stop};
 use anyhit::module::ty::TypeId;
 use anyhit::program::lower;
@@ -109,7 +110,7 @@ pub fn wgsl(bytes: &[u8]) -> bool {
 struct Repository;
 
 impl Files for Repository {
-    fn read(&self, path: &Path) -> Result<Vec<u8>> {
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
         let outside = || Error::new(ErrorKind::Io, format!("{}: outside", path.display()));
         let mut within = PathBuf::new();
         for part in path.components() {
@@ -121,7 +122,7 @@ impl Files for Repository {
             }
         }
         let path = root().join(within);
-        if path.is_file() { DiskFiles.read(&path) } else { Err(outside()) }
+        if path.is_file() { DiskFiles.read_limited(&path, limit) } else { Err(outside()) }
     }
 }
 
@@ -154,7 +155,8 @@ pub fn gltf(bytes: &[u8]) -> bool {
 
 /// Reads an OBJ file.
 pub fn obj(bytes: &[u8]) -> bool {
-    obj::read(Path::new("mesh.obj"), bytes, None).map_or_else(|error| refused(&error), |_| true)
+    let read = obj::read(Path::new("mesh.obj"), bytes, None, &InputLimits::default());
+    read.map_or_else(|error| refused(&error), |_| true)
 }
 
 /// Reads a picture as it is stored.
