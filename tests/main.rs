@@ -27,6 +27,7 @@ mod layering;
 mod limits;
 mod load_fixtures;
 mod load_hostile;
+mod load_limits;
 mod lower_fixtures;
 mod lower_hostile;
 mod names;

@@ -459,7 +459,8 @@ impl<'m> Lowering<'m> {
             opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
             opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
             number => translate_checked(&mut self.translator, number, instruction),
-        }
+        }?;
+        self.translator.check_operations()
     }
 
     /// Adds an instruction to the instruction spans of the open block.

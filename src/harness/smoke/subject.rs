@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::coverage::Blocks;
 use crate::harness::smoke::fill::{FillContent, FillExtent, PlaceId, WideIntegers, region_of};
@@ -53,6 +53,10 @@ const LONG_PATIENCE: u32 = 12;
 const LESS_FUEL: u32 = 7;
 /// What a run counts beside its operations: making up its values takes time, too.
 const FUEL_OF_A_RUN: u64 = 1 << 14;
+/// Bytes that are made up for a run without a count, and how many of those beyond count as one
+/// operation.
+const FREE_BYTES: u64 = 1 << 25;
+const BYTES_OF_AN_OPERATION: u64 = 8;
 /// What a ray counts beside its operations.
 const FUEL_OF_A_RAY: u64 = 1 << 7;
 
@@ -150,6 +154,19 @@ struct Learned {
     is_spent: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
     hopeless: BTreeSet<u32>,
+    /// The instruction for which resources became larger last.
+    larger_for: Option<u32>,
+}
+
+impl Learned {
+    /// Goes back to resources of the first size where larger ones are larger than is allowed;
+    /// whether there are larger ones.
+    fn give_up_larger(&mut self) -> bool {
+        let Some(offset) = self.larger_for.take().filter(|_| self.scale_steps > 0) else { return false };
+        self.scale_steps = 0;
+        self.mended = None;
+        self.hopeless.insert(offset)
+    }
 }
 
 impl EntryUnderTest<'_> {
@@ -228,7 +245,12 @@ impl EntryUnderTest<'_> {
             };
             let values = MadeUpValues { numbers: set.numbers, wide, extent };
             let scene = || hits::scene(learned.geometry);
-            let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+            let given = match resources::given(program, &self.variables, values, &learned.known, &scene) {
+                Err(error) if error.kind() == ErrorKind::UnsupportedModule && learned.give_up_larger() => {
+                    continue;
+                }
+                given => given?,
+            };
             let mut watch = BlockRecorder::new(program);
             let mut stand_in = StandIn::new(program, set.numbers);
             let fuel = self.options.fuel >> if learned.is_spent { LESS_FUEL } else { 0 };
@@ -238,7 +260,8 @@ impl EntryUnderTest<'_> {
             learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code.is_limit());
             let happened = stand_in.happened;
             let rays = (happened.traces + happened.ray_queries).saturating_mul(FUEL_OF_A_RAY);
-            progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + FUEL_OF_A_RUN);
+            let made = given.made.saturating_sub(FREE_BYTES) / BYTES_OF_AN_OPERATION;
+            progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + made + FUEL_OF_A_RUN);
             let is_last = match &trapped {
                 None => true,
                 Some(trapped) => !self.learn(trapped, &given, learned, &mut wide, &mut progress.fuel),
@@ -294,6 +317,7 @@ impl EntryUnderTest<'_> {
         if beyond && !learned.hopeless.contains(&trapped.offset) {
             if SCALE_STEP.pow(learned.scale_steps + 1) <= MOST_SCALE {
                 learned.scale_steps += 1;
+                learned.larger_for = Some(trapped.offset);
                 let mended = || ("larger resources".to_owned(), Box::new(trapped.clone()));
                 learned.mended.get_or_insert_with(mended);
                 return true;
