@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 
 use anyhit::error::{ErrorKind, Result};
 use anyhit::harness::smoke::{self, SmokeOptions, SmokeVerdict};
+use anyhit::input::{InputLimit, InputLimits};
 use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::module::{self, InputLimit, InputLimits};
+use anyhit::module;
 use anyhit::pipeline::Compute;
 use anyhit::program::{LowerOptions, Program, lower_with};
 
@@ -409,7 +410,7 @@ fn limited(bytes: &[u8], limit: InputLimit, small: u64, enough: u64) {
     };
     let error = attempt(small).expect_err("the limit holds");
     assert_eq!(error.kind(), ErrorKind::UnsupportedModule);
-    assert!(error.message().contains(&format!("the limit is {small} {}", limit.what())), "{error}");
+    assert!(error.message().contains(&format!("the limit is {small} {}", limit.unit())), "{error}");
     let named = format!("--limit {}=NUMBER", limit.name());
     assert!(error.notes().iter().any(|note| note.contains(&named)), "{error}");
     assert!(error.places().next().is_some(), "an error without a place: {error}");
@@ -707,7 +708,7 @@ fn offsets_beyond_32_bits_do_not_wrap() {
 fn the_documents_list_every_limit() {
     let text = std::fs::read_to_string("docs/limits.md").expect("the document");
     for limit in InputLimit::ALL {
-        let row = format!("| `{}` | {} | {} |", limit.name(), limit.what(), limit.default_value());
+        let row = format!("| `{}` | {} | {} |", limit.name(), limit.unit(), limit.default_value());
         assert!(text.contains(&row), "docs/limits.md lacks: {row}");
     }
 }

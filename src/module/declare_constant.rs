@@ -5,11 +5,11 @@
 use rspirv::spirv::Op;
 
 use crate::error::Result;
+use crate::input::InputLimit;
 use crate::module::Definition;
 use crate::module::constant::{Constant, ConstantValue};
 use crate::module::declare_type::unsupported_continuation;
 use crate::module::grammar::Opcode;
-use crate::input::InputLimit;
 use crate::module::load::Loader;
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};

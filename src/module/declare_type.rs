@@ -6,9 +6,9 @@
 use rspirv::spirv::{Capability, Op};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::InputLimit;
 use crate::module::constant::ConstantValue;
 use crate::module::grammar::Opcode;
-use crate::input::InputLimit;
 use crate::module::load::Loader;
 use crate::module::names::opcode_name;
 use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeId};

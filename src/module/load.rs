@@ -10,6 +10,7 @@ use std::collections::{HashMap, HashSet};
 use rspirv::spirv::Op;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits};
 use crate::module::check::{self, FunctionUses};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
@@ -18,7 +19,6 @@ use crate::module::decoration::{Decorations, PendingDecorations};
 use crate::module::grammar::{Opcode, is_constant, is_id, opcode, walk};
 use crate::module::id_map::IdMap;
 use crate::module::interface::{EntryPoint, Stage};
-use crate::input::{InputLimit, InputLimits};
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::words::{Header, Span, Walker, header, invalid, string, words_of};
@@ -50,7 +50,9 @@ pub fn load(bytes: &[u8]) -> Result<Module> {
 /// # Errors
 /// As [`load()`].
 pub fn load_with(bytes: &[u8], limits: InputLimits) -> Result<Module> {
-    limits.check(InputLimit::ModuleBytes, bytes.len() as u64, ErrorKind::UnsupportedModule).map_err(|error| error.at(Place::Word(0)))?;
+    limits
+        .check(InputLimit::ModuleBytes, bytes.len() as u64, ErrorKind::UnsupportedModule)
+        .map_err(|error| error.at(Place::Word(0)))?;
     let words = words_of(bytes)?;
     let header = header(&words)?;
     let mut walker = Walker::new(&words, limits);
@@ -550,7 +552,10 @@ impl<'w> Loader<'w> {
 
     /// Holds a number against a limit; the error stands at a word.
     pub(super) fn within(&self, limit: InputLimit, found: u64, at: usize) -> Result<()> {
-        self.module.limits.check(limit, found, ErrorKind::UnsupportedModule).map_err(|error| error.at(Place::Word(at)))
+        self.module
+            .limits
+            .check(limit, found, ErrorKind::UnsupportedModule)
+            .map_err(|error| error.at(Place::Word(at)))
     }
 
     /// The error for an id that is not what is expected at its word.

@@ -5,9 +5,10 @@ use pretty_assertions::assert_eq;
 use rspirv::spirv::{Capability, Op};
 
 use crate::error::{Error, ErrorKind, Place};
+use crate::input::{InputLimit, InputLimits};
 use crate::module::assemble::Assembler;
 use crate::module::load_tests::sample;
-use crate::module::{InputLimit, InputLimits, load, load_with};
+use crate::module::{load, load_with};
 
 /// Checks the kind, the offset and the message of the error that loading gives.
 #[track_caller]

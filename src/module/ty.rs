@@ -272,8 +272,9 @@ mod tests {
     use rspirv::spirv::Op;
 
     use super::*;
+    use crate::input::{InputLimit, InputLimits};
     use crate::module::assemble::Assembler;
-    use crate::module::{InputLimit, InputLimits, load_with};
+    use crate::module::load_with;
 
     fn size(module: &Module, id: u32) -> Option<u64> {
         module.size_of(module.type_with_id(Id(id)).unwrap())

@@ -41,7 +41,7 @@ pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) 
             return Err(translator.unsupported(message));
         }
     }
-    Ok(trace.seen.len())
+    Ok(search.visited.len())
 }
 
 /// Whether a type is a matrix or an array of them.
@@ -96,11 +96,11 @@ impl LayoutSearch<'_, '_> {
 
     /// The layout behind one id; `None` where it has none of its own, but that of ids which are put
     /// on the list.
-    fn follow(&mut self, id: Id, then: Then) -> Option<Layout> {
+    fn visit(&mut self, id: Id, selection: Selection) -> Option<Layout> {
         if let Some(IdValue::Pointer(known)) = self.translator.local(id) {
-            return Some(then.of((known.matrix, known.component_stride)));
+            return Some(selection.of((known.matrix, known.component_stride)));
         }
-        if !self.seen.insert((id, then)) {
+        if !self.visited.insert((id, selection)) {
             return None;
         }
         let module = self.translator.module;
@@ -108,7 +108,7 @@ impl LayoutSearch<'_, '_> {
             Some(Definition::Parameter(function, at)) => {
                 let calls = self.translator.calls(module.functions[function as usize].id);
                 let arguments = calls.iter().filter_map(|operands| operands.get(at as usize + 1));
-                self.open.extend(arguments.map(|&argument| (Id(argument), then)));
+                self.worklist.extend(arguments.map(|&argument| (Id(argument), selection)));
                 return None;
             }
             Some(Definition::Result(function, block, at)) => {
@@ -127,18 +127,18 @@ impl LayoutSearch<'_, '_> {
                     return None;
                 };
                 let returns = returned(module, index);
-                self.open.extend(returns.map(|value| (value, then)));
+                self.worklist.extend(returns.map(|value| (value, selection)));
                 None
             }
             opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
-                self.chain(Id(operands[0]), &operands[1..], then)
+                self.chain(Id(operands[0]), &operands[1..], selection)
             }
             opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
-                self.chain(Id(operands[0]), operands.get(2..).unwrap_or_default(), then)
+                self.chain(Id(operands[0]), operands.get(2..).unwrap_or_default(), selection)
             }
             _ => match sources(opcode, operands) {
                 Some(sources) => {
-                    self.open.extend(sources.map(|source| (source, then)));
+                    self.worklist.extend(sources.map(|source| (source, selection)));
                     None
                 }
                 None => Some((None, None)),
@@ -147,12 +147,12 @@ impl LayoutSearch<'_, '_> {
     }
 
     /// What indices make of the layout of the pointer that they begin with.
-    fn chain(&mut self, base: Id, indices: &[u32], then: Then) -> Option<Layout> {
+    fn chain(&mut self, base: Id, indices: &[u32], selection: Selection) -> Option<Layout> {
         let module = self.translator.module;
         // From the first index on: the layout once it is known, else what happens to that of the
         // base.
         let mut known: Option<Layout> = None;
-        let mut steps = Then::Same;
+        let mut steps = Selection::Whole;
         let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
             Type::Pointer { pointee, .. } => pointee,
             _ => None,
@@ -168,9 +168,9 @@ impl LayoutSearch<'_, '_> {
                 }
                 Some(Type::Matrix { column, .. }) => {
                     match &mut known {
-                        Some(layout) => *layout = Then::Column.of(*layout),
-                        None if steps == Then::Column => known = Some((None, None)),
-                        None => steps = Then::Column,
+                        Some(layout) => *layout = Selection::Column.of(*layout),
+                        None if steps == Selection::Column => known = Some((None, None)),
+                        None => steps = Selection::Column,
                     }
                     Some(*column)
                 }
@@ -182,15 +182,15 @@ impl LayoutSearch<'_, '_> {
                 _ => break,
             };
         }
-        match (known, steps, then) {
-            (Some(layout), ..) => Some(then.of(layout)),
-            (None, Then::Column, Then::Column) => Some((None, None)),
-            (None, Then::Column, Then::Same) => {
-                self.open.push((base, Then::Column));
+        match (known, steps, selection) {
+            (Some(layout), ..) => Some(selection.of(layout)),
+            (None, Selection::Column, Selection::Column) => Some((None, None)),
+            (None, Selection::Column, Selection::Whole) => {
+                self.worklist.push((base, Selection::Column));
                 None
             }
-            (None, Then::Same, then) => {
-                self.open.push((base, then));
+            (None, Selection::Whole, selection) => {
+                self.worklist.push((base, selection));
                 None
             }
         }

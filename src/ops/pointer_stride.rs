@@ -115,12 +115,15 @@ impl StrideSearch<'_, '_> {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else { return };
                 self.worklist.extend(returned(module, index));
             }
+            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
+                self.visit_chain(operands[0], &operands[1..]);
+            }
             opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
                 self.visit_chain(operands[0], operands.get(2..).unwrap_or_default());
             }
             opcode::UNDEF => {}
             _ => match sources(opcode, operands) {
-                Some(sources) => self.open.extend(sources),
+                Some(sources) => self.worklist.extend(sources),
                 None => self.complete = false,
             },
         }

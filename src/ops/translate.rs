@@ -15,10 +15,10 @@ use std::cell::OnceCell;
 use rustc_hash::FxHashMap;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::InputLimit;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Binding, Reg, Registers};
 use crate::module::interface::Stage;
-use crate::input::InputLimit;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::builtin::Builtin;
@@ -144,7 +144,7 @@ pub struct Translator<'m> {
     known_values_epoch: u32,
     /// The number of words of a value, indexed by type.
     word_counts: Vec<Option<u32>>,
-    /// By type: what its scalars are; see [`Translator::scalars`].
+    /// By type: what its scalars are; see [`Translator::scalar_fingerprint`].
     fingerprints: FxHashMap<TypeId, Fingerprint>,
     /// By the id of a function: the operands of every call of it; see [`Translator::calls`].
     calls: OnceCell<FxHashMap<Id, Vec<&'m [u32]>>>,

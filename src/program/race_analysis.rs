@@ -503,7 +503,7 @@ impl<'a> ValueTracking<'a> {
         let mut open = vec![(reg, false)];
         while let Some((reg, ready)) = open.pop() {
             if ready {
-                let value = self.fresh_value(reg);
+                let value = self.compute_value(reg);
                 self.known.insert(reg, value);
             } else if let Entry::Vacant(entry) = self.known.entry(reg) {
                 // To arrive here again while it is looked for is a cycle.
@@ -632,7 +632,7 @@ fn is(kernel: &LaneKernel, known: Option<&LaneKernel>) -> bool {
     known.is_some_and(|known| std::ptr::eq(kernel, known))
 }
 
-/// Whether [`Trace::fresh_value`] goes by the operands of a kernel.
+/// Whether [`Trace::compute_value`] goes by the operands of a kernel.
 fn is_followed(kernel: &LaneKernel) -> bool {
     let families = [&IAdd, &IMul, &ISub, &SNegate, &ShiftLeftLogical];
     families.iter().any(|family| is(kernel, family.kernel(32)))

@@ -4,11 +4,12 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
 use crate::harness::layout::{Layout, Rules, array_length};
+use crate::input::InputLimit;
 use crate::machine::{Buffer, DeviceMemory};
+use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Module, InputLimit};
 use crate::scene::random::Random;
 
 /// Elements that a runtime array, or memory behind an address, is given at least.

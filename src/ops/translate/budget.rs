@@ -1,6 +1,6 @@
 //! What lowering one entry point may take, however few words ask for it.
 
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::InputLimit;
 use crate::ops::translate::{IdValue, Translator};
 

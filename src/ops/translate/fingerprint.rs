@@ -52,7 +52,7 @@ impl Translator<'_> {
     /// A fingerprint of a type's scalars, in their order: the same for types whose values lie alike
     /// in registers, whatever the types and their members are called, and whether integers have a
     /// sign.
-    pub fn scalars(&mut self, ty: TypeId) -> Result<u64> {
+    pub fn scalar_fingerprint(&mut self, ty: TypeId) -> Result<u64> {
         let Fingerprint { value, power } = self.fingerprint(ty)?;
         Ok(value ^ power.rotate_left(32))
     }

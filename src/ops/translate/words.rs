@@ -3,11 +3,11 @@
 use smallvec::SmallVec;
 
 use crate::error::Result;
+use crate::input::InputLimit;
 use crate::machine::Reg;
 use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
-use crate::input::InputLimit;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::memory;
 use crate::ops::translate::{Origin, Translator, Words};

@@ -250,7 +250,12 @@ impl Reader {
 
     /// Checks that an accessor has a type that is read and is within its buffer, which the `gltf`
     /// crate does not.
-    fn check_accessor(&mut self, accessor: &Accessor<'_>, types: &[DataType], dimensions: Dimensions) -> Result<()> {
+    fn check_accessor(
+        &mut self,
+        accessor: &Accessor<'_>,
+        types: &[DataType],
+        dimensions: Dimensions,
+    ) -> Result<()> {
         let index = accessor.index();
         let wrong = |what: &str| Err(invalid(format!("accessor {index} {what}")));
         if !types.contains(&accessor.data_type()) || accessor.dimensions() != dimensions {
