@@ -410,7 +410,7 @@ fn limited(bytes: &[u8], limit: InputLimit, small: u64, enough: u64) {
     };
     let error = attempt(small).expect_err("the limit holds");
     assert_eq!(error.kind(), ErrorKind::UnsupportedModule);
-    assert!(error.message().contains(&format!("the limit is {small} {}", limit.unit())), "{error}");
+    assert!(error.message().contains(&format!("the limit `{}` of {small}", limit.name())), "{error}");
     let named = format!("--limit {}=NUMBER", limit.name());
     assert!(error.notes().iter().any(|note| note.contains(&named)), "{error}");
     assert!(error.places().next().is_some(), "an error without a place: {error}");
@@ -494,7 +494,7 @@ fn smoke_makes_up_no_larger_resources_than_it_may() {
         assert!(text.contains("--limit resource-bytes=NUMBER"), "{text}");
         let (code, out, err) = program("smoke", &format!("far-{offset}"), &bytes, &[]);
         assert_eq!(code, 2, "{out}{err}");
-        assert!(out.contains("the limit is 134217728 bytes of one resource"), "{out}");
+        assert!(out.contains("the limit `smoke-resource-bytes` of 134217728"), "{out}");
     }
     // One resource passes, all of them do not.
     let bytes = distant(1000);
@@ -706,9 +706,9 @@ fn offsets_beyond_32_bits_do_not_wrap() {
 /// The documented table of limits is that of the program.
 #[test]
 fn the_documents_list_every_limit() {
-    let text = std::fs::read_to_string("docs/limits.md").expect("the document");
+    let text = std::fs::read_to_string("docs/reading.md").expect("the document");
     for limit in InputLimit::ALL {
         let row = format!("| `{}` | {} | {} |", limit.name(), limit.unit(), limit.default_value());
-        assert!(text.contains(&row), "docs/limits.md lacks: {row}");
+        assert!(text.contains(&row), "docs/reading.md lacks: {row}");
     }
 }

@@ -22,7 +22,7 @@ pub fn read(path: &Path, limits: &InputLimits) -> Result<Module> {
 /// As [`read`].
 pub fn read_with_bytes(path: &Path, limits: &InputLimits) -> Result<(Vec<u8>, Module)> {
     let bytes = read_argument(path, InputLimit::ModuleBytes, limits)?;
-    let module = load(path, &bytes)?;
+    let module = load(path, &bytes, limits)?;
     Ok((bytes, module))
 }
 
@@ -30,11 +30,11 @@ pub fn read_with_bytes(path: &Path, limits: &InputLimits) -> Result<(Vec<u8>, Mo
 ///
 /// # Errors
 /// As [`read`].
-pub fn load(path: &Path, bytes: &[u8]) -> Result<Module> {
+pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
     if let Some(error) = source_text(path, bytes) {
         return Err(error);
     }
-    module::load(bytes).map_err(|error| error.at(Place::File(path.to_owned())))
+    module::load_with(bytes, *limits).map_err(|error| error.at(Place::File(path.to_owned())))
 }
 
 /// Loads a SPIR-V file, or compiles a shader's source with full debug information and loads that.
@@ -48,7 +48,7 @@ pub fn read_or_compile(path: &Path, limits: &InputLimits) -> Result<Module> {
     let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
     let source = Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
     let spirv = compile_once(&source, &options)?;
-    module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))
+    module::load_with(&spirv, *limits).map_err(|error| error.at(Place::File(path.to_owned())))
 }
 
 /// The error for text where SPIR-V's binary form is wanted.

@@ -244,7 +244,7 @@ impl<'a> Shaders<'a> {
 fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
-        ShaderCode::SpirV(bytes) => module::load(bytes).map_err(context),
+        ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
         ShaderCode::Source(bytes, folders) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
@@ -261,7 +261,7 @@ fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
             let source = source.include_folders(folders).confined(files.limits, files.root.clone());
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
-            module::load(&spirv).map_err(context)
+            module::load_with(&spirv, files.limits).map_err(context)
         }
     }
 }

@@ -268,7 +268,7 @@ impl Arguments {
 /// Reads a module, or compiles a source.
 fn read(path: &Path, streamed: Option<Vec<u8>>, limits: &InputLimits) -> Result<(Vec<u8>, Module)> {
     if let Some(bytes) = streamed {
-        let module = module_file::load(path, &bytes)?;
+        let module = module_file::load(path, &bytes, limits)?;
         return Ok((bytes, module));
     }
     if Language::of(path).is_none() {
@@ -277,7 +277,7 @@ fn read(path: &Path, streamed: Option<Vec<u8>>, limits: &InputLimits) -> Result<
     let source = compile::Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
     let options = compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
     let bytes = compile::compile_once(&source, &options)?;
-    let module = module::load(&bytes)?;
+    let module = module::load_with(&bytes, *limits)?;
     Ok((bytes, module))
 }
 
