@@ -117,6 +117,8 @@ struct ErrorData {
     notes: Vec<String>,
     /// Further mistakes found in the same run.
     others: Vec<Error>,
+    /// How many more there were, which nothing keeps.
+    not_shown: usize,
 }
 
 impl Clone for Error {
@@ -135,6 +137,7 @@ impl Error {
             places: Vec::new(),
             notes: Vec::new(),
             others: Vec::new(),
+            not_shown: 0,
         }))
     }
 
@@ -153,10 +156,38 @@ impl Error {
         first
     }
 
+    /// The first of several errors as one, and a count of the others: a report of thousands helps
+    /// nobody. Empty input is a bug of the caller.
+    #[cold]
+    pub fn first_of(mut errors: Vec<Self>, most: usize) -> Self {
+        let count = errors.len();
+        errors.truncate(most.max(1));
+        let not_shown = count - errors.len();
+        Self::several(errors).and_more(not_shown)
+    }
+
+    /// Says that there were so many more mistakes, which are not shown.
+    #[must_use]
+    pub fn and_more(mut self, count: usize) -> Self {
+        self.0.not_shown += count;
+        self
+    }
+
+    /// How many more mistakes there were that are not among [`Error::others`].
+    pub fn not_shown(&self) -> usize {
+        self.0.not_shown
+    }
+
     /// Adds a place of the problem.
     #[must_use]
     pub fn at(self, place: Place) -> Self {
         self.at_with(place, "")
+    }
+
+    /// Adds a place of the problem, unless a place is known already.
+    #[must_use]
+    pub fn or_at(self, place: Place) -> Self {
+        if self.0.places.is_empty() { self.at(place) } else { self }
     }
 
     /// Adds a place of the problem, with a label.
@@ -232,6 +263,10 @@ impl Error {
             // Writing to a vector does not fail.
             let _ = writeln!(writer);
             other.render_to(writer);
+        }
+        if self.0.not_shown > 0 {
+            let _ = writeln!(writer);
+            let _ = writeln!(writer, "error: {} more mistakes are not shown", self.0.not_shown);
         }
     }
 
@@ -352,6 +387,20 @@ mod tests {
         assert_ne!(bare, "");
         assert_eq!(bare + &rest, error.render());
         assert!(!error.render().contains('\u{1b}'));
+    }
+
+    #[test]
+    fn of_many_errors_the_first_are_shown_and_the_others_counted() {
+        let errors = |count: usize| {
+            (0..count).map(|at| Error::new(ErrorKind::InvalidScene, format!("mistake {at}"))).collect()
+        };
+        let error = Error::first_of(errors(20), 3);
+        let text = error.render();
+        assert_eq!((error.others().len(), error.not_shown()), (2, 17));
+        assert!(text.contains("mistake 2") && !text.contains("mistake 3"), "{text}");
+        assert!(text.ends_with("error: 17 more mistakes are not shown\n"), "{text}");
+        assert!(!Error::first_of(errors(3), 3).render().contains("not shown"));
+        assert_eq!(Error::first_of(errors(2), 0).not_shown(), 1);
     }
 
     #[test]

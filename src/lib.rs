@@ -69,11 +69,12 @@
 //!
 //! Imports go one way, and a test enforces it: `cli -> harness -> {debug, recording, stress,
 //! check_math} -> scene -> {pipeline, compile} -> interp -> program -> ops -> {module, machine ->
-//! accel} -> geometry -> math -> error`.
+//! accel} -> geometry -> math -> {input, atomic_file} -> error`.
 
 #![deny(unsafe_code)]
 
 pub mod accel;
+mod atomic_file;
 #[cfg(feature = "stress")]
 pub mod check_math;
 pub mod cli;
@@ -82,6 +83,7 @@ pub mod debug;
 pub mod error;
 pub mod geometry;
 pub mod harness;
+pub mod input;
 pub mod interp;
 pub mod machine;
 pub mod math;

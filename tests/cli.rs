@@ -379,7 +379,7 @@ fn old_names_are_accepted_and_noted() {
     let scene = scratch("old-names.toml", old.as_bytes());
     let path = scene.to_str().expect("a path in UTF-8");
 
-    let (code, out, err) = run(&["test", path]);
+    let (code, out, err) = run(&["test", path, "--root", "/"]);
     assert_eq!(code, Some(0), "{out}{err}");
     let note = |line, old, new| {
         format!("note: {path}:{line}: `{old}` is now called `{new}`; the old name still works\n")

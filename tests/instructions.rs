@@ -13,6 +13,7 @@ mod formulas;
 mod half_vector_atomics;
 mod images;
 mod integers;
+mod limits;
 mod loops;
 mod memory;
 mod messages;

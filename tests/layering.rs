@@ -1,8 +1,9 @@
 //! The modules of `src/` import one way only.
 //!
 //! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {pipeline, compile} ->
-//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> error`: a folder
-//! may import what stands to its right. A few crates are named in one place only, and only the
+//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> {input,
+//! atomic_file} -> error`: a folder may import what stands to its right. A few crates are named in
+//! one place only, readers of files in one file, files are written in one place, and only the
 //! command line prints.
 
 use std::fs;
@@ -24,6 +25,7 @@ const LAYERS: &[&[&str]] = &[
     &["accel"],
     &["geometry"],
     &["math"],
+    &["input", "atomic_file"],
     &["error"],
 ];
 
@@ -42,10 +44,27 @@ const CRATES: &[(&str, &[&str])] = &[
     ("aligned_vec", &["machine"]),
     ("prefetch_index", &["math"]),
     ("image_compare", &["harness"]),
+    ("signal_hook", &["cli"]),
+];
+
+/// Readers of other crates, and the one file that may call each: it checks what the reader assumes,
+/// bounds what it allocates and catches its panics.
+const READERS: &[(&str, &str)] = &[
+    ("gltf::", "scene/mesh/gltf.rs"),
+    ("tobj::", "scene/mesh/obj.rs"),
+    ("ImageReader", "scene/image/decode.rs"),
+    ("DeTable::parse", "scene/read.rs"),
+    ("SafeTensors::", "recording/tensors.rs"),
+    ("naga::", "compile/wgsl.rs"),
+    ("Compiler::acquire", "compile/glsl.rs"),
 ];
 
 /// Only the command line writes to the terminal.
 const PRINTS: &[&str] = &["println!", "eprintln!", "print!", "eprint!", "dbg!"];
+
+/// What writes regular files: only `atomic_file` does so by itself.
+const WRITES: &[&str] =
+    &["fs::write(", "File::create", ".write(true)", "fs::rename(", "fs::copy(", "NamedTempFile"];
 
 #[test]
 fn imports_go_one_way() {
@@ -95,6 +114,60 @@ fn crates_are_named_in_their_place() {
     }
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
     assert!(named.iter().all(|&named| named), "a crate of the list is named nowhere: {named:?}");
+}
+
+#[test]
+fn files_are_written_in_one_place() {
+    let mut mistakes = Vec::new();
+    let mut uses = 0;
+    for (module, name, text) in sources() {
+        if name.ends_with("tests.rs") {
+            continue;
+        }
+        let code = without_comments(&text);
+        // Tests stand at the end of a file.
+        let code = code.split("#[cfg(test)]").next().and_then(|code| code.split("#[cfg(all(test").next());
+        for write in WRITES {
+            let code = code.unwrap_or_default();
+            let is_whole = |&(at, _): &(usize, &str)| !code[..at].ends_with(char::is_alphanumeric);
+            let count = code.match_indices(write).filter(is_whole).count();
+            if module == "atomic_file" {
+                uses += count;
+            } else if count > 0 {
+                mistakes.push(format!("{name}: `{write}` instead of `atomic_file::write`"));
+            }
+        }
+    }
+    assert!(uses >= 5, "only {uses} were found where files are written");
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+}
+
+#[test]
+fn readers_stand_behind_one_door_each() {
+    let mut found = vec![false; READERS.len()];
+    let mut mistakes = Vec::new();
+    for (_, name, text) in sources() {
+        let code = without_comments(&text);
+        for ((reader, file), found) in READERS.iter().zip(&mut found) {
+            let names = code.match_indices(reader).any(|(at, _)| {
+                // `crate::scene::mesh::gltf::` and `gltf::read` are the door itself.
+                let before = code[..at].chars().next_back();
+                let door = code[at + reader.len()..].starts_with("read") || before == Some(':');
+                !door && !before.is_some_and(|c| c.is_alphanumeric() || c == '_')
+            });
+            if !names {
+                continue;
+            }
+            if name == *file {
+                assert!(code.contains("contained("), "{name}: panics of `{reader}` are not caught");
+                *found = true;
+            } else {
+                mistakes.push(format!("{name}: `{reader}` is called in {file} alone"));
+            }
+        }
+    }
+    assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
+    assert!(found.iter().all(|&found| found), "a reader is called nowhere: {found:?}");
 }
 
 /// Every source file but the crate's roots: its module, its name, its text.

@@ -7,6 +7,7 @@
 
 mod support;
 
+mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;
 mod cli;
@@ -23,8 +24,10 @@ mod instructions;
 #[cfg(all(feature = "proptest", feature = "wgsl"))]
 mod laws;
 mod layering;
+mod limits;
 mod load_fixtures;
 mod load_hostile;
+mod load_limits;
 mod lower_fixtures;
 mod lower_hostile;
 mod names;
@@ -33,9 +36,12 @@ mod pipeline;
 mod profiles;
 mod random_modules;
 mod random_programs;
+mod readers;
+mod reading;
 mod readme;
 mod real_calls;
 mod rewriting;
+mod robustness;
 mod skips;
 mod skips_payload;
 mod smoke;

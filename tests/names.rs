@@ -9,8 +9,7 @@ use std::path::Path;
 use crate::support::files;
 
 /// Where this project's own Rust code lies.
-const FOLDERS: &[&str] =
-    &["src", "tests", "benches", "examples", "judges/src", "judges/tests", "fuzz/fuzz_targets"];
+const FOLDERS: &[&str] = &["src", "tests", "benches", "examples", "judges/src", "judges/tests", "fuzz"];
 
 /// Columns of a line with a comment.
 const COLUMNS: usize = 100;

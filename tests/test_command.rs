@@ -27,6 +27,9 @@ fn run(arguments: &[&str]) -> Ran {
 fn run_in(folder: &Path, arguments: &[&str]) -> Ran {
     let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
     command.arg("test").args(arguments).current_dir(folder).stdin(Stdio::null());
+    // Cases in the folder for temporary files name fixtures of the repository, which need not hold
+    // that folder.
+    command.args(["--root", "/"]);
     let output = command.output().expect("the command starts");
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
     Ran { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }

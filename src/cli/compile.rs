@@ -1,9 +1,11 @@
 //! `anyhit compile`: compiles shader sources to SPIR-V.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use crate::atomic_file;
+use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
 use crate::compile::{CompileOptions, DebugInfoLevel, Optimize, Source, compile, fixtures};
 use crate::error::{Error, ErrorKind, Result};
@@ -31,6 +33,8 @@ pub struct CompileArgs {
     /// Look for included files in a folder, too; may be repeated
     #[arg(short = 'I', value_name = "FOLDER", conflicts_with = "fixtures")]
     include_folders: Vec<PathBuf>,
+    #[command(flatten)]
+    limits: InputLimitArgs,
     /// Compile the sources in shaders/ whose modules in spirv-fixtures/ are out of date, in the
     /// current folder
     #[arg(long)]
@@ -61,6 +65,7 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
         Some(_) => Optimize::High,
     };
     let options = CompileOptions { debug, optimize };
+    let limits = args.limits.limits();
     let mut errors = Vec::new();
     for path in &args.sources {
         let mut file = path.file_name().unwrap_or_default().to_owned();
@@ -70,10 +75,10 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
             Some(output) if args.sources.len() == 1 && !output.is_dir() => output.clone(),
             Some(folder) => folder.join(file),
         };
-        let result = Source::read(path)
+        let result = Source::read_within(Path::new(""), &path.to_string_lossy(), &limits)
             .map(|source| source.include_folders(&args.include_folders))
             .and_then(|source| compile(&source, &options))
-            .and_then(|spirv| std::fs::write(&output, spirv).map_err(|error| Error::io(&output, error)));
+            .and_then(|spirv| atomic_file::write(&output, spirv));
         errors.extend(result.err());
     }
     if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }

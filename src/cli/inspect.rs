@@ -7,6 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use serde::Serialize;
 
+use crate::cli::input::InputLimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::module::Module;
@@ -19,9 +20,11 @@ use crate::program::{self, obstacles};
 /// Lists a module's entry points, interface and requirements, and what in it is unsupported.
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
-    /// A SPIR-V module
+    /// A SPIR-V module, or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    limits: InputLimitArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -32,7 +35,7 @@ pub struct InspectArgs {
 /// # Errors
 /// What reading and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
-    let module = Arc::new(module_file::read(&args.module)?);
+    let module = Arc::new(module_file::read(&args.module, &args.limits.limits())?);
     let report = ModuleReport::of(&module);
     if !args.json {
         return output::print(format_args!("{}\n{}", args.module.display(), report.text()));

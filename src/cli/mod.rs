@@ -7,7 +7,10 @@
 #[cfg(feature = "stress")]
 pub mod check_math;
 pub mod compile;
+mod input;
 pub mod inspect;
+mod interrupt;
+mod limits;
 mod module_file;
 mod output;
 mod precision;
@@ -80,8 +83,18 @@ fn batch_widths() -> PossibleValuesParser {
 }
 
 /// Parses the command line, runs the command and reports its error on standard error.
+///
+/// It handles signals of the whole process, and so is for a program that does nothing else.
 pub fn main() -> ExitCode {
-    let Err(error) = CommandLine::parse().command.run() else { return ExitCode::SUCCESS };
+    interrupt::prepare();
+    let run = match CommandLine::try_parse() {
+        Ok(line) => line.command.run(),
+        Err(error) => match output::command_line(&error) {
+            Ok(()) => return u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from),
+            Err(error) => Err(error),
+        },
+    };
+    let Err(error) = run else { return ExitCode::SUCCESS };
     output::report(&error);
     ExitCode::from(error.kind().exit_code())
 }

@@ -4,32 +4,51 @@ use std::path::Path;
 
 use crate::compile::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::module::{self, Module};
 
 /// Loads a SPIR-V file.
 ///
 /// # Errors
-/// `Io` where it cannot be read; `InvalidArgument` where it is a shader's source, with the command
-/// that compiles it; what [`module::load`] reports.
-pub fn read(path: &Path) -> Result<Module> {
-    let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
-    if let Some(error) = source_text(path, &bytes) {
+/// `Io` where it cannot be read; `InvalidArgument` where it is too large or a shader's source, with
+/// the command that compiles it; what [`module::load`] reports.
+pub fn read(path: &Path, limits: &InputLimits) -> Result<Module> {
+    read_with_bytes(path, limits).map(|(_, module)| module)
+}
+
+/// Loads a SPIR-V file, and keeps its bytes: a pipe can be read once.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with_bytes(path: &Path, limits: &InputLimits) -> Result<(Vec<u8>, Module)> {
+    let bytes = read_argument(path, InputLimit::ModuleBytes, limits)?;
+    let module = load(path, &bytes, limits)?;
+    Ok((bytes, module))
+}
+
+/// Loads the bytes of a SPIR-V file.
+///
+/// # Errors
+/// As [`read`].
+pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
+    if let Some(error) = source_text(path, bytes) {
         return Err(error);
     }
-    module::load(&bytes).map_err(|error| error.at(Place::File(path.to_owned())))
+    module::load_with(bytes, *limits).map_err(|error| error.at(Place::File(path.to_owned())))
 }
 
 /// Loads a SPIR-V file, or compiles a shader's source with full debug information and loads that.
 ///
 /// # Errors
 /// As [`read`], but that source is welcome; what [`compile_once`] reports.
-pub fn read_or_compile(path: &Path) -> Result<Module> {
+pub fn read_or_compile(path: &Path, limits: &InputLimits) -> Result<Module> {
     if Language::of(path).is_none() {
-        return read(path);
+        return read(path, limits);
     }
     let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
-    let spirv = compile_once(&Source::read(path)?, &options)?;
-    module::load(&spirv).map_err(|error| error.at(Place::File(path.to_owned())))
+    let source = Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
+    let spirv = compile_once(&source, &options)?;
+    module::load_with(&spirv, *limits).map_err(|error| error.at(Place::File(path.to_owned())))
 }
 
 /// The error for text where SPIR-V's binary form is wanted.

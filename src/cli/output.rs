@@ -76,8 +76,23 @@ pub fn report(error: &Error) {
     let _ = stderr().lock().write_all(text.as_bytes());
 }
 
+/// Prints what clap answers: the help and the version to standard output, mistakes to standard
+/// error.
+///
+/// # Errors
+/// As [`print`].
+pub fn command_line(answer: &clap::Error) -> Result<()> {
+    let printed = answer.print().and_then(|()| stdout().flush());
+    // There is no other stream to report that standard error cannot be written.
+    if answer.use_stderr() { Ok(()) } else { judged(printed) }
+}
+
 fn write_to(to: &mut impl Write, text: impl Display) -> Result<()> {
-    match write!(to, "{text}").and_then(|()| to.flush()) {
+    judged(write!(to, "{text}").and_then(|()| to.flush()))
+}
+
+fn judged(printed: std::io::Result<()>) -> Result<()> {
+    match printed {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::io("standard output", error)),
         _ => Ok(()),
     }

@@ -6,18 +6,20 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::input::SceneFileArgs;
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
 use crate::machine::image::ImageShape;
-use crate::machine::{Binding, Descriptor};
+use crate::machine::{Binding, Descriptor, LaunchLimits};
 use crate::pipeline::{Band, BandedLaunch, StreamedImage};
 use crate::scene::image::{stream_png, write_png};
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
-use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resolved};
+use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
 
 /// Renders a scene: launches its ray generation shader over an image and saves the image.
 ///
@@ -26,7 +28,8 @@ use crate::scene::{self, Assembled, DiskFiles, LoadOptions, ResolvedScene, resol
 /// 1 GiB.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// The scene file (`scene.toml`) [default: the built-in swept-spheres demo]
+    /// The scene file (`scene.toml`), or `-` for standard input [default: the built-in
+    /// swept-spheres demo]
     scene: Option<PathBuf>,
 
     /// The PNG file to write [default: out.png]
@@ -52,7 +55,13 @@ pub struct RenderArgs {
     stats: bool,
 
     #[command(flatten)]
+    files: SceneFileArgs,
+
+    #[command(flatten)]
     stability: StabilityArgs,
+
+    #[command(flatten)]
+    limits: LimitArgs,
 
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
@@ -73,11 +82,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
         LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
-    let resolved = match &args.scene {
-        Some(path) => scene::load(path, &DiskFiles, &options)?,
+    let mut resolved = match &args.scene {
+        Some(path) => args.files.scene(path, &options)?,
         None => scene::demo::scene(&options)?,
     };
     output::notes(&resolved.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut resolved);
     let Some((output, image)) = output_image(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
@@ -96,7 +106,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
             let with_reason = |error: Error| {
                 error.at(output.place.clone()).note(format!("the whole image is held in memory: {why}"))
             };
-            let image = scene::assemble::image(image).map_err(with_reason)?;
+            let image = scene::assemble::image(image, &resolved.files.limits).map_err(with_reason)?;
             let binding = Binding { set: output.set, binding: output.binding };
             assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
             (None, Some(image))

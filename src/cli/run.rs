@@ -9,13 +9,16 @@ use std::time::Instant;
 
 use clap::Args;
 
+use crate::cli::input::{SceneFileArgs, name_of};
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::Result;
 use crate::geometry::Precision;
-use crate::machine::MemoryPolicy;
+use crate::input::{InputLimit, is_stream, read_argument};
+use crate::machine::{LaunchLimits, MemoryPolicy};
 use crate::scene::image::write_png;
-use crate::scene::{self, DiskFiles, LoadOptions};
+use crate::scene::{self, LoadOptions};
 
 /// Runs a scene's launch and dispatches, or the compute shader of a bare module.
 ///
@@ -23,7 +26,8 @@ use crate::scene::{self, DiskFiles, LoadOptions};
 /// unless --dump names others.
 #[derive(Args, Clone, Debug)]
 pub struct RunArgs {
-    /// A scene file, a SPIR-V module, or a shader's source
+    /// A scene file, a SPIR-V module, or a shader's source; or `-` for a scene or module on
+    /// standard input
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
@@ -49,7 +53,11 @@ pub struct RunArgs {
     #[arg(long)]
     stats: bool,
     #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// With --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
@@ -62,21 +70,27 @@ pub struct RunArgs {
 /// requested resources are printed.
 pub fn run(args: RunArgs) -> Result<()> {
     let begin = Instant::now();
-    let is_scene = args.file.extension().is_some_and(|extension| extension == "toml");
-    let scene = match is_scene {
+    let (is_scene, streamed) = what(&args)?;
+    let mut scene = match is_scene {
         true => {
             args.bare_module.check_unused()?;
             let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
-            scene::load(&args.file, &DiskFiles, &options)?
+            match streamed {
+                None => args.files.scene(&args.file, &options)?,
+                Some(bytes) => {
+                    scene::load_bytes(&name_of(&args.file), bytes, &args.files.files()?, &options)?
+                }
+            }
         }
         false if args.precision.is_some() => {
             return Err(dump::invalid(
                 "`--precision` needs a scene: a module by itself meets no geometry".into(),
             ));
         }
-        false => args.bare_module.scene(&args.file)?,
+        false => args.bare_module.scene(&args.file, streamed, args.files.limits())?,
     };
     output::notes(&scene.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let mut assembled = scene::assemble(&scene)?;
     match args.memory.as_deref() {
         Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,
@@ -127,6 +141,21 @@ pub fn run(args: RunArgs) -> Result<()> {
         output::print(stats::single_threaded(&assembled))?;
     }
     Ok(())
+}
+
+/// Whether the file is a scene, and its bytes where they were read to tell: a pipe has no name that
+/// says it, and can be read once.
+fn what(args: &RunArgs) -> Result<(bool, Option<Vec<u8>>)> {
+    let extension = args.file.extension();
+    if extension.is_some_and(|extension| extension == "toml") {
+        return Ok((true, None));
+    }
+    if extension.is_some() || !is_stream(&args.file) {
+        return Ok((false, None));
+    }
+    let bytes = read_argument(&args.file, InputLimit::ModuleBytes, &args.files.limits())?;
+    let is_scene = std::str::from_utf8(&bytes).is_ok_and(|text| !text.contains('\0'));
+    Ok((is_scene, Some(bytes)))
 }
 
 type SavedImage = (PathBuf, Arc<crate::machine::image::Image>);

@@ -6,9 +6,12 @@ use std::time::Duration;
 
 use clap::Args;
 
+use crate::cli::input::InputLimitArgs;
+use crate::cli::limits::LaunchLimitArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
+use crate::machine::LaunchLimits;
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
 ///
@@ -19,16 +22,18 @@ use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
 /// less than `--min-coverage`, 2 one is not supported or the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang)
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang), or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    limits: InputLimitArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
     /// The seed of all made-up values
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Instructions that an invocation may execute, counted at back edges and calls
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops
     #[arg(long, value_name = "N", default_value_t = SmokeOptions::default().fuel)]
     fuel: u64,
     /// The old name of `--fuel`.
@@ -41,6 +46,8 @@ pub struct SmokeArgs {
     /// Try no further sets of values after this time; the report then depends on the machine
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     seconds: Option<Duration>,
+    #[command(flatten)]
+    launch_limits: LaunchLimitArgs,
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
@@ -62,7 +69,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = Arc::new(module_file::read_or_compile(&args.module)?);
+    let module = Arc::new(module_file::read_or_compile(&args.module, &args.limits.limits())?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }
@@ -70,6 +77,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         seed: args.seed,
         fuel: args.budget.unwrap_or(args.fuel),
         total_fuel: args.total_fuel,
+        launch_limits: args.launch_limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,
     };
     let report = smoke::run(&module, options);

@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use crate::atomic_file;
 use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
@@ -122,6 +123,6 @@ fn save(folder: &Path, settings: &StressSettings, found: &FoundFailure) -> Resul
         found.number,
         found.case.to_toml()
     );
-    std::fs::write(&path, text).map_err(|error| Error::io(path.display().to_string(), error))?;
+    atomic_file::write(&path, text)?;
     Ok(path)
 }

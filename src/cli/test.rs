@@ -1,19 +1,26 @@
 //! `anyhit test`: runs the test cases of folders and files.
 
 use std::io::{IsTerminal, stdout};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 
+use crate::atomic_file;
+use crate::cli::input::SceneFileArgs;
+use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
+use crate::input::RootFolder;
+use crate::machine::LaunchLimits;
+use crate::scene::SceneFiles;
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
 ///
-/// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run.
+/// Exit codes: 0 all pass, 1 an expectation failed, 2 a test could not run or a file that was asked
+/// for could not be written.
 #[derive(Debug, clap::Args)]
 pub struct TestArgs {
     /// Folders (searched for `scene.toml` and `*.test.toml`) and scene files
@@ -54,7 +61,11 @@ pub struct TestArgs {
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
     #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -87,7 +98,12 @@ pub fn run(args: TestArgs) -> Result<()> {
     if args.init {
         return init_case(&args.paths);
     }
-    let mut suite = Suite::find(&args.paths)?;
+    let root = args.files.root()?;
+    let limits = args.files.limits();
+    let mut suite = Suite::find_within(&args.paths, &|file, tree| {
+        let root = root.clone().map_or_else(|| RootFolder::of_test(file, tree), Ok)?;
+        Ok(SceneFiles { limits, root: Some(root) })
+    })?;
     let found = suite.tests().len();
     suite.filter(&args.filter);
     if suite.tests().is_empty() {
@@ -101,11 +117,13 @@ pub fn run(args: TestArgs) -> Result<()> {
         return output::print(names);
     }
     let report = execute(&args, &suite)?;
+    // A file that cannot be written keeps nobody from the others, and from what is printed.
+    let mut unwritten = Vec::new();
     if let Some(path) = &args.junit {
-        write(path, &junit(&report)?)?;
+        unwritten.extend(junit(&report).and_then(|text| atomic_file::write(path, text)).err());
     }
     if let Some(path) = &args.coverage {
-        write(path, &report.coverage.lcov())?;
+        unwritten.extend(atomic_file::write(path, report.coverage.lcov()).err());
     }
     match args.format {
         Format::Json => {
@@ -138,7 +156,7 @@ pub fn run(args: TestArgs) -> Result<()> {
         }
     }
     output::notes(&report.notes);
-    verdict(&report)
+    if unwritten.is_empty() { verdict(&report) } else { Err(Error::several(unwritten)) }
 }
 
 fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
@@ -155,6 +173,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         perturb: args.stability.perturbation(),
         no_explanation: args.no_explanation,
         colour,
+        limits: args.limits.limits(LaunchLimits::TESTS),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
     };
     suite.run(&options, &mut |finished| match args.format {
@@ -222,8 +241,4 @@ fn init_case(paths: &[PathBuf]) -> Result<()> {
         written.display(),
         folder.display()
     ))
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).map_err(|error| Error::io(path, error))
 }

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::input::SceneFileArgs;
+use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
@@ -12,15 +14,16 @@ use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
+use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
-use crate::scene::{DiskFiles, LoadOptions, demo, load};
+use crate::scene::{LoadOptions, demo};
 
 /// Traces one ray and explains everything that happened to it.
 ///
 /// Without a scene file it uses the built-in demo: a field of grass, spheres and chains.
 #[derive(Args, Clone, Debug)]
 pub struct TraceOneRayArgs {
-    /// A scene file
+    /// A scene file, or `-` for standard input
     #[arg(value_name = "SCENE")]
     scene: Option<PathBuf>,
     /// Run the ray generation shader at this launch index
@@ -37,7 +40,11 @@ pub struct TraceOneRayArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Show every instance and every primitive tested
     #[arg(long)]
     all: bool,
@@ -75,11 +82,12 @@ pub struct TraceOneRayArgs {
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
     let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
-    let scene = match &args.scene {
-        Some(path) => load(path, &DiskFiles, &options)?,
+    let mut scene = match &args.scene {
+        Some(path) => args.files.scene(path, &options)?,
         None => demo::scene(&options)?,
     };
     output::notes(&scene.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;

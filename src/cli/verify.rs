@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::{InputLimit, read_argument, read_regular};
 use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use crate::recording::{Comparison, Recording, compare};
 
@@ -20,6 +22,8 @@ pub struct VerifyArgs {
     /// Recordings (`.safetensors`), or folders of them
     #[arg(value_name = "FILE|DIR", required = true)]
     paths: Vec<PathBuf>,
+    #[command(flatten)]
+    limits: InputLimitArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -74,8 +78,14 @@ struct VerifiedFile {
 /// the others were compared.
 pub fn run(args: VerifyArgs) -> Result<()> {
     let (mut files, mut errors) = (Vec::new(), Vec::new());
-    for path in recordings(&args.paths)? {
-        match Recording::open(&path) {
+    let limits = args.limits.limits();
+    for (path, named) in recordings(&args.paths)? {
+        // Only what is named may be a pipe.
+        let bytes = match named {
+            true => read_argument(&path, InputLimit::FileBytes, &limits),
+            false => read_regular(&path, None, InputLimit::FileBytes, &limits).map_err(of_recording),
+        };
+        match bytes.and_then(|bytes| Recording::of_file(&path, &bytes)) {
             Ok(recording) => {
                 files
                     .push(VerifiedFile { file: path.display().to_string(), comparison: compare(&recording) });
@@ -136,12 +146,22 @@ fn baseline_hits(comparison: &Comparison, against: Baseline) -> Option<(&'static
     }
 }
 
-/// The recordings to compare: files, and all recordings in folders, sorted.
-fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+/// What is wrong with a file that was found, as an error of a recording.
+fn of_recording(error: Error) -> Error {
+    if error.kind() == ErrorKind::Io {
+        return error;
+    }
+    let own = Error::new(ErrorKind::InvalidRecording, error.message());
+    error.notes().iter().fold(own, |own, note| own.note(note))
+}
+
+/// The recordings to compare, each with whether it was named itself: files, and all recordings in
+/// folders, sorted.
+fn recordings(paths: &[PathBuf]) -> Result<Vec<(PathBuf, bool)>> {
     let mut all = Vec::new();
     for path in paths {
         if !path.is_dir() {
-            all.push(path.clone());
+            all.push((path.clone(), true));
             continue;
         }
         let before = all.len();
@@ -155,13 +175,15 @@ fn recordings(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-fn collect(folder: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
+fn collect(folder: &Path, all: &mut Vec<(PathBuf, bool)>) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(|error| Error::io(folder, error))? {
-        let path = entry.map_err(|error| Error::io(folder, error))?.path();
-        if path.is_dir() {
+        let entry = entry.map_err(|error| Error::io(folder, error))?;
+        let path = entry.path();
+        // Links to folders may go in circles.
+        if entry.file_type().map_err(|error| Error::io(&path, error))?.is_dir() {
             collect(&path, all)?;
         } else if path.extension().is_some_and(|extension| extension == "safetensors") {
-            all.push(path);
+            all.push((path, false));
         }
     }
     Ok(())

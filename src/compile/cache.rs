@@ -8,18 +8,20 @@
 //!
 //! Its size is limited: when a process writes its first module, entries that were not used for 30
 //! days are removed, and the least recently used ones beyond 256 MiB, or as many MiB as
-//! `ANYHIT_CACHE_LIMIT` sets.
+//! `ANYHIT_CACHE_LIMIT` sets. Files that are not entries stay, whatever they are called.
 
 use std::env;
 use std::fs;
-use std::io::Write;
+use std::io::Read;
+use std::num::{IntErrorKind, ParseIntError};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 use std::time::{Duration, SystemTime};
 
 use super::source::bytes_hash;
 use super::{CompileOptions, Language, Source, compile, content_hash, glslang_tool, slang};
-use crate::error::Result;
+use crate::atomic_file;
+use crate::error::{Error, Result};
 
 /// The environment variable that names the folder.
 pub const VARIABLE: &str = "ANYHIT_CACHE";
@@ -38,6 +40,9 @@ const DAY: u64 = 24 * 60 * 60;
 
 /// The first words of every entry, with the version of the format and of the processing of modules.
 const MAGIC: &str = "anyhit module 1";
+
+/// Begins the entries of every version.
+const MAGIC_OF_ALL: &[u8] = b"anyhit module ";
 
 /// Compiles a source, or takes the module from the cache if it was compiled before with the same
 /// text and name, included files, options and version of the compiler.
@@ -67,8 +72,8 @@ pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions)
     let _ = write(&path, &entry(&key, &spirv));
     static SWEEP_ONCE: Once = Once::new();
     SWEEP_ONCE.call_once(|| {
-        let limit = env::var(LIMIT_VARIABLE).ok().and_then(|limit| limit.trim().parse().ok());
-        sweep(folder, limit.unwrap_or(LIMIT) << 20, SystemTime::now());
+        let limit = env::var(LIMIT_VARIABLE);
+        sweep(folder, limit_bytes(limit.as_deref().unwrap_or_default()), SystemTime::now());
     });
     Ok(spirv)
 }
@@ -87,6 +92,18 @@ fn touch(path: &Path) {
     let _ = touched();
 }
 
+/// The limit of the folder in bytes, from a number of MiB. Without a number it is the usual one,
+/// and a number too large for any disk is no limit.
+fn limit_bytes(mebibytes: &str) -> u64 {
+    let number: Result<u64, ParseIntError> = mebibytes.trim().parse();
+    let number = match number {
+        Ok(number) => number,
+        Err(error) if *error.kind() == IntErrorKind::PosOverflow => u64::MAX,
+        Err(_) => LIMIT,
+    };
+    number.saturating_mul(1 << 20)
+}
+
 /// Removes entries that were unused for long, and the least recently used ones beyond `limit`
 /// bytes. Other files in the folder are not removed.
 fn sweep(folder: &Path, limit: u64, now: SystemTime) {
@@ -94,25 +111,35 @@ fn sweep(folder: &Path, limit: u64, now: SystemTime) {
         let (path, data) = (entry.path(), entry.metadata().ok()?);
         let name = path.file_name()?.to_str()?;
         let is_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
-        // A temporary file of a process that was killed while it wrote.
-        let is_temporary = name.starts_with(".tmp");
-        (data.is_file() && (is_hash || is_temporary)).then_some(())?;
-        Some((data.modified().ok()?, is_temporary, data.len(), path))
+        (data.is_file() && is_hash).then_some(())?;
+        Some((data.modified().ok()?, data.len(), path))
     };
     let mut entries: Vec<_> =
         fs::read_dir(folder).into_iter().flatten().flatten().filter_map(entry).collect();
+    let is_old = |used: &SystemTime| now.duration_since(*used).unwrap_or_default() > MAX_UNUSED;
+    let total = entries.iter().fold(0u64, |total, (_, size, _)| total.saturating_add(*size));
+    if total <= limit && !entries.iter().any(|(used, ..)| is_old(used)) {
+        return;
+    }
+    // Others name their files by hashes, too.
+    entries.retain(|(_, _, path)| is_entry(path));
     // Sorts the most recently used first.
     entries.sort_by(|one, other| other.cmp(one));
     let mut kept = 0u64;
-    for (used, is_temporary, size, path) in entries {
-        let age = now.duration_since(used).unwrap_or_default();
-        let is_old = age > if is_temporary { Duration::from_secs(DAY) } else { MAX_UNUSED };
+    for (used, size, path) in entries {
         kept = kept.saturating_add(size);
-        if is_old || kept > limit {
+        if is_old(&used) || kept > limit {
             // Another process may have removed it.
             let _ = fs::remove_file(path);
         }
     }
+}
+
+/// Whether a file begins as an entry does, of this or another version.
+fn is_entry(path: &Path) -> bool {
+    let mut head = [0; MAGIC_OF_ALL.len()];
+    let read = fs::File::open(path).and_then(|mut file| file.read_exact(&mut head));
+    read.is_ok() && head == MAGIC_OF_ALL
 }
 
 /// The folder of the cache; `None` if it is disabled.
@@ -173,13 +200,11 @@ fn content(key: &str, entry: &[u8]) -> Option<Vec<u8>> {
     (head == format!("{MAGIC} {hash}").as_bytes()).then(|| spirv.to_vec())
 }
 
-fn write(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+/// Writes an entry. Should it be lost with the machine's power, its hash says so.
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder)?;
-    let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    file.write_all(bytes)?;
-    file.persist(path)?;
-    Ok(())
+    fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+    atomic_file::write_unsynced(path, bytes)
 }
 
 #[cfg(all(test, feature = "wgsl"))]
@@ -240,7 +265,12 @@ mod tests {
         let now = SystemTime::now();
         let add = |name: &str, days: u64, size: usize| {
             let path = folder.path().join(name);
-            fs::write(&path, vec![0; size]).unwrap();
+            let content = [MAGIC_OF_ALL, &vec![b'1'; size - MAGIC_OF_ALL.len()]].concat();
+            fs::write(
+                &path,
+                if name.len() == 64 && !name.starts_with('e') { content } else { vec![0; size] },
+            )
+            .unwrap();
             let file = fs::File::options().append(true).open(&path).unwrap();
             file.set_modified(now - Duration::from_secs(days * DAY)).unwrap();
         };
@@ -248,9 +278,10 @@ mod tests {
         add(&hash("a"), 0, 40);
         add(&hash("b"), 3, 40);
         add(&hash("c"), 9, 40);
-        add(&hash("d"), 31, 1);
-        add(".tmpXy", 2, 1);
-        add(".tmpYz", 0, 1);
+        add(&hash("d"), 31, 20);
+        // Files of others: what another program names by hashes, and its temporary files.
+        add(&hash("e"), 90, 1000);
+        add(".tmpXy", 200, 100);
         add("README", 90, 1000);
         let left = |limit| {
             sweep(folder.path(), limit, now);
@@ -261,10 +292,24 @@ mod tests {
             names.sort();
             names
         };
-        assert_eq!(left(1000), [".tmp", "READ", "aaaa", "bbbb", "cccc"]);
-        // 40 and 1 and 40 bytes are not more than 81.
-        assert_eq!(left(81), [".tmp", "READ", "aaaa", "bbbb"]);
-        assert_eq!(left(41), [".tmp", "READ", "aaaa"]);
+        assert_eq!(left(1000), [".tmp", "READ", "aaaa", "bbbb", "cccc", "eeee"]);
+        // 40 and 40 bytes are not more than 80.
+        assert_eq!(left(80), [".tmp", "READ", "aaaa", "bbbb", "eeee"]);
+        assert_eq!(left(41), [".tmp", "READ", "aaaa", "eeee"]);
+        assert_eq!(left(0), [".tmp", "READ", "eeee"]);
+    }
+
+    #[test]
+    fn a_limit_beyond_all_numbers_is_none() {
+        assert_eq!(limit_bytes(" 2 "), 2 << 20);
+        assert_eq!(limit_bytes("0"), 0);
+        for usual in ["", "many", "-1", "1.5"] {
+            assert_eq!(limit_bytes(usual), 256 << 20, "{usual}");
+        }
+        // 2^44 MiB are 2^64 bytes.
+        for none in ["17592186044416", "18446744073709551615", "99999999999999999999999"] {
+            assert_eq!(limit_bytes(none), u64::MAX, "{none}");
+        }
     }
 
     #[test]

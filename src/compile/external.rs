@@ -7,6 +7,7 @@ use std::process::{Command, Output};
 use std::time::UNIX_EPOCH;
 
 use super::Source;
+use crate::atomic_file::{self, FolderGuard};
 use crate::error::{Error, ErrorKind, Result};
 
 /// An installed compiler.
@@ -91,6 +92,7 @@ fn program(name: &Path) -> Option<PathBuf> {
 /// The folders of one compiler run: that of the source, and a temporary one for the output.
 pub(super) struct Workspace {
     output_folder: tempfile::TempDir,
+    _guard: FolderGuard,
     folder: PathBuf,
 }
 
@@ -100,6 +102,7 @@ impl Workspace {
     pub(super) fn new(source: &Source) -> Result<Self> {
         let output_folder = tempfile::Builder::new().prefix("anyhit-").tempdir();
         let output_folder = output_folder.map_err(|error| Error::io(env::temp_dir(), error))?;
+        let guard = FolderGuard::new(output_folder.path());
         let mut folder = output_folder.path().to_owned();
         if source.is_file() {
             let own = source.folder();
@@ -108,10 +111,10 @@ impl Workspace {
             let path = folder.join(source.name());
             let parent = path.parent().unwrap_or(&folder);
             fs::create_dir_all(parent).map_err(|error| Error::io(parent, error))?;
-            fs::write(&path, source.text().as_bytes()).map_err(|error| Error::io(&path, error))?;
+            atomic_file::write_unsynced(&path, source.text().as_bytes())?;
         }
         let folder = fs::canonicalize(&folder).map_err(|error| Error::io(&folder, error))?;
-        Ok(Self { output_folder, folder: without_verbatim_prefix(&folder) })
+        Ok(Self { output_folder, _guard: guard, folder: without_verbatim_prefix(&folder) })
     }
 
     /// The folder that names of files are relative to.

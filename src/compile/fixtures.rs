@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use super::source::bytes_hash;
 use super::{CompileOptions, Language, Source, compile, content_hash, tool};
+use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};
 
 /// The folder of the sources, in the root of the repository.
@@ -266,7 +267,7 @@ fn write_records(folder: &Path, records: &Records) -> Result<()> {
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
-    fs::write(path, bytes).map_err(|error| Error::io(path, error))
+    atomic_file::write(path, bytes)
 }
 
 #[cfg(all(test, feature = "wgsl"))]

@@ -9,9 +9,14 @@ use glslang::{
 
 use super::{CompileOptions, DebugInfoLevel, Source, SourceStage, bytes, glslang_debug, message};
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::contained;
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
 pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
+    contained("glslang", ErrorKind::InvalidSource, || translate(source, stage, options))
+}
+
+fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
     if source.text().contains('\0') {
         let text = format!("{}: the text holds a zero byte", source.name());
         return Err(Error::new(ErrorKind::InvalidSource, text));

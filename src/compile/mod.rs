@@ -108,6 +108,7 @@ impl CompileOptions {
 /// [`ErrorKind::UnsupportedTool`] where this build or machine lacks the compiler;
 /// [`ErrorKind::Io`] where a file cannot be read or written.
 pub fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+    source.check_includes()?;
     match source.language() {
         #[cfg(feature = "glsl")]
         Language::Glsl(stage) if !glslang_tool::is_requested() => glsl::compile(source, stage, options),

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
-use crate::error::{Error, Place, Result};
+use crate::error::{Place, Result};
+use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::module::{Module, load};
 
 /// How a source is compiled by default: with line numbers, so that traps can name them.
@@ -20,11 +21,11 @@ impl Module {
     /// source those of [`compile()`](super::compile()).
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
+        let bytes = read_argument(path, InputLimit::ModuleBytes, &InputLimits::default())?;
         // The content decides before the extension does.
         let text = bytes.first().is_some_and(|first| first.is_ascii_graphic() || first.is_ascii_whitespace());
         if text && Language::of(path).is_some() {
-            return Self::compile(&Source::read(path)?, &OPTIONS);
+            return Self::compile(&Source::from_bytes(path, bytes)?, &OPTIONS);
         }
         let module = load(&bytes).map_err(|error| {
             let error = error.at(Place::File(path.to_path_buf()));

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use hmac_sha256::Hash as Sha256;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::{InputLimit, InputLimits, RootFolder, is_stream, read_argument, read_regular};
 
 /// The extensions that are known.
 pub(super) const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
@@ -94,6 +95,8 @@ pub struct Source {
     language: Language,
     is_file: bool,
     include_folders: Vec<PathBuf>,
+    limits: InputLimits,
+    root: Option<RootFolder>,
 }
 
 impl Source {
@@ -112,17 +115,61 @@ impl Source {
     /// [`ErrorKind::Io`] where the file cannot be read, [`ErrorKind::InvalidSource`] where it is
     /// not UTF-8, and [`ErrorKind::InvalidArgument`] where its extension is of no language.
     pub fn read_in(folder: &Path, name: &str) -> Result<Self> {
+        Self::read_within(folder, name, &InputLimits::default())
+    }
+
+    /// Reads a source file as [`Source::read_in`] does, with another limit of its bytes and those
+    /// of the files that it includes. It may be a pipe, whose includes start at the current folder.
+    ///
+    /// # Errors
+    /// As [`Source::read_in`].
+    pub fn read_within(folder: &Path, name: &str, limits: &InputLimits) -> Result<Self> {
         let path = folder.join(name);
         let language = Language::of(&path).ok_or_else(|| unknown_language(name))?;
-        let text = read_text(&path)?;
-        Ok(Self {
-            folder: folder.into(),
+        // What comes out of a pipe is gone: an outside tool is given the text.
+        let is_file = !is_stream(&path);
+        let text = read_text(&path, limits)?;
+        let folder = if is_file { folder.into() } else { PathBuf::new() };
+        Ok(Self { folder, is_file, limits: *limits, ..Self::new(name, text, language) })
+    }
+
+    fn new(name: impl Into<String>, text: impl Into<Arc<str>>, language: Language) -> Self {
+        Self {
+            folder: PathBuf::new(),
             name: name.into(),
             text: text.into(),
             language,
-            is_file: true,
+            is_file: false,
             include_folders: Vec::new(),
-        })
+            limits: InputLimits::default(),
+            root: None,
+        }
+    }
+
+    /// The text that a file of the current folder holds, read already; its includes are looked up
+    /// beside it.
+    ///
+    /// # Errors
+    /// As [`Source::from_text`].
+    pub(crate) fn of_file(name: String, text: &str) -> Result<Self> {
+        Ok(Self { is_file: true, ..Self::from_text(name, text)? })
+    }
+
+    /// The source that the bytes of a file are, read already.
+    ///
+    /// # Errors
+    /// As [`Source::read`].
+    pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
+        let text = text_of(path, bytes)?;
+        let is_file = !is_stream(path);
+        Ok(Self { is_file, ..Self::from_text(path.to_string_lossy(), text)? })
+    }
+
+    /// With these limits, and with includes from this folder alone where one is given.
+    #[must_use]
+    pub(crate) fn confined(mut self, limits: InputLimits, root: Option<RootFolder>) -> Self {
+        (self.limits, self.root) = (limits, root);
+        self
     }
 
     /// A source from memory; its includes are looked up in the current folder.
@@ -132,14 +179,7 @@ impl Source {
     pub fn from_text(name: impl Into<String>, text: impl Into<Arc<str>>) -> Result<Self> {
         let name = name.into();
         let language = Language::of(Path::new(&name)).ok_or_else(|| unknown_language(&name))?;
-        Ok(Self {
-            folder: PathBuf::new(),
-            name,
-            text: text.into(),
-            language,
-            is_file: false,
-            include_folders: Vec::new(),
-        })
+        Ok(Self::new(name, text, language))
     }
 
     /// Adds folders where included files are looked for, in their order, after the including file's
@@ -195,9 +235,35 @@ impl Source {
         let parent = Path::new(includer).parent().unwrap_or(Path::new(""));
         let folders = std::iter::once(parent).chain(self.include_folders.iter().map(PathBuf::as_path));
         folders.map(|folder| normalized_path(&folder.join(header))).find_map(|name| {
-            let text = std::fs::read_to_string(self.folder.join(&name)).ok()?;
-            Some((name, text))
+            let path = self.folder.join(&name);
+            let bytes = read_regular(&path, self.root.as_ref(), InputLimit::SourceBytes, &self.limits);
+            Some((name, String::from_utf8(bytes.ok()?).ok()?))
         })
+    }
+
+    /// Refuses what may not be included, before a compiler opens it by itself: a file outside the
+    /// root, a pipe or device, one that is too large. Of what a macro names nothing is known here.
+    ///
+    /// # Errors
+    /// `InvalidSource` that says why, and which file includes it.
+    pub(super) fn check_includes(&self) -> Result<()> {
+        for (includer, text) in self.closure() {
+            let parent = Path::new(&includer).parent().unwrap_or(Path::new("")).to_path_buf();
+            for header in text.lines().filter_map(included_file) {
+                let folders = std::iter::once(&parent).chain(&self.include_folders);
+                let found = folders.map(|folder| self.folder.join(normalized_path(&folder.join(&header))));
+                let Some(path) = found.into_iter().find(|path| path.exists() && !path.is_dir()) else {
+                    continue;
+                };
+                let limit = InputLimit::SourceBytes;
+                if let Err(error) = read_regular(&path, self.root.as_ref(), limit, &self.limits) {
+                    let message = format!("{includer} includes what may not be read: {}", error.message());
+                    let refused = Error::new(ErrorKind::InvalidSource, message);
+                    return Err(error.notes().iter().fold(refused, |refused, note| refused.note(note)));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Everything that the result depends on: this text and, by name, the text of each file that an
@@ -289,8 +355,11 @@ fn normalized_path(path: &Path) -> String {
     format!("{root}{}", parts.join("/"))
 }
 
-fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
+fn read_text(path: &Path, limits: &InputLimits) -> Result<String> {
+    text_of(path, read_argument(path, InputLimit::SourceBytes, limits)?)
+}
+
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
         let text = format!("{}: not UTF-8 from byte {offset} on", path.display());
@@ -376,6 +445,40 @@ mod tests {
         write("own/b.glsl", "own");
         assert_eq!(found(&source, "b.glsl"), Some(("own/b.glsl".into(), "own".into())));
         assert_ne!(content_hash(&source), other);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn includes_are_regular_files_inside_the_root() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        for name in ["own", "folder"] {
+            std::fs::create_dir(folder.path().join(name)).unwrap();
+        }
+        write("secret.glsl", "secret");
+        write("own/a.rmiss", "#include \"b.glsl\"\n");
+        std::os::unix::fs::symlink("../secret.glsl", folder.path().join("own/link.glsl")).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", folder.path().join("own/zero.glsl")).unwrap();
+        let limits = InputLimits::default();
+        let root = || Some(RootFolder::new(&folder.path().join("own")).unwrap());
+        let refused = |included: &str, root: Option<RootFolder>| {
+            write("own/b.glsl", &format!("#include \"{included}\"\n"));
+            let source = Source::read_in(folder.path(), "own/a.rmiss").unwrap().confined(limits, root);
+            let found = source.include("own/b.glsl", included).is_some();
+            (found, source.check_includes().err().map(|error| error.to_string()))
+        };
+        for included in ["../secret.glsl", "link.glsl"] {
+            assert_eq!(refused(included, None), (true, None), "{included}");
+            let (found, error) = refused(included, root());
+            let error = error.expect("an error");
+            assert!(!found && error.contains("own/b.glsl includes what may not be read"), "{error}");
+            assert!(error.contains("outside the folder") && error.contains("--root"), "{error}");
+        }
+        let (found, error) = refused("zero.glsl", None);
+        assert!(!found && error.expect("an error").contains("a device, not a regular file"));
+        // What is not there is for the compiler to report, and a folder is no source.
+        assert_eq!(refused("gone.glsl", root()), (false, None));
+        assert_eq!(refused("../folder", None), (false, None));
     }
 
     #[test]

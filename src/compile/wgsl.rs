@@ -5,12 +5,21 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::{CompileOptions, DebugInfoLevel, Source, bytes};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::contained;
 
 /// naga has no constant for its version; a test compares this with `Cargo.lock`.
 pub(super) const NAGA_VERSION: &str = "30.0.1";
 
 /// Compiles to SPIR-V 1.6, or the version that naga raises it to.
 pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+    contained("naga", ErrorKind::InvalidSource, || translate(source, options)).map_err(|error| {
+        // A panic of naga's knows no place.
+        let known = error.places().next().is_some() || error.message().starts_with(source.name());
+        if known { error } else { error.at(Place::File(source.name().into())) }
+    })
+}
+
+fn translate(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     let text = source.text();
     let mut front = naga::front::wgsl::Frontend::new_with_options(naga::front::wgsl::Options {
         parse_doc_comments: false,

@@ -1,19 +1,26 @@
 //! Rewrites recorded expectations: values in scene files, and whole files beside them.
 //!
-//! Only the bytes of a value change: comments, order and form of a file stay as they are.
+//! Only the bytes of a value change: comments, order and form of a file stay as they are. Several
+//! processes may do so at once, the shards of a suite say: each locks a file, reads it anew, and
+//! puts its values where they stand by now. Each file is whole at any moment.
+
+mod merge;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use crate::atomic_file::{self, FileLock};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Fix;
 use crate::scene::read::{Span, TomlSource};
+use merge::Merge;
 
 /// Writes changes to the files that they are of, and gives the files in order.
 ///
 /// # Errors
-/// `Expectation` where two changes of one value disagree (two variants leave different results),
-/// `Io` where a file cannot be written or has changed meanwhile.
+/// `Expectation` where two changes of one value disagree (two variants leave different results):
+/// then nothing is written. `Io` where a file cannot be written, or was changed meanwhile in what
+/// is not recorded; a note lists the files that were written all the same.
 pub fn bless(fixes: Vec<Fix>) -> Result<Vec<PathBuf>> {
     let mut files: BTreeMap<PathBuf, Vec<u8>> = BTreeMap::new();
     let mut texts: BTreeMap<PathBuf, Vec<(Span, String)>> = BTreeMap::new();
@@ -28,39 +35,93 @@ pub fn bless(fixes: Vec<Fix>) -> Result<Vec<PathBuf>> {
             }
         }
     }
-    for (path, changes) in texts {
-        // There is a change wherever there is a path.
-        let Some(source) = changes.first().map(|(span, _)| span.source.clone()) else { continue };
-        let now = std::fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
-        if *now != *source.text {
-            let message = format!("{}: changed while its tests ran", path.display());
-            return Err(Error::new(ErrorKind::Io, message));
+    for changes in texts.values_mut() {
+        settle(changes)?;
+    }
+    let written = files.iter().map(|(path, bytes)| (path, atomic_file::write(path, bytes)));
+    let renewed = texts.iter().map(|(path, changes)| (path, renew(path, changes)));
+    let (mut done, mut errors) = (Vec::new(), Vec::new());
+    for (path, result) in written.chain(renewed) {
+        match result {
+            Ok(()) => done.push(path.clone()),
+            Err(error) => errors.push(error),
         }
-        files.insert(path, changed(&source, changes)?.into_bytes());
     }
-    for (path, bytes) in &files {
-        std::fs::write(path, bytes).map_err(|error| Error::io(path, error))?;
+    done.sort();
+    if errors.is_empty() {
+        return Ok(done);
     }
-    Ok(files.into_keys().collect())
+    let error = Error::several(errors);
+    Err(done.iter().fold(error, |error, path| error.note(format!("written anew: {}", path.display()))))
 }
 
-/// A text with other words in some places.
-fn changed(source: &TomlSource, mut changes: Vec<(Span, String)>) -> Result<String> {
+/// Changes of one text in order, each once.
+fn settle(changes: &mut Vec<(Span, String)>) -> Result<()> {
     changes.sort_by_key(|(span, _)| (span.range.start, span.range.end));
     changes.dedup();
+    for pair in changes.windows(2) {
+        let [(before, _), (span, _)] = pair else { continue };
+        if span.range.start < before.range.end {
+            let place = span.place();
+            return Err(disagreement(span.source.path.display().to_string()).at(place));
+        }
+    }
+    Ok(())
+}
+
+/// Puts changes, in order, into the file as it is by now.
+fn renew(path: &Path, changes: &[(Span, String)]) -> Result<()> {
+    // There is a change wherever there is a path.
+    let Some((Span { source, .. }, _)) = changes.first() else { return Ok(()) };
+    let _lock = FileLock::of(path)?;
+    let now = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+    let text = if *now == *source.text {
+        changed(&now, changes.iter().map(|(span, new)| (span.range.clone(), new.as_str())))
+    } else {
+        merged(source, &now, changes)?
+    };
+    if text == now { Ok(()) } else { atomic_file::write(path, text) }
+}
+
+/// A text with other words in some places, which are in order.
+fn changed<'a>(old: &str, changes: impl Iterator<Item = (std::ops::Range<usize>, &'a str)>) -> String {
     let mut text = String::new();
     let mut end = 0;
-    for (span, new) in &changes {
-        if span.range.start < end {
-            let place = span.place();
-            return Err(disagreement(source.path.display().to_string()).at(place));
-        }
-        text.push_str(&source.text[end..span.range.start]);
+    for (range, new) in changes {
+        text.push_str(&old[end..range.start]);
         text.push_str(new);
-        end = span.range.end;
+        end = range.end;
     }
-    text.push_str(&source.text[end..]);
-    Ok(text)
+    text.push_str(&old[end..]);
+    text
+}
+
+/// Changes of a text that another process changed since it was read.
+fn merged(source: &TomlSource, now: &str, changes: &[(Span, String)]) -> Result<String> {
+    let refused = |why: String| {
+        let message = format!("{}: changed while its tests ran", source.path.display());
+        Error::new(ErrorKind::Io, message)
+            .note(why)
+            .note("none of its values was written: run the tests again")
+    };
+    let merge = Merge::of(&source.text, now).map_err(&refused)?;
+    let mut moved = Vec::new();
+    for (span, new) in changes {
+        let Some(range) = merge.range(&span.range) else {
+            let was = &source.text[span.range.clone()];
+            return Err(refused(format!("`{was}` has no place in it any more")));
+        };
+        match &now[range.clone()] {
+            there if there == new => {}
+            there if *there == source.text[span.range.clone()] => moved.push((range, new.as_str())),
+            there => {
+                let note = format!("another run wrote `{there}` where this one finds `{new}`");
+                return Err(disagreement(source.path.display().to_string()).at(span.place()).note(note));
+            }
+        }
+    }
+    moved.sort_by_key(|(range, _)| range.start);
+    Ok(changed(now, moved.into_iter()))
 }
 
 fn disagreement(what: String) -> Error {
@@ -84,18 +145,73 @@ mod tests {
         (Span { source: source.clone(), range: start..start + old.len() }, new.into())
     }
 
+    fn settled(mut changes: Vec<(Span, String)>) -> Result<String> {
+        settle(&mut changes)?;
+        let text = changes[0].0.source.text.clone();
+        Ok(changed(&text, changes.iter().map(|(span, new)| (span.range.clone(), new.as_str()))))
+    }
+
     #[test]
     fn only_values_change() {
         let source = source("a = [ 1, 2 ] # one, two\\nb='x'");
         let changes = vec![at(&source, "'x'", "\"y\""), at(&source, "2", "3.5"), at(&source, "2", "3.5")];
-        assert_eq!(changed(&source, changes).unwrap(), "a = [ 1, 3.5 ] # one, two\\nb=\"y\"");
+        assert_eq!(settled(changes).unwrap(), "a = [ 1, 3.5 ] # one, two\\nb=\"y\"");
     }
 
     #[test]
     fn variants_must_agree() {
         let source = source("a = 1");
-        let error = changed(&source, vec![at(&source, "1", "2"), at(&source, "1", "3")]).unwrap_err();
+        let error = settled(vec![at(&source, "1", "2"), at(&source, "1", "3")]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Expectation);
         assert!(error.render().contains("a.toml:1:5"), "{error:?}");
+    }
+
+    const BEFORE: &str = "[[ray]] # one\nname = 'a'\nexpect = { t = 1, payload = { x = [1, 2] } }\n\
+        [[ray]]\nname = 'b'\n[ray.expect]\n[[ray]]\nname = 'c'\n[ray.expect]\nt = 7 # because\n";
+
+    #[test]
+    fn values_that_another_process_wrote_stay() {
+        let source = source(BEFORE);
+        // It filled the second ray, and renewed a value beside the one that changes here.
+        let now = BEFORE
+            .replace("t = 1,", "t = 1.25,")
+            .replacen("[ray.expect]\n", "[ray.expect]\nmiss = true\n", 1)
+            .replace("# one", "# one, and more words");
+        let changes = [at(&source, "2", "2.5"), at(&source, "7", "7.5")];
+        let expected = now.replace("2]", "2.5]").replace("t = 7 #", "t = 7.5 #");
+        assert_eq!(merged(&source, &now, &changes).unwrap(), expected);
+        // What it wrote already is there.
+        assert_eq!(merged(&source, &expected, &changes).unwrap(), expected);
+        // An empty table, found by its header, is filled behind another that was.
+        let start = BEFORE.find("[ray.expect]").unwrap();
+        let span = Span { source: source.clone(), range: start..start + "[ray.expect]".len() };
+        let fill = [(span, "[ray.expect]\nmiss = true".to_owned())];
+        let now = BEFORE.replace("t = 1,", "t = 1.25,");
+        let filled = now.replacen("[ray.expect]\n", "[ray.expect]\nmiss = true\n", 1);
+        assert_eq!(merged(&source, &now, &fill).unwrap(), filled);
+        assert!(merged(&source, &filled, &fill).unwrap_err().render().contains("no place in it any more"));
+    }
+
+    #[test]
+    fn what_is_changed_by_hand_is_not_guessed() {
+        let source = source(BEFORE);
+        let change = [at(&source, "7", "7.5")];
+        for (old, new) in [
+            ("name = 'a'", "name = 'z'"),
+            ("name = 'b'\n", "name = 'b'\norigin = [0, 0, 0]\n"),
+            ("[[ray]]\nname = 'b'\n[ray.expect]\n", ""),
+            ("t = 7", "t = 7\nmiss = false"),
+            ("t = 7 # because", "t = 7\nbecause = 'derived'"),
+            ("t = 7", "t = = 7"),
+        ] {
+            let now = BEFORE.replacen(old, new, 1);
+            let error = merged(&source, &now, &change).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Io, "{now}");
+            assert!(error.message().starts_with("a.toml: changed while its tests ran"), "{error}");
+        }
+        let now = BEFORE.replace("t = 7", "t = 8");
+        let error = merged(&source, &now, &change).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Expectation);
+        assert!(error.render().contains("another run wrote `8` where this one finds `7.5`"), "{error:?}");
     }
 }

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init::resources::Resources;
 use crate::harness::layout::{Layout, Rules};
@@ -37,7 +38,7 @@ pub fn case(modules: &[PathBuf], folder: &Path) -> Result<PathBuf> {
     }
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     let text = shaders.scene(folder)?;
-    std::fs::write(&scene, &text).map_err(|error| Error::io(&scene, error))?;
+    atomic_file::write(&scene, &text)?;
     record(&scene, text)?;
     Ok(scene)
 }
@@ -60,7 +61,7 @@ fn record(scene: &Path, mut text: String) -> Result<()> {
                     "\n# `{}` does not run yet: give buffers and payload what the shaders need.\n{why}",
                     finished.name
                 );
-                std::fs::write(scene, &text).map_err(|error| Error::io(scene, error))?;
+                atomic_file::write(scene, &text)?;
             }
             _ => {}
         }

@@ -60,23 +60,21 @@ impl<'a> Layout<'a> {
         match self.module.ty(self.ty) {
             Type::Bool => 4,
             Type::Int { width, .. } | Type::Float { width, .. } => scalar_size(*width, self.rules),
-            Type::Vector { component, count } => self.part(*component).size() * *count as usize,
+            Type::Vector { component, count } => self.part(*component).size().saturating_mul(*count as usize),
             Type::Matrix { column, count } => match self.matrix.filter(|_| self.explicit()) {
                 Some(layout) if layout.row_major => {
-                    let rows = self.lanes(*column);
-                    (rows - 1) * layout.stride as usize + self.scalar(*column).size() * *count as usize
+                    let row = self.scalar(*column).size().saturating_mul(*count as usize);
+                    spread(self.lanes(*column), layout.stride as usize, row)
                 }
-                Some(layout) => (*count as usize - 1) * layout.stride as usize + self.part(*column).size(),
-                None => self.part(*column).size() * *count as usize,
+                Some(layout) => spread(*count as usize, layout.stride as usize, self.part(*column).size()),
+                None => self.part(*column).size().saturating_mul(*count as usize),
             },
             Type::Array { element, length, stride } => {
                 let length = array_length(self.module, *length);
                 let element = self.part(*element).size();
                 match stride.filter(|_| self.explicit()) {
-                    Some(stride) => {
-                        let before = length.saturating_sub(1).saturating_mul(stride as usize);
-                        before.saturating_add(element.min(length.saturating_mul(element)))
-                    }
+                    Some(_) if length == 0 => 0,
+                    Some(stride) => spread(length, stride as usize, element),
                     None => length.saturating_mul(element),
                 }
             }
@@ -117,9 +115,29 @@ impl<'a> Layout<'a> {
     pub(super) fn member(self, at: usize) -> (usize, Self) {
         let Type::Struct { members, .. } = self.module.ty(self.ty) else { return (0, self) };
         let member = Self { matrix: members[at].matrix, ..self.part(members[at].ty) };
-        let packed = || members[..at].iter().map(|member| self.part(member.ty).size()).sum();
+        let sizes = || members[..at].iter().map(|member| self.part(member.ty).size());
+        let packed = || sizes().fold(0, usize::saturating_add);
         let offset = members[at].offset.filter(|_| self.explicit());
         (offset.map_or_else(packed, |offset| offset as usize), member)
+    }
+
+    /// Offsets and layouts of all members of a struct, in order. Each is looked at once, where
+    /// [`Layout::member`] adds up those before it.
+    pub(super) fn members(self) -> impl Iterator<Item = (usize, Self)> + use<'a> {
+        let members = match self.module.ty(self.ty) {
+            Type::Struct { members, .. } => &members[..],
+            _ => &[],
+        };
+        let mut end = 0usize;
+        members.iter().map(move |member| {
+            let part = Self { matrix: member.matrix, ..self.part(member.ty) };
+            let offset = member.offset.filter(|_| self.explicit());
+            let offset = offset.map_or(end, |offset| offset as usize);
+            if !self.explicit() || member.offset.is_none() {
+                end = end.saturating_add(part.size());
+            }
+            (offset, part)
+        })
     }
 
     fn lanes(self, vector: TypeId) -> usize {
@@ -384,6 +402,11 @@ impl<'a> Layout<'a> {
         lines.insert(0, line("offset".into(), heads));
         lines
     }
+}
+
+/// Bytes from the first of `count` things to the end of the last.
+fn spread(count: usize, stride: usize, each: usize) -> usize {
+    count.saturating_sub(1).saturating_mul(stride).saturating_add(each)
 }
 
 fn shorten(lines: &mut Vec<String>) {

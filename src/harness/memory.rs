@@ -27,7 +27,8 @@ pub fn copied(resources: &Resources) -> Resources {
     let memory = resources.memory.with_buffers(buffer);
     let printed = resources.printed.as_ref().map(|_| Arc::default());
     let (push_constants, policy) = (resources.push_constants.clone(), resources.policy);
-    Resources { descriptors, push_constants, memory, printed, policy }
+    let printed_bytes = resources.printed_bytes;
+    Resources { descriptors, push_constants, memory, printed, printed_bytes, policy }
 }
 
 /// The copy of an original, made at its first appearance.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::case::Loaded;
 use crate::harness::expect::{Difference, Fix, Observed, PictureDifference, Subject, printed_diff};
+use crate::scene::Files;
 use crate::scene::image::Picture;
 
 /// Compares the output of a launch with the expected files next to its scene.
@@ -27,7 +28,7 @@ pub fn differences(loaded: &Loaded, observed: &Observed, is_variant: bool) -> Re
         ("expect.stderr", "the report of the trap", Some(&report).filter(|_| !is_variant)),
     ] {
         if let (Some(path), Some(text)) = (beside(name), text) {
-            found.extend(text_difference(path, what, text)?);
+            found.extend(text_difference(loaded, path, what, text)?);
         }
     }
     if let Some(path) = beside("expect.png") {
@@ -40,8 +41,9 @@ fn differs(path: &Path, message: String) -> Difference {
     Difference::of(Error::new(ErrorKind::Expectation, message).at(Place::File(path.to_owned())))
 }
 
-fn text_difference(path: PathBuf, what: &str, text: &str) -> Result<Option<Difference>> {
-    let expected = std::fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
+fn text_difference(loaded: &Loaded, path: PathBuf, what: &str, text: &str) -> Result<Option<Difference>> {
+    let expected = String::from_utf8(loaded.scene.files.read(&path)?)
+        .map_err(|_| Error::new(ErrorKind::InvalidScene, "not UTF-8").at(Place::File(path.clone())))?;
     let expected = expected.replace("\r\n", "\n");
     if expected == text {
         return Ok(None);
@@ -63,9 +65,9 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
         return Ok(Some(differs(&path, message.into())));
     };
     let found = Picture::of(image);
-    let file = std::fs::read(&path).map_err(|error| Error::io(&path, error))?;
+    let file = loaded.scene.files.read(&path)?;
     let renewed = Fix::File(path.clone(), found.encode_png(*linear)?);
-    let expected = Picture::decode(&path, &file, None);
+    let expected = Picture::decode_within(&path, &file, None, &loaded.scene.files.limits);
     let expected = match expected {
         Ok(expected) if expected.extent == found.extent => expected,
         Ok(expected) => {

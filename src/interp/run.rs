@@ -7,6 +7,10 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::program::{OptimizedCode, Program, Superblock, Terminator};
 
+/// The instructions that count for one that hands the batch to the pipeline: a trace, a call, a
+/// report, a barrier.
+const STOP_COST: u32 = 64;
+
 /// Runs a batch until it stops.
 pub fn run<const W: usize, O: Observer<W>>(
     batch: &mut Batch<W>,
@@ -60,6 +64,10 @@ where
                 continue;
             }
             if let Op::Stop(_) | Op::Barrier = op {
+                batch.consume_fuel(batch.mask, STOP_COST, batch.op);
+                if batch.mask.is_empty() {
+                    break;
+                }
                 let stop = match op {
                     Op::Stop(stop) => stop.stop(batch),
                     _ => Stop::Barrier { mask: batch.mask },
@@ -134,7 +142,7 @@ fn execute_terminator<const W: usize, O: Observer<W>>(
                 diverge(batch, program, &edges)
             }
             Terminator::Call { function, return_to } => {
-                batch.consume_fuel(mask, 1, terminator_index(program, from));
+                batch.consume_fuel(mask, program.call_cost(*function), terminator_index(program, from));
                 if batch.mask.is_empty() {
                     batch.follow([])
                 } else {

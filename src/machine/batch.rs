@@ -5,12 +5,19 @@
 //! loop's merge after the loop), lanes reconverge at the merge block, and no stack of masks is
 //! needed.
 
+use std::sync::Arc;
+
 use crate::machine::hit_object::HitObjects;
 use crate::machine::invocation::Invocations;
-use crate::machine::lanes::{Mask, Registers};
+use crate::machine::lanes::{Mask, Reg, Registers};
 use crate::machine::out_of_bounds::OutOfBoundsIndices;
 use crate::machine::ray_query::RayQueries;
 use crate::machine::trap::{AccessFault, Exit, Trap, TrapCode};
+use crate::machine::turns::Turns;
+use crate::machine::watchdog::{SLICE, TaskWatch};
+
+/// Turns of loops are noted while a lane has no more fuel than this, for the report.
+const LAST_FUEL: u64 = 1 << 16;
 
 /// Lanes that wait at the beginning of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +68,12 @@ pub struct Batch<const W: usize> {
     pub hit_objects: HitObjects,
     /// The number of reorder instructions that were executed, summed over lanes.
     pub reorders: u64,
+    /// What ends the launch that it belongs to, where it belongs to one.
+    pub watch: Option<Arc<TaskWatch>>,
+    /// The registers of loops' variables, which [`Batch::turns`] notes.
+    pub watched: Arc<[Reg]>,
+    /// The last turns of loops, of lanes that have little fuel left.
+    pub turns: Turns,
     /// Details of accesses that trapped, with their lanes; see [`Batch::access_fault`].
     access_faults: Vec<(usize, AccessFault)>,
     /// The lanes that have not been stopped.
@@ -70,8 +83,14 @@ pub struct Batch<const W: usize> {
     fuel: [u64; W],
     /// The fuel that every live lane has consumed together with all others.
     consumed_together: u64,
-    /// A lower bound of the live lanes' `fuel`.
+    /// A lower bound of the live lanes' `fuel`, and how much a lane may consume before
+    /// [`Batch::consume_last_fuel`] is called.
     min_fuel: u64,
+    /// Instructions charged to all lanes and not yet to the launch, but for what live lanes have
+    /// consumed together since `settled`.
+    charged: u64,
+    /// What of `consumed_together` is in `charged`.
+    settled: u64,
     /// Lanes that wait at later blocks, the lowest block last.
     waiting: Vec<Waiting<W>>,
     frames: Vec<Frame<W>>,
@@ -95,10 +114,15 @@ impl<const W: usize> Batch<W> {
             queries: RayQueries::default(),
             hit_objects: HitObjects::default(),
             reorders: 0,
+            watch: None,
+            watched: Arc::default(),
+            turns: Turns::default(),
             live: Mask::NONE,
             fuel: [0; W],
             consumed_together: 0,
             min_fuel: 0,
+            charged: 0,
+            settled: 0,
             waiting: Vec::new(),
             frames: Vec::new(),
         }
@@ -118,7 +142,10 @@ impl<const W: usize> Batch<W> {
         self.exits = [Exit::Returned; W];
         self.fuel = [fuel; W];
         self.consumed_together = 0;
-        self.min_fuel = fuel;
+        self.min_fuel = slice(fuel);
+        self.charged = 0;
+        self.settled = 0;
+        self.turns.clear();
         self.waiting.clear();
         self.frames.clear();
         self.queries.clear();
@@ -173,6 +200,7 @@ impl<const W: usize> Batch<W> {
         for lane in mask.lanes() {
             self.exits[lane] = exit;
         }
+        self.settle();
         self.live = self.live.without(mask);
         self.mask = self.mask.without(mask);
     }
@@ -210,21 +238,81 @@ impl<const W: usize> Batch<W> {
         } else {
             mask.lanes().for_each(|lane| self.fuel[lane] -= cost);
             self.min_fuel -= cost;
+            self.charged += cost * u64::from(mask.count());
         }
     }
 
-    /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost.
+    /// Adds to what is charged what live lanes have consumed together.
+    fn settle(&mut self) {
+        self.charged += (self.consumed_together - self.settled) * u64::from(self.live.count());
+        self.settled = self.consumed_together;
+    }
+
+    /// Takes the instructions charged to all lanes since the last time.
+    pub fn take_charged(&mut self) -> u64 {
+        self.settle();
+        std::mem::take(&mut self.charged)
+    }
+
+    /// Lets the next charge look at the watchdog.
+    pub fn look_soon(&mut self) {
+        self.min_fuel = self.consumed_together;
+    }
+
+    /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost,
+    /// or where it is time to look at the watchdog.
     #[cold]
     fn consume_last_fuel(&mut self, mask: Mask<W>, cost: u64, op: u32) {
+        self.settle();
+        self.charged += cost * u64::from(mask.count());
+        let watch = self.watch.clone();
+        let expired = watch.as_ref().and_then(|watch| {
+            watch.charge(std::mem::take(&mut self.charged));
+            watch.look_at_clock();
+            watch.expired()
+        });
+        let mut noted: Mask<W> = Mask::NONE;
         let exhausted = Mask::from_fn(|lane| {
             let left = self.fuel[lane].saturating_sub(self.consumed_together);
             let charge = if mask.contains(lane) { cost } else { 0 };
+            if charge > 0 && (left <= LAST_FUEL || expired.is_some()) {
+                noted = noted | Mask::lane(lane);
+            }
             self.fuel[lane] = left.saturating_sub(charge);
             left < charge
         });
         self.consumed_together = 0;
+        self.settled = 0;
+        let over = watch.as_ref().and_then(|watch| watch.step_behind());
+        for lane in noted.lanes() {
+            let is_last = over.is_some() || exhausted.contains(lane);
+            self.turns.note((lane, op), is_last, &self.registers, &self.watched);
+        }
         self.trap(exhausted, TrapCode::OutOfFuel, op);
-        self.min_fuel = self.live.lanes().map(|lane| self.fuel[lane]).min().unwrap_or(0);
+        if let Some(watch) = &watch {
+            let stopped = exhausted.lanes().map(|lane| self.invocations.number(lane)).min();
+            stopped.into_iter().for_each(|number| watch.watchdog().stop_at(number));
+            if let Some(code) = over {
+                self.stop(code, op);
+            }
+            let beyond =
+                |lane: usize| self.live.contains(lane) && watch.is_beyond(self.invocations.number(lane));
+            let beyond = Mask::from_fn(beyond);
+            if !beyond.is_empty() {
+                self.exit(beyond, Exit::Trapped(Trap { code: TrapCode::Callee, op }));
+            }
+        }
+        self.min_fuel = match expired {
+            Some(_) => 0,
+            None => self.live.lanes().map(|lane| slice(self.fuel[lane])).min().unwrap_or(0),
+        };
+    }
+
+    /// Stops all lanes: the running ones trap, the others end without a word.
+    fn stop(&mut self, code: TrapCode, op: u32) {
+        let others = self.live.without(self.mask);
+        self.exit(others, Exit::Trapped(Trap { code: TrapCode::Callee, op }));
+        self.trap(self.mask, code, op);
     }
 
     fn wait(&mut self, block: u32, mask: Mask<W>) {
@@ -265,6 +353,11 @@ impl<const W: usize> Batch<W> {
             }
         }
     }
+}
+
+/// What a lane with so much fuel may consume before the watchdog is asked, and turns are noted.
+fn slice(fuel: u64) -> u64 {
+    fuel.saturating_sub(LAST_FUEL).min(SLICE)
 }
 
 #[cfg(test)]

@@ -356,6 +356,18 @@ impl<const W: usize> Invocations<W> {
         [0, 1, 2].map(|axis| self.launch_id[axis].0[lane])
     }
 
+    /// The number of a lane's invocation in the order in which a launch tells its traps: x of the
+    /// launch index is fastest; in compute that of the workgroup, then the place in it.
+    pub fn number(&self, lane: usize) -> u64 {
+        if let Some(workgroup) = self.workgroup(lane) {
+            let each = u64::from(workgroup.invocations());
+            return workgroup.index().saturating_mul(each) + u64::from(self.subgroup_order.0[lane]);
+        }
+        let [x, y, z] = self.launch_id(lane).map(u64::from);
+        let [width, height, _] = self.launch_size.map(u64::from);
+        z.saturating_mul(height).saturating_add(y).saturating_mul(width).saturating_add(x)
+    }
+
     /// Sets `LaunchIdKHR` of a lane.
     #[inline]
     fn set_launch_id(&mut self, lane: usize, id: [u32; 3]) {

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::accel::Tlas;
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::image::Image;
-use crate::machine::printed::Printed;
+use crate::machine::printed::{Printed, PrintedBytes};
 use crate::machine::sampler::Sampler;
 
 /// Where a descriptor is bound.
@@ -235,6 +235,8 @@ pub struct Resources {
     pub memory: DeviceMemory,
     /// Collects what shaders print; without it printing does nothing.
     pub printed: Option<Arc<Printed>>,
+    /// How much of that is kept.
+    pub printed_bytes: PrintedBytes,
     /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }
@@ -299,6 +301,7 @@ impl Resources {
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
             printed: self.printed.clone(),
+            printed_bytes: self.printed_bytes,
             policy: self.policy,
         }
     }
@@ -331,6 +334,8 @@ pub struct Bindings {
     pub memory: DeviceMemory,
     /// Collects what shaders print.
     pub printed: Option<Arc<Printed>>,
+    /// How much of what shaders print is kept.
+    pub printed_bytes: PrintedBytes,
     /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
 }

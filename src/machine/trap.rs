@@ -39,6 +39,13 @@ pub enum TrapCode {
     Unreachable,
     /// The invocation has executed as many instructions as its fuel allows.
     OutOfFuel,
+    /// The invocations of the launch have executed as many instructions together as its fuel
+    /// allows.
+    LaunchOutOfFuel,
+    /// The launch took longer than its `timeout`.
+    LaunchTimedOut,
+    /// Invocations that run together took longer than their `batch_timeout`.
+    BatchTimedOut,
     /// The operands of a trace break a rule for rays; the report names it.
     InvalidTrace,
     /// The acceleration structure of a trace does not exist.
@@ -139,10 +146,13 @@ impl TrapCode {
             }
             Self::Unreachable => "OpUnreachable was reached",
             Self::OutOfFuel => "the invocation ran out of fuel: an endless loop?",
+            Self::LaunchOutOfFuel => "the launch ran out of fuel: an endless loop?",
+            Self::LaunchTimedOut => "the launch ran out of time: an endless loop?",
+            Self::BatchTimedOut => "a batch of invocations ran out of time: an endless loop?",
             Self::InvalidTrace => "the operands of a trace break a rule",
             Self::AccelerationStructureMissing => "the acceleration structure of a trace does not exist",
             Self::RecursionTooDeep => "maxPipelineRayRecursionDepth is passed",
-            Self::CallablesTooDeep => "1024 callable shaders have called each other: an endless recursion?",
+            Self::CallablesTooDeep => "callable shaders call each other too deeply: an endless recursion?",
             Self::ShaderRecordMissing => "the shader binding table has no such record",
             Self::HitRecordMissing => "the hit shader binding table has no record for what the ray met",
             Self::MissRecordMissing => "the miss shader binding table has no record of the ray's miss index",
@@ -228,6 +238,23 @@ impl TrapCode {
             }
             Self::Callee => "a called shader trapped",
         }
+    }
+
+    /// Whether a message tells of a trap by a limit; see [`TrapCode::is_limit`].
+    pub fn names_limit(message: &str) -> bool {
+        let limits = [Self::OutOfFuel, Self::LaunchOutOfFuel, Self::LaunchTimedOut, Self::BatchTimedOut];
+        limits.iter().any(|code| message.ends_with(code.message()))
+    }
+
+    /// Whether the clock stopped the invocation: where it was then depends on the machine.
+    pub fn is_of_clock(self) -> bool {
+        matches!(self, Self::LaunchTimedOut | Self::BatchTimedOut)
+    }
+
+    /// Whether a limit of running stopped the invocation: what others have left behind then depends
+    /// on how many of them run side by side.
+    pub fn is_limit(self) -> bool {
+        matches!(self, Self::OutOfFuel | Self::LaunchOutOfFuel | Self::LaunchTimedOut | Self::BatchTimedOut)
     }
 }
 

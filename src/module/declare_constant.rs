@@ -5,6 +5,7 @@
 use rspirv::spirv::Op;
 
 use crate::error::Result;
+use crate::input::InputLimit;
 use crate::module::Definition;
 use crate::module::constant::{Constant, ConstantValue};
 use crate::module::declare_type::unsupported_continuation;
@@ -42,6 +43,7 @@ impl Loader<'_> {
         }
         let value = self.constant_value(span, known.op, ty)?;
         let index = self.module.constants.len() as u32;
+        self.within(InputLimit::ModuleConstants, u64::from(index) + 1, span.start)?;
         self.define(first + 1, Definition::Constant(index))?;
         self.module.constants.push(Constant {
             id: self.id(first + 1),

@@ -6,6 +6,7 @@
 use rspirv::spirv::{Capability, Op};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::InputLimit;
 use crate::module::constant::ConstantValue;
 use crate::module::grammar::Opcode;
 use crate::module::load::Loader;
@@ -14,9 +15,25 @@ use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, T
 use crate::module::words::{Span, invalid};
 use crate::module::{Definition, Id};
 
-/// How deep types may be nested: the universal limit of "Structure nesting depth" (specification,
-/// section 2.17), used for every kind of nesting so that recursion over a type has bounded depth.
-const MAX_DEPTH: u32 = 255;
+/// How large a type is as a tree of types.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TypeExtent {
+    /// Levels of nesting, from 1.
+    pub(super) depth: u32,
+    /// The type itself and its parts with theirs; see [`InputLimit::TypeParts`].
+    pub(super) parts: u64,
+}
+
+impl TypeExtent {
+    /// The extent of a type without parts.
+    pub(super) const LEAF: Self = Self { depth: 1, parts: 1 };
+
+    /// The extent of a type around `count` parts of this one.
+    pub(super) fn around(self, count: u32) -> Self {
+        let parts = self.parts.saturating_mul(count.into()).saturating_add(1);
+        Self { depth: self.depth + 1, parts }
+    }
+}
 
 impl Loader<'_> {
     /// Reads `OpTypeForwardPointer`: a pointer type whose pointee is declared later.
@@ -25,7 +42,11 @@ impl Loader<'_> {
         let storage_class = self.words[at + 1];
         let ty = TypeId(self.module.types.len() as u32);
         self.define(at, Definition::Type(ty))?;
-        self.push_type(self.id(at), Type::Pointer { storage_class, pointee: None, stride: None }, 1);
+        self.push_type(
+            self.id(at),
+            Type::Pointer { storage_class, pointee: None, stride: None },
+            TypeExtent::LEAF,
+        );
         self.forward.insert(self.id(at), at);
         Ok(())
     }
@@ -36,13 +57,10 @@ impl Loader<'_> {
             return Err(unsupported_continuation(span));
         }
         let at = span.start + 1;
-        let (ty, depth) = self.type_of_words(span, known.op)?;
-        if depth > MAX_DEPTH {
-            return Err(invalid(
-                span.start,
-                format!("{}: types are nested deeper than {MAX_DEPTH}", opcode_name(span.opcode)),
-            ));
-        }
+        let (ty, extent) = self.type_of_words(span, known.op)?;
+        // Every kind of nesting is limited, so that recursion over a type has a bounded depth.
+        self.within(InputLimit::TypeNesting, extent.depth.into(), span.start)?;
+        self.within(InputLimit::TypeParts, extent.parts, span.start)?;
         if must_be_unique(&ty) {
             let mut key = self.words[at + 1..span.end].to_vec();
             key.push(u32::from(span.opcode));
@@ -59,7 +77,7 @@ impl Loader<'_> {
         }
         let id = TypeId(self.module.types.len() as u32);
         self.define(at, Definition::Type(id))?;
-        self.push_type(self.id(at), ty, depth);
+        self.push_type(self.id(at), ty, extent);
         Ok(())
     }
 
@@ -89,8 +107,8 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Parses a type; returns it with its depth of nesting.
-    fn type_of_words(&mut self, span: Span, op: Op) -> Result<(Type, u32)> {
+    /// Parses a type; returns it with its extent.
+    fn type_of_words(&mut self, span: Span, op: Op) -> Result<(Type, TypeExtent)> {
         let at = span.start + 2;
         let words = self.words;
         let ty = match op {
@@ -137,8 +155,8 @@ impl Loader<'_> {
                 if !is_scalar(self.module.ty(component)) {
                     return Err(self.expected(span, at, "a scalar type"));
                 }
-                let count = self.count(span, at + 1)?;
-                return Ok((Type::Vector { component, count }, self.depth(component) + 1));
+                let count = self.component_count(span, at + 1)?;
+                return Ok((Type::Vector { component, count }, self.extent(component).around(count)));
             }
             // OpTypeCooperativeVectorNV has the same number.
             Op::TypeVectorIdEXT if self.module.capabilities.contains(&(Capability::LongVectorEXT as u32)) => {
@@ -147,31 +165,35 @@ impl Loader<'_> {
                     return Err(self.expected(span, at, "a scalar type"));
                 }
                 let length = self.array_length(span, at + 1)?;
-                return Ok((self.long_vector(span, component, length)?, self.depth(component) + 1));
+                let ty = self.long_vector(span, component, length)?;
+                let count = if let Type::Vector { count, .. } = ty { count } else { 1 };
+                return Ok((ty, self.extent(component).around(count)));
             }
             Op::TypeMatrix => {
                 let column = self.type_at(span, at)?;
                 if !matches!(self.module.ty(column), Type::Vector { .. }) {
                     return Err(self.expected(span, at, "a vector type"));
                 }
-                let count = self.count(span, at + 1)?;
-                return Ok((Type::Matrix { column, count }, self.depth(column) + 1));
+                let count = self.column_count(span, at + 1)?;
+                return Ok((Type::Matrix { column, count }, self.extent(column).around(count)));
             }
             Op::TypeArray => {
                 let element = self.data_type(span, at)?;
                 let length = self.array_length(span, at + 1)?;
-                return Ok((Type::Array { element, length, stride: None }, self.depth(element) + 1));
+                return Ok((Type::Array { element, length, stride: None }, self.extent(element).around(1)));
             }
             Op::TypeRuntimeArray => {
                 let element = self.data_type(span, at)?;
-                return Ok((Type::RuntimeArray { element, stride: None }, self.depth(element) + 1));
+                return Ok((Type::RuntimeArray { element, stride: None }, self.extent(element).around(1)));
             }
             Op::TypeStruct => {
                 let mut members = Vec::with_capacity(span.end - at);
-                let mut depth = 0;
+                let mut extent = TypeExtent { depth: 0, parts: 0 };
                 for member in at..span.end {
                     let ty = self.data_type(span, member)?;
-                    depth = depth.max(self.depth(ty));
+                    let part = self.extent(ty);
+                    extent.depth = extent.depth.max(part.depth);
+                    extent.parts = extent.parts.saturating_add(part.parts);
                     members.push(Member {
                         ty,
                         name: String::new(),
@@ -180,14 +202,14 @@ impl Loader<'_> {
                         builtin: None,
                     });
                 }
-                return Ok((Type::Struct { members, block: false, buffer_block: false }, depth + 1));
+                return Ok((Type::Struct { members, block: false, buffer_block: false }, extent.around(1)));
             }
             Op::TypePointer => {
                 let pointee = self.type_at(span, at + 1)?;
-                let depth = self.depth(pointee) + 1;
+                let depth = self.extent(pointee).depth + 1;
                 return Ok((
                     Type::Pointer { storage_class: words[at], pointee: Some(pointee), stride: None },
-                    depth,
+                    TypeExtent { depth, ..TypeExtent::LEAF },
                 ));
             }
             Op::TypeUntypedPointerKHR => {
@@ -199,7 +221,7 @@ impl Loader<'_> {
                 for parameter in at + 1..span.end {
                     parameters.push(self.data_type(span, parameter)?);
                 }
-                return Ok((Type::Function { return_type, parameters }, 1));
+                return Ok((Type::Function { return_type, parameters }, TypeExtent::LEAF));
             }
             Op::TypeImage => Type::Image(ImageType {
                 sampled_type: self.type_at(span, at)?,
@@ -224,21 +246,30 @@ impl Loader<'_> {
             Op::TypeHitObjectEXT => Type::HitObject { ext: true },
             _ => Type::Other(span.opcode),
         };
-        Ok((ty, 1))
+        Ok((ty, TypeExtent::LEAF))
     }
 
-    fn depth(&self, ty: TypeId) -> u32 {
-        self.depths[ty.0 as usize]
+    fn extent(&self, ty: TypeId) -> TypeExtent {
+        self.extents[ty.0 as usize]
     }
 
-    /// Reads a count of components or columns.
-    fn count(&self, span: Span, at: usize) -> Result<u32> {
+    /// Reads the number of a vector's components: 2, 3 or 4, 8 or 16 with `Vector16`, and any above with
+    /// `LongVectorEXT`.
+    fn component_count(&self, span: Span, at: usize) -> Result<u32> {
+        let has = |capability: Capability| self.module.capabilities.contains(&(capability as u32));
         match self.words[at] {
-            count @ 2.. => Ok(count),
-            count => Err(invalid(
-                at,
-                format!("{}: expected a count of at least 2, found {count}", opcode_name(span.opcode)),
-            )),
+            count @ 2..=4 => Ok(count),
+            count @ (8 | 16) if has(Capability::Vector16) => Ok(count),
+            count @ 2.. if has(Capability::LongVectorEXT) => Ok(count),
+            count => Err(wrong_count(span, at, "2, 3 or 4 components", count)),
+        }
+    }
+
+    /// The number of a matrix's columns: 2, 3 or 4.
+    fn column_count(&self, span: Span, at: usize) -> Result<u32> {
+        match self.words[at] {
+            count @ 2..=4 => Ok(count),
+            count => Err(wrong_count(span, at, "2, 3 or 4 columns", count)),
         }
     }
 
@@ -290,6 +321,12 @@ impl Loader<'_> {
         }
         Ok(id)
     }
+}
+
+/// The error of a count of components or columns.
+fn wrong_count(span: Span, at: usize, expected: &str, found: u32) -> Error {
+    let name = opcode_name(span.opcode);
+    invalid(at, format!("{name}: expected {expected}, found {found}")).note("SPIR-V, 2.16.1")
 }
 
 /// The error for an instruction that continues another one beyond 65,535 words.

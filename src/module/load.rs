@@ -5,14 +5,16 @@
 //! `check_flow`) checks the instructions of the functions against the grammar and the definitions,
 //! to which they may refer forward. All work is linear in the number of words.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use rspirv::spirv::Op;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits};
 use crate::module::check::{self, FunctionUses};
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
+use crate::module::declare_type::TypeExtent;
 use crate::module::decoration::{Decorations, PendingDecorations};
 use crate::module::grammar::{Opcode, is_constant, is_id, opcode, walk};
 use crate::module::id_map::IdMap;
@@ -24,6 +26,8 @@ use crate::module::{Definition, GlobalVariable, Id, Module, check_flow};
 
 /// The storage class of variables inside functions.
 pub(super) const FUNCTION_STORAGE: u32 = 7;
+/// Different capabilities that a module may declare; SPIR-V and its extensions have some 300.
+const MAX_CAPABILITIES: usize = 1 << 12;
 
 /// Reads a module from bytes of either byte order.
 ///
@@ -34,13 +38,25 @@ pub(super) const FUNCTION_STORAGE: u32 = 7;
 /// * `InvalidModule` where the bytes are no module or break a rule without which they have no
 ///   meaning: words, grammar, definitions, types of constants, blocks, branches, calls. The place
 ///   is the offset of the word, counted from the module's first.
-/// * `UnsupportedModule` for versions above 1.6, and where a few words request too many copies
-///   (decoration groups, execution modes).
+/// * `UnsupportedModule` for versions above 1.6, where a few words request too many copies
+///   (decoration groups, execution modes), and for what is beyond the default [`InputLimits`].
 pub fn load(bytes: &[u8]) -> Result<Module> {
+    load_with(bytes, InputLimits::default())
+}
+
+/// As [`load()`], within limits of the caller's choice, which the module keeps: lowering it heeds
+/// them, too.
+///
+/// # Errors
+/// As [`load()`].
+pub fn load_with(bytes: &[u8], limits: InputLimits) -> Result<Module> {
+    limits
+        .check(InputLimit::ModuleBytes, bytes.len() as u64, ErrorKind::UnsupportedModule)
+        .map_err(|error| error.at(Place::Word(0)))?;
     let words = words_of(bytes)?;
     let header = header(&words)?;
-    let mut walker = Walker::new(&words);
-    let mut loader = Loader::new(&words, header);
+    let mut walker = Walker::new(&words, limits);
+    let mut loader = Loader::new(&words, header, limits);
     let first_function = loader.module_scope(&mut walker)?;
     loader.functions(&mut walker, first_function)?;
     let (mut module, unknown) = loader.finish()?;
@@ -91,8 +107,8 @@ pub(super) struct Loader<'w> {
     pub(super) words: &'w [u32],
     pub(super) module: Module,
     pub(super) debug: DebugReader<'w>,
-    /// The nesting depth of each type, by [`TypeId`].
-    pub(super) depths: Vec<u32>,
+    /// How large each type is, by [`TypeId`].
+    pub(super) extents: Vec<TypeExtent>,
     /// The offsets of the types that must be unique, by opcode and operands.
     pub(super) unique_types: HashMap<Vec<u32>, usize>,
     /// Pointers declared forward and not defined yet, with the offset.
@@ -108,10 +124,13 @@ pub(super) struct Loader<'w> {
     mode_targets: Vec<(Id, usize)>,
     memory_model: Option<(u32, u32)>,
     bound: u32,
+    /// Ids that are defined so far.
+    ids: u64,
+    capabilities: HashSet<u32>,
 }
 
 impl<'w> Loader<'w> {
-    fn new(words: &'w [u32], header: Header) -> Self {
+    fn new(words: &'w [u32], header: Header, limits: InputLimits) -> Self {
         let definitions = IdMap::new(words.len().min(header.bound as usize));
         Self {
             words,
@@ -119,6 +138,7 @@ impl<'w> Loader<'w> {
                 words: Vec::new(),
                 version: header.version,
                 generator: header.generator,
+                limits,
                 memory_model: (0, 0),
                 capabilities: Vec::new(),
                 extensions: Vec::new(),
@@ -135,7 +155,7 @@ impl<'w> Loader<'w> {
                 definitions,
             },
             debug: DebugReader::new(words),
-            depths: Vec::new(),
+            extents: Vec::new(),
             unique_types: HashMap::new(),
             forward: HashMap::new(),
             unknown: HashMap::new(),
@@ -146,6 +166,8 @@ impl<'w> Loader<'w> {
             mode_targets: Vec::new(),
             memory_model: None,
             bound: header.bound,
+            ids: 0,
+            capabilities: HashSet::new(),
         }
     }
 
@@ -187,7 +209,7 @@ impl<'w> Loader<'w> {
         let first = span.start + 1;
         match known.op {
             Op::Nop => {}
-            Op::Capability => self.module.capabilities.push(words[first]),
+            Op::Capability => self.capability(first)?,
             Op::Extension => {
                 let name = self.string_at(first);
                 self.module.extensions.push(name);
@@ -273,6 +295,20 @@ impl<'w> Loader<'w> {
             _ => return Ok(false),
         }
         Ok(true)
+    }
+
+    /// A capability is kept once: lists of them are searched again and again.
+    fn capability(&mut self, at: usize) -> Result<()> {
+        let number = self.words[at];
+        if !self.capabilities.insert(number) {
+            return Ok(());
+        }
+        if self.capabilities.len() > MAX_CAPABILITIES {
+            let message = format!("more than {MAX_CAPABILITIES} capabilities, where SPIR-V has fewer");
+            return Err(Error::new(ErrorKind::UnsupportedModule, message).at(Place::Word(at)));
+        }
+        self.module.capabilities.push(number);
+        Ok(())
     }
 
     /// The kind of the set that an `OpExtInst` names.
@@ -482,7 +518,7 @@ impl<'w> Loader<'w> {
             Some(_) => {}
             None => {
                 if let Some(&opcode) = self.unknown.get(&id) {
-                    let ty = self.push_type(id, Type::Other(opcode), 1);
+                    let ty = self.push_type(id, Type::Other(opcode), TypeExtent::LEAF);
                     self.module.definitions.insert(id, Definition::Type(ty));
                     return Ok(ty);
                 }
@@ -491,10 +527,10 @@ impl<'w> Loader<'w> {
         Err(self.expected(span, at, "the id of a type"))
     }
 
-    pub(super) fn push_type(&mut self, id: Id, ty: Type, depth: u32) -> TypeId {
+    pub(super) fn push_type(&mut self, id: Id, ty: Type, extent: TypeExtent) -> TypeId {
         self.module.types.push(ty);
         self.module.type_ids.push(id);
-        self.depths.push(depth);
+        self.extents.push(extent);
         TypeId(self.module.types.len() as u32 - 1)
     }
 
@@ -510,7 +546,16 @@ impl<'w> Loader<'w> {
         if self.module.definitions.insert(id, definition).is_some() {
             return Err(invalid(at, format!("%{} is defined twice", id.0)));
         }
-        Ok(())
+        self.ids += 1;
+        self.within(InputLimit::ModuleIds, self.ids, at)
+    }
+
+    /// Holds a number against a limit; the error stands at a word.
+    pub(super) fn within(&self, limit: InputLimit, found: u64, at: usize) -> Result<()> {
+        self.module
+            .limits
+            .check(limit, found, ErrorKind::UnsupportedModule)
+            .map_err(|error| error.at(Place::Word(at)))
     }
 
     /// The error for an id that is not what is expected at its word.

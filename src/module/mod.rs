@@ -42,7 +42,7 @@ use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
 use std::ops::Range;
 
-pub use load::load;
+pub use load::{load, load_with};
 
 /// A result id of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -146,6 +146,8 @@ pub struct Module {
     pub version: (u8, u8),
     /// The header's generator word.
     pub generator: u32,
+    /// The limits that it was loaded with, which hold for whatever is made of it, too.
+    pub limits: crate::input::InputLimits,
     /// Numbers of the addressing model and the memory model.
     pub memory_model: (u32, u32),
     /// Numbers of the declared capabilities.

@@ -2,12 +2,13 @@
 //! error names.
 
 use pretty_assertions::assert_eq;
-use rspirv::spirv::Op;
+use rspirv::spirv::{Capability, Op};
 
 use crate::error::{Error, ErrorKind, Place};
+use crate::input::{InputLimit, InputLimits};
 use crate::module::assemble::Assembler;
-use crate::module::load;
 use crate::module::load_tests::sample;
+use crate::module::{load, load_with};
 
 /// Checks the kind, the offset and the message of the error that loading gives.
 #[track_caller]
@@ -15,6 +16,14 @@ pub(super) fn refused(assembler: &Assembler, offset: usize, message: &str) {
     let error = assembler.refused();
     assert_eq!((word(&error), error.message()), (Some(offset), message));
     assert_eq!(error.kind(), ErrorKind::InvalidModule);
+}
+
+/// As [`refused`], for what is beyond a limit.
+#[track_caller]
+fn beyond(assembler: &Assembler, offset: usize, message: &str) {
+    let error = assembler.refused();
+    assert_eq!((word(&error), error.message()), (Some(offset), message));
+    assert_eq!(error.kind(), ErrorKind::UnsupportedModule);
 }
 
 pub(super) fn word(error: &Error) -> Option<usize> {
@@ -96,7 +105,7 @@ fn operands_of_types_are_types_defined_before() {
 
     let mut a = typed();
     let at = a.op(Op::TypeVector, &[20, 6, 1]);
-    refused(&a, at + 3, "OpTypeVector: expected a count of at least 2, found 1");
+    refused(&a, at + 3, "OpTypeVector: expected 2, 3 or 4 components, found 1");
 
     let mut a = typed();
     let at = a.op(Op::TypeStruct, &[20, 6, 8]);
@@ -136,7 +145,50 @@ fn types_are_nested_255_deep_at_most() {
     }
     assert!(a.load().is_ok());
     let at = a.op(Op::TypeStruct, &[354, 353]);
-    refused(&a, at, "OpTypeStruct: types are nested deeper than 255");
+    beyond(&a, at, "256 types nested in types are more than the limit `type-nesting` of 255");
+}
+
+#[test]
+fn vectors_and_matrices_have_the_sizes_that_the_specification_lists() {
+    for count in [0, 1, 5, 7, 8, 16, 3_163_171_322, u32::MAX] {
+        let mut a = typed();
+        let at = a.op(Op::TypeVector, &[20, 6, count]);
+        refused(&a, at + 3, &format!("OpTypeVector: expected 2, 3 or 4 components, found {count}"));
+        let mut a = typed();
+        let at = a.op(Op::TypeMatrix, &[20, 7, count]);
+        refused(&a, at + 3, &format!("OpTypeMatrix: expected 2, 3 or 4 columns, found {count}"));
+    }
+    for (capability, counts) in [(Capability::Vector16, &[8, 16][..]), (Capability::LongVectorEXT, &[5, 900])]
+    {
+        let mut a = Assembler::bare(1000);
+        a.op(Op::Capability, &[capability as u32]);
+        a.op(Op::MemoryModel, &[0, 1]);
+        a.types();
+        for (id, &count) in (20..).zip(counts) {
+            a.op(Op::TypeVector, &[id, 6, count]);
+        }
+        assert!(a.load().is_ok(), "{capability:?}");
+    }
+}
+
+/// A struct of two structs of two structs... has a part for each path.
+#[test]
+fn types_have_a_limited_number_of_parts() {
+    let mut a = typed();
+    // 2^n - 1 structs, and a float at the end of each of 2^n paths.
+    a.op(Op::TypeStruct, &[100, 6, 6]);
+    for id in 101..=118 {
+        a.op(Op::TypeStruct, &[id, id - 1, id - 1]);
+    }
+    assert!(a.load().is_ok());
+    let at = a.op(Op::TypeStruct, &[119, 118, 118]);
+    beyond(
+        &a,
+        at,
+        "2097151 parts of a type, an array's element counted once are more than the limit `type-parts` of 1048576",
+    );
+    let limits = InputLimits::default().with(InputLimit::TypeParts, 1 << 21);
+    assert!(load_with(&a.bytes(), limits).is_ok());
 }
 
 #[test]

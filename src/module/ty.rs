@@ -272,7 +272,9 @@ mod tests {
     use rspirv::spirv::Op;
 
     use super::*;
+    use crate::input::{InputLimit, InputLimits};
     use crate::module::assemble::Assembler;
+    use crate::module::load_with;
 
     fn size(module: &Module, id: u32) -> Option<u64> {
         module.size_of(module.type_with_id(Id(id)).unwrap())
@@ -360,12 +362,13 @@ mod tests {
         let mut a = Assembler::new();
         a.types();
         a.op(Op::TypeStruct, &[100, 6, 6]);
-        for id in 101..300 {
+        // As deep as 2^32 parts allow.
+        for id in 101..=130 {
             a.op(Op::TypeStruct, &[id, id - 1, id - 1]);
         }
-        let module = a.loaded();
-        assert_eq!(count(&module, 163), Some(u64::MAX));
-        assert_eq!(count(&module, 150), Some(1 << 51));
-        assert_eq!(size(&module, 299), None);
+        let limits = InputLimits::default().with(InputLimit::TypeParts, u64::MAX);
+        let module = load_with(&a.bytes(), limits).unwrap();
+        assert_eq!(count(&module, 130), Some(1 << 31));
+        assert_eq!(size(&module, 130), None);
     }
 }

@@ -5,6 +5,7 @@
 use std::ops::Range;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits};
 
 /// The first word of every module.
 const MAGIC: u32 = 0x0723_0203;
@@ -124,18 +125,22 @@ pub(crate) fn header(words: &[u32]) -> Result<Header> {
 pub(crate) struct Walker<'w> {
     words: &'w [u32],
     at: usize,
+    /// Instructions so far.
+    count: u64,
+    limits: InputLimits,
 }
 
 impl<'w> Walker<'w> {
     /// A walker at the first instruction after the header.
-    pub(crate) fn new(words: &'w [u32]) -> Self {
-        Self { words, at: HEADER_WORDS.min(words.len()) }
+    pub(crate) fn new(words: &'w [u32], limits: InputLimits) -> Self {
+        Self { words, at: HEADER_WORDS.min(words.len()), count: 0, limits }
     }
 
     /// The next instruction; `None` at the end of the module.
     ///
     /// # Errors
-    /// `InvalidModule` where the word count is 0 or reaches beyond the module.
+    /// `InvalidModule` where the word count is 0 or reaches beyond the module, `UnsupportedModule`
+    /// where there are more instructions than [`InputLimit::ModuleInstructions`].
     pub(crate) fn next(&mut self) -> Result<Option<Span>> {
         let Some(&first) = self.words.get(self.at) else { return Ok(None) };
         let (opcode, count) = (first as u16, (first >> 16) as usize);
@@ -159,6 +164,10 @@ impl<'w> Walker<'w> {
                 ),
             ));
         }
+        self.count += 1;
+        self.limits
+            .check(InputLimit::ModuleInstructions, self.count, ErrorKind::UnsupportedModule)
+            .map_err(|error| error.at(Place::Word(start)))?;
         self.at = start + count;
         Ok(Some(Span { opcode, start, end: self.at }))
     }
@@ -233,13 +242,13 @@ mod tests {
     fn the_walker_refuses_counts_that_leave_the_module() {
         let mut words = vec![MAGIC, 0x0001_0000, 0, 1, 0, 0x0002_0011, 1];
         words.push(0x0003_0011);
-        let mut walker = Walker::new(&words);
+        let mut walker = Walker::new(&words, InputLimits::default());
         assert_eq!(walker.next().unwrap(), Some(Span { opcode: 17, start: 5, end: 7 }));
         let error = walker.next().unwrap_err();
         assert_eq!(first_place(&error), Some(Place::Word(7)));
         assert_eq!(error.message(), "OpCapability claims 3 words, but the module ends after 1");
         words[7] = 17;
-        let mut walker = Walker::new(&words);
+        let mut walker = Walker::new(&words, InputLimits::default());
         walker.next().unwrap();
         assert_eq!(first_place(&walker.next().unwrap_err()), Some(Place::Word(7)));
     }

@@ -96,7 +96,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             // Both point into one array, and the stride may be known from either.
             let [base, other] = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
             let default_stride = |translator: &Translator<'_>, base, pointer: &Pointer| match array_stride(
-                translator.module,
+                translator,
                 &[base, other],
             ) {
                 Stride::Unique(stride) => Ok(stride),
@@ -257,7 +257,7 @@ fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> 
     }
     // "For all other objects, the implementation calculates the element's address"
     // (OpPtrAccessChain).
-    match array_stride(translator.module, &[base]) {
+    match array_stride(translator, &[base]) {
         Stride::Unique(stride) => Ok(stride),
         Stride::Unknown | Stride::Ambiguous => packed_stride(translator, pointer),
     }

@@ -14,6 +14,7 @@ use crate::ops::linear_algebra;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
+use crate::ops::translate::budget::WORDS_OF_A_STEP;
 use crate::ops::translate::{Translator, Words, registers_from};
 
 /// Opcodes translated here.
@@ -38,6 +39,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     match opcode {
         Opcode::CompositeConstruct => {
             let ty = translator.result_type(instruction)?;
+            // Before its words are listed: a few operands may make more than there can be.
+            translator.word_count(ty)?;
             check_constituents(translator, ty, translator.operands(instruction), true)?;
             let mut words = Words::new();
             for &id in translator.operands(instruction) {
@@ -274,6 +277,7 @@ fn part_words(translator: &mut Translator<'_>, mut ty: TypeId, indices: &[u32]) 
         ty = match *translator.module.ty(ty) {
             Type::Struct { ref members, .. } => {
                 let member = members.get(index as usize).ok_or_else(|| outside(translator))?;
+                translator.charge(index as usize / WORDS_OF_A_STEP);
                 for member in &members[..index as usize] {
                     first += translator.word_count(member.ty)?;
                 }
@@ -321,7 +325,7 @@ pub fn check_constituents(
             };
             parts.len() > 1
                 && parts.iter().all(|&found| is(part(found).0, component))
-                && parts.iter().map(|&found| part(found).1).sum::<u32>() == count
+                && parts.iter().map(|&found| u64::from(part(found).1)).sum::<u64>() == u64::from(count)
         }
         Type::Matrix { column: part, .. } | Type::Array { element: part, .. } => {
             types.into_iter().all(|found| is(found, part))

@@ -82,8 +82,8 @@ impl PrintOp {
                 };
                 components.iter().map(value).collect::<Vec<_>>()
             });
-            let text = format_text(&self.format, &mut arguments);
-            printed.push(batch.invocations.launch_id(lane), text);
+            let launch_id = batch.invocations.launch_id(lane);
+            printed.push(bindings.printed_bytes, launch_id, || format_text(&self.format, &mut arguments));
         }
     }
 }

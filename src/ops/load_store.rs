@@ -9,7 +9,7 @@ use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
-use crate::ops::pointer::{Pointer, PointerBase, add_offset, descriptor_count, storage};
+use crate::ops::pointer::{Pointer, PointerBase, add_offset, beyond_4_gib, descriptor_count, storage};
 use crate::ops::translate::{Translator, Words, registers_from};
 
 /// Translates a load through a pointer.
@@ -61,10 +61,13 @@ pub(super) fn load_aligned(
         }
         PointerBase::Descriptors { first, array, .. } => {
             if let (true, &Type::Array { element, .. }) = (array, translator.module.ty(pointer.pointee)) {
+                // Before its words are listed: a binding may have more elements than that.
+                translator.word_count(pointer.pointee)?;
                 let each = descriptor_count(translator, element)?;
                 let mut words = Words::new();
-                for at in 0..descriptor_count(translator, pointer.pointee)? / each {
-                    let offset = pointer.offset + at * each;
+                for at in 0..descriptor_count(translator, pointer.pointee)? / each.max(1) {
+                    let offset = at.checked_mul(each).and_then(|at| pointer.offset.checked_add(at));
+                    let offset = offset.ok_or_else(|| translator.invalid("too many descriptors"))?;
                     let part = Pointer { pointee: element, offset, ..pointer.clone() };
                     words.extend(load(translator, &part)?);
                 }
@@ -181,6 +184,8 @@ type Scalars = SmallVec<[(u32, u32); 4]>;
 fn scalars(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Scalars> {
     if pointer.is_packed(translator) {
         let words = translator.word_count(pointer.pointee)?;
+        let end = words.checked_mul(4).and_then(|bytes| pointer.offset.checked_add(bytes));
+        end.ok_or_else(|| beyond_4_gib(translator))?;
         return Ok((0..words).map(|word| (pointer.offset + word * 4, 32)).collect());
     }
     let mut scalars = Scalars::new();
@@ -206,8 +211,12 @@ fn collect_scalars(
 ) -> Result<()> {
     let at = |translator: &Translator<'_>, index: u32, stride: u32| {
         let sum = index.checked_mul(stride).and_then(|bytes| offset.checked_add(bytes));
-        sum.ok_or_else(|| translator.unsupported("an offset beyond 4 GiB"))
+        sum.ok_or_else(|| beyond_4_gib(translator))
     };
+    // Parts without scalars are not walked: a few of them nest to any number.
+    if translator.word_count(ty)? == 0 {
+        return Ok(());
+    }
     match *translator.module.ty(ty) {
         Type::Int { width: 64, .. } | Type::Float { width: 64, .. } => {
             scalars.extend([(offset, 32), (at(translator, 1, 4)?, 32)]);
@@ -298,7 +307,11 @@ fn chunks(
     let mut chunks: SmallVec<[Chunk; 1]> = SmallVec::new();
     for &(offset, width) in scalars {
         match chunks.last_mut() {
-            Some(last) if last.width == width && last.offset + last.count * (width / 8) == offset => {
+            Some(last)
+                if last.width == width
+                    && last.count.checked_mul(width / 8).and_then(|size| last.offset.checked_add(size))
+                        == Some(offset) =>
+            {
                 last.count += 1;
             }
             _ => {

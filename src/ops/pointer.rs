@@ -13,6 +13,7 @@ use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_copyable;
 use crate::ops::op::Op;
+use crate::ops::translate::budget::WORDS_OF_A_STEP;
 use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, Words};
 use crate::ops::{address, builtin};
 
@@ -261,7 +262,9 @@ pub fn pointer_words(translator: &mut Translator<'_>, pointer: &Pointer) -> Resu
         PointerBase::Registers { first, count, .. } => {
             translator.addressed.push((first, count));
             translator.invalidate_known_values();
-            let base = translator.constant(REGISTER_POINTER + first.0 + pointer.offset)?;
+            let base = first.0.checked_add(pointer.offset).filter(|&at| at < REGISTER_POINTER);
+            let base = base.ok_or_else(|| beyond_4_gib(translator))?;
+            let base = translator.constant(REGISTER_POINTER + base)?;
             Ok(SmallVec::from_slice(&[add_offset(translator, pointer.index, base)?]))
         }
         PointerBase::ComputedRegisters => {
@@ -409,12 +412,16 @@ fn access_chain_step(
                         format!("member {at} of a buffer's struct has no Offset decoration"),
                     )
                 })?;
-                pointer.offset = pointer.offset.saturating_add(offset);
+                let sum = pointer.offset.checked_add(offset);
+                pointer.offset = sum.ok_or_else(|| beyond_4_gib(translator))?;
                 pointer.matrix = member.matrix;
             } else {
                 let unit = if packed { 4 } else { 1 };
+                translator.charge(at / WORDS_OF_A_STEP);
                 for member in &members[..at] {
-                    pointer.offset += translator.word_count(member.ty)? * unit;
+                    let size = translator.word_count(member.ty)?.checked_mul(unit);
+                    let offset = size.and_then(|size| pointer.offset.checked_add(size));
+                    pointer.offset = offset.ok_or_else(|| beyond_4_gib(translator))?;
                 }
             }
             pointer.pointee = member.ty;
@@ -457,6 +464,12 @@ fn access_chain_step(
     }
 }
 
+/// The error of a constant offset that 32 bits do not hold.
+#[cold]
+pub(super) fn beyond_4_gib(translator: &Translator<'_>) -> Error {
+    translator.unsupported("an offset beyond 4 GiB")
+}
+
 fn element_step(
     translator: &mut Translator<'_>,
     mut pointer: Pointer,
@@ -466,7 +479,10 @@ fn element_step(
     length: Length,
 ) -> Result<Pointer> {
     let stride = match pointer.base {
-        PointerBase::Buffer(_) if pointer.is_packed(translator) => translator.word_count(element)? * 4,
+        PointerBase::Buffer(_) if pointer.is_packed(translator) => {
+            let words = translator.word_count(element)?;
+            words.checked_mul(4).ok_or_else(|| beyond_4_gib(translator))?
+        }
         PointerBase::Buffer(_) => stride.ok_or_else(|| {
             translator.missing_layout(pointer.storage_class, "a buffer's array has no ArrayStride decoration")
         })?,

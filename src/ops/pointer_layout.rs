@@ -4,13 +4,12 @@
 //! of a pointer into it. A pointer that comes from a phi, a select or a call is therefore traced
 //! back to the access chains that made it.
 
-use std::collections::HashSet;
-
+use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::module::{Definition, Id, Instruction, Module};
+use crate::module::{Definition, Id, Module};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator};
 
@@ -19,19 +18,20 @@ use crate::ops::translate::{IdValue, Translator};
 pub type Layout = (Option<MatrixLayout>, Option<u32>);
 
 /// Infers the layout of a pointer that was read from registers: the one that all its sources have.
+/// Returns how many definitions were visited.
 ///
 /// # Errors
 /// `UnsupportedModule` if they do not agree.
-pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> Result<()> {
+pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) -> Result<usize> {
     let module = translator.module;
     let needs_layout = match module.ty(pointer.pointee) {
         Type::Vector { .. } => true,
         _ => ends_in_matrix(module, pointer.pointee),
     };
     if !needs_layout || !matches!(pointer.base, PointerBase::Buffer(_)) || pointer.is_packed(translator) {
-        return Ok(());
+        return Ok(0);
     }
-    let mut search = LayoutSearch { translator, module, visited: HashSet::new() };
+    let mut search = LayoutSearch { translator, visited: FxHashSet::default(), worklist: Vec::new() };
     match *search.layouts(id) {
         // Nothing is loaded or stored through null: any layout is correct.
         [] => pointer.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
@@ -41,7 +41,7 @@ pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) 
             return Err(translator.unsupported(message));
         }
     }
-    Ok(())
+    Ok(search.visited.len())
 }
 
 /// Whether a type is a matrix or an array of them.
@@ -52,121 +52,169 @@ pub fn ends_in_matrix(module: &Module, mut ty: TypeId) -> bool {
     matches!(module.ty(ty), Type::Matrix { .. })
 }
 
-/// A search through the definitions of pointers for their layouts.
+/// What the indices between a pointer and the one that is asked for make of its layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Selection {
+    /// There are none, or only into arrays.
+    Whole,
+    /// One selects a column of its matrix.
+    Column,
+}
+
+impl Selection {
+    fn of(self, (matrix, stride): Layout) -> Layout {
+        match self {
+            Self::Whole => (matrix, stride),
+            Self::Column => (None, matrix.filter(|layout| layout.row_major).map(|layout| layout.stride)),
+        }
+    }
+}
+
+/// A search through the definitions of pointers, of which there may be a chain as long as the
+/// module: those that are still to be visited stand in a worklist.
 struct LayoutSearch<'a, 'm> {
     translator: &'a Translator<'m>,
-    module: &'m Module,
     /// Visited ids: a loop adds nothing new.
-    visited: HashSet<Id>,
+    visited: FxHashSet<(Id, Selection)>,
+    worklist: Vec<(Id, Selection)>,
 }
 
 type Layouts = SmallVec<[Layout; 1]>;
 
 impl LayoutSearch<'_, '_> {
     fn layouts(&mut self, id: Id) -> Layouts {
-        if let Some(IdValue::Pointer(known)) = self.translator.local(id) {
-            return SmallVec::from_slice(&[(known.matrix, known.component_stride)]);
-        }
-        if !self.visited.insert(id) {
-            return Layouts::new();
-        }
-        let module = self.module;
-        match module.definition(id) {
-            Some(Definition::Parameter(function, at)) => {
-                let function = module.functions[function as usize].id;
-                let calls = instructions(module).filter(move |one| one.opcode == opcode::FUNCTION_CALL);
-                let calls =
-                    calls.map(|call| module.operands(call)).filter(|operands| operands[0] == function.0);
-                self.merged_layouts(calls.filter_map(|operands| operands.get(at as usize + 1).copied()))
-            }
-            Some(Definition::Result(function, block, at)) => {
-                let block = &module.functions[function as usize].blocks[block as usize];
-                self.result_layouts(&block.instructions[at as usize])
-            }
-            // The null pointer points into no matrix: it agrees with every layout.
-            Some(Definition::Constant(_)) => Layouts::new(),
-            _ => SmallVec::from_slice(&[(None, None)]),
-        }
-    }
-
-    fn merged_layouts(&mut self, sources: impl Iterator<Item = u32>) -> Layouts {
-        let mut all = Layouts::new();
-        for source in sources {
-            for layout in self.layouts(Id(source)) {
-                if !all.contains(&layout) {
-                    all.push(layout);
-                }
-            }
-        }
-        all
-    }
-
-    fn result_layouts(&mut self, instruction: &Instruction) -> Layouts {
-        let module = self.module;
-        let operands = module.operands(instruction);
-        match instruction.opcode {
-            opcode::UNDEF => Layouts::new(),
-            opcode::PHI => self.merged_layouts(operands.iter().copied().step_by(2)),
-            opcode::SELECT => self.merged_layouts(operands[1..].iter().copied()),
-            opcode::COPY_OBJECT => self.merged_layouts(operands[..1].iter().copied()),
-            opcode::FUNCTION_CALL => {
-                let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else {
-                    return Layouts::new();
-                };
-                let blocks = module.functions[index as usize].blocks.iter();
-                let last = blocks.filter_map(|block| block.instructions.last());
-                let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
-                self.merged_layouts(returns.map(|one| module.operands(one)[0]))
-            }
-            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
-                self.chain_layouts(operands[0], &operands[1..])
-            }
-            opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
-                self.chain_layouts(operands[0], &operands[2..])
-            }
-            _ => SmallVec::from_slice(&[(None, None)]),
-        }
-    }
-
-    fn chain_layouts(&mut self, base: u32, indices: &[u32]) -> Layouts {
-        let module = self.module;
-        let mut layouts = self.layouts(Id(base));
-        let pointee = module.type_of(Id(base)).and_then(|ty| match *module.ty(ty) {
-            Type::Pointer { pointee, .. } => pointee,
-            _ => None,
-        });
-        let Some(mut ty) = pointee else { return layouts };
-        for &index in indices {
-            match module.ty(ty) {
-                Type::Struct { members, .. } => {
-                    let at = module.scalar_value(Id(index)).unwrap_or(u64::MAX);
-                    let Some(member) = members.get(at as usize) else { return layouts };
-                    layouts = SmallVec::from_slice(&[(member.matrix, None)]);
-                    ty = member.ty;
-                }
-                Type::Matrix { column, .. } => {
-                    for (matrix, stride) in &mut layouts {
-                        *stride = matrix.filter(|layout| layout.row_major).map(|layout| layout.stride);
-                        *matrix = None;
-                    }
-                    ty = *column;
-                }
-                Type::Vector { component, .. } => {
-                    layouts = SmallVec::from_slice(&[(None, None)]);
-                    ty = *component;
-                }
-                Type::Array { element, .. } | Type::RuntimeArray { element, .. } => ty = *element,
-                _ => return layouts,
+        let mut layouts = Layouts::new();
+        self.worklist.push((id, Selection::Whole));
+        while let Some((id, selection)) = self.worklist.pop() {
+            let Some(found) = self.visit(id, selection) else { continue };
+            if !layouts.contains(&found) {
+                layouts.push(found);
             }
         }
         layouts
     }
+
+    /// The layout behind one id; `None` where it has none of its own, but that of ids which are put
+    /// on the list.
+    fn visit(&mut self, id: Id, selection: Selection) -> Option<Layout> {
+        if let Some(IdValue::Pointer(known)) = self.translator.local(id) {
+            return Some(selection.of((known.matrix, known.component_stride)));
+        }
+        if !self.visited.insert((id, selection)) {
+            return None;
+        }
+        let module = self.translator.module;
+        let (opcode, operands) = match module.definition(id) {
+            Some(Definition::Parameter(function, at)) => {
+                let calls = self.translator.calls(module.functions[function as usize].id);
+                let arguments = calls.iter().filter_map(|operands| operands.get(at as usize + 1));
+                self.worklist.extend(arguments.map(|&argument| (Id(argument), selection)));
+                return None;
+            }
+            Some(Definition::Result(function, block, at)) => {
+                let block = &module.functions[function as usize].blocks[block as usize];
+                let instruction = &block.instructions[at as usize];
+                (instruction.opcode, module.operands(instruction))
+            }
+            // The null pointer points into no matrix: it agrees with every layout.
+            Some(Definition::Constant(_)) => return None,
+            _ => return Some((None, None)),
+        };
+        match opcode {
+            opcode::UNDEF => None,
+            opcode::FUNCTION_CALL => {
+                let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else {
+                    return None;
+                };
+                let returns = returned(module, index);
+                self.worklist.extend(returns.map(|value| (value, selection)));
+                None
+            }
+            opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
+                self.chain(Id(operands[0]), &operands[1..], selection)
+            }
+            opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
+                self.chain(Id(operands[0]), operands.get(2..).unwrap_or_default(), selection)
+            }
+            _ => match sources(opcode, operands) {
+                Some(sources) => {
+                    self.worklist.extend(sources.map(|source| (source, selection)));
+                    None
+                }
+                None => Some((None, None)),
+            },
+        }
+    }
+
+    /// What indices make of the layout of the pointer that they begin with.
+    fn chain(&mut self, base: Id, indices: &[u32], selection: Selection) -> Option<Layout> {
+        let module = self.translator.module;
+        // From the first index on: the layout once it is known, else what happens to that of the
+        // base.
+        let mut known: Option<Layout> = None;
+        let mut steps = Selection::Whole;
+        let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
+            Type::Pointer { pointee, .. } => pointee,
+            _ => None,
+        });
+        let mut ty = pointee;
+        for &index in indices {
+            ty = match ty.map(|ty| module.ty(ty)) {
+                Some(Type::Struct { members, .. }) => {
+                    let at = module.scalar_value(Id(index)).and_then(|at| usize::try_from(at).ok());
+                    let member = at.and_then(|at| members.get(at));
+                    known = member.map(|member| (member.matrix, None)).or(known);
+                    member.map(|member| member.ty)
+                }
+                Some(Type::Matrix { column, .. }) => {
+                    match &mut known {
+                        Some(layout) => *layout = Selection::Column.of(*layout),
+                        None if steps == Selection::Column => known = Some((None, None)),
+                        None => steps = Selection::Column,
+                    }
+                    Some(*column)
+                }
+                Some(Type::Vector { component, .. }) => {
+                    known = Some((None, None));
+                    Some(*component)
+                }
+                Some(Type::Array { element, .. } | Type::RuntimeArray { element, .. }) => Some(*element),
+                _ => break,
+            };
+        }
+        match (known, steps, selection) {
+            (Some(layout), ..) => Some(selection.of(layout)),
+            (None, Selection::Column, Selection::Column) => Some((None, None)),
+            (None, Selection::Column, Selection::Whole) => {
+                self.worklist.push((base, Selection::Column));
+                None
+            }
+            (None, Selection::Whole, selection) => {
+                self.worklist.push((base, selection));
+                None
+            }
+        }
+    }
 }
 
-/// Every instruction of every function.
-pub(super) fn instructions(module: &Module) -> impl Iterator<Item = &Instruction> {
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    blocks.flat_map(|block| &block.instructions)
+/// The pointers that a phi, a select or a copy gives one of; `None` for another instruction.
+pub(super) fn sources(opcode: u16, operands: &[u32]) -> Option<impl Iterator<Item = Id>> {
+    let (first, step, end) = match opcode {
+        opcode::PHI => (0, 2, operands.len()),
+        opcode::SELECT => (1, 1, operands.len()),
+        opcode::COPY_OBJECT => (0, 1, 1),
+        _ => return None,
+    };
+    let sources = operands.get(first..end).unwrap_or_default();
+    Some(sources.iter().step_by(step).map(|&id| Id(id)))
+}
+
+/// The values that a function returns.
+pub(super) fn returned(module: &Module, function: u32) -> impl Iterator<Item = Id> {
+    let blocks = module.functions[function as usize].blocks.iter();
+    let last = blocks.filter_map(|block| block.instructions.last());
+    let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
+    returns.map(|one| Id(module.operands(one)[0]))
 }
 
 /// Opcodes that compute pointers from pointers.

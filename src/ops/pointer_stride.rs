@@ -4,13 +4,13 @@
 //! classes. `OpPtrDiff` needs none: "the element size is the same as in the array" that both
 //! pointers point into. So the pointer is traced back to the access chains that made it.
 
-use std::collections::HashSet;
-
+use rustc_hash::FxHashSet;
 use smallvec::SmallVec;
 
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
-use crate::ops::pointer_layout::{instructions, opcode};
+use crate::ops::pointer_layout::{opcode, returned, sources};
+use crate::ops::translate::Translator;
 
 /// The stride of the array that pointers point into, as far as it is known.
 pub enum Stride {
@@ -23,12 +23,15 @@ pub enum Stride {
 }
 
 /// The stride of the array that all of these pointers of one type point into.
-pub fn array_stride(module: &Module, pointers: &[Id]) -> Stride {
+pub fn array_stride(translator: &Translator<'_>, pointers: &[Id]) -> Stride {
+    let module = translator.module;
     let mut all: SmallVec<[u32; 1]> = SmallVec::new();
     for &pointer in pointers {
-        let mut search =
-            StrideSearch { module, visited: HashSet::new(), found: SmallVec::new(), complete: true };
-        search.visit(pointer);
+        let (visited, found) = (FxHashSet::default(), SmallVec::new());
+        let mut search = StrideSearch { translator, visited, worklist: vec![pointer], found, complete: true };
+        while let Some(id) = search.worklist.pop() {
+            search.visit(id);
+        }
         if let ([stride], true) = (&search.found[..], search.complete) {
             return Stride::Unique(*stride);
         }
@@ -70,29 +73,29 @@ fn strides_of_arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
     found
 }
 
-/// A search through the definitions of a pointer for the strides of arrays.
-struct StrideSearch<'m> {
-    module: &'m Module,
+/// A search through the definitions of a pointer, of which there may be a chain as long as the
+/// module: those that are still to be visited stand in a worklist.
+struct StrideSearch<'a, 'm> {
+    translator: &'a Translator<'m>,
     /// Visited ids: a loop adds nothing new.
-    visited: HashSet<Id>,
+    visited: FxHashSet<Id>,
+    worklist: Vec<Id>,
     found: SmallVec<[u32; 1]>,
     /// Whether each definition was traced back to an array.
     complete: bool,
 }
 
-impl StrideSearch<'_> {
+impl StrideSearch<'_, '_> {
     fn visit(&mut self, id: Id) {
         if !self.visited.insert(id) {
             return;
         }
-        let module = self.module;
+        let module = self.translator.module;
         match module.definition(id) {
             Some(Definition::Parameter(function, at)) => {
-                let function = module.functions[function as usize].id;
-                let calls = instructions(module).filter(move |one| one.opcode == opcode::FUNCTION_CALL);
-                let calls =
-                    calls.map(|call| module.operands(call)).filter(|operands| operands[0] == function.0);
-                self.visit_all(calls.filter_map(|operands| operands.get(at as usize + 1).copied()));
+                let calls = self.translator.calls(module.functions[function as usize].id);
+                let arguments = calls.iter().filter_map(|operands| operands.get(at as usize + 1));
+                self.worklist.extend(arguments.map(|&argument| Id(argument)));
             }
             Some(Definition::Result(function, block, at)) => {
                 let block = &module.functions[function as usize].blocks[block as usize];
@@ -105,37 +108,33 @@ impl StrideSearch<'_> {
         }
     }
 
-    fn visit_all(&mut self, sources: impl Iterator<Item = u32>) {
-        sources.for_each(|source| self.visit(Id(source)));
-    }
-
     fn visit_result(&mut self, opcode: u16, operands: &[u32]) {
-        let module = self.module;
+        let module = self.translator.module;
         match opcode {
-            opcode::PHI => self.visit_all(operands.iter().copied().step_by(2)),
-            opcode::SELECT => self.visit_all(operands[1..].iter().copied()),
-            opcode::COPY_OBJECT => self.visit_all(operands[..1].iter().copied()),
             opcode::FUNCTION_CALL => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else { return };
-                let blocks = module.functions[index as usize].blocks.iter();
-                let last = blocks.filter_map(|block| block.instructions.last());
-                let returns = last.filter(|one| one.opcode == opcode::RETURN_VALUE);
-                self.visit_all(returns.map(|one| module.operands(one)[0]));
+                self.worklist.extend(returned(module, index));
             }
             opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
-                self.visit_chain(operands[0], &operands[1..])
+                self.visit_chain(operands[0], &operands[1..]);
             }
             opcode::PTR_ACCESS_CHAIN | opcode::IN_BOUNDS_PTR_ACCESS_CHAIN => {
-                self.visit_chain(operands[0], &operands[2..]);
+                self.visit_chain(operands[0], operands.get(2..).unwrap_or_default());
             }
             opcode::UNDEF => {}
-            _ => self.complete = false,
+            _ => match sources(opcode, operands) {
+                Some(sources) => self.worklist.extend(sources),
+                None => self.complete = false,
+            },
         }
     }
 
     /// Adds the array that the last of the indices selects from.
     fn visit_chain(&mut self, base: u32, indices: &[u32]) {
-        let Some((_, before)) = indices.split_last() else { return self.visit(Id(base)) };
+        let Some((_, before)) = indices.split_last() else {
+            self.worklist.push(Id(base));
+            return;
+        };
         match self.stride(base, before) {
             Some(stride) if self.found.contains(&stride) => {}
             Some(stride) => self.found.push(stride),
@@ -145,7 +144,7 @@ impl StrideSearch<'_> {
 
     /// The stride of the array that indices reach.
     fn stride(&self, base: u32, indices: &[u32]) -> Option<u32> {
-        let module = self.module;
+        let module = self.translator.module;
         let mut ty = pointee(module, Id(base))?;
         for &index in indices {
             ty = match module.ty(ty) {

@@ -4,12 +4,18 @@
 //! points. Composites are scalarized here: extracting, inserting and shuffling only rearrange the
 //! list of registers. It also folds constants and forwards stores of variables to loads.
 
+pub(super) mod budget;
+mod constants;
+mod fingerprint;
 mod values;
 mod words;
+
+use std::cell::OnceCell;
 
 use rustc_hash::FxHashMap;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::InputLimit;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Binding, Reg, Registers};
 use crate::module::interface::Stage;
@@ -21,6 +27,8 @@ use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
+use budget::{WORDS_OF_A_STEP, named};
+use fingerprint::Fingerprint;
 pub use values::{IdValue, Words, registers_from};
 use values::{Values, words_from};
 
@@ -78,9 +86,6 @@ pub struct Origin {
     pub scope: u32,
 }
 
-/// The most registers that a program may have: 4 MiB a lane.
-const MAX_REGISTERS: u32 = 1 << 20;
-
 /// Translates instructions into operations; see the module's documentation.
 pub struct Translator<'m> {
     /// The module.
@@ -124,6 +129,10 @@ pub struct Translator<'m> {
     ticks: u32,
     values: Values,
     registers: u32,
+    /// The most registers that there may be ([`InputLimit::Registers`]).
+    max_registers: u32,
+    /// Registers that values name, counted once for each value.
+    named_registers: u64,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
     /// The words of constants, indexed by register.
@@ -135,6 +144,10 @@ pub struct Translator<'m> {
     known_values_epoch: u32,
     /// The number of words of a value, indexed by type.
     word_counts: Vec<Option<u32>>,
+    /// By type: what its scalars are; see [`Translator::scalar_fingerprint`].
+    fingerprints: FxHashMap<TypeId, Fingerprint>,
+    /// By the id of a function: the operands of every call of it; see [`Translator::calls`].
+    calls: OnceCell<FxHashMap<Id, Vec<&'m [u32]>>>,
     /// Whether a constant of the module is being translated.
     pub(super) in_constant: bool,
     /// Registers in which operations on constants are folded: two for the result, and two for each
@@ -166,12 +179,16 @@ impl<'m> Translator<'m> {
             ticks: 0,
             values: Values::new(module),
             registers: 0,
+            max_registers: module.limits.get(InputLimit::Registers) as u32,
+            named_registers: 0,
             constants: FxHashMap::default(),
             wide_constants: FxHashMap::default(),
             words: Vec::new(),
             known_values: Vec::new(),
             known_values_epoch: 1,
             word_counts: vec![None; module.types.len()],
+            fingerprints: FxHashMap::default(),
+            calls: OnceCell::new(),
             in_constant: false,
             folding_registers: Registers::new(8),
         }
@@ -273,11 +290,8 @@ impl<'m> Translator<'m> {
     pub fn fresh(&mut self, count: u32) -> Result<Reg> {
         let first = Reg(self.registers);
         self.registers = self.registers.saturating_add(count);
-        if self.registers > MAX_REGISTERS {
-            let limit = MAX_REGISTERS * 4 / (1 << 20);
-            return Err(
-                self.unsupported(format!("variables and values of this shader need over {limit} MiB a lane"))
-            );
+        if self.registers > self.max_registers {
+            return Err(self.beyond(InputLimit::Registers, Some(self.registers.into())));
         }
         Ok(first)
     }
@@ -402,14 +416,29 @@ impl<'m> Translator<'m> {
         Ok(to)
     }
 
+    /// The operands of every call of a function in the module, itself the first of them.
+    pub(super) fn calls(&self, function: Id) -> &[&'m [u32]] {
+        const FUNCTION_CALL: u16 = 57;
+        let module = self.module;
+        let calls = self.calls.get_or_init(|| {
+            let mut calls: FxHashMap<Id, Vec<&'m [u32]>> = FxHashMap::default();
+            let blocks = module.functions.iter().flat_map(|function| &function.blocks);
+            for call in blocks.flat_map(|block| &block.instructions) {
+                if let (FUNCTION_CALL, operands @ [callee, ..]) = (call.opcode, module.operands(call)) {
+                    calls.entry(Id(*callee)).or_default().push(operands);
+                }
+            }
+            calls
+        });
+        calls.get(&function).map_or(&[], Vec::as_slice)
+    }
+
     /// Allocates a variable of the Workgroup storage class; returns its byte offset.
     ///
     /// # Errors
     /// `InvalidModule` where variables with and without a layout of their own are mixed,
     /// `UnsupportedModule` for more memory than a workgroup gets.
     pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<u32> {
-        /// More bytes than `maxComputeSharedMemorySize` of any device.
-        const MAX_SIZE: u64 = 1 << 24;
         let block = matches!(self.module.ty(ty), Type::Struct { block: true, .. });
         if block != self.workgroup_blocks && (self.workgroup_size > 0 || !block) {
             let message = "variables in workgroup memory are either all blocks or none of them is";
@@ -421,9 +450,9 @@ impl<'m> Translator<'m> {
             false => u64::from(self.word_count(ty)?) * 4,
         };
         let start = if block { 0 } else { self.workgroup_size.next_multiple_of(8) };
-        let end = size + u64::from(start);
-        if end > MAX_SIZE {
-            return Err(self.unsupported(format!("{end} bytes of workgroup memory")));
+        let end = size.saturating_add(start.into());
+        if end > self.module.limits.get(InputLimit::WorkgroupBytes) {
+            return Err(self.beyond(InputLimit::WorkgroupBytes, Some(end)));
         }
         self.workgroup_size = self.workgroup_size.max(end as u32);
         Ok(start)
@@ -450,6 +479,7 @@ impl<'m> Translator<'m> {
 
     /// Defines what an id stands for.
     pub fn define(&mut self, id: Id, value: IdValue) {
+        self.named_registers += named(&value);
         self.values.define(id, value);
     }
 
@@ -542,7 +572,7 @@ impl<'m> Translator<'m> {
             return Ok(value.clone());
         }
         let value = match self.module.definition(id) {
-            Some(Definition::Constant(index)) => IdValue::Words(self.constant_words(index)?),
+            Some(Definition::Constant(index)) => return self.constant_value(index),
             Some(Definition::Variable(index)) => IdValue::Pointer(memory::variable(self, index)?.into()),
             Some(Definition::Result(..) | Definition::Parameter(..)) => {
                 return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
@@ -560,7 +590,9 @@ impl<'m> Translator<'m> {
     /// matrix's layout is not known there.
     pub fn words(&mut self, id: Id) -> Result<Words> {
         if let Some(IdValue::Words(words)) = self.values.find(id) {
-            return Ok(words_from(words));
+            let words = words_from(words);
+            self.charge(words.len() / WORDS_OF_A_STEP);
+            return Ok(words);
         }
         if let IdValue::Pointer(pointer) = self.value(id)?
             && matches!(pointer.base, memory::PointerBase::Buffer(_))
@@ -591,7 +623,8 @@ impl<'m> Translator<'m> {
             IdValue::Words(words) => {
                 let ty = self.type_of(id)?;
                 let mut pointer = memory::pointer_from_words(self, ty, &words)?;
-                pointer_layout::infer_layout(self, id, &mut pointer)?;
+                let steps = pointer_layout::infer_layout(self, id, &mut pointer)?;
+                self.charge(steps);
                 Ok(pointer)
             }
         }

@@ -205,7 +205,8 @@ impl BandedLaunch<'_> {
         LaneKernel: Width<W>,
     {
         let [width, height] = self.size;
-        self.launch.invocation_count([width, height, 1])?;
+        let dog = self.launch.watchdog(self.launch.invocation_count([width, height, 1])?);
+        let mut tasks = 0;
         let mut stats = Stats::default();
         let mut rendered: Option<Arc<Image>> = None;
         // The trap of the last band that trapped: if rows are mirrored, later bands have lower
@@ -221,10 +222,15 @@ impl BandedLaunch<'_> {
             let image = Image::band(width, height, rows, self.image.format, &self.image.texel)?;
             let mut resources = self.launch.resources.clone();
             resources.insert(self.image.binding, 0, Descriptor::Image(image.clone()));
-            let run = || {
+            let mut run = || {
                 let launch = Launch { pipeline: self.launch.pipeline, resources: &resources };
                 let positions = [launched.start, launched.end].map(|row| u64::from(row) * u64::from(width));
-                launch.run_positions::<W>([width, height, 1], positions[0]..positions[1], on_progress)
+                launch.run_positions::<W>(
+                    [width, height, 1],
+                    positions[0]..positions[1],
+                    (&dog, &mut tasks),
+                    on_progress,
+                )
             };
             let (emitted, outcome) = match rendered.take() {
                 None => (Ok(()), run()),

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Observer, Resources, Workgroup};
+use crate::machine::{LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::Trapped;
+use crate::pipeline::trapped::{Trapped, spent_together};
 use crate::pipeline::workgroup::{Observers, WorkgroupRunner};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
@@ -36,8 +36,10 @@ use crate::program::{Program, WorkgroupLayout};
 pub struct Compute {
     /// The shader.
     pub program: Arc<Program>,
-    /// Instructions that an invocation may execute, counted at back edges and calls.
+    /// Instructions that an invocation may execute; see [`DEFAULT_FUEL`].
     pub fuel: u64,
+    /// The limits of a whole dispatch; none unless set.
+    pub launch_limits: LaunchLimits,
     /// `SubgroupSize`
     pub subgroup_size: u32,
     layout: WorkgroupLayout,
@@ -63,7 +65,8 @@ impl Compute {
         };
         let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
         let mixes_atomics = race_analysis::mixes_workgroup_atomics(&program);
-        Ok(Self { program, fuel: DEFAULT_FUEL, subgroup_size, layout, mixes_atomics })
+        let launch_limits = LaunchLimits::default();
+        Ok(Self { program, fuel: DEFAULT_FUEL, launch_limits, subgroup_size, layout, mixes_atomics })
     }
 
     /// Returns the shader without any optimisation; see [`Program::unoptimized`].
@@ -74,7 +77,13 @@ impl Compute {
         Ok(Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() })
     }
 
-    /// Sets how many instructions an invocation may execute, counted at back edges and calls.
+    /// Sets the limits of a whole dispatch.
+    #[must_use]
+    pub fn launch_limits(self, limits: LaunchLimits) -> Self {
+        Self { launch_limits: limits, ..self }
+    }
+
+    /// Sets how many instructions an invocation may execute; see [`DEFAULT_FUEL`].
     #[must_use]
     pub fn fuel(self, instructions: u64) -> Self {
         Self { fuel: instructions, ..self }
@@ -165,25 +174,33 @@ impl Compute {
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats, Box<Trapped>> {
         let uses_subgroups = self.program.uses_subgroups;
+        let groups_of = groups;
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let mut stats = Stats::default();
         // Tasks as in `run_to_trap`, so that the same workgroups share a batch.
         let groups_per_task = self.groups_per_task();
+        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size()));
+        let watch = &dog.watch();
         for first in (0..count).step_by(groups_per_task as usize) {
+            let size = (count - first).min(groups_per_task);
+            watch.begin_task(size * self.group_size());
             let groups =
                 &mut (first..count.min(first + groups_per_task)).map(|index| self.group(index, groups));
             let (task_stats, trapped) = if !uses_subgroups && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                WorkgroupRunner::<1>::new(self, &bindings, self.layout).run(groups, &mut observers)
+                WorkgroupRunner::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut observers)
             } else {
                 let observer: &mut dyn Observer<64> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                WorkgroupRunner::<64>::new(self, &bindings, self.layout).run(groups, &mut observers)
+                WorkgroupRunner::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {
                 return Err(Box::new(trapped));
+            }
+            if dog.end_task(first / groups_per_task, watch.spent()).is_some() {
+                return Err(Box::new(spent_together(self.last_id(first + size - 1, groups_of), &dog)));
             }
             stats = stats.plus(&task_stats);
         }
@@ -192,8 +209,18 @@ impl Compute {
 
     /// The number of workgroups of a task.
     fn groups_per_task(&self) -> u64 {
-        let group_size: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
-        (TASK_INVOCATIONS / group_size).max(1)
+        (TASK_INVOCATIONS / self.group_size()).max(1)
+    }
+
+    /// Invocations of a workgroup.
+    fn group_size(&self) -> u64 {
+        self.layout.size.iter().map(|&side| u64::from(side)).product()
+    }
+
+    /// `GlobalInvocationId` of the last invocation of a workgroup.
+    fn last_id(&self, index: u64, groups: [u32; 3]) -> [u32; 3] {
+        let group = self.group(index, groups);
+        std::array::from_fn(|axis| group.id[axis] * group.size[axis] + group.size[axis] - 1)
     }
 
     /// Runs as [`Compute::run`] does and returns the whole [`Trapped`], for sizes that it accepts.
@@ -211,32 +238,34 @@ impl Compute {
     {
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());
-        let group_size: u64 = self.layout.size.iter().map(|&side| u64::from(side)).product();
+        let group_size = self.group_size();
         let groups_per_task = self.groups_per_task();
         let tasks = TaskQueue::new(count.div_ceil(groups_per_task));
         let range = |task: u64| task * groups_per_task..count.min((task + 1) * groups_per_task);
         let shares = self.shared_memory(groups, resources).is_some();
-        let task = |task: u64| {
+        let dog = Watchdog::new(self.launch_limits, count.saturating_mul(group_size));
+        let task = |task: u64, watch: &Arc<TaskWatch>| {
             let range = range(task);
             let invocations = (range.end - range.start) * group_size;
+            watch.begin_task(invocations);
             let groups = &mut range.map(|index| self.group(index, groups));
             let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match subgroup_size {
                 // A batch must hold whole subgroups: their size divides the batch's width.
-                Some(..=64) => WorkgroupRunner::<64>::new(self, &bindings, self.layout)
+                Some(..=64) => WorkgroupRunner::<64>::new(self, &bindings, self.layout, watch)
                     .run(groups, &mut Observers::none()),
-                Some(_) => WorkgroupRunner::<128>::new(self, &bindings, self.layout)
+                Some(_) => WorkgroupRunner::<128>::new(self, &bindings, self.layout, watch)
                     .run(groups, &mut Observers::none()),
                 // One invocation after the other, so that results do not depend on the width.
                 None if self.program.order_dependent => {
-                    WorkgroupRunner::<1>::new(self, &bindings, self.layout)
+                    WorkgroupRunner::<1>::new(self, &bindings, self.layout, watch)
                         .run(groups, &mut Observers::none())
                 }
                 None if shares || self.mixes_atomics => {
-                    WorkgroupRunner::<64>::new(self, &bindings, self.layout)
+                    WorkgroupRunner::<64>::new(self, &bindings, self.layout, watch)
                         .run(groups, &mut Observers::none())
                 }
-                None => WorkgroupRunner::<W>::new(self, &bindings, self.layout)
+                None => WorkgroupRunner::<W>::new(self, &bindings, self.layout, watch)
                     .run(groups, &mut Observers::none()),
             };
             on_progress(invocations);
@@ -244,12 +273,23 @@ impl Compute {
         };
         let worker = || {
             let mut all = TaskResults::default();
+            let watch = dog.watch();
             for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(index)) {
-                let (stats, trapped) = task(index);
-                if trapped.is_some() {
+                let (stats, trapped) = task(index, &watch);
+                if let Some(trapped) = &trapped {
                     tasks.record_trap(index);
+                    if trapped.code.is_limit() {
+                        dog.stop_at((range(index).end * group_size).saturating_sub(1));
+                    }
                 }
                 all = all.merge(TaskResults { stats, trapped: trapped.map(|trapped| (index, trapped)) });
+                if let Some(over) = dog.end_task(index, watch.spent()) {
+                    tasks.record_trap(over);
+                    let last = range(over).end - 1;
+                    dog.stop_at((last + 1) * group_size - 1);
+                    let trapped = spent_together(self.last_id(last, groups), &dog);
+                    all = all.merge(TaskResults { stats: Stats::default(), trapped: Some((over, trapped)) });
+                }
             }
             all
         };
@@ -282,10 +322,12 @@ impl Compute {
         }
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
+        let watch = &Watchdog::new(self.launch_limits, count.saturating_mul(self.group_size())).watch();
+        watch.begin_task(count.saturating_mul(self.group_size()));
         let groups = &mut (0..count).map(|index| self.group(index, groups));
         let mut observers = Observers::interpreter_only(observer);
         let (stats, trapped) =
-            WorkgroupRunner::<1>::new(self, &bindings, self.layout).run(groups, &mut observers);
+            WorkgroupRunner::<1>::new(self, &bindings, self.layout, watch).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 

@@ -130,7 +130,8 @@ macro_rules! limits {
 
 limits! {
     /// `maxRayRecursionDepth`
-    max_ray_recursion_depth u32::MAX as u64, 1;
+    /// Hardware has 31 at most; every level takes the registers of a batch.
+    max_ray_recursion_depth 1024, 1;
     /// `maxRayHitAttributeSize`, in bytes.
     max_ray_hit_attribute_size u64::MAX, 32;
     /// `maxShaderGroupStride`, in bytes.

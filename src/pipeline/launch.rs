@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::accel::{Committed, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Bindings, Observer, Reg, Registers, Resources};
+use crate::machine::{Bindings, Observer, Reg, Registers, Resources, TaskWatch, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::Pipeline;
@@ -15,7 +15,7 @@ use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::{Trapped, missing_record};
+use crate::pipeline::trapped::{Trapped, missing_record, spent_together};
 
 /// Counts of what a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -143,21 +143,25 @@ impl Launch<'_> {
     /// receives how many more invocations have ended.
     ///
     /// # Errors
-    /// The trap of the lowest launch index; all other invocations have run nevertheless.
+    /// The trap of the lowest launch index. The other invocations have run nevertheless, but where
+    /// a limit stopped one: then those behind it are stopped, too, and what they have left behind
+    /// depends on the width.
     pub fn run<const W: usize>(&self, size: [u32; 3], on_progress: &(dyn Fn(u64) + Sync)) -> Result<Stats>
     where
         LaneKernel: Width<W>,
     {
         let count = self.invocation_count(size)?;
-        self.run_positions::<W>(size, 0..count, on_progress)
+        self.run_positions::<W>(size, 0..count, (&self.watchdog(count), &mut 0), on_progress)
     }
 
     /// Runs the invocations at a range of positions in a launch's order. The range starts at a
-    /// multiple of the widest batch.
+    /// multiple of the widest batch. The watchdog is that of the whole launch; its tasks are
+    /// numbered on from one range to the next.
     pub(super) fn run_positions<const W: usize>(
         &self,
         size: [u32; 3],
         positions: Range<u64>,
+        (dog, first_task): (&Arc<Watchdog>, &mut u64),
         on_progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
@@ -175,6 +179,8 @@ impl Launch<'_> {
         let is_small = positions.end - positions.start <= MAX_SINGLE_THREADED;
         let task_size = task_size(positions.end - positions.start);
         let tasks = TaskQueue::new((positions.end - positions.start).div_ceil(task_size));
+        let watchdog = (dog, *first_task);
+        *first_task += (positions.end - positions.start).div_ceil(task_size);
         let work = LaunchTasks {
             record,
             bindings: &bindings,
@@ -183,6 +189,7 @@ impl Launch<'_> {
             positions,
             task_size,
             on_progress,
+            watchdog,
         };
         let worker = || match subgroups {
             Some(..=64) => self.run_tasks::<64>(&work),
@@ -200,33 +207,57 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let (mut pipeline_observer, mut observer) = ((), ());
+        let (dog, first_task) = work.watchdog;
+        let watch = dog.watch();
         let mut stack =
-            Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer);
-        for range in work.tasks.iter().map(|task| work.range(task)) {
-            if work.tasks.is_after_trap(work.order.min_linear_index(&range)) {
+            Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer)
+                .watched(watch.clone());
+        let mut together = None;
+        for (task, range) in work.tasks.iter().map(|task| (task, work.range(task))) {
+            let least = work.order.min_linear_index(&range);
+            if work.tasks.is_after_trap(least) || dog.is_beyond(least) {
                 continue;
             }
+            watch.begin_task(range.end - range.start);
             stack.launch_batches(work.record, &work.order, range.clone());
             if let Some(trapped) = &stack.trapped {
-                work.tasks.record_trap(work.order.linear_index(trapped.launch_id));
+                let linear_index = work.order.linear_index(trapped.launch_id);
+                work.tasks.record_trap(linear_index);
+                if trapped.code.is_limit() {
+                    dog.stop_at(linear_index);
+                }
+            }
+            // All tasks of the ranges before have ended.
+            if let Some(over) = dog.end_task(first_task + task, watch.spent()) {
+                let launch_id = work.order.launch_id(work.range(over - first_task).end - 1);
+                dog.stop_at(work.order.linear_index(launch_id));
+                together = Some(spent_together(launch_id, dog));
             }
             (work.on_progress)(range.end - range.start);
         }
-        let trapped = stack.trapped.map(|trapped| (work.order.linear_index(trapped.launch_id), trapped));
-        TaskResults { stats: stack.stats, trapped }
+        let numbered = |trapped: Trapped| (work.order.linear_index(trapped.launch_id), trapped);
+        let own = TaskResults { stats: stack.stats, trapped: stack.trapped.map(numbered) };
+        own.merge(TaskResults { stats: Stats::default(), trapped: together.map(numbered) })
+    }
+
+    /// The watchdog of a launch of so many invocations.
+    pub(super) fn watchdog(&self, invocations: u64) -> Arc<Watchdog> {
+        Watchdog::new(self.pipeline.launch_limits, invocations)
     }
 
     fn observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         bindings: &[Bindings],
         record: &Record,
-        (range, order): (Range<u64>, &LaunchOrder),
+        (range, order, watch): (Range<u64>, &LaunchOrder, &Arc<TaskWatch>),
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
     where
         LaneKernel: Width<W>,
     {
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer);
+        watch.begin_task(range.end - range.start);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer)
+            .watched(watch.clone());
         stack.launch_batches(record, order, range);
         (stack.stats, stack.trapped)
     }
@@ -278,20 +309,36 @@ impl Launch<'_> {
         let order = LaunchOrder::by_index(size);
         let mut stats = Stats::default();
         let task_size = task_size(count);
+        let dog = self.watchdog(count);
+        let watch = dog.watch();
         for task in 0..count.div_ceil(task_size) {
             let range = task * task_size..count.min((task + 1) * task_size);
             let (task_stats, trapped) = match single_lane {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.observed_task(&bindings, record, (range, &order), (&mut on_event, &mut observer))
+                    self.observed_task(
+                        &bindings,
+                        record,
+                        (range, &order, &watch),
+                        (&mut on_event, &mut observer),
+                    )
                 }
                 false => {
                     let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.observed_task(&bindings, record, (range, &order), (&mut on_event, &mut observer))
+                    self.observed_task(
+                        &bindings,
+                        record,
+                        (range, &order, &watch),
+                        (&mut on_event, &mut observer),
+                    )
                 }
             };
             if let Some(trapped) = trapped {
                 return Err(trapped.error);
+            }
+            if dog.end_task(task, watch.spent()).is_some() {
+                let last = order.launch_id(count.min((task + 1) * task_size) - 1);
+                return Err(spent_together(last, &dog).error);
             }
             stats = stats.plus(&task_stats);
         }
@@ -319,7 +366,8 @@ impl Launch<'_> {
             };
         }
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
+        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+            .watched(self.watch_of_one());
         let order = LaunchOrder::by_index(size);
         let position = order.linear_index(id);
         stack.launch_batch(record, &order, position..position + 1);
@@ -327,6 +375,13 @@ impl Launch<'_> {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
         }
+    }
+
+    /// The watch of what runs without a launch: one invocation, one ray.
+    pub(super) fn watch_of_one(&self) -> Arc<TaskWatch> {
+        let watch = self.watchdog(1).watch();
+        watch.begin_task(1);
+        watch
     }
 
     /// Runs the subgroup of a launch index; the observer sees only the events of that index.
@@ -342,7 +397,8 @@ impl Launch<'_> {
     {
         let bindings = bindings(self.pipeline, self.resources);
         let (mut only, mut observer) = (OnlyInvocation::new(id, pipeline_observer), ());
-        let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut only, &mut observer);
+        let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut only, &mut observer)
+            .watched(self.watch_of_one());
         let [x, y, z] = id.map(u64::from);
         let [width, height, depth] = size.map(u64::from);
         let subgroup = u64::from(self.pipeline.subgroup_size);
@@ -380,7 +436,8 @@ impl Launch<'_> {
         observer: &mut O,
     ) -> Result<RayOutcome> {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
+        let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+            .watched(self.watch_of_one());
         let trace = stack.trace(tlas, operands);
         let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();
         match (stack.trapped, trace) {
@@ -412,6 +469,8 @@ struct LaunchTasks<'a> {
     /// The number of positions of a task.
     task_size: u64,
     on_progress: &'a (dyn Fn(u64) + Sync),
+    /// The launch's, and the number of the first of these tasks.
+    watchdog: (&'a Arc<Watchdog>, u64),
 }
 
 impl LaunchTasks<'_> {

@@ -29,8 +29,8 @@ mod workgroup;
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::Resources;
 use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
+use crate::machine::{LaunchLimits, Resources};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::program::Program;
@@ -46,13 +46,19 @@ pub use observer::{Caller, Event, PipelineObserver};
 pub use sbt::{Record, Sbt};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
-pub(crate) use trapped::trap_error;
+pub(crate) use trapped::{limit_note, trap_error};
 
-/// The instructions that an invocation may execute, counted at back edges and calls, unless set
-/// otherwise.
+/// The instructions that an invocation may execute, counted at back edges, calls and stops (a
+/// trace, a call of a callable shader, a report, a barrier: 64 instructions each), unless set
+/// otherwise. A call costs as much as the function called has instructions.
 pub const DEFAULT_FUEL: u64 = 1 << 28;
 /// `maxPipelineRayRecursionDepth`, unless set otherwise; what NVIDIA's driver reports.
 pub const DEFAULT_RECURSION: u32 = 31;
+/// How deeply callable shaders may call each other, unless set otherwise: Vulkan sets no limit but
+/// the size of the stack.
+pub const DEFAULT_CALLABLE_DEPTH: u32 = 1024;
+/// The greatest depth of callable shaders that can be set.
+pub const GREATEST_CALLABLE_DEPTH: u32 = 1 << 14;
 
 /// Shaders, groups and the shader binding table.
 #[derive(Clone, Debug)]
@@ -65,8 +71,12 @@ pub struct Pipeline {
     pub sbt: Sbt,
     /// `maxPipelineRayRecursionDepth`
     pub max_recursion: u32,
-    /// Instructions that an invocation may execute, counted at back edges and calls.
+    /// How deeply callable shaders may call each other.
+    pub max_callable_depth: u32,
+    /// Instructions that an invocation may execute; see [`DEFAULT_FUEL`].
     pub fuel: u64,
+    /// The limits of a whole launch.
+    pub launch_limits: LaunchLimits,
     /// `SubgroupSize`
     pub subgroup_size: u32,
     /// The flags that the pipeline is created with.
@@ -137,7 +147,9 @@ pub struct Builder {
     groups: Vec<Group>,
     sbt: Sbt,
     max_recursion: Option<u32>,
+    max_callable_depth: Option<u32>,
     fuel: Option<u64>,
+    launch_limits: LaunchLimits,
     subgroup_size: Option<u32>,
     flags: PipelineFlags,
     device: DeviceProfile,
@@ -249,7 +261,19 @@ impl Builder {
         self
     }
 
-    /// Sets how many instructions an invocation may execute, counted at back edges and calls.
+    /// Sets how deeply callable shaders may call each other: 1 to [`GREATEST_CALLABLE_DEPTH`].
+    pub fn max_callable_depth(&mut self, depth: u32) -> &mut Self {
+        self.max_callable_depth = Some(depth);
+        self
+    }
+
+    /// Sets the limits of a whole launch; unless set, it has none.
+    pub fn launch_limits(&mut self, limits: LaunchLimits) -> &mut Self {
+        self.launch_limits = limits;
+        self
+    }
+
+    /// Sets how many instructions an invocation may execute; see [`DEFAULT_FUEL`].
     pub fn fuel(&mut self, instructions: u64) -> &mut Self {
         self.fuel = Some(instructions);
         self
@@ -292,12 +316,16 @@ impl Builder {
         let limit = u32::try_from(self.device.limits.max_ray_recursion_depth).unwrap_or(u32::MAX);
         let max_recursion = self.max_recursion.unwrap_or(DEFAULT_RECURSION.min(limit));
         self.check_device(max_recursion)?;
+        let max_callable_depth = self.max_callable_depth.unwrap_or(DEFAULT_CALLABLE_DEPTH);
+        check_callable_depth(max_callable_depth)?;
         Ok(Pipeline {
             programs: self.programs.clone(),
             groups: self.groups.clone(),
             sbt: self.sbt.clone(),
             max_recursion,
+            max_callable_depth,
             fuel: self.fuel.unwrap_or(DEFAULT_FUEL),
+            launch_limits: self.launch_limits,
             subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),
             flags: self.flags,
             max_invocations: self.device.limits.max_ray_dispatch_invocation_count,
@@ -332,6 +360,16 @@ impl Builder {
         }
         Ok(())
     }
+}
+
+/// Checks how deeply callable shaders may call each other.
+pub(crate) fn check_callable_depth(depth: u32) -> Result<()> {
+    if (1..=GREATEST_CALLABLE_DEPTH).contains(&depth) {
+        return Ok(());
+    }
+    let message =
+        format!("max_callable_depth is {depth}: callable shaders nest 1 to {GREATEST_CALLABLE_DEPTH} deep");
+    Err(Error::new(ErrorKind::InvalidArgument, message))
 }
 
 /// Checks `SubgroupSize`.

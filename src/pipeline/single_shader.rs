@@ -27,12 +27,12 @@ impl Launch<'_> {
     {
         let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Stats::default()) };
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
         let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
-        for start in (0..count).step_by(W) {
-            let end = count.min(start + W as u64);
-            stack.launch_batch(record, &LaunchOrder::by_index(size), start..end);
-        }
+        let watch = self.watchdog(count).watch();
+        watch.begin_task(count);
+        let mut stack =
+            Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer).watched(watch);
+        stack.launch_batches(record, &LaunchOrder::by_index(size), 0..count);
         outcome(stack.trapped, stack.stats)
     }
 
@@ -54,7 +54,8 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+            .watched(self.watch_of_one());
         stack.invoke(shader, invocation, payload.into(), attributes.into());
         outcome(stack.trapped, stack.stats)
     }
@@ -73,7 +74,8 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let bindings = bindings(self.pipeline, self.resources);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
+            .watched(self.watch_of_one());
         stack.trace(tlas, operands);
         outcome(stack.trapped, stack.stats)
     }

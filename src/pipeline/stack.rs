@@ -5,11 +5,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+use crate::error::{Error, ErrorKind};
 use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{
-    Batch, Bindings, Exit, Invocation, Lanes, Mask, Observer, Reg, Registers, Resources, Stop, TrapCode,
+    Batch, Bindings, Exit, Invocation, Lanes, Mask, Observer, Reg, Registers, Resources, Stop, TaskWatch,
+    Trap, TrapCode,
 };
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -24,7 +26,7 @@ use crate::pipeline::payload;
 use crate::pipeline::report::IntersectionReport;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::trace::{PendingCall, Trace, Words, general_shader, record_at};
-use crate::pipeline::trapped::Trapped;
+use crate::pipeline::trapped::{Trapped, limit_note};
 use crate::program::Program;
 
 /// The role in which a shader runs.
@@ -110,6 +112,8 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     /// The trap of the lowest launch index.
     pub trapped: Option<Trapped>,
     pub frames: Vec<ShaderCallFrame<W>>,
+    /// What ends the launch; `None` where one shader runs by itself.
+    pub watch: Option<Arc<TaskWatch>>,
     /// By shader, the batches whose memory can be reused.
     free_batches: Vec<Vec<Box<RunningShader<W>>>>,
     /// Traces whose memory can be reused.
@@ -153,15 +157,32 @@ where
             stats: Stats::default(),
             trapped: None,
             frames: Vec::new(),
+            watch: None,
             free_batches,
             free_traces: Vec::new(),
         }
     }
 
-    /// Runs the ray generation shader for the invocations at a range of positions, batch by batch.
+    /// Returns the stack under the watch of a launch.
+    pub fn watched(self, watch: Arc<TaskWatch>) -> Self {
+        Self { watch: Some(watch), ..self }
+    }
+
+    /// Runs the ray generation shader for the invocations at a range of positions, batch by batch,
+    /// up to one that a limit stops.
     pub fn launch_batches(&mut self, record: &Record, order: &LaunchOrder, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
-            self.launch_batch(record, order, start..positions.end.min(start + W as u64));
+            let batch = start..positions.end.min(start + W as u64);
+            if let Some(watch) = &self.watch {
+                if watch.is_over() {
+                    break;
+                }
+                if watch.is_beyond(order.min_linear_index(&batch)) {
+                    continue;
+                }
+                watch.begin_batch();
+            }
+            self.launch_batch(record, order, batch);
         }
     }
 
@@ -218,6 +239,10 @@ where
     /// Runs until the stack is empty; returns the finished trace if the host called it.
     fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
+            if self.watch.is_some() && self.is_over() {
+                self.abandon();
+                return None;
+            }
             match self.frames.last_mut()? {
                 ShaderCallFrame::Shader(running) => {
                     let program = &self.pipeline.programs[running.shader.0 as usize];
@@ -306,6 +331,13 @@ where
                 attributes: program.interface_registers(storage::HIT_ATTRIBUTE).map(InterfaceRegisters::span),
             })
         });
+        if let Some(watch) = &self.watch {
+            match running.batch.watch {
+                None => running.batch.watch = Some(watch.clone()),
+                Some(_) if watch.expired().is_some() => running.batch.look_soon(),
+                Some(_) => {}
+            }
+        }
         running.role = role;
         running.batch.invocations.subgroup_size = self.pipeline.subgroup_size;
         running
@@ -316,6 +348,9 @@ where
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let mask = running.lanes;
         self.stats.count(program.stage, mask.count());
+        if let Some(watch) = &self.watch {
+            watch.charge(u64::from(program.entry_cost()) * u64::from(mask.count()));
+        }
         if T::ACTIVE {
             running.batch.queries.events = T::QUERIES.then(Vec::new);
             running.batch.queries.records_traversal = T::TRAVERSAL;
@@ -341,15 +376,54 @@ where
         self.frames.push(ShaderCallFrame::Shader(running));
     }
 
+    /// Whether a limit of the launch is passed, and its grace.
+    fn is_over(&self) -> bool {
+        let Some(watch) = &self.watch else { return false };
+        watch.look_at_clock();
+        watch.step_behind().is_some()
+    }
+
+    /// Ends all that runs and waits, with the report of the innermost shader.
+    fn abandon(&mut self) {
+        let code = self.watch.as_ref().and_then(|watch| watch.expired());
+        let told = self.trapped.as_ref().map(|trapped| trapped.code) == code;
+        while let (Some(code), Some(frame)) = (code, self.frames.pop()) {
+            let ShaderCallFrame::Shader(running) = frame else { continue };
+            let live = running.batch.live().lanes();
+            let first = live.min_by_key(|&lane| running.batch.invocations.number(lane));
+            if let Some(lane) = first.filter(|_| !told) {
+                self.trap(&running, lane, Trap { code, op: running.batch.op.saturating_sub(1) });
+                break;
+            }
+        }
+        self.frames.clear();
+        if let (Some(code), Some(watch), None) = (code, &self.watch, &self.trapped) {
+            // A ray that no shader has traced.
+            let note = limit_note(code, self.pipeline.fuel, Some(watch.watchdog()));
+            let error = note.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note);
+            self.trapped = Some(Trapped {
+                launch_id: [0; 3],
+                code,
+                fault_value: 0,
+                shader: Shader(0),
+                offset: 0,
+                error,
+            });
+        }
+    }
+
     /// Pops a shader that has returned, and passes its payload and exits to its caller.
     fn pop_shader(&mut self) {
         let pipeline = self.pipeline;
-        let Some(ShaderCallFrame::Shader(running)) = self.frames.pop() else {
+        let Some(ShaderCallFrame::Shader(mut running)) = self.frames.pop() else {
             unreachable!("bug in anyhit: the frame that returns is no shader");
         };
         let program = &*pipeline.programs[running.shader.0 as usize];
         self.stats.ray_queries += running.batch.queries.initialized;
         self.stats.reorders += running.batch.reorders;
+        if let Some(watch) = &self.watch {
+            watch.charge(running.batch.take_charged());
+        }
         for lane in running.lanes.lanes() {
             let exit = running.batch.exits[lane];
             if let Exit::Trapped(trap) = exit {
@@ -425,8 +499,14 @@ where
         self.frames.push(ShaderCallFrame::ExecuteCallable(ExecuteCallable { index, data, pending }));
     }
 
+    /// How many callable shaders are in progress.
+    fn callable_depth(&self) -> u32 {
+        let is_callable = |frame: &&ShaderCallFrame<W>| matches!(frame, ShaderCallFrame::Shader(running) if running.role == Role::Callable);
+        self.frames.iter().rev().filter(is_callable).count() as u32
+    }
+
     fn advance_execute_callable(&mut self) {
-        let deep = self.frames.len() as u64 > 2 * MAX_CALLABLE_DEPTH;
+        let deep = self.callable_depth() >= self.pipeline.max_callable_depth;
         let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] =
             &mut self.frames[..]
         else {
@@ -532,9 +612,6 @@ fn begin<const W: usize>(pipeline: &Pipeline, running: &mut RunningShader<W>, la
     running.lanes = lanes;
     program.begin(&mut running.batch, lanes, pipeline.fuel);
 }
-
-/// The greatest depth of nested callable shaders. Vulkan's only limit is the stack's size.
-const MAX_CALLABLE_DEPTH: u64 = 1024;
 
 impl Stats {
     /// Counts a batch of a stage and the invocations in its lanes.

@@ -1,7 +1,9 @@
 //! The report of a trap: its message, its source line and the stack of shader calls.
 
+use std::time::Duration;
+
 use crate::error::{Error, ErrorKind, Place};
-use crate::machine::{Batch, Observer, Trap, TrapCode};
+use crate::machine::{Batch, Observer, Trap, TrapCode, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -56,6 +58,7 @@ where
             launch_id[2]
         ));
         let fault_value = running.batch.fault_value[lane];
+        error = self.limit_notes(trap.code).into_iter().fold(error, Error::note);
         error =
             missing_record(&self.pipeline.sbt, trap.code, fault_value).into_iter().fold(error, Error::note);
         if trap.code == TrapCode::PayloadMismatch {
@@ -89,6 +92,19 @@ where
 }
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
+    /// The limit that a trap is about.
+    fn limit_notes(&self, code: TrapCode) -> Option<String> {
+        if code == TrapCode::CallablesTooDeep {
+            return Some(format!(
+                "the limit is max_callable_depth = {}: raise it in the scene's [pipeline], with \
+                 --max-callable-depth, or Builder::max_callable_depth",
+                self.pipeline.max_callable_depth
+            ));
+        }
+        let dog = self.watch.as_ref().map(|watch| &**watch.watchdog());
+        limit_note(code, self.pipeline.fuel, dog)
+    }
+
     /// The types that two shaders declare for one payload, and the rule that they break.
     fn mismatch(&self, running: &RunningShader<W>, op: u32, called: u64) -> Option<Vec<String>> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
@@ -115,6 +131,44 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     }
 }
 
+/// Names the limit that stopped an invocation, and how it is raised.
+pub(crate) fn limit_note(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<String> {
+    let limits = dog.map(Watchdog::limits);
+    let seconds = |limit: Option<Option<Duration>>| limit.flatten().unwrap_or_default().as_secs_f64();
+    match code {
+        TrapCode::OutOfFuel => Some(format!(
+            "the limit is fuel = {fuel} instructions of an invocation: raise it in the scene's [pipeline], \
+             with --fuel, or by `fuel` of Builder, Compute and ShaderTest"
+        )),
+        TrapCode::LaunchOutOfFuel => Some(format!(
+            "the limit is launch_fuel = {} instructions of all invocations together: raise it in the scene's \
+             [pipeline], with --launch-fuel, or by LaunchLimits::fuel",
+            dog.map_or(0, Watchdog::fuel)
+        )),
+        TrapCode::LaunchTimedOut => Some(format!(
+            "the limit is timeout = {} s of the launch, and depends on the machine: raise it with --timeout, or by \
+             LaunchLimits::timeout",
+            seconds(limits.map(|limits| limits.timeout))
+        )),
+        TrapCode::BatchTimedOut => Some(format!(
+            "the limit is batch_timeout = {} s of invocations that run together, and depends on the machine: raise it \
+             with --batch-timeout, or by LaunchLimits::batch_timeout",
+            seconds(limits.map(|limits| limits.batch_timeout))
+        )),
+        _ => None,
+    }
+}
+
+/// The trap of a launch whose invocations, up to one, have spent more together than they may.
+pub(super) fn spent_together(launch_id: [u32; 3], dog: &Watchdog) -> Trapped {
+    let code = TrapCode::LaunchOutOfFuel;
+    let [x, y, z] = launch_id;
+    let error = Error::new(ErrorKind::Trap, code.message())
+        .note(format!("the invocations up to that with launch id ({x}, {y}, {z}) have spent it together"));
+    let error = limit_note(code, 0, Some(dog)).into_iter().fold(error, Error::note);
+    Trapped { launch_id, code, fault_value: 0, shader: Shader(0), offset: 0, error }
+}
+
 /// Describes the missing record that a trap is about.
 pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<String> {
     let (what, count) = match code {
@@ -136,6 +190,8 @@ pub(crate) fn trap_error<const W: usize>(
     trap: Trap,
 ) -> Error {
     let error = with_location(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+    let of_loop = trap.code.is_limit().then(|| program.describe_loop(trap, batch.turns.of(lane)));
+    let error = of_loop.flatten().into_iter().fold(error, Error::note);
     let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
     let index =
         program.describe_index(trap, fault_value, accessed, |op| batch.out_of_bounds_indices.last(op, lane));

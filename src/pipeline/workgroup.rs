@@ -13,14 +13,16 @@ use smallvec::SmallVec;
 
 use crate::error::Error;
 use crate::interp;
-use crate::machine::{Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, Trap, TrapCode, Workgroup};
+use crate::machine::{
+    Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, TaskWatch, Trap, TrapCode, Workgroup,
+};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::observer::Event;
-use crate::pipeline::trapped::{Trapped, source_line, trap_error};
+use crate::pipeline::trapped::{Trapped, limit_note, source_line, trap_error};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
 /// Lanes of a batch that wait at a barrier.
@@ -73,13 +75,19 @@ pub(super) struct WorkgroupRunner<'a, const W: usize> {
     layout: WorkgroupLayout,
     stats: Stats,
     trapped: Option<Trapped>,
+    watch: Arc<TaskWatch>,
 }
 
 impl<'a, const W: usize> WorkgroupRunner<'a, W>
 where
     LaneKernel: Width<W>,
 {
-    pub fn new(compute: &'a Compute, bindings: &'a Bindings, layout: WorkgroupLayout) -> Self {
+    pub fn new(
+        compute: &'a Compute,
+        bindings: &'a Bindings,
+        layout: WorkgroupLayout,
+        watch: &Arc<TaskWatch>,
+    ) -> Self {
         let program = &*compute.program;
         let group_size = layout.size.iter().product::<u32>() as usize;
         // A call returns when all lanes of its batch have returned. So workgroups with barriers in
@@ -89,10 +97,15 @@ where
         let has_barriers = program.ops.iter().any(|op| matches!(op, Op::Barrier));
         let concurrent = if has_calls && has_barriers { 1 } else { (W / group_size).max(1) };
         let batches = (0..(group_size * concurrent).div_ceil(W))
-            .map(|_| WorkgroupBatch { batch: program.batch(), waiting: SmallVec::new() })
+            .map(|_| {
+                let mut batch = program.batch();
+                batch.watch = Some(watch.clone());
+                WorkgroupBatch { batch, waiting: SmallVec::new() }
+            })
             .collect();
         let (stats, trapped) = (Stats::default(), None);
-        Self { compute, program, bindings, batches, concurrent, group_size, layout, stats, trapped }
+        let watch = watch.clone();
+        Self { compute, program, bindings, batches, concurrent, group_size, layout, stats, trapped, watch }
     }
 
     /// Runs workgroups. Returns the trap of the first workgroup that has one.
@@ -107,8 +120,15 @@ where
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let running: Vec<_> = groups.by_ref().take(self.concurrent).collect();
+            let first = running[0].index().saturating_mul(self.group_size as u64);
+            if self.watch.is_over() || self.watch.is_beyond(first) {
+                break;
+            }
+            self.watch.begin_batch();
             self.begin(&running);
             while self.advance(&running, observers) {}
+            let charged = self.batches.iter_mut().map(|member| member.batch.take_charged());
+            self.watch.charge(charged.sum());
             let used = (running.len() * self.group_size).div_ceil(W);
             let queries = self.batches[..used].iter().map(|member| member.batch.queries.initialized);
             self.stats.ray_queries += queries.sum::<u64>();
@@ -147,6 +167,7 @@ where
             }
             let mask = Mask::first(lanes);
             self.program.begin(&mut member.batch, mask, self.compute.fuel);
+            self.watch.charge(u64::from(self.program.entry_cost()) * u64::from(mask.count()));
             member.waiting.push(WaitingLanes { block: member.batch.block, op: member.batch.op, mask });
             self.stats.count(self.program.stage, mask.count());
         }
@@ -159,6 +180,10 @@ where
         observers: &mut Observers<'_, O>,
     ) -> bool {
         for member in &mut self.batches {
+            self.watch.look_at_clock();
+            if self.watch.expired().is_some() {
+                member.batch.look_soon();
+            }
             for start in std::mem::take(&mut member.waiting) {
                 member.run(start, self.program, self.bindings, observers);
             }
@@ -173,12 +198,17 @@ where
     /// otherwise traps and ends the workgroup.
     fn resolve_barrier(&mut self, group: usize, workgroup: &Workgroup) {
         let positions = self.positions(group);
-        let trapped = positions.clone().find_map(|at| match self.batches[at / W].batch.exits[at % W] {
+        let traps = positions.clone().filter_map(|at| match self.batches[at / W].batch.exits[at % W] {
             Exit::Trapped(trap) => Some((at, trap)),
             _ => None,
         });
+        // Those that a limit stopped behind another invocation have nothing to report.
+        let trapped = traps.clone().find(|(_, trap)| trap.code != TrapCode::Callee);
+        let ends = traps.count() > 0;
         if let Some((at, trap)) = trapped {
             self.report(at, trap, workgroup, None);
+        }
+        if ends {
             return self.end(positions);
         }
         let barrier = |at: usize| {
@@ -227,6 +257,8 @@ where
             error = error.note(note);
         }
         let (stage, name) = (self.program.stage.name(), &self.program.name);
+        let limit = limit_note(trap.code, self.compute.fuel, Some(self.watch.watchdog()));
+        error = limit.into_iter().fold(error, Error::note);
         error = error.note(format!(
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));

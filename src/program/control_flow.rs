@@ -1,5 +1,8 @@
 //! The structured order of a function's blocks, and the values that are live after their loop.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use rustc_hash::FxHashSet;
 
 use crate::module::{Definition, Function, Id, Module};
@@ -82,19 +85,22 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         position_of_block[block] = position;
     }
     let position_of = |label: Id| block_of(module, function, label).map(|block| position_of_block[block]);
-    // By position: the end of the innermost loop around it. Loops nest, so a stack suffices.
+    // By position: the end of the innermost loop around it. The nearest end comes first, as loops of
+    // a hostile module need not nest.
     let mut loop_ends = vec![usize::MAX; order.len()];
-    let mut open: Vec<usize> = Vec::new();
+    let mut open: BinaryHeap<Reverse<usize>> = BinaryHeap::new();
     for (position, &block) in order.iter().enumerate() {
-        open.retain(|&end| position < end);
+        while open.peek().is_some_and(|&Reverse(end)| end <= position) {
+            open.pop();
+        }
         let merge = function.blocks[block].instructions.iter().rev().nth(1);
         if let Some(merge) = merge.filter(|merge| merge.opcode == LOOP_MERGE) {
             let end = module.operands(merge).first().and_then(|&id| position_of(Id(id)));
             // If the merge block is unreachable, the loop ends with the function.
             let end = end.filter(|&end| end > position && end != usize::MAX).unwrap_or(order.len());
-            open.push(end);
+            open.push(Reverse(end));
         }
-        loop_ends[position] = open.iter().copied().min().unwrap_or(usize::MAX);
+        loop_ends[position] = open.peek().map_or(usize::MAX, |&Reverse(end)| end);
     }
     let mut escaping = FxHashSet::default();
     // Before the end of the first loop no value escapes.

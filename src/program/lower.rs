@@ -37,7 +37,9 @@ use crate::program::race_analysis::accesses;
 use crate::program::regalloc::{allocate_registers, superblocks};
 use crate::program::verify::{Verifier, Version};
 use crate::program::workgroup::{DerivativeGroup, WorkgroupLayout};
-use crate::program::{Block, Eliminated, InstructionSpan, OptimizedCode, Program, Scope, Terminator};
+use crate::program::{
+    Block, Eliminated, InstructionSpan, LoopVariable, OptimizedCode, Program, Scope, Terminator,
+};
 
 /// `OpacityMicromapIdKHR`
 const OPACITY_MICROMAP_ID: u32 = 6031;
@@ -118,7 +120,7 @@ pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOption
 
 /// Translates an entry point; returns the unoptimized program, and the registers that computed
 /// register numbers can address.
-fn translate(
+pub(super) fn translate(
     module: &Arc<Module>,
     entry: &EntryPoint,
     LowerOptions { inlining, optimization, .. }: LowerOptions,
@@ -150,6 +152,9 @@ fn translate(
         inline_costs: inline_costs(module, function),
         called_functions: FxHashMap::default(),
         queue: VecDeque::new(),
+        functions: vec![0],
+        loop_variables: Vec::new(),
+        watched: Vec::new(),
     };
     lowering.translator.float_controls = FloatControls::of(entry);
     lowering.translator.optimizes = optimization == Optimization::Full;
@@ -290,6 +295,10 @@ struct Lowering<'m> {
     called_functions: FxHashMap<Id, CalledFunction>,
     /// Called functions that are not lowered yet.
     queue: VecDeque<Id>,
+    /// The first block of each function that is lowered by itself.
+    functions: Vec<u32>,
+    loop_variables: Vec<LoopVariable>,
+    watched: Vec<Reg>,
 }
 
 impl<'m> Lowering<'m> {
@@ -367,6 +376,9 @@ impl<'m> Lowering<'m> {
                 let ty = self.translator.result_type(phi)?;
                 let count = self.translator.word_count(ty)?;
                 let words = self.translator.fresh_words(count)?;
+                if let Some(id) = phi.result {
+                    self.watch(id, ty, words.iter().copied());
+                }
                 self.translator.define_result(phi, words);
             }
         }
@@ -447,7 +459,8 @@ impl<'m> Lowering<'m> {
             opcode::IGNORE_INTERSECTION_NV => self.exit(Exit::Ignored),
             opcode::TERMINATE_RAY_NV => self.exit(Exit::Terminated),
             number => translate_checked(&mut self.translator, number, instruction),
-        }
+        }?;
+        self.translator.check_operations()
     }
 
     /// Adds an instruction to the instruction spans of the open block.
@@ -487,6 +500,9 @@ impl<'m> Lowering<'m> {
         let count = self.translator.word_count(pointee)?;
         let first = self.translator.fresh(count)?;
         self.translator.variables.push((first, count));
+        if let Some(id) = instruction.result {
+            self.watch(id, pointee, (0..count).map(|word| first.plus(word)));
+        }
         let base = PointerBase::Registers { first, count, constant: false };
         let pointer = Pointer::new(base, pointee, storage_class);
         // Each call of the function begins with a new query.
@@ -502,6 +518,17 @@ impl<'m> Lowering<'m> {
             self.translator.define(id, IdValue::Pointer(pointer.into()));
         }
         Ok(())
+    }
+
+    /// Keeps the registers of a scalar or vector for the report of endless loops.
+    fn watch(&mut self, id: Id, ty: TypeId, registers: impl ExactSizeIterator<Item = Reg>) {
+        const MOST: usize = 4096;
+        let count = registers.len();
+        if LoopVariable::is_told(self.module, ty) && self.watched.len() + count <= MOST {
+            let scope = self.translator.origin.scope;
+            self.loop_variables.push(LoopVariable { id, ty, scope, first: self.watched.len(), count });
+            self.watched.extend(registers);
+        }
     }
 
     /// Returns the lowered program, and the registers that computed register numbers can address.
@@ -540,6 +567,10 @@ impl<'m> Lowering<'m> {
             instructions = instructions.saturating_add(count);
             block.instructions = instructions;
         }
+        let ends = self.functions[1..].iter().copied().chain([blocks.len() as u32]);
+        let until = |block: u32| block.checked_sub(1).map_or(0, |last| blocks[last as usize].instructions);
+        let functions =
+            self.functions.iter().zip(ends).map(|(&first, end)| (first, until(end) - until(first))).collect();
         let constants = self.translator.constant_registers().collect();
         let register_count = self.translator.register_count();
         let program = Program {
@@ -553,6 +584,9 @@ impl<'m> Lowering<'m> {
             scopes: self.scopes,
             blocks,
             instruction_spans: self.instruction_spans,
+            functions,
+            loop_variables: self.loop_variables,
+            watched: self.watched.into(),
             register_count,
             constants,
             slots: self.translator.slots,

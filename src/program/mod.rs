@@ -7,6 +7,7 @@ mod call_graph;
 pub mod control_flow;
 mod copy_propagation;
 pub mod dce;
+mod loop_report;
 pub mod lower;
 mod obstacles;
 mod out_of_bounds;
@@ -36,6 +37,7 @@ use crate::ops::{atomic, memory, ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
 
+pub use loop_report::LoopVariable;
 pub use lower::{Inlining, LowerOptions, Optimization, lower, lower_with};
 pub use obstacles::obstacles;
 pub use regalloc::{OptimizedCode, Superblock};
@@ -146,6 +148,13 @@ pub struct Program {
     pub blocks: Vec<Block>,
     /// The instructions of the module that the blocks run, in the order in which they run them.
     pub instruction_spans: Vec<InstructionSpan>,
+    /// By function that is not inlined, the entry point first: its first block, ascending, and the
+    /// instructions of all its blocks, which a call costs.
+    pub functions: Vec<(u32, u32)>,
+    /// The variables and phis of which the report of an endless loop tells.
+    pub loop_variables: Vec<LoopVariable>,
+    /// Their registers.
+    pub watched: Arc<[Reg]>,
     /// How many registers a batch needs.
     pub register_count: u32,
     /// Registers that hold constants.
@@ -246,7 +255,21 @@ impl Program {
         for &(reg, word) in &self.constants {
             registers[reg].0 = [word; W];
         }
-        Batch::new(registers)
+        let mut batch = Batch::new(registers);
+        batch.watched = self.watched.clone();
+        batch
+    }
+
+    /// The instructions that a call of the function which begins at a block costs.
+    pub fn call_cost(&self, block: u32) -> u32 {
+        let found = self.functions.binary_search_by_key(&block, |&(first, _)| first);
+        found.map_or(1, |at| self.functions[at].1.max(1))
+    }
+
+    /// The instructions that an invocation costs a launch, beside those that it is charged for back
+    /// edges and calls: all of the entry point, functions that are inlined included.
+    pub fn entry_cost(&self) -> u32 {
+        self.functions.first().map_or(1, |&(_, instructions)| instructions.max(1))
     }
 
     /// Starts the lanes of a mask, whose invocations are set, each with its fuel, counted in

@@ -18,6 +18,7 @@ mod affine;
 mod image_rows;
 
 use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
@@ -34,6 +35,7 @@ use crate::ops::memory::{
     BufferRef, Chunk, Length, MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
 };
 use crate::ops::op::{Access, Op};
+use crate::ops::translate::InputRegisters;
 use crate::program::Program;
 
 use affine::{AffineExpr, AffineRange, Symbol, scaled};
@@ -448,8 +450,9 @@ impl<'a> ValueTracking<'a> {
             base = plus(base, self.value(index));
         }
         let bytes = u64::from(chunk.count) * u64::from(chunk.width / 8);
-        base.map(|range| {
-            SmallVec::from_iter([AffineRange { count: range.count - 1 + bytes, from: range.from }])
+        base.and_then(|range| {
+            let count = (range.count - 1).checked_add(bytes)?;
+            Some(SmallVec::from_iter([AffineRange { count, from: range.from }]))
         })
     }
 
@@ -467,24 +470,25 @@ impl<'a> ValueTracking<'a> {
     }
 
     /// The binding of a computed handle: its array element may be any.
-    fn handle(&mut self, reg: Reg) -> Memory {
-        if let Some(&handle) = self.constants.get(&reg) {
-            return self.binding(handle);
-        }
-        match self.writer(reg) {
-            // The index of an element is added to the handle of the first one: see
-            // `pointer::shifted`.
-            Some(&Op::Memory(MemoryOp::Index { base: Some(_), stride, index, .. }))
-                if self.constants.get(&index) == Some(&1) && Bindings::slot_of(stride).is_some() =>
-            {
-                self.binding(stride)
+    fn handle(&mut self, mut reg: Reg) -> Memory {
+        // A chain has as many links as there are operations at most; more of them are a circle.
+        for _ in 0..=self.program.ops.len() {
+            if let Some(&handle) = self.constants.get(&reg) {
+                return self.binding(handle);
             }
-            Some(&Op::Memory(MemoryOp::Index { base: Some(base), .. })) => self.handle(base),
-            Some(&Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => {
-                self.handle(from)
-            }
-            _ => Memory::Unknown,
+            reg = match self.writer(reg) {
+                // An element's number, behind the handle of the first one: see `pointer::shifted`.
+                Some(&Op::Memory(MemoryOp::Index { base: Some(_), stride, index, .. }))
+                    if self.constants.get(&index) == Some(&1) && Bindings::slot_of(stride).is_some() =>
+                {
+                    return self.binding(stride);
+                }
+                Some(&Op::Memory(MemoryOp::Index { base: Some(base), .. })) => base,
+                Some(&Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => from,
+                _ => return Memory::Unknown,
+            };
         }
+        Memory::Unknown
     }
 
     fn writer(&self, reg: Reg) -> Option<&'a Op> {
@@ -492,31 +496,70 @@ impl<'a> ValueTracking<'a> {
     }
 
     /// The range of a register's values; `None` if it is not known.
+    ///
+    /// A chain of operations may be as long as the program: its operands are visited first, from a
+    /// worklist.
     fn value(&mut self, reg: Reg) -> Option<AffineRange> {
-        if let Some(known) = self.known.get(&reg) {
-            return known.clone();
+        let mut open = vec![(reg, false)];
+        while let Some((reg, ready)) = open.pop() {
+            if ready {
+                let value = self.compute_value(reg);
+                self.known.insert(reg, value);
+            } else if let Entry::Vacant(entry) = self.known.entry(reg) {
+                // To arrive here again while it is looked for is a cycle.
+                entry.insert(None);
+                open.push((reg, true));
+                let sources = self.sources(reg);
+                open.extend(sources.into_iter().rev().map(|source| (source, false)));
+            }
         }
-        // Marks the register as unknown while its value is computed, as there may be a cycle.
-        self.known.insert(reg, None);
-        let value = self.compute_value(reg);
-        self.known.insert(reg, value.clone());
-        value
+        self.known_value(reg)
     }
 
-    fn compute_value(&mut self, reg: Reg) -> Option<AffineRange> {
+    /// The value that was computed of a register before.
+    fn known_value(&self, reg: Reg) -> Option<AffineRange> {
+        self.known.get(&reg).cloned().flatten()
+    }
+
+    /// The registers that [`ValueTracking::compute_value`] reads for a register.
+    fn sources(&self, reg: Reg) -> SmallVec<[Reg; 2]> {
+        let is_given = self.constants.contains_key(&reg) || self.input_of(reg).is_some();
+        match self.writer(reg).filter(|_| !is_given) {
+            Some(Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. })) => {
+                SmallVec::from_slice(&[*from])
+            }
+            Some(Op::Memory(MemoryOp::Index { base, index, .. })) => {
+                base.iter().chain([index]).copied().collect()
+            }
+            Some(Op::LaneKernel { kernel, from: [a, b, _], .. }) if is_followed(kernel) => {
+                SmallVec::from_slice(&[*a, *b])
+            }
+            _ => SmallVec::new(),
+        }
+    }
+
+    /// The builtin that lies in a register.
+    fn input_of(&self, reg: Reg) -> Option<&InputRegisters> {
+        let holds = |input: &&InputRegisters| (input.first.0..input.first.0 + input.count).contains(&reg.0);
+        self.program.inputs.iter().find(holds)
+    }
+
+    /// What a register holds, given what is known of those that it is made of.
+    fn compute_value(&self, reg: Reg) -> Option<AffineRange> {
         let exactly = |from| Some(AffineRange { from, count: 1 });
         if let Some(&word) = self.constants.get(&reg) {
             return exactly(AffineExpr::constant(word.into()));
         }
-        let holds = |first: Reg, count: u32| (first.0..first.0 + count).contains(&reg.0);
-        if let Some(input) = self.program.inputs.iter().find(|input| holds(input.first, input.count)) {
+        if let Some(input) = self.input_of(reg) {
             return exactly(self.builtin(input.builtin.number, (reg.0 - input.first.0) as u8)?);
         }
         match *self.writer(reg)? {
-            Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. }) => self.value(from),
+            Op::Memory(MemoryOp::Move { from, .. } | MemoryOp::MoveMasked { from, .. }) => {
+                self.known_value(from)
+            }
             Op::Memory(MemoryOp::Index { base, index, stride, length, .. }) => {
-                let base = base.map_or_else(|| exactly(AffineExpr::default()), |base| self.value(base));
-                let by = match (self.value(index), length) {
+                let base = base.map_or_else(|| exactly(AffineExpr::default()), |base| self.known_value(base));
+                let by = match (self.known_value(index), length) {
                     (Some(index), _) => scaled(index, stride.into()),
                     (None, Length::Known(length)) => {
                         let count = u64::from(length.saturating_sub(1)) * u64::from(stride) + 1;
@@ -528,7 +571,7 @@ impl<'a> ValueTracking<'a> {
             }
             Op::Memory(MemoryOp::BufferLoad { to, chunk }) => {
                 let index = chunk.index.map_or(Some(0), |index| self.constants.get(&index).copied())?;
-                let offset = chunk.offset.checked_add(index)? + 4 * (reg.0 - to.0);
+                let offset = chunk.offset.checked_add(index)?.checked_add((reg.0 - to.0).checked_mul(4)?)?;
                 let place = match chunk.buffer {
                     BufferRef::PushConstants => None,
                     BufferRef::Handle(handle) => match self.binding(handle) {
@@ -541,24 +584,24 @@ impl<'a> ValueTracking<'a> {
             }
             Op::LaneKernel { kernel, from: [a, b, _], .. } => {
                 if is(kernel, IAdd.kernel(32)) || is(kernel, IAdd.kernel(64)) || is_address(kernel) {
-                    return plus(self.value(a), self.value(b));
+                    return plus(self.known_value(a), self.known_value(b));
                 }
                 if is(kernel, IMul.kernel(32)) {
-                    let (a, b) = (self.value(a)?, self.value(b)?);
+                    let (a, b) = (self.known_value(a)?, self.known_value(b)?);
                     return match (a.count, b.count) {
                         (1, 1) => exactly(a.from.times(&b.from)?),
                         _ => None,
                     };
                 }
                 if is(kernel, ISub.kernel(32)) {
-                    return minus(self.value(a), self.value(b));
+                    return minus(self.known_value(a), self.known_value(b));
                 }
                 if is(kernel, SNegate.kernel(32)) {
-                    return minus(exactly(AffineExpr::default()), self.value(a));
+                    return minus(exactly(AffineExpr::default()), self.known_value(a));
                 }
                 if is(kernel, ShiftLeftLogical.kernel(32)) {
                     let by = *self.constants.get(&b)?;
-                    return scaled(self.value(a)?, 1u64.checked_shl(by)?);
+                    return scaled(self.known_value(a)?, 1u64.checked_shl(by)?);
                 }
                 None
             }
@@ -587,6 +630,14 @@ impl<'a> ValueTracking<'a> {
 
 fn is(kernel: &LaneKernel, known: Option<&LaneKernel>) -> bool {
     known.is_some_and(|known| std::ptr::eq(kernel, known))
+}
+
+/// Whether [`Trace::compute_value`] goes by the operands of a kernel.
+fn is_followed(kernel: &LaneKernel) -> bool {
+    let families = [&IAdd, &IMul, &ISub, &SNegate, &ShiftLeftLogical];
+    families.iter().any(|family| is(kernel, family.kernel(32)))
+        || is(kernel, IAdd.kernel(64))
+        || is_address(kernel)
 }
 
 fn is_address(kernel: &LaneKernel) -> bool {

@@ -15,6 +15,7 @@ use std::sync::Arc;
 
 use crate::accel::{InstanceFlags, Tlas, TlasInstance, TraceRay};
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::recording::tensors::Tensors;
 
 pub use compare::{Comparison, compare};
@@ -106,15 +107,31 @@ pub struct Driver {
 }
 
 impl Recording {
-    /// Reads a file.
+    /// Reads a file, which may be a pipe, with the default limit of its bytes.
     ///
     /// # Errors
     /// `Io` where it cannot be read; otherwise as [`Recording::of`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_within(path, &InputLimits::default())
+    }
+
+    /// Reads a file with these limits.
+    ///
+    /// # Errors
+    /// As [`Recording::open`], and `InvalidArgument` where it is larger than the limit
+    /// `file-bytes`.
+    pub fn open_within(path: impl AsRef<Path>, limits: &InputLimits) -> Result<Self> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
+        Self::of_file(path, &read_argument(path, InputLimit::FileBytes, limits)?)
+    }
+
+    /// Reads the bytes of a file, whose name stands in errors.
+    ///
+    /// # Errors
+    /// As [`Recording::of`].
+    pub fn of_file(path: &Path, bytes: &[u8]) -> Result<Self> {
         let name = path.display().to_string();
-        Self::of(&bytes).map_err(|error| error.context(name).at(Place::File(path.to_path_buf())))
+        Self::of(bytes).map_err(|error| error.context(name).at(Place::File(path.to_path_buf())))
     }
 
     /// Reads the bytes of a file.

@@ -5,6 +5,7 @@ use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, Metadata, TensorView};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::contained;
 
 /// The tensors of a file.
 pub(super) struct Tensors<'a> {
@@ -38,9 +39,11 @@ impl<'a> Tensors<'a> {
     pub fn of(bytes: &'a [u8]) -> Result<Self> {
         let wrong =
             |error| Error::new(ErrorKind::InvalidRecording, format!("not a safetensors file: {error}"));
-        let tensors = SafeTensors::deserialize(bytes).map_err(wrong)?;
-        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(wrong)?;
-        Ok(Self { tensors, metadata })
+        contained("safetensors", ErrorKind::InvalidRecording, || {
+            let tensors = SafeTensors::deserialize(bytes).map_err(wrong)?;
+            let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(wrong)?;
+            Ok(Self { tensors, metadata })
+        })
     }
 
     /// The value of a key in the file's metadata.

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::compile;
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::{InputLimit, InputLimits};
 use crate::machine::image as machine;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
@@ -16,7 +17,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
 use crate::scene::descriptors;
-use crate::scene::image::MAX_IMAGE_SIZE;
+use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resolved::{
     self, ResolvedGroup, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
@@ -165,25 +166,31 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
     let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
-        return Err(Error::several(deduplicate(errors)));
+        return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
     };
     Ok(Assembled { pipeline, resources, size: scene.launch, dispatches })
 }
 
 /// Removes duplicate errors, as several groups may name one shader. A missing tool is reported only
-/// once.
-fn deduplicate(errors: Vec<Error>) -> Vec<Error> {
+/// once. Beyond the most that are shown, the others are counted.
+fn deduplicate(errors: Vec<Error>, most: u64) -> Error {
     let mut distinct: Vec<Error> = Vec::new();
+    let mut more = 0;
     for error in errors {
         let is_duplicate = |known: &Error| {
             let anywhere = error.kind() == ErrorKind::UnsupportedTool;
             known.message() == error.message() && (anywhere || known.places().eq(error.places()))
         };
-        if !distinct.iter().any(is_duplicate) {
+        if distinct.iter().any(is_duplicate) {
+            continue;
+        }
+        if (distinct.len() as u64) < most.max(1) {
             distinct.push(error);
+        } else {
+            more += 1;
         }
     }
-    distinct
+    Error::several(distinct).and_more(more)
 }
 
 /// The shaders of a scene; each module is loaded and each entry point lowered once.
@@ -196,7 +203,8 @@ struct Shaders<'a> {
 impl<'a> Shaders<'a> {
     fn module(&mut self, index: usize) -> Result<Arc<Module>> {
         let shader = &self.scene.shaders[index];
-        self.modules.entry(index).or_insert_with(|| read(shader).map(Arc::new)).clone()
+        let files = &self.scene.files;
+        self.modules.entry(index).or_insert_with(|| read(shader, files).map(Arc::new)).clone()
     }
 
     fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
@@ -233,15 +241,15 @@ impl<'a> Shaders<'a> {
     }
 }
 
-fn read(shader: &ShaderModule) -> Result<Module> {
+fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
-        ShaderCode::SpirV(bytes) => module::load(bytes).map_err(context),
+        ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
         ShaderCode::Source(bytes, folders) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include other files.
-                Ok(_) if Path::new(&shader.path).is_file() => compile::Source::read(&shader.path)?,
+                Ok(text) if Path::new(&shader.path).is_file() => compile::Source::of_file(name, text)?,
                 Ok(text) => compile::Source::from_text(name, text)?,
                 Err(_) => {
                     let message = format!("{name} is not UTF-8");
@@ -250,10 +258,10 @@ fn read(shader: &ShaderModule) -> Result<Module> {
             };
             let options =
                 compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
-            let source = source.include_folders(folders);
+            let source = source.include_folders(folders).confined(files.limits, files.root.clone());
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
-            module::load(&spirv).map_err(context)
+            module::load_with(&spirv, files.limits).map_err(context)
         }
     }
 }
@@ -278,6 +286,7 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     if let Some(operations) = shaders.scene.fuel {
         compute = compute.fuel(operations);
     }
+    compute = compute.launch_limits(shaders.scene.launch_limits);
     if let Some(size) = shaders.scene.subgroup_size {
         compute = compute.subgroup_size(size).map_err(at)?;
     }
@@ -332,6 +341,10 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     if let Some(operations) = scene.fuel {
         builder.fuel(operations);
     }
+    if let Some(depth) = scene.max_callable_depth {
+        builder.max_callable_depth(depth);
+    }
+    builder.launch_limits(scene.launch_limits);
     if let Some(size) = scene.subgroup_size {
         builder.subgroup_size(size);
     }
@@ -339,7 +352,8 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
 }
 
 fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
-    let mut resources = Resources { policy: scene.memory, ..Resources::default() };
+    let mut resources =
+        Resources { policy: scene.memory, printed_bytes: scene.printed_bytes, ..Resources::default() };
     let is_excluded = |one: &resolved::ResolvedBinding| excluded == Some((one.set, one.binding, one.element));
     for binding in scene.resources.iter().filter(|one| !is_excluded(one)) {
         let descriptor = match &binding.resource {
@@ -357,12 +371,12 @@ fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &
                 Ok(Descriptor::Buffer(Buffer::new(bytes)))
             }
             Resource::StorageImage(image) | Resource::SampledImage(image) | Resource::TexelBuffer(image) => {
-                self::image(image).map(Descriptor::Image)
+                self::image(image, &scene.files.limits).map(Descriptor::Image)
             }
             Resource::Sampler(sampler) => Ok(Descriptor::Sampler(Arc::new(*sampler))),
             Resource::CombinedImageSampler(image, sampler) => {
                 let sampler = Arc::new(*sampler);
-                self::image(image).map(|image| Descriptor::ImageSampler(image, sampler))
+                self::image(image, &scene.files.limits).map(|image| Descriptor::ImageSampler(image, sampler))
             }
             Resource::AccelerationStructure(index) => {
                 Ok(Descriptor::AccelerationStructure(scene.tlas[*index].1.clone()))
@@ -386,10 +400,9 @@ fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &
 ///
 /// # Errors
 /// `InvalidScene` where it is too large, and as [`machine::Image::new`].
-pub fn image(image: &ImageContent) -> Result<Arc<machine::Image>> {
-    if image.size() > MAX_IMAGE_SIZE {
-        return Err(Error::new(ErrorKind::InvalidScene, image.too_large()));
-    }
+pub fn image(image: &ImageContent, limits: &InputLimits) -> Result<Arc<machine::Image>> {
+    let checked = limits.check(InputLimit::ImageBytes, image.size(), ErrorKind::InvalidScene);
+    checked.map_err(|error| error.context(image.too_large()))?;
     match image.is_filled() {
         true => machine::Image::filled(image.format, image.shape, &image.texels),
         false => machine::Image::new(image.format, image.shape, &image.texels),

@@ -11,14 +11,12 @@
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
 use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
-
-/// The largest buffer that a scene may describe, in bytes.
-pub const MAX_DATA_SIZE: u64 = 1 << 30;
 
 /// A sequence of pieces.
 #[derive(Clone, Debug)]
@@ -33,6 +31,8 @@ struct Piece {
 #[derive(Clone, Debug)]
 enum Content {
     Bytes(Vec<u8>),
+    /// So many zeros.
+    Zeros(u32),
     /// Zeros up to the next multiple of a number of bytes.
     Align(u32),
     /// The whole content of a file.
@@ -51,6 +51,12 @@ impl DataPieces {
         for Spanned { value: piece, span } in &self.0 {
             let content = match &piece.content {
                 Content::Bytes(content) => content.clone(),
+                Content::Zeros(count) => {
+                    let all = u64::from(*count) * u64::from(piece.repeat);
+                    let size = grown(&bytes, all, files).map_err(|error| error.at(span.place()))?;
+                    bytes.resize(size, 0);
+                    continue;
+                }
                 Content::File(path) => read(files, path, span)?,
                 Content::Camera(camera) => {
                     let matrices = camera.matrices(aspect).map_err(|message| span.error(message))?;
@@ -58,9 +64,9 @@ impl DataPieces {
                 }
                 Content::Align(to) => vec![0; bytes.len().next_multiple_of(*to as usize) - bytes.len()],
             };
-            if bytes.len() as u64 + content.len() as u64 * u64::from(piece.repeat) > MAX_DATA_SIZE {
-                return Err(span.error(format!("the data is larger than {MAX_DATA_SIZE} bytes")));
-            }
+            let all = content.len() as u64 * u64::from(piece.repeat);
+            let size = grown(&bytes, all, files).map_err(|error| error.at(span.place()))?;
+            bytes.reserve_exact(size - bytes.len());
             for _ in 0..piece.repeat {
                 bytes.extend_from_slice(&content);
             }
@@ -69,10 +75,23 @@ impl DataPieces {
     }
 }
 
+/// The size of a buffer that grows, within its own limit and that of the scene.
+fn grown(bytes: &[u8], more: u64, files: &dyn Files) -> Result<usize> {
+    let all = (bytes.len() as u64).saturating_add(more);
+    files.limits().check(InputLimit::BufferBytes, all, ErrorKind::InvalidScene)?;
+    files.reserve(more)?;
+    Ok(all as usize)
+}
+
 /// Reads a file that a scene names; the error points at the name.
 pub(crate) fn read(files: &dyn Files, path: &str, span: &Span) -> Result<Vec<u8>> {
+    read_limited(files, path, span, InputLimit::FileBytes)
+}
+
+/// Reads a file that a scene names and whose kind has a limit of its own.
+pub(crate) fn read_limited(files: &dyn Files, path: &str, span: &Span, limit: InputLimit) -> Result<Vec<u8>> {
     let path = span.source.sibling(path);
-    files.read(&path).map_err(|error| at(error, span, &path))
+    files.read_limited(&path, limit).map_err(|error| at(error, span, &path))
 }
 
 fn at(error: Error, span: &Span, path: &Path) -> Error {
@@ -98,7 +117,7 @@ impl Parse for Piece {
         let mut contents: Vec<Content> =
             Scalar::ALL.iter().filter_map(|scalar| scalar.column(&table)).map(Content::Bytes).collect();
         contents.extend(table.optional::<Hex>("hex").map(|hex| Content::Bytes(hex.0)));
-        contents.extend(table.optional::<u32>("zeros").and_then(|count| zeros(&table, count)));
+        contents.extend(table.optional::<u32>("zeros").map(Content::Zeros));
         contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
         contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
@@ -115,14 +134,6 @@ impl Parse for Piece {
             Err(_) => value.wrong("several kinds of data in one piece: write an array of pieces"),
         }
     }
-}
-
-fn zeros(table: &Table<'_>, count: u32) -> Option<Content> {
-    if u64::from(count) <= MAX_DATA_SIZE {
-        return Some(Content::Bytes(vec![0; count as usize]));
-    }
-    table.report().push(table.span().error(format!("the data is larger than {MAX_DATA_SIZE} bytes")));
-    None
 }
 
 fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
@@ -327,8 +338,8 @@ mod tests {
             ("x = { hex = 'abc' }", "each byte takes two"),
             ("x = { align = 3 }", "power of two"),
             ("x = { f31 = 3 }", "did you mean `f32`?"),
-            ("x = { u8 = 1, repeat = 4_000_000_000 }", "larger than"),
-            ("x = { zeros = 4_000_000_000 }", "larger than"),
+            ("x = { u8 = 1, repeat = 4_000_000_000 }", "the limit `buffer-bytes`"),
+            ("x = { zeros = 4_000_000_000 }", "the limit `buffer-bytes`"),
         ] {
             let error = encode(text).unwrap_err();
             assert!(error.render().contains(wanted), "{text}: {error:?}");

@@ -12,7 +12,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
-use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands};
+use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check_callable_depth};
 use crate::scene::data::DataPieces;
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
@@ -279,8 +279,14 @@ pub struct PipelineEntry {
     pub max_recursion_depth: Option<u32>,
     /// The number of invocations in a subgroup.
     pub subgroup_size: Option<u32>,
-    /// Instructions that an invocation may execute, counted at back edges and calls.
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops.
     pub fuel: Option<u64>,
+    /// Instructions that all invocations may execute together.
+    pub launch_fuel: Option<u64>,
+    /// How deeply callable shaders may call each other.
+    pub max_callable_depth: Option<u32>,
+    /// How many bytes of what shaders print are kept.
+    pub printed_bytes: Option<u64>,
     /// What happens on an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
     /// The pipeline's flags.
@@ -296,6 +302,12 @@ impl Parse for PipelineEntry {
         if let Some(Spanned { span, .. }) = subgroup_size.as_ref().filter(odd) {
             value.report().push(span.error("a subgroup has 1, 2, 4, ... or 128 invocations"));
         }
+        let callable_depth = table.optional::<Spanned<u32>>("max_callable_depth");
+        if let Some(Spanned { span, value: depth }) = &callable_depth
+            && let Err(error) = check_callable_depth(*depth)
+        {
+            value.report().push(span.error(error.message()));
+        }
         let pipeline = Self {
             span: value.span(),
             raygen: list("raygen"),
@@ -305,6 +317,9 @@ impl Parse for PipelineEntry {
             max_recursion_depth: table.optional("max_recursion_depth"),
             subgroup_size: subgroup_size.map(|size| size.value),
             fuel: table.optional_renamed("fuel", "budget"),
+            launch_fuel: table.optional("launch_fuel"),
+            max_callable_depth: callable_depth.map(|depth| depth.value),
+            printed_bytes: table.optional("printed_bytes"),
             memory: table.optional("memory"),
             flags: device::flags(&table),
         };

@@ -1,38 +1,145 @@
 //! Reads the files of a scene from the disk, or from the binary.
 
-use std::io::Read;
+use std::cell::Cell;
 use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Result};
-
-/// The largest file that a scene may name, in bytes.
-pub const MAX_FILE_SIZE: u64 = 1 << 31;
+use crate::input::{InputLimit, InputLimits, RootFolder, read_regular};
 
 /// Reads files by path.
 pub trait Files {
-    /// The whole content of a file.
+    /// The whole content of a file that a scene names, or a file that it names.
     ///
     /// # Errors
-    /// `Io` where there is no such file or it cannot be read, `InvalidScene` where it is larger
-    /// than [`MAX_FILE_SIZE`].
-    fn read(&self, path: &Path) -> Result<Vec<u8>>;
+    /// `Io` where there is no such file or it cannot be read, `InvalidScene` where it is no regular
+    /// file, lies outside the root, or is larger than the limit `file-bytes`.
+    fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        self.read_limited(path, InputLimit::FileBytes)
+    }
+
+    /// The whole content of a file of a kind that has a limit of its own.
+    ///
+    /// # Errors
+    /// As [`Files::read`].
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>>;
+
+    /// The limits of files, scenes, meshes and images.
+    fn limits(&self) -> InputLimits {
+        InputLimits::default()
+    }
+
+    /// The folder that paths may not leave, where there is one.
+    fn root(&self) -> Option<&RootFolder> {
+        None
+    }
+
+    /// Counts bytes that a scene is about to hold, before they are allocated.
+    ///
+    /// # Errors
+    /// `InvalidScene` where all together are more than the limit `scene-memory`.
+    fn reserve(&self, _bytes: u64) -> Result<()> {
+        Ok(())
+    }
+
+    /// Counts primitives that acceleration structures of a scene are about to hold.
+    ///
+    /// # Errors
+    /// `InvalidScene` where all together are more than the limit `scene-primitives`.
+    fn reserve_primitives(&self, _count: u64) -> Result<()> {
+        Ok(())
+    }
 }
 
-/// Files of the disk; relative paths start at the current folder.
+/// Files of the disk, with the default limits; relative paths start at the current folder.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DiskFiles;
 
 impl Files for DiskFiles {
-    fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        let file = std::fs::File::open(path).map_err(|source| Error::io(path, source))?;
-        let mut bytes = Vec::new();
-        // The file's reported size is not used, because devices and pipes report none.
-        file.take(MAX_FILE_SIZE + 1).read_to_end(&mut bytes).map_err(|source| Error::io(path, source))?;
-        if bytes.len() as u64 > MAX_FILE_SIZE {
-            let message = format!("{}: larger than {MAX_FILE_SIZE} bytes", path.display());
-            return Err(Error::new(ErrorKind::InvalidScene, message));
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+        read_regular(path, None, limit, &InputLimits::default())
+    }
+}
+
+/// Files of the disk, with limits, and of one folder alone where it has a root; relative paths
+/// start at the current folder.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SceneFiles {
+    /// The limits of files, scenes, meshes and images.
+    pub limits: InputLimits,
+    /// The folder that paths may not leave, links followed.
+    pub root: Option<RootFolder>,
+}
+
+impl SceneFiles {
+    /// Whether a file may be written where a path leads: a regular one or a new one, inside the
+    /// root where there is one.
+    pub fn may_replace(&self, path: &Path) -> bool {
+        let inside = |path: &Path| self.root.as_ref().is_none_or(|root| root.resolve(path).is_ok());
+        match path.symlink_metadata() {
+            Ok(_) => std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file()) && inside(path),
+            Err(_) => {
+                let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+                inside(folder.unwrap_or(Path::new(".")))
+            }
         }
+    }
+}
+
+impl Files for SceneFiles {
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+        read_regular(path, self.root.as_ref(), limit, &self.limits)
+    }
+
+    fn limits(&self) -> InputLimits {
+        self.limits
+    }
+
+    fn root(&self) -> Option<&RootFolder> {
+        self.root.as_ref()
+    }
+}
+
+/// Files of one scene, whose bytes and primitives are counted.
+pub(crate) struct Counted<'a> {
+    files: &'a dyn Files,
+    bytes: Cell<u64>,
+    primitives: Cell<u64>,
+}
+
+impl<'a> Counted<'a> {
+    pub fn new(files: &'a dyn Files) -> Self {
+        Self { files, bytes: Cell::new(0), primitives: Cell::new(0) }
+    }
+
+    fn count(&self, sum: &Cell<u64>, more: u64, limit: InputLimit) -> Result<()> {
+        let all = sum.get().saturating_add(more);
+        self.limits().check(limit, all, ErrorKind::InvalidScene)?;
+        sum.set(all);
+        Ok(())
+    }
+}
+
+impl Files for Counted<'_> {
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+        let bytes = self.files.read_limited(path, limit)?;
+        self.reserve(bytes.len() as u64)?;
         Ok(bytes)
+    }
+
+    fn limits(&self) -> InputLimits {
+        self.files.limits()
+    }
+
+    fn root(&self) -> Option<&RootFolder> {
+        self.files.root()
+    }
+
+    fn reserve(&self, bytes: u64) -> Result<()> {
+        self.count(&self.bytes, bytes, InputLimit::SceneMemory)
+    }
+
+    fn reserve_primitives(&self, count: u64) -> Result<()> {
+        self.count(&self.primitives, count, InputLimit::ScenePrimitives)
     }
 }
 
@@ -41,7 +148,7 @@ impl Files for DiskFiles {
 pub struct EmbeddedFiles<'a>(pub &'a [(&'a str, &'a [u8])]);
 
 impl Files for EmbeddedFiles<'_> {
-    fn read(&self, path: &Path) -> Result<Vec<u8>> {
+    fn read_limited(&self, path: &Path, _: InputLimit) -> Result<Vec<u8>> {
         let wanted = normalise(path);
         match self.0.iter().find(|(name, _)| normalise(Path::new(name)) == wanted) {
             Some((_, bytes)) => Ok(bytes.to_vec()),
@@ -83,5 +190,20 @@ mod tests {
         let error = DiskFiles.read(Path::new("no/such/file.toml")).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Io);
         assert!(error.message().starts_with("no/such/file.toml"), "{error:?}");
+    }
+
+    #[test]
+    fn what_a_scene_holds_is_counted_until_the_limit() {
+        let limits =
+            InputLimits::default().with(InputLimit::SceneMemory, 10).with(InputLimit::ScenePrimitives, 3);
+        let files = SceneFiles { limits, root: None };
+        let counted = Counted::new(&files);
+        assert!(counted.reserve(6).is_ok() && counted.reserve(4).is_ok());
+        let error = counted.reserve(1).unwrap_err();
+        assert_eq!(error.message(), "11 bytes of one scene are more than the limit `scene-memory` of 10");
+        assert!(counted.reserve(u64::MAX).is_err());
+        assert!(counted.reserve_primitives(3).is_ok());
+        let error = counted.reserve_primitives(1).unwrap_err();
+        assert!(error.message().contains("`scene-primitives` of 3"), "{error}");
     }
 }

@@ -137,6 +137,9 @@ impl GeometryEntry {
     /// # Errors
     /// `Io` or `InvalidMesh` about its file.
     pub fn load(&self, files: &dyn Files) -> Result<Geometry> {
+        // A vertex with what belongs to it takes about 32 bytes a primitive.
+        let made = self.generated().saturating_mul(32);
+        files.reserve(made).map_err(|error| error.at(self.span.place()))?;
         let vertices_t1 = match &self.shape {
             Shape::Build(entry) => entry.load_t1(files)?,
             _ => self.vertices_t1.clone(),
@@ -147,6 +150,19 @@ impl GeometryEntry {
             vertices_t1,
             ..Geometry::new(self.data(files)?, self.flags)
         })
+    }
+
+    /// How many primitives a generator makes; 0 where none does.
+    fn generated(&self) -> u64 {
+        let product = |sides: [u32; 2]| u64::from(sides[0]) * u64::from(sides[1]);
+        match &self.shape {
+            Shape::Grass(grass) => grass.count.into(),
+            Shape::SphereScatter(scatter) => scatter.count.into(),
+            Shape::Chains(chains) => product([chains.count, chains.segments.saturating_add(1)]),
+            Shape::Hair(hair) => product([hair.count, hair.segments.saturating_add(1)]),
+            Shape::Ground(ground) => 2 * product(ground.divisions),
+            _ => 0,
+        }
     }
 
     fn data(&self, files: &dyn Files) -> Result<GeometryData> {
@@ -161,7 +177,7 @@ impl GeometryEntry {
             Shape::Obj { file, object, transform } => {
                 let path = file.span.source.sibling(&file.value);
                 let bytes = read(files, &file.value, &file.span)?;
-                let mesh = obj::read(&path, &bytes, object.as_deref());
+                let mesh = obj::read(&path, &bytes, object.as_deref(), &files.limits());
                 triangles(mesh.map_err(|error| error.at_with(file.span.place(), "named here"))?, *transform)
             }
             Shape::Gltf { file, mesh, transform } => {

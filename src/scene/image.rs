@@ -1,26 +1,22 @@
 //! Decodes picture files into texels, and encodes texels as PNG.
 
-use std::fs::File;
+mod decode;
+
 use std::io::{BufWriter, Cursor, Write};
 use std::ops::Range;
 use std::path::Path;
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::atomic_file::AtomicFile;
+use crate::error::{Error, ErrorKind, Result};
 use crate::machine;
 use crate::machine::format::{Class, Component, Format};
 use crate::module::Module;
 use crate::module::ty::{ImageType, Type};
 use crate::scene::read::Named;
-
-/// The largest width or height of an image, in texels (as the common `maxImageDimension2D`).
-pub const MAX_EXTENT: u32 = 32_768;
-
-/// The most bytes of one image's texels.
-pub const MAX_IMAGE_SIZE: u64 = 1 << 30;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
 impl Named for Format {
@@ -117,81 +113,6 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Decodes a PNG, JPEG, Radiance HDR or, with the feature `exr`, OpenEXR file.
-    ///
-    /// Without a wanted format: 8 bits give `rgba8_srgb`, 16 bits `rgba16`, floats `rgba32f`. A
-    /// wanted format of 8 or 16 bits takes the stored numbers as they are when it is as wide as the
-    /// file, so that `rgba8` reads a normal map and `rgba8_srgb` a photograph. An integer format
-    /// takes the stored numbers, not fractions of them.
-    ///
-    /// # Errors
-    /// `InvalidImage` for a broken file, one beyond the limits, or another kind of file;
-    /// `UnsupportedTool` for OpenEXR without the feature `exr`.
-    pub fn decode(path: &Path, bytes: &[u8], wanted: Option<Format>) -> Result<Self> {
-        let invalid = |message: String| {
-            Error::new(ErrorKind::InvalidImage, message).at(Place::File(path.to_path_buf()))
-        };
-        let mut reader = ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|error| invalid(error.to_string()))?;
-        if reader.format().is_none() {
-            return Err(invalid("not a PNG, JPEG, HDR or EXR file: these are read".into()));
-        }
-        if reader.format() == Some(ImageFormat::OpenExr) {
-            exr_support().map_err(|error| error.at(Place::File(path.to_path_buf())))?;
-        }
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_EXTENT);
-        limits.max_image_height = Some(MAX_EXTENT);
-        limits.max_alloc = Some(MAX_IMAGE_SIZE);
-        reader.limits(limits);
-        let decoder = reader.into_decoder().map_err(|error| invalid(error.to_string()))?;
-        let (width, height) = decoder.dimensions();
-        if width > MAX_EXTENT || height > MAX_EXTENT {
-            return Err(invalid(format!("{width} x {height} texels; at most {MAX_EXTENT} each way")));
-        }
-        // A texel has at most four floats, whatever the file.
-        if u64::from(width) * u64::from(height) * 16 > MAX_IMAGE_SIZE {
-            return Err(invalid(format!("{width} x {height} texels are too many")));
-        }
-        let image = DynamicImage::from_decoder(decoder).map_err(|error| invalid(error.to_string()))?;
-        Ok(Self::from_image(&image, wanted))
-    }
-
-    fn from_image(image: &DynamicImage, wanted: Option<Format>) -> Self {
-        let (stored, texels) = match image {
-            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-                let bytes = image.to_rgba32f().into_raw().iter().flat_map(|x| x.to_le_bytes()).collect();
-                (Format::new(Component::Float32, 4), bytes)
-            }
-            DynamicImage::ImageLuma16(_)
-            | DynamicImage::ImageLumaA16(_)
-            | DynamicImage::ImageRgb16(_)
-            | DynamicImage::ImageRgba16(_) => {
-                let bytes = image.to_rgba16().into_raw().iter().flat_map(|x| x.to_le_bytes()).collect();
-                (Format::new(Component::Unorm16, 4), bytes)
-            }
-            _ => (Format::RGBA8_SRGB, image.to_rgba8().into_raw()),
-        };
-        let extent = [image.width(), image.height()];
-        let format = wanted.unwrap_or(stored);
-        let same_bits = format.component == stored.component && format.channels == stored.channels;
-        if same_bits {
-            return Self { format, extent, texels };
-        }
-        // A file's 8-bit numbers mean sRGB only where they are read as sRGB, and fractions only
-        // where they are read as floats.
-        let component = match stored.component {
-            Component::Unorm8 if format.class() != Class::Float => Component::Uint8,
-            Component::Unorm16 if format.class() != Class::Float => Component::Uint16,
-            other => other,
-        };
-        let stored = Format { component, srgb: stored.srgb && format.srgb, ..stored };
-        let convert = |texel: &[u8]| texel_bytes(format, texel_numbers(stored, texel));
-        let texels = texels.chunks_exact(stored.texel_size() as usize).flat_map(convert).collect();
-        Self { format, extent, texels }
-    }
-
     /// The first layer, slice and sample of level 0 of an image.
     pub fn of(image: &machine::image::Image) -> Self {
         let [width, height, _] = image.shape().extent;
@@ -272,43 +193,15 @@ pub fn stream_png<T>(
 ) -> Result<T> {
     let io = |error| Error::io(path, error);
     let conversion = PngConversion::new(format, to_srgb)?;
-    // A pipe, a device or a link is not replaced, but written to.
-    let replaceable = path.symlink_metadata().map_or(true, |metadata| metadata.is_file());
-    if !replaceable {
-        return png_to_file(path, size, conversion, File::create(path).map_err(io)?, fill);
+    let mut file = AtomicFile::create(path)?;
+    let mut buffered = BufWriter::new(&mut file);
+    let filled = png(size, &mut buffered, &io, |to| fill(&mut PngRows { path, conversion, to }))
+        .and_then(|filled| buffered.flush().map(|()| filled).map_err(io));
+    drop(buffered);
+    match filled {
+        Ok(filled) => file.finish().map(|()| filled),
+        Err(error) => Err(file.abandon(error)),
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let partial = tempfile::Builder::new()
-        .prefix(&format!(".{name}."))
-        .suffix(".partial")
-        // With the permissions of a new file, not the private ones of a temporary file.
-        .make_in(folder.unwrap_or(Path::new(".")), |path| File::create_new(path));
-    let partial = match partial {
-        // The file may be written, but not its folder.
-        Err(_) if path.is_file() => {
-            return png_to_file(path, size, conversion, File::create(path).map_err(io)?, fill);
-        }
-        made => made.map_err(io)?,
-    };
-    let (file, partial) = partial.into_parts();
-    let filled = png_to_file(path, size, conversion, file, fill)?;
-    partial.persist(path).map_err(|error| io(error.error))?;
-    Ok(filled)
-}
-
-fn png_to_file<T>(
-    path: &Path,
-    size: [u32; 2],
-    conversion: PngConversion,
-    file: File,
-    fill: impl FnOnce(&mut PngRows<'_>) -> Result<T>,
-) -> Result<T> {
-    let io = |error| Error::io(path, error);
-    let mut file = BufWriter::new(file);
-    let filled = png(size, &mut file, &io, |to| fill(&mut PngRows { path, conversion, to }))?;
-    file.flush().map_err(io)?;
-    Ok(filled)
 }
 
 /// Writes the rows of a PNG, the top one first.

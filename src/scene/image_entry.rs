@@ -1,11 +1,12 @@
 //! Images and texel buffers as a scene writes them: from files, typed data or one colour.
 
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
+use crate::input::InputLimit;
 use crate::machine::format::Format;
 use crate::machine::image::{Dimension, ImageShape};
 use crate::scene::data::{DataPieces, read};
 use crate::scene::files::Files;
-use crate::scene::image::{MAX_EXTENT, MAX_IMAGE_SIZE, Picture, texel_bytes};
+use crate::scene::image::{Picture, texel_bytes};
 use crate::scene::mip;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::resources::DescriptorKind;
@@ -178,11 +179,19 @@ impl ImageEntry {
             Levels::All => shape.max_levels(),
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
-        let most = if dimension == Dimension::Buffer { 1 << 27 } else { MAX_EXTENT };
+        let limits = files.limits();
+        let side = limits.get(InputLimit::ImageSide);
+        let most = if dimension == Dimension::Buffer { 1 << 27 } else { side };
         let image = ImageContent { format, shape, texels: texel_bytes(format, self.fill) };
         let streams = streams && data.is_none() && pictures.is_empty();
-        if extent.iter().any(|side| *side > most) || !streams && image.size() > MAX_IMAGE_SIZE {
+        let size = image.size();
+        if extent.iter().any(|side| u64::from(*side) > most) {
             return Err(self.span.error(image.too_large()));
+        }
+        if !streams {
+            let checked = limits.check(InputLimit::ImageBytes, size, ErrorKind::InvalidScene);
+            checked.map_err(|error| error.context(image.too_large()).at(self.span.place()))?;
+            files.reserve(size).map_err(|error| error.at(self.span.place()))?;
         }
         if let Some(texels) = data {
             return self.with_levels(format, shape, texels);
@@ -215,8 +224,10 @@ impl ImageEntry {
         for file in &self.files {
             let bytes = read(files, &file.value, &file.span)?;
             let path = file.span.source.sibling(&file.value);
-            let picture = Picture::decode(&path, &bytes, self.format);
+            let picture = Picture::decode_within(&path, &bytes, self.format, &files.limits());
             let picture = picture.map_err(|error| error.at_with(file.span.place(), "named here"))?;
+            // Many names of one file are many pictures.
+            files.reserve(picture.texels.len() as u64).map_err(|error| error.at(file.span.place()))?;
             pictures.push((picture, &file.span));
         }
         Ok(pictures)
@@ -244,8 +255,12 @@ impl ImageEntry {
 fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
     let Some(value) = table.value("size") else { return Some(None) };
     let OneOrMore(given) = OneOrMore::<u32>::parse(value)?;
-    if given.is_empty() || given.len() > 3 || given.contains(&0) || given.iter().any(|x| *x > MAX_EXTENT) {
-        return value.wrong(format!("`size` is `[width, height, depth]`, each from 1 to {MAX_EXTENT}"));
+    let most = table.report().limits().get(InputLimit::ImageSide);
+    let fits = |side: &u32| *side > 0 && u64::from(*side) <= most;
+    if given.is_empty() || given.len() > 3 || !given.iter().all(fits) {
+        return value.wrong(format!(
+            "`size` is `[width, height, depth]`, each from 1 to {most} (the limit `image-side`)"
+        ));
     }
     let mut extent = [1; 3];
     extent[..given.len()].copy_from_slice(&given);

@@ -277,7 +277,11 @@ fn buffers_images_and_sizes() {
         "s/a.toml:5:8",
         &["4 bytes, more than the `size` of 3"],
     );
-    one_mistake(&format!("{buffer}size = 9_000_000_000\n"), "s/a.toml:5:8", &["at most 1073741824 bytes"]);
+    one_mistake(
+        &format!("{buffer}size = 9_000_000_000\n"),
+        "s/a.toml:5:8",
+        &["9000000000 bytes of a buffer are more than the limit `buffer-bytes` of 1073741824"],
+    );
     one_mistake(
         "[resources.b]\ntype = 'storage_bufer'\nbinding = 0\n",
         "s/a.toml:3:8",

@@ -27,14 +27,16 @@ pub mod read;
 pub mod resolve;
 pub mod resolved;
 pub mod resources;
+mod run_limits;
 pub mod sampler;
 pub mod specialization;
 pub mod tree;
 
 pub use assemble::{Assembled, assemble, assemble_without};
-pub use files::{DiskFiles, EmbeddedFiles, Files};
-pub use resolve::{LoadOptions, load, load_text};
+pub use files::{DiskFiles, EmbeddedFiles, Files, SceneFiles};
+pub use resolve::{LoadOptions, load, load_bytes, load_text};
 pub use resolved::ResolvedScene;
+pub use run_limits::RunLimits;
 
 #[cfg(test)]
 mod mistakes;

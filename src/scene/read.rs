@@ -6,6 +6,8 @@
 //! chosen from the requested keys. So the list of accepted keys is written only once, in the code
 //! that reads them.
 
+mod diagnostics;
+
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -15,7 +17,10 @@ use std::sync::Arc;
 use toml::de::DeTable;
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, contained};
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
+
+pub use diagnostics::Diagnostics;
 
 /// A TOML file that has been read.
 #[derive(Debug, PartialEq, Eq)]
@@ -74,58 +79,6 @@ pub struct Spanned<T> {
     pub span: Span,
 }
 
-/// The mistakes found while a file is read, and notes for its author.
-#[derive(Debug, Default)]
-pub struct Diagnostics {
-    errors: RefCell<Vec<Error>>,
-    notes: RefCell<Vec<String>>,
-}
-
-impl Diagnostics {
-    /// Adds a mistake.
-    pub fn push(&self, error: Error) {
-        self.errors.borrow_mut().push(error);
-    }
-
-    /// Notes that a file uses an old name, which is still accepted.
-    fn renamed(&self, span: &Span, old: &str, new: &str) {
-        let Span { source, range } = span;
-        let line = source.text[..range.start].matches('\n').count() + 1;
-        let note = format!(
-            "{}:{line}: `{old}` is now called `{new}`; the old name still works",
-            source.path.display()
-        );
-        self.notes.borrow_mut().push(note);
-    }
-
-    /// Removes and returns the notes, a line of text each.
-    pub fn take_notes(&self) -> Vec<String> {
-        self.notes.take()
-    }
-
-    /// Adds the error of a result and keeps its value.
-    pub fn keep<T>(&self, result: Result<T>) -> Option<T> {
-        result.map_err(|error| self.push(error)).ok()
-    }
-
-    /// How many mistakes there are so far.
-    pub fn len(&self) -> usize {
-        self.errors.borrow().len()
-    }
-
-    /// Whether there are no mistakes so far.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// # Errors
-    /// All mistakes as one error, where there are any.
-    pub fn finish(self) -> Result<()> {
-        let errors = self.errors.into_inner();
-        if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
-    }
-}
-
 /// A whole TOML document, kept so that parts of it can be read later.
 #[derive(Clone, Debug)]
 pub struct Document {
@@ -137,18 +90,29 @@ impl Document {
     /// Parses a text.
     ///
     /// # Errors
-    /// `InvalidScene` with every syntax error.
+    /// `InvalidScene` with the first syntax errors.
     pub fn parse(path: impl Into<PathBuf>, text: &str) -> Result<Self> {
         let source = Arc::new(TomlSource { path: path.into(), text: text.into() });
-        let (root, errors) = DeTable::parse_recoverable(text);
-        if !errors.is_empty() {
-            let report = |error: &toml::de::Error| {
-                let range = error.span().unwrap_or(0..0);
-                Span { source: source.clone(), range }.error(format!("not TOML: {}", error.message()))
-            };
-            return Err(Error::several(errors.iter().map(report).collect()));
+        // The crate's own limit of nesting, 80 tables, keeps what recurses here short, too.
+        let root = contained("toml", ErrorKind::InvalidScene, || Self::tree(&source));
+        match root {
+            Ok(root) => Ok(Self { source, root }),
+            Err(error) => Err(error.or_at(Place::File(source.path.clone()))),
         }
-        Ok(Self { source, root: TomlNode::from_table(&root) })
+    }
+
+    fn tree(source: &Arc<TomlSource>) -> Result<TomlNode> {
+        let (root, errors) = DeTable::parse_recoverable(&source.text);
+        if errors.is_empty() {
+            return Ok(TomlNode::from_table(&root));
+        }
+        let report = |error: &toml::de::Error| {
+            let range = error.span().unwrap_or(0..0);
+            Span { source: source.clone(), range }.error(format!("not TOML: {}", error.message()))
+        };
+        let most = InputLimit::ErrorsShown.default_value() as usize;
+        let shown = errors.iter().take(most).map(report).collect();
+        Err(Error::several(shown).and_more(errors.len().saturating_sub(most)))
     }
 
     /// The root table.
@@ -353,11 +317,17 @@ impl<'a> Table<'a> {
         let unknown: Vec<_> = self.iter().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
             // A misspelt key is reported once: the message for the unknown key suggests this one.
-            if nearest(key, unknown.iter().map(|(name, _)| name.value.as_str())).is_none() {
+            // Among very many unknown keys that is not searched for.
+            let misspelt = unknown.iter().take(SUGGESTED).map(|(name, _)| name.value.as_str());
+            if nearest(key, misspelt).is_none() {
                 self.report().push(self.span().error_with(format!("`{key}` is missing"), "in this table"));
             }
         }
-        for (key, _) in unknown {
+        for (at, (key, _)) in unknown.iter().enumerate() {
+            if self.report().is_full() {
+                self.report().count(unknown.len() - at);
+                break;
+            }
             let label = match nearest(&key.value, requested.iter().copied()) {
                 Some(suggestion) => format!("did you mean `{suggestion}`?"),
                 None => "not a key of this table".into(),
@@ -371,6 +341,21 @@ impl<'a> Table<'a> {
         }
     }
 }
+
+/// Some names as a list for a message, cut after forty.
+pub fn list_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
+    const SHOWN: usize = 40;
+    let mut names = names;
+    let mut list = names.by_ref().take(SHOWN).collect::<Vec<_>>().join(", ");
+    let more = names.count();
+    if more > 0 {
+        list += &format!(" and {more} more");
+    }
+    list
+}
+
+/// Among how many unknown keys a missing one is searched for.
+const SUGGESTED: usize = 64;
 
 /// The name that is most similar to `word`, if the edit distance is small or one is a prefix of the
 /// other.
@@ -608,6 +593,37 @@ mod tests {
         let error = read("x = [1, 'a', 2, true]", |t| t.required::<Vec<f32>>("x")).unwrap_err();
         assert_eq!(error.message(), "expected a number, found a string");
         assert_eq!(error.others()[0].message(), "expected a number, found a Boolean");
+    }
+
+    #[test]
+    fn of_many_mistakes_the_first_are_shown_and_all_counted() {
+        let text: String = (0..20_000).map(|at| format!("key{at} = 1\n")).collect();
+        let begin = std::time::Instant::now();
+        let error = read(&text, |t| t.required::<f32>("radius")).unwrap_err();
+        // The missing key is one of them.
+        assert_eq!(1 + error.others().len() + error.not_shown(), 20_001);
+        assert_eq!(error.others().len(), 49);
+        let report = error.render();
+        assert!(report.lines().count() < 1000, "{} lines", report.lines().count());
+        assert!(report.contains("19951 more mistakes are not shown"), "{report}");
+        // It took 4 s where each was rendered by itself from a text of 20,000 lines.
+        assert!(begin.elapsed().as_secs_f64() < 2.0, "{:?}", begin.elapsed());
+    }
+
+    #[test]
+    fn syntax_errors_are_capped_and_deep_nesting_is_refused() {
+        let error = Document::parse("t.toml", &"x = = 1\n".repeat(5000)).unwrap_err();
+        assert!(error.others().len() < 50, "{}", error.others().len());
+        assert!(error.not_shown() > 4000, "{}", error.not_shown());
+        for deep in [
+            format!("x = {}{}", "[".repeat(100_000), "]".repeat(100_000)),
+            format!("x = {}1{}", "{ a = ".repeat(100_000), " }".repeat(100_000)),
+            format!("{}x = 1", "a.".repeat(100_000)),
+            format!("[{}x]", "a.".repeat(100_000)),
+        ] {
+            let error = Document::parse("t.toml", &deep).unwrap_err();
+            assert!(error.message().starts_with("not TOML: "), "{}", error.message());
+        }
     }
 
     #[test]

@@ -1,18 +1,21 @@
 //! Resolves a scene's files: names become indices, files become bytes.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
+use crate::input::InputLimit;
 use crate::machine::sampler::Sampler;
+use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::pipeline::DeviceProfile;
-use crate::scene::data::{DataPieces, read};
+use crate::scene::data::{DataPieces, read_limited};
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
-use crate::scene::files::Files;
+use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::read::{Diagnostics, Document, Spanned, nearest};
+use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
 use crate::scene::resolved::{
     ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
     ShaderBindingTable, ShaderCode, ShaderModule,
@@ -21,9 +24,6 @@ use crate::scene::resources::ResourceEntry;
 
 mod bindings;
 mod structures;
-
-/// How many files one scene may include, counted with their own includes.
-const MAX_FILES: usize = 64;
 
 /// The options by which a command line changes a scene.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,8 +44,20 @@ pub struct LoadOptions {
 /// # Errors
 /// All mistakes of the scene and its files in one error.
 pub fn load(path: &Path, files: &dyn Files, options: &LoadOptions) -> Result<ResolvedScene> {
-    let text = text_of(path, files.read(path)?)?;
-    load_text(path, &text, files, options)
+    load_bytes(path, files.read_limited(path, InputLimit::SceneBytes)?, files, options)
+}
+
+/// Reads a scene from the bytes of its file; `path` is where its relative paths start from.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_bytes(
+    path: &Path,
+    bytes: Vec<u8>,
+    files: &dyn Files,
+    options: &LoadOptions,
+) -> Result<ResolvedScene> {
+    load_text(path, &text_of(path, bytes)?, files, options)
 }
 
 /// Reads a scene from a text; its relative paths are relative to the folder of `path`.
@@ -53,11 +65,15 @@ pub fn load(path: &Path, files: &dyn Files, options: &LoadOptions) -> Result<Res
 /// # Errors
 /// As [`load`].
 pub fn load_text(path: &Path, text: &str, files: &dyn Files, options: &LoadOptions) -> Result<ResolvedScene> {
-    let report = Diagnostics::default();
+    let limits = files.limits();
+    let report = Diagnostics::within(limits);
+    let most = InputLimit::SceneBytes;
+    limits.check(most, text.len() as u64, ErrorKind::InvalidScene)?;
     let own = SceneFile::parse(path, text, &report)?;
+    let files = Counted::new(files);
     let mut parts = Vec::new();
-    include(own, files, &report, &mut Vec::new(), &mut parts);
-    let resolver = Resolver::new(parts, files, options, &report);
+    include(own, &files, &report, &mut Vec::new(), &mut parts);
+    let resolver = Resolver::new(parts, &files, options, &report);
     let scene = resolver.resolve();
     report.finish()?;
     Ok(scene.expect("bug in anyhit: a scene failed without a mistake"))
@@ -81,11 +97,17 @@ fn include(
     open.push(file.source().path.clone());
     for wanted in &file.include {
         let path = file.source().sibling(&wanted.value);
-        if open.contains(&path) || parts.len() + open.len() >= MAX_FILES {
+        if open.contains(&path) {
             report.push(wanted.span.error("an include that never ends"));
             continue;
         }
-        let read = read(files, &wanted.value, &wanted.span);
+        let count = (parts.len() + open.len() + 1) as u64;
+        if let Err(error) = files.limits().check(InputLimit::SceneFiles, count, ErrorKind::InvalidScene) {
+            // Each further one would be told so, and there may be as many as the file has lines.
+            report.push(error.at(wanted.span.place()));
+            break;
+        }
+        let read = read_limited(files, &wanted.value, &wanted.span, InputLimit::SceneBytes);
         let part = read
             .and_then(|bytes| text_of(&path, bytes))
             .and_then(|text| SceneFile::parse(&path, &text, report));
@@ -102,11 +124,11 @@ struct Resolver<'a> {
     files: &'a dyn Files,
     report: &'a Diagnostics,
     options: LoadOptions,
-    geometry: Vec<Entry<GeometryEntry>>,
+    geometry: ByName<GeometryEntry>,
     instances: Vec<InstanceEntry>,
-    shader_entries: Vec<Entry<ShaderEntry>>,
-    samplers: Vec<Entry<Sampler>>,
-    resource_entries: Vec<Entry<ResourceEntry>>,
+    shader_entries: ByName<ShaderEntry>,
+    samplers: ByName<Sampler>,
+    resource_entries: ByName<ResourceEntry>,
     device: Option<DeviceProfile>,
     pipeline: Option<PipelineEntry>,
     push_constants: Option<DataPieces>,
@@ -116,6 +138,8 @@ struct Resolver<'a> {
     rays: Vec<RayEntry>,
     own: Document,
     modules: Vec<ShaderModule>,
+    /// The modules by their paths.
+    module_places: HashMap<PathBuf, usize>,
     groups: Vec<ResolvedGroup>,
 }
 
@@ -131,11 +155,11 @@ impl<'a> Resolver<'a> {
             files,
             report,
             options: *options,
-            geometry: Vec::new(),
+            geometry: ByName::default(),
             instances: Vec::new(),
-            shader_entries: Vec::new(),
-            samplers: Vec::new(),
-            resource_entries: Vec::new(),
+            shader_entries: ByName::default(),
+            samplers: ByName::default(),
+            resource_entries: ByName::default(),
             device: None,
             pipeline: None,
             push_constants: None,
@@ -145,16 +169,17 @@ impl<'a> Resolver<'a> {
             rays: Vec::new(),
             own,
             modules: Vec::new(),
+            module_places: HashMap::new(),
             groups: Vec::new(),
         };
         let mut variant = None;
         for part in parts {
             // The last part is the scene's own file, whose variants are used.
             variant = options.variant.and_then(|at| part.variants.into_iter().nth(at));
-            merge(&mut all.geometry, part.geometry);
-            merge(&mut all.shader_entries, part.shaders);
-            merge(&mut all.samplers, part.samplers);
-            merge(&mut all.resource_entries, part.resources);
+            all.geometry.merge(part.geometry);
+            all.shader_entries.merge(part.shaders);
+            all.samplers.merge(part.samplers);
+            all.resource_entries.merge(part.resources);
             all.instances.extend(part.instances);
             all.device = part.device.or(all.device);
             all.pipeline = part.pipeline.or(all.pipeline);
@@ -169,14 +194,12 @@ impl<'a> Resolver<'a> {
             }
         }
         if let Some(variant) = variant {
-            let unknown = |entry: &Entry<ShaderEntry>| {
-                !all.shader_entries.iter().any(|known| known.name.value == entry.name.value)
-            };
+            let unknown = |entry: &Entry<ShaderEntry>| all.shader_entries.get(&entry.name.value).is_none();
             for entry in variant.shaders.iter().filter(|entry| unknown(entry)) {
                 let message = format!("there is no shader `{}` to replace", entry.name.value);
                 report.push(entry.name.span.error(message));
             }
-            merge(&mut all.shader_entries, variant.shaders);
+            all.shader_entries.merge(variant.shaders);
         }
         all.precision = options.precision.unwrap_or(all.precision);
         if let Some([width, height]) = options.size {
@@ -216,12 +239,23 @@ impl<'a> Resolver<'a> {
             pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
+            max_callable_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_callable_depth),
             fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.fuel),
+            launch_limits: LaunchLimits {
+                fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.launch_fuel).map(LaunchFuel::of),
+                ..LaunchLimits::default()
+            },
+            printed_bytes: self
+                .pipeline
+                .as_ref()
+                .and_then(|pipeline| pipeline.printed_bytes)
+                .map_or_else(PrintedBytes::default, PrintedBytes),
             memory: self.pipeline.as_ref().and_then(|pipeline| pipeline.memory).unwrap_or_default(),
             launch: self.launch,
             rays: self.rays,
             document: self.own,
             notes: self.report.take_notes(),
+            files: SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() },
         })
     }
 
@@ -284,7 +318,7 @@ impl<'a> Resolver<'a> {
 
     /// Resolves a reference to a shader, `name` or `name:entry`.
     fn shader(&mut self, reference: &Spanned<String>) -> Option<ResolvedShader> {
-        let whole = self.shader_entries.iter().any(|entry| entry.name.value == reference.value);
+        let whole = self.shader_entries.get(&reference.value).is_some();
         let (name, entry) = match reference.value.rsplit_once(':') {
             Some((name, entry)) if !whole => (name, Some(entry)),
             _ => (reference.value.as_str(), None),
@@ -308,15 +342,17 @@ impl<'a> Resolver<'a> {
             (None, None) => return None,
         };
         let path = file.span.source.sibling(&file.value);
-        if let Some(known) = self.modules.iter().position(|module| module.path == path) {
-            return Some(known);
+        if let Some(known) = self.module_places.get(&path) {
+            return Some(*known);
         }
-        let bytes = self.report.keep(read(self.files, &file.value, &file.span))?;
+        let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
+        let bytes = self.report.keep(read_limited(self.files, &file.value, &file.span, limit))?;
         let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
         let code = match compiled {
             true => ShaderCode::SpirV(bytes),
             false => ShaderCode::Source(bytes, folders.collect()),
         };
+        self.module_places.insert(path.clone(), self.modules.len());
         self.modules.push(ShaderModule { name: name.to_string(), path, code, place: file.span.place() });
         Some(self.modules.len() - 1)
     }
@@ -342,31 +378,56 @@ impl<'a> Resolver<'a> {
     }
 
     /// Finds the entry with a name; reports an error if there is none.
-    fn find<'e, T>(&self, entries: &'e [Entry<T>], name: &Spanned<String>, what: &str) -> Option<&'e T> {
-        if let Some(entry) = entries.iter().find(|entry| entry.name.value == name.value) {
+    fn find<'e, T>(&self, entries: &'e ByName<T>, name: &Spanned<String>, what: &str) -> Option<&'e T> {
+        if let Some(entry) = entries.get(&name.value) {
             return entry.content.as_ref();
         }
-        let names = || entries.iter().map(|entry| entry.name.value.as_str());
+        if self.report.is_full() {
+            self.report.count(1);
+            return None;
+        }
+        let names = || entries.entries.iter().map(|entry| entry.name.value.as_str());
         let label = match nearest(&name.value, names()) {
             Some(near) => format!("did you mean `{near}`?"),
             None => "no such name".to_string(),
         };
-        let all: Vec<&str> = names().collect();
         let mut error = name.span.error_with(format!("no {what} is named `{}`", name.value), label);
-        if !all.is_empty() {
-            error = error.note(format!("there are: {}", all.join(", ")));
+        if !entries.entries.is_empty() {
+            error = error.note(format!("there are: {}", list_of(names())));
         }
         self.report.push(error);
         None
     }
 }
 
-fn merge<T>(all: &mut Vec<Entry<T>>, more: Vec<Entry<T>>) {
-    for entry in more {
-        match all.iter_mut().find(|known| known.name.value == entry.name.value) {
-            Some(known) => *known = entry,
-            None => all.push(entry),
+/// Entries in their order, each found by its name: a scene may have hundreds of thousands.
+struct ByName<T> {
+    entries: Vec<Entry<T>>,
+    places: HashMap<String, usize>,
+}
+
+impl<T> Default for ByName<T> {
+    fn default() -> Self {
+        Self { entries: Vec::new(), places: HashMap::new() }
+    }
+}
+
+impl<T> ByName<T> {
+    /// Adds entries; one of a known name replaces the other.
+    fn merge(&mut self, more: Vec<Entry<T>>) {
+        for entry in more {
+            match self.places.get(&entry.name.value) {
+                Some(&at) => self.entries[at] = entry,
+                None => {
+                    self.places.insert(entry.name.value.clone(), self.entries.len());
+                    self.entries.push(entry);
+                }
+            }
         }
+    }
+
+    fn get(&self, name: &str) -> Option<&Entry<T>> {
+        self.places.get(name).map(|&at| &self.entries[at])
     }
 }
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::Place;
-use crate::machine::MemoryPolicy;
+use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
+use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::specialization::SpecializationValue;
@@ -41,9 +42,15 @@ pub struct ResolvedScene {
     pub max_recursion_depth: Option<u32>,
     /// The number of invocations in a subgroup, if the scene sets it.
     pub subgroup_size: Option<u32>,
-    /// Instructions that an invocation may execute, counted at back edges and calls, if the scene
-    /// sets it.
+    /// How deeply callable shaders may call each other, if the scene sets it.
+    pub max_callable_depth: Option<u32>,
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops, if
+    /// the scene sets it.
     pub fuel: Option<u64>,
+    /// The limits of each launch and dispatch.
+    pub launch_limits: LaunchLimits,
+    /// How many bytes of what shaders print are kept.
+    pub printed_bytes: PrintedBytes,
     /// What happens on an access outside its buffer or image.
     pub memory: MemoryPolicy,
     /// Width, height and depth of the launch.
@@ -54,6 +61,8 @@ pub struct ResolvedScene {
     pub document: Document,
     /// Notes for the scene's author, a line each: old names that the scene uses.
     pub notes: Vec<String>,
+    /// How files that shaders and expectations name are read: those beside the scene's own.
+    pub files: SceneFiles,
 }
 
 /// A file with shaders.

@@ -1,9 +1,10 @@
 //! `[resources.NAME]`: the resources that shaders access through descriptor sets.
 
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
+use crate::input::InputLimit;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
-use crate::scene::data::{DataPieces, MAX_DATA_SIZE};
+use crate::scene::data::DataPieces;
 use crate::scene::files::Files;
 use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
@@ -202,9 +203,12 @@ pub struct BufferEntry {
 impl BufferEntry {
     fn parse(table: &Table<'_>) -> Option<Self> {
         let (data, size) = (table.optional("data"), table.optional::<Spanned<u64>>("size"));
-        if let Some(size) = size.as_ref().filter(|size| size.value > MAX_DATA_SIZE) {
-            table.report().push(size.span.error(format!("a buffer has at most {MAX_DATA_SIZE} bytes")));
-            return None;
+        if let Some(Spanned { value, span }) = &size {
+            let limits = table.report().limits();
+            if let Err(error) = limits.check(InputLimit::BufferBytes, *value, ErrorKind::InvalidScene) {
+                table.report().push(error.at(span.place()));
+                return None;
+            }
         }
         if !table.has("data") && !table.has("size") {
             table.report().push(table.span().error("a buffer needs `data`, or its `size` in bytes"));
@@ -227,6 +231,9 @@ impl BufferEntry {
                 let message = format!("the data has {} bytes, more than the `size` of {size}", bytes.len());
                 return Err(span.error(message));
             }
+            let more = size - bytes.len() as u64;
+            files.reserve(more).map_err(|error| error.at(span.place()))?;
+            bytes.reserve_exact(more as usize);
             bytes.resize(*size as usize, 0);
         }
         Ok(bytes)

@@ -14,6 +14,7 @@ use crate::cli::run::dump::invalid;
 use crate::compile::{self, Language};
 use crate::error::{ErrorKind, Result};
 use crate::harness::layout::array_length;
+use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
@@ -21,7 +22,7 @@ use crate::module::{self, Module};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::image::{declared_format, format_name};
-use crate::scene::{DiskFiles, Files, LoadOptions, ResolvedScene, load_text};
+use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
 
 /// The arguments that a bare module needs and a scene file holds itself.
 #[derive(Args, Clone, Debug, Default)]
@@ -88,15 +89,24 @@ impl ResourceArgument {
     }
 }
 
-/// The files of the made scene: the module's is in memory, others are read from the disk.
+/// The files of the made scene: the module's is in memory, others are named by the command line,
+/// too.
 struct ModuleAndDisk {
     path: PathBuf,
     bytes: Vec<u8>,
+    limits: InputLimits,
 }
 
 impl Files for ModuleAndDisk {
-    fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        if path == self.path { Ok(self.bytes.clone()) } else { DiskFiles.read(path) }
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+        match path == self.path {
+            true => Ok(self.bytes.clone()),
+            false => read_argument(path, limit, &self.limits),
+        }
+    }
+
+    fn limits(&self) -> InputLimits {
+        self.limits
     }
 }
 
@@ -120,13 +130,19 @@ impl Arguments {
         }
     }
 
-    /// The scene that dispatches a module's compute shader once.
-    pub fn scene(&self, path: &Path) -> Result<ResolvedScene> {
-        let (bytes, module) = read(path)?;
+    /// The scene that dispatches a module's compute shader once; `streamed` holds the module where
+    /// it was read already.
+    pub fn scene(
+        &self,
+        path: &Path,
+        streamed: Option<Vec<u8>>,
+        limits: InputLimits,
+    ) -> Result<ResolvedScene> {
+        let (bytes, module) = read(path, streamed, &limits)?;
         let entry = self.entry_point(&module, path)?;
         let groups = self.groups()?;
         let text = self.text(path, module, &entry, groups)?;
-        let files = ModuleAndDisk { path: path.to_path_buf(), bytes };
+        let files = ModuleAndDisk { path: path.to_path_buf(), bytes, limits };
         load_text(Path::new("the command line"), &text, &files, &LoadOptions::default())
     }
 
@@ -250,16 +266,18 @@ impl Arguments {
 }
 
 /// Reads a module, or compiles a source.
-fn read(path: &Path) -> Result<(Vec<u8>, Module)> {
-    if Language::of(path).is_none() {
-        let module = module_file::read(path)?;
-        let bytes = std::fs::read(path).map_err(|error| crate::error::Error::io(path, error))?;
+fn read(path: &Path, streamed: Option<Vec<u8>>, limits: &InputLimits) -> Result<(Vec<u8>, Module)> {
+    if let Some(bytes) = streamed {
+        let module = module_file::load(path, &bytes, limits)?;
         return Ok((bytes, module));
     }
-    let source = compile::Source::read(path)?;
+    if Language::of(path).is_none() {
+        return module_file::read_with_bytes(path, limits);
+    }
+    let source = compile::Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
     let options = compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
     let bytes = compile::compile_once(&source, &options)?;
-    let module = module::load(&bytes)?;
+    let module = module::load_with(&bytes, *limits)?;
     Ok((bytes, module))
 }
 

@@ -28,6 +28,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::Costs;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
+use crate::scene::SceneFiles;
 use crate::scene::read::{Diagnostics, Document, Parse, Span, Spanned, Table, TomlValue, nearest};
 
 /// How many differences of one table are shown.
@@ -179,6 +180,11 @@ impl Expectations {
         report.finish()?;
         let read = read.expect("bug in anyhit: expectations failed without a mistake");
         Ok(Self { notes, ..read })
+    }
+
+    /// Reads expected pictures in this way.
+    pub fn read_with(&mut self, files: &SceneFiles) {
+        self.pictures.iter_mut().for_each(|picture| picture.files = files.clone());
     }
 
     /// Whether nothing is expected beside a launch without a trap.

@@ -10,7 +10,7 @@ use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::{Picture, exr_support};
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
-use crate::scene::{DiskFiles, Files};
+use crate::scene::{Files, SceneFiles};
 
 /// A picture file that an image must be like.
 ///
@@ -26,6 +26,8 @@ pub struct PictureExpectation {
     pub measure: Measure,
     /// Why this is expected.
     pub because: Option<String>,
+    /// How the file is read.
+    pub files: SceneFiles,
 }
 
 /// How pictures are compared.
@@ -106,7 +108,7 @@ impl Parse for PictureExpectation {
                 return None;
             }
         };
-        Some(Self { name: name?, file: file?, measure, because })
+        Some(Self { name: name?, file: file?, measure, because, files: SceneFiles::default() })
     }
 }
 
@@ -144,8 +146,8 @@ impl PictureExpectation {
             // Before the file is read: where there is none, `--bless` could not write it either.
             exr_support()?;
         }
-        let file = DiskFiles.read(path)?;
-        let expected = Picture::decode(path, &file, None)?;
+        let file = self.files.read(path)?;
+        let expected = Picture::decode_within(path, &file, None, &self.files.limits)?;
         let because = self.because.as_ref();
         let difference = |message: String| {
             let mut difference = Difference::new(&self.file.span, message, because);
@@ -204,7 +206,7 @@ impl PictureExpectation {
 
     /// The file as it would have to be.
     fn renewed(&self, path: &Path, found: &Picture, linear: bool) -> Option<Fix> {
-        if self.because.is_some() {
+        if self.because.is_some() || !self.files.may_replace(path) {
             return None;
         }
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or("");

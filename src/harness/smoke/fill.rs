@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
 use crate::harness::layout::{Layout, Rules, array_length};
+use crate::input::InputLimit;
 use crate::machine::{Buffer, DeviceMemory};
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
@@ -17,6 +18,9 @@ const ELEMENTS: usize = 1024;
 const MOST_BYTES: [usize; 2] = [1 << 20, 1 << 24];
 /// Bytes of one buffer that are given values; those beyond are zero.
 const MOST_FILLED: usize = 1 << 17;
+/// Parts of one buffer that are given values: more than the bytes above have, unless parts lie on
+/// each other or have no bytes at all.
+const MOST_PARTS: u32 = 1 << 19;
 /// How many addresses may lead from one to the next.
 const MOST_STEPS: usize = 6;
 /// Large enough to end loops over bounces, small enough to lie in a runtime array.
@@ -69,7 +73,8 @@ pub struct FillExtent {
 impl FillExtent {
     /// Elements of this many bytes that runtime arrays have.
     pub fn elements(&self, stride: usize) -> usize {
-        let invocations: u64 = self.invocations.iter().map(|&side| u64::from(side)).product();
+        let sides = self.invocations.iter().map(|&side| u64::from(side));
+        let invocations = sides.fold(1, u64::saturating_mul);
         let scale = self.scale as usize;
         let wanted = ELEMENTS.max(invocations.min(1 << 20) as usize).saturating_mul(scale);
         let most = MOST_BYTES[0].saturating_mul(scale).min(MOST_BYTES[1]);
@@ -156,6 +161,28 @@ struct Region {
     steps: Vec<TypeId>,
 }
 
+/// How much memory is made up for one launch, held against the module's limits.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MadeUpBytes(u64);
+
+impl MadeUpBytes {
+    /// Bytes so far.
+    pub fn sum(self) -> u64 {
+        self.0
+    }
+
+    /// Adds a resource before it is made.
+    ///
+    /// # Errors
+    /// `UnsupportedModule` where it is too large by itself ([`InputLimit::SmokeResourceBytes`]), or
+    /// with all others ([`InputLimit::SmokeLaunchBytes`]).
+    pub fn add(&mut self, module: &Module, bytes: u64) -> Result<()> {
+        module.limits.check(InputLimit::SmokeResourceBytes, bytes, ErrorKind::UnsupportedModule)?;
+        self.0 = self.0.saturating_add(bytes);
+        module.limits.check(InputLimit::SmokeLaunchBytes, self.0, ErrorKind::UnsupportedModule)
+    }
+}
+
 /// Fills memory by its types, and makes the memory that its addresses lead to.
 pub struct Filler<'a> {
     module: &'a Module,
@@ -167,6 +194,10 @@ pub struct Filler<'a> {
     by_place: HashMap<PlaceId, usize>,
     steps: Vec<TypeId>,
     root: u64,
+    /// Parts of the buffer at hand that may still be given values.
+    parts: u32,
+    /// What everything that was made so far takes.
+    pub made: MadeUpBytes,
 }
 
 impl<'a> Filler<'a> {
@@ -179,38 +210,48 @@ impl<'a> Filler<'a> {
         known: &'a BTreeMap<PlaceId, FillContent>,
     ) -> Self {
         let (regions, by_place, steps) = (Vec::new(), HashMap::new(), Vec::new());
-        Self { module, numbers, wide, extent, known, regions, by_place, steps, root: 0 }
+        let (root, parts, made) = (0, MOST_PARTS, MadeUpBytes::default());
+        Self { module, numbers, wide, extent, known, regions, by_place, steps, root, parts, made }
     }
 
     /// The bytes of a block; `root` distinguishes it from others.
-    pub fn block(&mut self, ty: TypeId, root: u64) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// As [`MadeUpBytes::add`].
+    pub fn block(&mut self, ty: TypeId, root: u64) -> Result<Vec<u8>> {
         let layout = Layout::new(self.module, ty, Rules::Explicit);
         let size = match layout.runtime_stride() {
-            Some((offset, stride)) => offset + self.extent.elements(stride) * stride,
+            Some((offset, stride)) => {
+                self.extent.elements(stride).saturating_mul(stride).saturating_add(offset)
+            }
             None => layout.size(),
         };
         self.filled(layout, size, root)
     }
 
     /// The words of a payload, callable data or hit attributes.
-    pub fn words(&mut self, ty: TypeId, root: u64) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// As [`MadeUpBytes::add`].
+    pub fn words(&mut self, ty: TypeId, root: u64) -> Result<Vec<u32>> {
         let layout = Layout::new(self.module, ty, Rules::Packed);
-        let bytes = self.filled(layout, layout.size(), root);
-        bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+        let bytes = self.filled(layout, layout.size(), root)?;
+        Ok(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
     }
 
-    fn filled(&mut self, layout: Layout<'_>, size: usize, root: u64) -> Vec<u8> {
-        let mut bytes = vec![0; size.min(1 << 28)];
-        self.root = root;
+    fn filled(&mut self, layout: Layout<'_>, size: usize, root: u64) -> Result<Vec<u8>> {
+        self.made.add(self.module, size as u64)?;
+        let mut bytes = vec![0; size];
+        (self.root, self.parts) = (root, MOST_PARTS);
         self.fill(layout, 0, mix(0, root), &mut bytes);
-        bytes
+        Ok(bytes)
     }
 
     /// Makes the device memory that the addresses given so far lead to, and by region the places
     /// whose addresses lead nowhere yet.
     ///
     /// # Errors
-    /// None but what a structure may report.
+    /// As [`MadeUpBytes::add`], and what a structure may report.
     pub fn device_memory(
         mut self,
         tlas: &dyn Fn() -> Result<Arc<Tlas>>,
@@ -223,7 +264,7 @@ impl<'a> Filler<'a> {
                 FillContent::Structure => memory.add_structure(&tlas()?),
                 FillContent::Pointer(pointer) => {
                     self.steps = region.steps;
-                    memory.add_buffer(&Buffer::new(&self.pointees(pointer, region.place)))
+                    memory.add_buffer(&Buffer::new(&self.pointees(pointer, region.place)?))
                 }
             };
             assert_eq!(address, address_of(next), "bug in anyhit: an address of another region");
@@ -234,9 +275,9 @@ impl<'a> Filler<'a> {
     }
 
     /// What a pointer points to, several times one behind the other.
-    fn pointees(&mut self, pointer: TypeId, place: PlaceId) -> Vec<u8> {
+    fn pointees(&mut self, pointer: TypeId, place: PlaceId) -> Result<Vec<u8>> {
         let Type::Pointer { pointee: Some(pointee), stride, .. } = *self.module.ty(pointer) else {
-            return Vec::new();
+            return Ok(Vec::new());
         };
         let layout = Layout::new(self.module, pointee, Rules::Explicit);
         if layout.runtime_stride().is_some() {
@@ -245,18 +286,21 @@ impl<'a> Filler<'a> {
         let size = layout.size();
         let stride = stride.map_or(size, |stride| stride as usize).max(1);
         let count = self.extent.elements(stride);
-        let mut bytes = vec![0; (count - 1) * stride + size.min(1 << 28)];
-        self.root = place;
+        let size = (count - 1).saturating_mul(stride).saturating_add(size);
+        self.made.add(self.module, size as u64)?;
+        let mut bytes = vec![0; size];
+        (self.root, self.parts) = (place, MOST_PARTS);
         for index in 0..count {
             self.fill(layout, index * stride, mix(0, place), &mut bytes);
         }
-        bytes
+        Ok(bytes)
     }
 
     fn fill(&mut self, layout: Layout<'_>, offset: usize, place: PlaceId, out: &mut [u8]) {
-        if offset >= out.len().min(MOST_FILLED) {
+        if offset >= out.len().min(MOST_FILLED) || self.parts == 0 {
             return;
         }
+        self.parts -= 1;
         let module = self.module;
         match module.ty(layout.ty) {
             Type::Bool => {
@@ -282,7 +326,7 @@ impl<'a> Filler<'a> {
                 let part = layout.part(*component);
                 for index in 0..*count as usize {
                     let at = index * part.size();
-                    self.fill(part, offset + at, mix(place, at as u64), out);
+                    self.fill(part, offset.saturating_add(at), mix(place, at as u64), out);
                 }
             }
             Type::Matrix { column, count } => self.identity(layout, (*column, *count as usize), offset, out),
@@ -295,10 +339,9 @@ impl<'a> Filler<'a> {
                 let length = (out.len() - offset) / stride;
                 self.array(layout.part(*element), length, stride, offset, place, out);
             }
-            Type::Struct { members, .. } => {
-                for index in 0..members.len() {
-                    let (at, part) = layout.member(index);
-                    self.fill(part, offset + at, mix(place, at as u64), out);
+            Type::Struct { .. } => {
+                for (at, part) in layout.members() {
+                    self.fill(part, offset.saturating_add(at), mix(place, at as u64), out);
                 }
             }
             Type::Pointer { .. } => {
@@ -319,8 +362,8 @@ impl<'a> Filler<'a> {
         out: &mut [u8],
     ) {
         for index in 0..length {
-            let at = offset + index * stride;
-            if at >= out.len().min(MOST_FILLED) {
+            let at = index.saturating_mul(stride).saturating_add(offset);
+            if at >= out.len().min(MOST_FILLED) || self.parts == 0 {
                 break;
             }
             // All elements lead to the same memory: one place.
@@ -342,12 +385,14 @@ impl<'a> Filler<'a> {
         for at in 0..columns {
             for row in 0..count as usize {
                 let place = match layout.matrix().filter(|_| layout.rules == Rules::Explicit) {
-                    Some(matrix) if matrix.row_major => row * matrix.stride as usize + at * scalar,
-                    Some(matrix) => at * matrix.stride as usize + row * scalar,
+                    Some(matrix) if matrix.row_major => {
+                        row.saturating_mul(matrix.stride as usize).saturating_add(at * scalar)
+                    }
+                    Some(matrix) => at.saturating_mul(matrix.stride as usize).saturating_add(row * scalar),
                     None => (at * count as usize + row) * scalar,
                 };
                 let value = ValueSource::float_bits(float, f32::from(u8::from(at == row)));
-                put(out, offset + place, scalar, value);
+                put(out, offset.saturating_add(place), scalar, value);
             }
         }
     }
@@ -399,7 +444,8 @@ pub fn region_of(address: u64) -> Option<usize> {
 }
 
 fn put(out: &mut [u8], offset: usize, size: usize, value: u64) {
-    if let Some(to) = out.get_mut(offset..offset + size.min(8)) {
+    let end = offset.saturating_add(size.min(8));
+    if let Some(to) = out.get_mut(offset..end) {
         to.copy_from_slice(&value.to_le_bytes()[..size.min(8)]);
     }
 }

@@ -72,7 +72,9 @@ fn is_excused(trap: &Trapped, tries: &[Try]) -> bool {
     match trap.code {
         _ if is_of_rays(trap) => past.any(|one| one.set.has_different_floats()),
         // These end a way through the shader: nothing gets past.
-        TrapCode::Unreachable | TrapCode::OutOfFuel => tries.iter().any(|one| one.trapped.is_none()),
+        code if code == TrapCode::Unreachable || code.is_limit() => {
+            tries.iter().any(|one| one.trapped.is_none())
+        }
         _ => {
             let mut here = tries.iter().filter(|one| one.traps_at(trap));
             past.next().is_some() || here.all(|one| !one.set.is_plain())

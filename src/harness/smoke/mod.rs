@@ -42,6 +42,7 @@ use crate::harness::coverage::Blocks;
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::subject::{EntryUnderTest, Progress, Way};
 use crate::harness::smoke::watch::{Happened, tracing};
+use crate::machine::LaunchLimits;
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
@@ -53,8 +54,10 @@ pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, 
 pub struct SmokeOptions {
     /// The seed of all values.
     pub seed: u64,
-    /// Instructions that an invocation may execute, counted at back edges and calls.
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops.
     pub fuel: u64,
+    /// The limits of each launch or dispatch.
+    pub launch_limits: LaunchLimits,
     /// Operations, counted once for all lanes of a batch, after which no further set of values is
     /// tried on an entry point. The first is always tried.
     pub total_fuel: u64,
@@ -65,7 +68,10 @@ pub struct SmokeOptions {
 
 impl Default for SmokeOptions {
     fn default() -> Self {
-        Self { seed: 1, fuel: 1 << 18, total_fuel: 1 << 27, time_limit: None }
+        // A call costs all instructions of the function called, of which a module is known to have
+        // 164,798 once it is inlined.
+        let (fuel, launch_limits) = (1 << 21, LaunchLimits::SMOKE);
+        Self { seed: 1, fuel, launch_limits, total_fuel: 1 << 27, time_limit: None }
     }
 }
 

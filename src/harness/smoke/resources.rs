@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::harness::layout::array_length;
-use crate::harness::smoke::fill::{FillContent, FillExtent, Filler, PlaceId, ValueSource, WideIntegers, mix};
+use crate::harness::smoke::fill::{
+    FillContent, FillExtent, Filler, MadeUpBytes, PlaceId, ValueSource, WideIntegers, mix,
+};
 use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::{Dimension, Image, ImageShape};
 use crate::machine::sampler::{CompareOp, Filter, Sampler};
@@ -51,12 +53,15 @@ pub struct Given {
     pub attributes: Vec<u32>,
     /// By region of device memory, the place whose address leads nowhere yet.
     pub places: Vec<Option<PlaceId>>,
+    /// Bytes of all of it, but for device memory.
+    pub made: u64,
 }
 
 /// Makes up what a program needs.
 ///
 /// # Errors
-/// What making a structure reports.
+/// What making a structure reports, and `UnsupportedModule` where a resource or all of them are
+/// larger than the module's limits allow.
 pub fn given(
     program: &Program,
     variables: &[InterfaceVariable],
@@ -77,31 +82,41 @@ pub fn given(
         let (Some(ty), root) = (variable.ty, root(variable)) else { continue };
         match variable.storage_class {
             storage::PUSH_CONSTANT => {
-                resources.push_constants = Some(Buffer::new(&filler.block(ty, root)));
+                resources.push_constants =
+                    Some(Buffer::new(&filler.block(ty, root).map_err(named(variable))?));
             }
-            storage::SHADER_RECORD_BUFFER => record = filler.block(ty, root),
+            storage::SHADER_RECORD_BUFFER => record = filler.block(ty, root).map_err(named(variable))?,
             _ => {}
         }
         let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) else { continue };
         let place = Binding { set, binding };
         let (element, count) = descriptor_array(module, ty, extent.scale);
+        let list = u64::from(count) * size_of::<Descriptor>() as u64;
+        filler.made.add(module, list).map_err(named(variable))?;
         let mut descriptors = Vec::new();
         for at in 0..count.min(DISTINCT) {
             let root = root.wrapping_add(u64::from(at) << 32);
             let descriptor = match module.ty(element) {
-                Type::Struct { .. } => Descriptor::Buffer(Buffer::new(&filler.block(element, root))),
+                Type::Struct { .. } => {
+                    let bytes = filler.block(element, root).map_err(named(variable))?;
+                    Descriptor::Buffer(Buffer::new(&bytes))
+                }
                 Type::AccelerationStructure => {
                     let tlas = structure.get_or_insert(tlas()?).clone();
                     Descriptor::AccelerationStructure(tlas)
                 }
                 Type::Sampler => Descriptor::Sampler(Arc::new(sampler(false))),
-                Type::Image(image) => match made_up(module, image, (numbers, root), extent)? {
-                    Some(image) => Descriptor::Image(image),
-                    None => continue,
-                },
+                Type::Image(image) => {
+                    let texels = made_up(module, image, (numbers, root), extent, &mut filler.made);
+                    match texels.map_err(named(variable))? {
+                        Some(image) => Descriptor::Image(image),
+                        None => continue,
+                    }
+                }
                 Type::SampledImage(image) => {
                     let Type::Image(image) = module.ty(*image) else { continue };
-                    let Some(texels) = made_up(module, image, (numbers, root), extent)? else { continue };
+                    let texels = made_up(module, image, (numbers, root), extent, &mut filler.made);
+                    let Some(texels) = texels.map_err(named(variable))? else { continue };
                     let linear = texels.format().class() == Class::Float && !image.multisampled;
                     Descriptor::ImageSampler(texels, Arc::new(sampler(linear)))
                 }
@@ -125,7 +140,9 @@ pub fn given(
         Some(filler.words(registers.ty, u64::from(class) << 48))
     };
     let payload = words(storage::INCOMING_RAY_PAYLOAD).or_else(|| words(storage::INCOMING_CALLABLE_DATA));
-    let attributes = words(storage::HIT_ATTRIBUTE);
+    let payload = payload.transpose()?;
+    let attributes = words(storage::HIT_ATTRIBUTE).transpose()?;
+    let made = filler.made.sum();
     let (memory, places) = filler.device_memory(tlas)?;
     resources.memory = memory;
     Ok(Given {
@@ -134,7 +151,18 @@ pub fn given(
         payload: payload.unwrap_or_default(),
         attributes: attributes.unwrap_or_default(),
         places,
+        made,
     })
+}
+
+/// Says of an error which variable it is about.
+fn named(variable: &InterfaceVariable) -> impl Fn(Error) -> Error {
+    let name = match (variable.name.as_str(), variable.descriptor_set.zip(variable.binding)) {
+        ("", Some((set, binding))) => format!("set {set}, binding {binding}"),
+        ("", None) => format!("%{}", variable.id.0),
+        (name, _) => format!("`{name}`"),
+    };
+    move |error| error.context(format_args!("made-up memory of {name}"))
 }
 
 /// Adds what another variable asks of a binding that several share; of buffers the largest is kept.
@@ -186,10 +214,14 @@ pub fn answer(
         2 => Like::Far(far),
         _ => Like::Hit,
     };
-    let mut answer = Answer { module, numbers, root, like, words: Vec::new() };
+    let (count, words) = (registers.count as usize, Vec::with_capacity(registers.count as usize));
+    let mut answer = Answer { module, numbers, root, like, words, count, parts: 4 * count + MOST_EMPTY };
     answer.append(registers.ty);
     answer.words
 }
+
+/// Parts without words that an answer may have.
+const MOST_EMPTY: usize = 1 << 10;
 
 /// What an answer looks like.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -208,10 +240,28 @@ struct Answer<'a> {
     root: u64,
     like: Like,
     words: Vec<u32>,
+    /// Words of the whole answer.
+    count: usize,
+    /// Parts that may still be looked at.
+    parts: usize,
 }
 
 impl Answer<'_> {
+    /// Appends `count` values of a type.
+    fn repeat(&mut self, ty: TypeId, count: usize) {
+        for _ in 0..count {
+            if self.words.len() >= self.count || self.parts == 0 {
+                break;
+            }
+            self.append(ty);
+        }
+    }
+
     fn append(&mut self, ty: TypeId) {
+        if self.parts == 0 {
+            return;
+        }
+        self.parts -= 1;
         let at = self.words.len() as u64;
         match self.module.ty(ty) {
             ty @ Type::Float { width, .. } => {
@@ -223,11 +273,11 @@ impl Answer<'_> {
                 }
             }
             Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
-                (0..*count).for_each(|_| self.append(*part));
+                self.repeat(*part, *count as usize);
             }
             Type::Array { element, length, .. } => {
                 let length = array_length(self.module, *length);
-                (0..length).for_each(|_| self.append(*element));
+                self.repeat(*element, length);
             }
             Type::Struct { members, .. } => members.iter().for_each(|member| self.append(member.ty)),
             Type::Bool => {
@@ -298,10 +348,12 @@ fn made_up(
     image: &ImageType,
     (numbers, root): (ValueSource, u64),
     extent: FillExtent,
+    made: &mut MadeUpBytes,
 ) -> Result<Option<Arc<Image>>> {
     let Some(shape) = shape(image, extent) else { return Ok(None) };
     let format = format(module, image);
     let size = format.texel_size() as usize;
+    made.add(module, shape.texels().saturating_mul(size as u64))?;
     let mut bytes = Vec::with_capacity(shape.texels() as usize * size);
     for at in 0..shape.texels() {
         let places = [0, 1, 2, 3].map(|channel| 4 * at + channel);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::error::Result;
+use crate::error::{ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::coverage::Blocks;
 use crate::harness::smoke::fill::{FillContent, FillExtent, PlaceId, WideIntegers, region_of};
@@ -16,7 +16,7 @@ use crate::harness::smoke::resources::{self, Given, MadeUpValues};
 use crate::harness::smoke::sets::{LAUNCH, Set};
 use crate::harness::smoke::watch::{BlockRecorder, Happened, StandIn};
 use crate::harness::smoke::{SmokeOptions, specialized};
-use crate::machine::{Invocation, Observer, TrapCode};
+use crate::machine::{Invocation, LaunchLimits, Observer, TrapCode};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
@@ -50,9 +50,13 @@ const PATIENCE: u32 = 4;
 /// That number while there is a trap that no run has got past.
 const LONG_PATIENCE: u32 = 12;
 /// How often the fuel of a shader is halved once it has run out of it.
-const LESS_FUEL: u32 = 4;
+const LESS_FUEL: u32 = 7;
 /// What a run counts beside its operations: making up its values takes time, too.
 const FUEL_OF_A_RUN: u64 = 1 << 14;
+/// Bytes that are made up for a run without a count, and how many of those beyond count as one
+/// operation.
+const FREE_BYTES: u64 = 1 << 25;
+const BYTES_OF_AN_OPERATION: u64 = 8;
 /// What a ray counts beside its operations.
 const FUEL_OF_A_RAY: u64 = 1 << 7;
 
@@ -150,6 +154,19 @@ struct Learned {
     is_spent: bool,
     /// Instructions, by their word offset, for which no resource is large enough.
     hopeless: BTreeSet<u32>,
+    /// The instruction for which resources became larger last.
+    larger_for: Option<u32>,
+}
+
+impl Learned {
+    /// Goes back to resources of the first size where larger ones are larger than is allowed;
+    /// whether there are larger ones.
+    fn give_up_larger(&mut self) -> bool {
+        let Some(offset) = self.larger_for.take().filter(|_| self.scale_steps > 0) else { return false };
+        self.scale_steps = 0;
+        self.mended = None;
+        self.hopeless.insert(offset)
+    }
 }
 
 impl EntryUnderTest<'_> {
@@ -228,16 +245,23 @@ impl EntryUnderTest<'_> {
             };
             let values = MadeUpValues { numbers: set.numbers, wide, extent };
             let scene = || hits::scene(learned.geometry);
-            let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+            let given = match resources::given(program, &self.variables, values, &learned.known, &scene) {
+                Err(error) if error.kind() == ErrorKind::UnsupportedModule && learned.give_up_larger() => {
+                    continue;
+                }
+                given => given?,
+            };
             let mut watch = BlockRecorder::new(program);
             let mut stand_in = StandIn::new(program, set.numbers);
             let fuel = self.options.fuel >> if learned.is_spent { LESS_FUEL } else { 0 };
-            let run = Once { way, program, given: &given, set, fuel };
+            let limits = self.options.launch_limits;
+            let run = Once { way, program, given: &given, set, fuel, limits };
             let trapped = run.run(&mut stand_in, &mut watch)?;
-            learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code == TrapCode::OutOfFuel);
+            learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code.is_limit());
             let happened = stand_in.happened;
             let rays = (happened.traces + happened.ray_queries).saturating_mul(FUEL_OF_A_RAY);
-            progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + FUEL_OF_A_RUN);
+            let made = given.made.saturating_sub(FREE_BYTES) / BYTES_OF_AN_OPERATION;
+            progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + made + FUEL_OF_A_RUN);
             let is_last = match &trapped {
                 None => true,
                 Some(trapped) => !self.learn(trapped, &given, learned, &mut wide, &mut progress.fuel),
@@ -293,6 +317,7 @@ impl EntryUnderTest<'_> {
         if beyond && !learned.hopeless.contains(&trapped.offset) {
             if SCALE_STEP.pow(learned.scale_steps + 1) <= MOST_SCALE {
                 learned.scale_steps += 1;
+                learned.larger_for = Some(trapped.offset);
                 let mended = || ("larger resources".to_owned(), Box::new(trapped.clone()));
                 learned.mended.get_or_insert_with(mended);
                 return true;
@@ -381,8 +406,13 @@ impl EntryUnderTest<'_> {
         let (program, scene) = (&self.program, || hits::scene(learned.geometry));
         let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
         let mut stand_in = StandIn::new(program, watched.set.numbers);
-        let run = Once { way, program, given: &given, set: watched.set, fuel: self.options.fuel };
+        let (fuel, limits) = (self.options.fuel, self.options.launch_limits);
+        let run = Once { way, program, given: &given, set: watched.set, fuel, limits };
         let trapped = run.run(&mut stand_in, &mut ())?;
+        // The clock is no part of what a shader does.
+        if trapped.as_ref().is_some_and(|trap| trap.code.is_of_clock()) {
+            return Ok(());
+        }
         let end = |trapped: &Option<Box<Trapped>>| trapped.as_ref().map(|trap| (trap.code, trap.offset));
         let (watched, unwatched) = (end(&watched.trapped), end(&trapped));
         assert_eq!(
@@ -400,6 +430,7 @@ struct Once<'a> {
     given: &'a Given,
     set: Set,
     fuel: u64,
+    limits: LaunchLimits,
 }
 
 impl Once<'_> {
@@ -409,9 +440,9 @@ impl Once<'_> {
         stand_in: &mut StandIn<'_>,
         observer: &mut O,
     ) -> Result<Option<Box<Trapped>>> {
-        let &Self { way, program, given, set, fuel } = self;
+        let &Self { way, program, given, set, fuel, limits } = self;
         if let Way::Dispatch = way {
-            let compute = Compute::new(program.clone())?.fuel(fuel);
+            let compute = Compute::new(program.clone())?.fuel(fuel).launch_limits(limits);
             let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
             if !<O as Observer<LANES>>::active() {
                 return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ()).err());
@@ -420,7 +451,7 @@ impl Once<'_> {
             return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer).err());
         }
         let mut builder = Pipeline::builder();
-        builder.fuel(fuel);
+        builder.fuel(fuel).launch_limits(limits);
         let shader = builder.shader(program.clone());
         let data = |group| Record::with_data(group, &given.record);
         match way {

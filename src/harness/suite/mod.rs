@@ -15,6 +15,7 @@ use crate::debug::transcript::TranscriptLine;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::case::{Case, scenes};
 use crate::harness::expect::Fix;
+use crate::scene::SceneFiles;
 
 /// The tests of some paths, in order: by path, a launch before the rays of its file.
 #[derive(Clone, Debug, Default)]
@@ -109,30 +110,42 @@ impl Suite {
     /// `Io` where a path is not there or a folder cannot be read. A file that is no scene is a test
     /// that cannot run.
     pub fn find(paths: &[PathBuf]) -> Result<Self> {
+        Self::find_within(paths, &|_, _| Ok(SceneFiles::default()))
+    }
+
+    /// Finds tests of which each is read, with all that it names, as `files_of` says of its file
+    /// and of the folder that was searched, or else the file's own.
+    ///
+    /// # Errors
+    /// As [`Suite::find`].
+    pub fn find_within(
+        paths: &[PathBuf],
+        files_of: &dyn Fn(&Path, &Path) -> Result<SceneFiles>,
+    ) -> Result<Self> {
         let mut files = Vec::new();
         for path in paths {
             let kind = std::fs::metadata(path).map_err(|error| Error::io(path, error))?;
             match kind.is_dir() {
-                true => files.extend(scenes(path)?),
-                false => files.push(path.clone()),
+                true => files.extend(scenes(path)?.into_iter().map(|file| (file, path.as_path()))),
+                false => files.push((path.clone(), path.parent().unwrap_or(Path::new("")))),
             }
         }
         let mut suite = Self::default();
         let mut seen: Vec<PathBuf> = Vec::new();
-        for file in files {
+        for (file, tree) in files {
             let file = file.strip_prefix(".").map_or_else(|_| file.clone(), Path::to_path_buf);
             // A file that is found through two paths counts once.
             let id = file.canonicalize().unwrap_or_else(|_| file.clone());
             if !seen.contains(&id) {
-                suite.add(&file);
+                suite.add(&file, files_of(&file, tree));
                 seen.push(id);
             }
         }
         Ok(suite)
     }
 
-    fn add(&mut self, file: &Path) {
-        let cases = match Case::of(file) {
+    fn add(&mut self, file: &Path, files: Result<SceneFiles>) {
+        let cases = match files.and_then(|files| Case::of_within(file, &files)) {
             Ok(cases) => cases,
             Err(error) => {
                 let (case, name) = (self.cases.len(), file.display().to_string());

@@ -1,9 +1,11 @@
 //! Pictures of a failed comparison, saved for people.
 
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use image::RgbaImage;
+use image::{ImageFormat, RgbaImage};
 
+use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::PictureDifference;
 
@@ -19,9 +21,10 @@ pub(super) fn save(folder: &Path, test: &str, picture: &PictureDifference) -> Re
 }
 
 fn write(path: PathBuf, picture: &RgbaImage) -> Result<PathBuf> {
-    match picture.save(&path) {
-        Ok(()) => Ok(path),
-        Err(image::ImageError::IoError(error)) => Err(Error::io(path, error)),
-        Err(error) => Err(Error::new(ErrorKind::Io, format!("{}: {error}", path.display()))),
-    }
+    let mut png = Cursor::new(Vec::new());
+    picture
+        .write_to(&mut png, ImageFormat::Png)
+        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
+    atomic_file::write_unsynced(&path, png.into_inner())?;
+    Ok(path)
 }

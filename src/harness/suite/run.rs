@@ -21,6 +21,8 @@ use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::perturb::{Instability, Perturbation, perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
+use crate::machine::TrapCode;
+use crate::scene::RunLimits;
 use crate::scene::file::RayEntry;
 
 /// How a suite is run.
@@ -47,6 +49,8 @@ pub struct SuiteOptions {
     pub no_explanation: bool,
     /// Whether explanations are in colour.
     pub colour: bool,
+    /// The limits of running.
+    pub limits: RunLimits,
     /// Where pictures that differ are saved.
     pub pictures: PathBuf,
 }
@@ -178,7 +182,7 @@ impl Suite {
             Source::Case(case) => (case, case.scene.clone()),
             Source::Broken(file, error) => return Done::broken(tests, file, error),
         };
-        let loaded = match case.load() {
+        let loaded = match case.load_limited(&options.limits) {
             Ok(loaded) => loaded,
             Err(error) => return Done::broken(tests, &file, &error),
         };
@@ -408,7 +412,9 @@ impl Tester<'_> {
             fixes: differences.iter().filter_map(|difference| difference.fix.clone()).collect(),
             mendable,
         };
-        let skip = self.options.bless && mendable;
+        // What was stopped by a limit runs no second time.
+        let stopped = differences.iter().any(|one| TrapCode::names_limit(one.error.message()));
+        let skip = self.options.bless && mendable || stopped;
         let writer = if skip { None } else { writer(self.loaded, &first.subject, ray) };
         failure.line = writer.as_ref().and_then(|writer| writer.line.clone()).or_else(|| place(&first.error));
         if !skip {

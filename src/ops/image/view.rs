@@ -111,6 +111,11 @@ fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
             return Err(translator.unsupported(format!("images of Dim {dim}{arrayed}")));
         }
     };
+    // No such image can be created, so nothing could be bound.
+    if image.multisampled && !matches!(dimension, Dimension::D2 | Dimension::D2Array) {
+        let message = "a multisampled image of another dimension than 2D";
+        return Err(translator.unsupported(message).note("VUID-VkImageCreateInfo-samples-02257"));
+    }
     let (class, width) = match *translator.module.ty(image.sampled_type) {
         Type::Float { width, encoding: None } => (Class::Float, width),
         Type::Int { width, signed: true } => (Class::Sint, width),

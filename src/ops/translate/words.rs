@@ -1,18 +1,16 @@
 //! How values of each type lie in registers: how many words they take, and those of constants.
 
-use std::hash::{Hash, Hasher};
-
-use rustc_hash::FxHasher;
 use smallvec::SmallVec;
 
 use crate::error::Result;
+use crate::input::InputLimit;
 use crate::machine::Reg;
 use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::memory;
-use crate::ops::translate::{MAX_REGISTERS, Origin, Translator, Words};
+use crate::ops::translate::{Origin, Translator, Words};
 
 impl Translator<'_> {
     /// How many words a value of a type takes in registers.
@@ -26,8 +24,11 @@ impl Translator<'_> {
     }
 
     fn count_words(&mut self, ty: TypeId) -> Result<u32> {
-        let too_big =
-            |translator: &Self| translator.unsupported("a value of this type is too big for registers");
+        let most = self.max_registers;
+        let too_big = |translator: &Self| {
+            let error = translator.beyond(InputLimit::Registers, None);
+            error.context(format!("a value of type {}", translator.module.describe_type(ty)))
+        };
         Ok(match self.module.ty(ty).clone() {
             Type::Void => 0,
             Type::Bool | Type::Image(_) | Type::Sampler | Type::RayQuery | Type::HitObject { .. } => 1,
@@ -35,27 +36,18 @@ impl Translator<'_> {
             Type::SampledImage(_) | Type::AccelerationStructure => 2,
             Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
                 let words = self.word_count(part)?;
-                words
-                    .checked_mul(count)
-                    .filter(|&words| words < MAX_REGISTERS)
-                    .ok_or_else(|| too_big(self))?
+                words.checked_mul(count).filter(|&words| words < most).ok_or_else(|| too_big(self))?
             }
             Type::Array { element, length, .. } => {
                 let words = self.word_count(element)?;
                 let length = self.array_length(length)?;
-                words
-                    .checked_mul(length)
-                    .filter(|&words| words < MAX_REGISTERS)
-                    .ok_or_else(|| too_big(self))?
+                words.checked_mul(length).filter(|&words| words < most).ok_or_else(|| too_big(self))?
             }
             Type::Struct { members, .. } => {
                 let mut sum = 0u32;
                 for member in members {
                     let words = self.word_count(member.ty)?;
-                    sum = sum
-                        .checked_add(words)
-                        .filter(|&sum| sum < MAX_REGISTERS)
-                        .ok_or_else(|| too_big(self))?;
+                    sum = sum.checked_add(words).filter(|&sum| sum < most).ok_or_else(|| too_big(self))?;
                 }
                 sum
             }
@@ -68,38 +60,6 @@ impl Translator<'_> {
                 });
             }
         })
-    }
-
-    /// A hash of a type's scalars, in their order. It is equal for types whose values lie alike in
-    /// registers: it depends neither on the names of types and members nor on the signedness of
-    /// integers.
-    pub fn scalar_fingerprint(&mut self, ty: TypeId) -> Result<u64> {
-        let mut hasher = FxHasher::default();
-        self.hash_scalars(ty, &mut hasher)?;
-        Ok(hasher.finish())
-    }
-
-    fn hash_scalars(&mut self, ty: TypeId, hasher: &mut FxHasher) -> Result<()> {
-        let (part, count) = match self.module.ty(ty).clone() {
-            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => (part, count),
-            Type::Array { element, length, .. } => (element, self.array_length(length)?),
-            Type::Struct { members, .. } => {
-                return members.iter().try_for_each(|member| self.hash_scalars(member.ty, hasher));
-            }
-            Type::Int { width, .. } => {
-                hasher.write_u32(width);
-                return Ok(());
-            }
-            ref ty @ Type::Float { .. } => {
-                ty.float_format().hash(hasher);
-                return Ok(());
-            }
-            _ => {
-                hasher.write_u32(self.word_count(ty)?);
-                return Ok(());
-            }
-        };
-        (0..count).try_for_each(|_| self.hash_scalars(part, hasher))
     }
 
     /// Bits of a scalar type or of a vector's component; 0 for a bool.
@@ -175,6 +135,7 @@ impl Translator<'_> {
             },
             ConstantValue::Composite(parts) => {
                 let ids: Vec<u32> = parts.iter().map(|part| part.0).collect();
+                self.word_count(constant.ty)?;
                 crate::ops::composite::check_constituents(self, constant.ty, &ids, false)?;
                 let mut words = Words::new();
                 for part in parts {
@@ -216,6 +177,10 @@ impl Translator<'_> {
     }
 
     fn zero_words(&mut self, ty: TypeId, zero: Reg, words: &mut Words) -> Result<()> {
+        // Parts without words are not walked: a few of them nest to any number.
+        if self.word_count(ty)? == 0 {
+            return Ok(());
+        }
         match self.module.ty(ty).clone() {
             Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
                 (0..count).try_for_each(|_| self.zero_words(part, zero, words))

@@ -123,6 +123,7 @@ impl Lowering<'_> {
             self.edge_moves(site, target)?;
             let target = self.target(site, target)?;
             self.end(Terminator::Branch(target));
+            self.translator.check_operations()?;
         }
         Ok(())
     }

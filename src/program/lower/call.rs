@@ -113,6 +113,7 @@ impl Lowering<'_> {
             self.translator.define(id, IdValue::Words(words));
         }
         self.begin(called.label);
+        self.functions.push(self.blocks.len() as u32);
         self.body(function, &ReturnTarget::Called { result: called.result })
     }
 }

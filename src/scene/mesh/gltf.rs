@@ -1,40 +1,48 @@
 //! glTF 2.0 (`.gltf` and `.glb`), read by the `gltf` crate. All triangle primitives of the default
 //! scene with their nodes' transforms applied, or of one mesh by name without any transform.
 
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
+use gltf::mesh::util::ReadIndices;
 use gltf::{Accessor, Document, Node, Primitive, Semantic};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
+use crate::scene::read::list_of;
 
 /// How deep nodes may be nested.
 const MAX_DEPTH: usize = 256;
-/// The most nodes that are visited: nodes that list another one twice each visit exponentially
-/// many.
-const MAX_NODES: usize = 1 << 20;
-/// The most vertices that one file may have; shared meshes count each time.
-const MAX_VERTICES: usize = 1 << 27;
 
 /// The triangles of the default scene, or of the mesh with the given name.
 ///
 /// # Errors
-/// `InvalidMesh` for a broken file, `UnsupportedFile` for points and lines.
+/// `InvalidMesh` for a broken file, or one beyond a limit; `UnsupportedFile` for points and lines.
 pub fn read(path: &Path, bytes: &[u8], mesh: Option<&str>, files: &dyn Files) -> Result<Mesh> {
-    let place = |error: Error| error.at(Place::File(path.to_path_buf()));
-    let file = gltf::Gltf::from_slice(bytes).map_err(|error| place(invalid(format!("not glTF: {error}"))))?;
-    let buffers = buffers(path, &file, files).map_err(place)?;
-    let mut reader = Reader { buffers, mesh: Mesh::default(), nodes: 0 };
+    let read = contained("gltf", ErrorKind::InvalidMesh, || decode(path, bytes, mesh, files));
+    read.map_err(|error| error.at(Place::File(path.to_path_buf())))
+}
+
+fn decode(path: &Path, bytes: &[u8], mesh: Option<&str>, files: &dyn Files) -> Result<Mesh> {
+    let limits = files.limits();
+    let values = json_values(json(bytes)?);
+    limits.check(InputLimit::MeshValues, values, ErrorKind::InvalidMesh)?;
+    let mut file = gltf::Gltf::from_slice(bytes).map_err(|error| invalid(format!("not glTF: {error}")))?;
+    let blob = file.blob.take();
+    let buffers = buffers(path, &file, blob, files)?;
+    let counts = Counts::default();
+    let mut reader = Reader { buffers, limits, counts, mesh: Mesh::default() };
     match mesh {
         None => reader.scene(&file.document),
         Some(name) => reader.named(&file.document, name),
-    }
-    .map_err(place)?;
+    }?;
     if reader.mesh.indices.is_empty() {
-        return Err(place(invalid("the file has no triangles")));
+        return Err(invalid("the file has no triangles"));
     }
     Ok(reader.mesh)
 }
@@ -43,24 +51,83 @@ fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidMesh, message)
 }
 
-/// The content of every buffer: the binary chunk, a data URI or a file beside this one.
-fn buffers(path: &Path, file: &gltf::Gltf, files: &dyn Files) -> Result<Vec<Vec<u8>>> {
+/// The JSON of a file: all of it, or the first chunk of a binary one, whose lengths the crate
+/// subtracts without looking (glTF 2.0, 4.4).
+fn json(bytes: &[u8]) -> Result<&[u8]> {
+    const HEADER: usize = 12;
+    const CHUNK_HEADER: usize = 8;
+    if !bytes.starts_with(b"glTF") {
+        return Ok(bytes);
+    }
+    let word = |at: usize| {
+        let word = bytes.get(at..at + 4).and_then(|word| word.try_into().ok());
+        word.map(|word| u32::from_le_bytes(word) as usize)
+    };
+    let (Some(length), Some(chunk)) = (word(8), word(HEADER)) else {
+        return Err(invalid("not glTF: the file ends in its header"));
+    };
+    let start = HEADER + CHUNK_HEADER;
+    if length < start || length > bytes.len() {
+        return Err(invalid(format!(
+            "not glTF: the header says {length} bytes, and the file has {}",
+            bytes.len()
+        )));
+    }
+    let json = bytes.get(start..).and_then(|rest| rest.get(..chunk));
+    json.ok_or_else(|| invalid("not glTF: the JSON chunk reaches beyond the file"))
+}
+
+/// The number of values of a JSON text, or a few more: each begins the text, or stands behind a
+/// comma or an opening bracket outside of strings.
+fn json_values(text: &[u8]) -> u64 {
+    let (mut count, mut in_string, mut escaped) = (1, false, false);
+    for byte in text {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            b',' | b'[' | b'{' if !in_string => count += 1,
+            _ => {}
+        }
+    }
+    count
+}
+
+/// The content of every buffer: the binary chunk, a data URI or a file beside this one. Several of
+/// one file share it.
+fn buffers(
+    path: &Path,
+    file: &gltf::Gltf,
+    blob: Option<Vec<u8>>,
+    files: &dyn Files,
+) -> Result<Vec<Rc<Vec<u8>>>> {
+    let blob = blob.map(Rc::new);
+    let mut named: HashMap<PathBuf, Rc<Vec<u8>>> = HashMap::new();
     let mut all = Vec::new();
     for buffer in file.buffers() {
         let bytes = match buffer.source() {
             gltf::buffer::Source::Bin => {
-                file.blob.clone().ok_or_else(|| invalid("the file has no binary chunk"))?
+                blob.clone().ok_or_else(|| invalid("the file has no binary chunk"))?
             }
             gltf::buffer::Source::Uri(uri) => match uri.strip_prefix("data:") {
                 Some(data) => {
                     let (_, digits) = data
                         .split_once(";base64,")
                         .ok_or_else(|| invalid("a data URI that is not base64"))?;
-                    base64(digits).ok_or_else(|| invalid("a data URI with broken base64"))?
+                    let bytes = base64(digits);
+                    Rc::new(bytes.ok_or_else(|| invalid("a data URI with broken base64"))?)
                 }
                 None => {
                     let name = percent_decoded(uri).ok_or_else(|| invalid(format!("broken URI `{uri}`")))?;
-                    files.read(&path.parent().unwrap_or(Path::new("")).join(name))?
+                    let name = path.parent().unwrap_or(Path::new("")).join(name);
+                    match named.get(&name) {
+                        Some(bytes) => bytes.clone(),
+                        None => {
+                            let bytes = Rc::new(files.read(&name)?);
+                            named.insert(name, bytes.clone());
+                            bytes
+                        }
+                    }
                 }
             },
         };
@@ -77,10 +144,21 @@ fn buffers(path: &Path, file: &gltf::Gltf, files: &dyn Files) -> Result<Vec<Vec<
     Ok(all)
 }
 
+/// What a file has given so far.
+#[derive(Default)]
+struct Counts {
+    nodes: u64,
+    vertices: u64,
+    triangles: u64,
+    /// Elements of accessors that begin with zeros.
+    zeros: u64,
+}
+
 struct Reader {
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Rc<Vec<u8>>>,
+    limits: InputLimits,
+    counts: Counts,
     mesh: Mesh,
-    nodes: usize,
 }
 
 impl Reader {
@@ -93,9 +171,8 @@ impl Reader {
 
     fn named(&mut self, document: &Document, name: &str) -> Result<()> {
         let Some(mesh) = document.meshes().find(|mesh| mesh.name() == Some(name)) else {
-            let names: Vec<_> = document.meshes().filter_map(|mesh| mesh.name()).collect();
-            return Err(invalid(format!("no mesh `{name}`"))
-                .note(format!("the meshes here are: {}", names.join(", "))));
+            let names = list_of(document.meshes().filter_map(|mesh| mesh.name()));
+            return Err(invalid(format!("no mesh `{name}`")).note(format!("the meshes here are: {names}")));
         };
         mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, None))
     }
@@ -104,16 +181,19 @@ impl Reader {
         if depth > MAX_DEPTH {
             return Err(invalid(format!("nodes are nested more than {MAX_DEPTH} deep, perhaps in a circle")));
         }
-        self.nodes += 1;
-        if self.nodes > MAX_NODES {
-            return Err(invalid(format!("more than {MAX_NODES} nodes")));
-        }
+        // Two nodes that list a third twice, and so on, double each time.
+        self.counts.nodes += 1;
+        self.check_limit(InputLimit::MeshNodes, self.counts.nodes)?;
         let own = node.transform().matrix().map(|column| column.map(f64::from));
         let transform = *parent * glam::DMat4::from_cols_array_2d(&own);
         if let Some(mesh) = node.mesh() {
             mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, Some(&transform)))?;
         }
         node.children().try_for_each(|child| self.node(&child, &transform, depth + 1))
+    }
+
+    fn check_limit(&self, limit: InputLimit, count: u64) -> Result<()> {
+        self.limits.check(limit, count, ErrorKind::InvalidMesh)
     }
 
     fn primitive(&mut self, primitive: &Primitive<'_>, transform: Option<&glam::DMat4>) -> Result<()> {
@@ -125,62 +205,89 @@ impl Reader {
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             return Err(invalid("a primitive without positions"));
         };
-        self.check_accessor(&positions, DataType::F32, Dimensions::Vec3)?;
+        self.check_accessor(&positions, &[DataType::F32], Dimensions::Vec3)?;
         let indices = primitive.indices();
         if let Some(accessor) = &indices {
-            self.check_accessor(accessor, accessor.data_type(), Dimensions::Scalar)?;
+            // glTF 2.0, 3.7.2.1
+            self.check_accessor(accessor, &[DataType::U8, DataType::U16, DataType::U32], Dimensions::Scalar)?;
         }
-        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
-        let vertices: Vec<[f32; 3]> =
-            reader.read_positions().ok_or_else(|| invalid("positions that cannot be read"))?.collect();
-        let corners: Vec<u32> = match reader.read_indices() {
-            Some(indices) => indices.into_u32().collect(),
-            None if indices.is_some() => return Err(invalid("indices that cannot be read")),
-            None => (0..vertices.len() as u32).collect(),
+        let count = positions.count();
+        let corners = indices.as_ref().map_or(count, Accessor::count);
+        let triangles = match mode {
+            Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),
+            _ => corners / 3,
         };
-        if let Some(index) = corners.iter().find(|index| **index as usize >= vertices.len()) {
-            return Err(invalid(format!("index {index} of {} vertices", vertices.len())));
+        self.counts.vertices += count as u64;
+        self.counts.triangles += triangles as u64;
+        self.check_limit(InputLimit::MeshVertices, self.counts.vertices)?;
+        self.check_limit(InputLimit::MeshTriangles, self.counts.triangles)?;
+        let base = self.mesh.vertices.len();
+        if u32::try_from(base + count).is_err() {
+            return Err(invalid("more vertices than indices of 32 bits can name"));
         }
-        if self.mesh.vertices.len() + vertices.len() > MAX_VERTICES
-            || self.mesh.indices.len() + 3 * corners.len() > 6 * MAX_VERTICES
-        {
-            return Err(invalid(format!("more than {MAX_VERTICES} vertices")));
-        }
-        let base = self.mesh.vertices.len() as u32;
-        self.mesh.indices.extend(triangles(mode, &corners).iter().map(|index| base + index));
-        self.mesh.vertices.extend(vertices.iter().map(|vertex| match transform {
-            None => *vertex,
+        let buffers = &self.buffers;
+        let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(|bytes| bytes.as_slice()));
+        let read = reader.read_positions().ok_or_else(|| invalid("positions that cannot be read"))?;
+        self.mesh.vertices.reserve_exact(count);
+        self.mesh.vertices.extend(read.take(count).map(|vertex| match transform {
+            None => vertex,
             Some(transform) => {
-                transform.transform_point3(glam::Vec3::from(*vertex).as_dvec3()).as_vec3().to_array()
+                transform.transform_point3(glam::Vec3::from(vertex).as_dvec3()).as_vec3().to_array()
             }
         }));
-        Ok(())
+        let given = self.mesh.vertices.len() - base;
+        self.mesh.indices.reserve_exact(3 * triangles);
+        let mut cut =
+            Cut { mode, base: base as u32, given, seen: 0, held: [0; 2], out: &mut self.mesh.indices };
+        match reader.read_indices() {
+            Some(ReadIndices::U8(corners)) => cut.all(&mut corners.map(u32::from)),
+            Some(ReadIndices::U16(corners)) => cut.all(&mut corners.map(u32::from)),
+            Some(ReadIndices::U32(mut corners)) => cut.all(&mut corners),
+            None if indices.is_some() => Err(invalid("indices that cannot be read")),
+            None => cut.all(&mut (0..given as u32)),
+        }
     }
 
-    /// Checks that an accessor is within its buffer, which the `gltf` crate does not.
-    fn check_accessor(&self, accessor: &Accessor<'_>, data: DataType, dimensions: Dimensions) -> Result<()> {
+    /// Checks that an accessor has a type that is read and is within its buffer, which the `gltf`
+    /// crate does not.
+    fn check_accessor(
+        &mut self,
+        accessor: &Accessor<'_>,
+        types: &[DataType],
+        dimensions: Dimensions,
+    ) -> Result<()> {
         let index = accessor.index();
         let wrong = |what: &str| Err(invalid(format!("accessor {index} {what}")));
-        if accessor.data_type() != data || accessor.dimensions() != dimensions {
-            return wrong(&format!("is not {data:?} {dimensions:?}"));
+        if !types.contains(&accessor.data_type()) || accessor.dimensions() != dimensions {
+            return wrong(&format!("is not {types:?} {dimensions:?}"));
         }
-        if accessor.count() == 0 || accessor.count() > MAX_VERTICES {
-            return wrong(&format!("has {} elements", accessor.count()));
+        let count = accessor.count();
+        let limit = match dimensions {
+            Dimensions::Scalar => (InputLimit::MeshTriangles, count as u64 / 3),
+            _ => (InputLimit::MeshVertices, count as u64),
+        };
+        if count == 0 {
+            return wrong("has 0 elements");
         }
+        self.check_limit(limit.0, limit.1).map_err(|error| error.context(format!("accessor {index}")))?;
         if let Some(view) = accessor.view() {
-            if !self.view_contains(&view, accessor.offset(), accessor.count(), accessor.size()) {
+            if !self.view_contains(&view, accessor.offset(), count, accessor.size()) {
                 return wrong("reaches beyond its buffer");
             }
         } else if accessor.sparse().is_none() {
             return wrong("has no buffer view");
+        } else {
+            self.counts.zeros += count as u64;
+            self.check_limit(InputLimit::MeshSparse, self.counts.zeros)
+                .map_err(|error| error.context(format!("accessor {index}")))?;
         }
         let Some(sparse) = accessor.sparse() else { return Ok(()) };
         let (indices, values) = (sparse.indices(), sparse.values());
-        let count = sparse.count();
-        if count == 0
-            || count > accessor.count()
-            || !self.view_contains(&indices.view(), indices.offset(), count, indices.index_type().size())
-            || !self.view_contains(&values.view(), values.offset(), count, accessor.size())
+        let changed = sparse.count();
+        if changed == 0
+            || changed > count
+            || !self.view_contains(&indices.view(), indices.offset(), changed, indices.index_type().size())
+            || !self.view_contains(&values.view(), values.offset(), changed, accessor.size())
         {
             return wrong("has sparse values beyond their buffer");
         }
@@ -192,27 +299,58 @@ impl Reader {
         let last = (count - 1).checked_mul(stride).and_then(|x| x.checked_add(size));
         let end = last.and_then(|x| x.checked_add(offset));
         let view_end = view.offset().checked_add(view.length());
-        let buffer = self.buffers.get(view.buffer().index()).map_or(0, Vec::len);
+        let buffer = self.buffers.get(view.buffer().index()).map_or(0, |bytes| bytes.len());
         stride >= size
             && end.is_some_and(|end| end <= view.length())
             && view_end.is_some_and(|end| end <= buffer)
     }
 }
 
-/// Makes triangles of strips, which alternate their winding, and fans, which share their first
-/// corner (glTF 2.0, 3.7.2.1).
-fn triangles(mode: Mode, corners: &[u32]) -> Vec<u32> {
-    match mode {
-        Mode::TriangleStrip => corners
-            .windows(3)
-            .enumerate()
-            .flat_map(|(i, c)| if i % 2 == 0 { [c[0], c[1], c[2]] } else { [c[0], c[2], c[1]] })
-            .collect(),
-        Mode::TriangleFan => match corners.split_first() {
-            Some((first, rest)) => rest.windows(2).flat_map(|pair| [*first, pair[0], pair[1]]).collect(),
-            None => Vec::new(),
-        },
-        _ => corners.chunks_exact(3).flatten().copied().collect(),
+/// Makes triangles of corners while they are read: of strips, which alternate their winding, and
+/// fans, which share their first corner (glTF 2.0, 3.7.2.1).
+struct Cut<'a> {
+    mode: Mode,
+    /// The index of the primitive's first vertex.
+    base: u32,
+    /// How many vertices it has.
+    given: usize,
+    /// How many corners were read.
+    seen: usize,
+    /// The two corners that the next triangle has in common with those before; of a list, those of
+    /// a triangle that is not whole yet.
+    held: [u32; 2],
+    out: &'a mut Vec<u32>,
+}
+
+impl Cut<'_> {
+    fn all(&mut self, corners: &mut dyn Iterator<Item = u32>) -> Result<()> {
+        for corner in corners {
+            if corner as usize >= self.given {
+                return Err(invalid(format!("index {corner} of {} vertices", self.given)));
+            }
+            self.push(self.base + corner);
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, corner: u32) {
+        let at = self.seen;
+        self.seen += 1;
+        let [first, second] = self.held;
+        match self.mode {
+            Mode::TriangleStrip | Mode::TriangleFan if at < 2 => self.held[at] = corner,
+            Mode::TriangleStrip => {
+                let odd = at % 2 == 1;
+                self.out.extend(if odd { [first, corner, second] } else { [first, second, corner] });
+                self.held = [second, corner];
+            }
+            Mode::TriangleFan => {
+                self.out.extend([first, second, corner]);
+                self.held = [first, corner];
+            }
+            _ if at % 3 < 2 => self.held[at % 3] = corner,
+            _ => self.out.extend([first, second, corner]),
+        }
     }
 }
 
@@ -310,8 +448,19 @@ mod tests {
             ("{".to_string(), bytes(), "not glTF"),
             (good.clone(), bytes()[..20].to_vec(), "buffer 0 has 20 bytes"),
             (good.replace(r#""count":4"#, r#""count":5"#), bytes(), "accessor 0 reaches beyond"),
-            (good.replace(r#""count":3"#, r#""count":900000000"#), bytes(), "accessor 1 has 900000000"),
-            (good.replace("5126", "5123"), bytes(), "accessor 0 is not F32 Vec3"),
+            (
+                good.replace(r#""count":3"#, r#""count":900000000"#),
+                bytes(),
+                "accessor 1: 300000000 triangles of a mesh are more than the limit `mesh-triangles`",
+            ),
+            (
+                good.replace(r#""count":4"#, r#""count":900000000"#),
+                bytes(),
+                "accessor 0: 900000000 vertices of a mesh are more than the limit `mesh-vertices`",
+            ),
+            (good.replace("5126", "5123"), bytes(), "accessor 0 is not [F32] Vec3"),
+            // Indices of floats panicked in the crate.
+            (good.replace("5123", "5126"), bytes(), "accessor 1 is not [U8, U16, U32] Scalar"),
             (good.replace("my%20data.bin", "my%2"), bytes(), "broken URI"),
             (good.clone(), [&bytes()[..48], &[0, 0, 1, 0, 77, 0, 0, 0]].concat(), "index 77 of 4 vertices"),
         ] {
@@ -324,6 +473,77 @@ mod tests {
     }
 
     /// RFC 4648, section 10.
+    /// A sparse accessor without a buffer view, of which one element is not zero.
+    fn sparse(count: usize) -> String {
+        let accessor = format!(
+            r#"{{"componentType":5126,"count":{count},"type":"VEC3","min":[0,0,0],"max":[1,1,0],
+            "sparse":{{"count":1,"indices":{{"bufferView":1,"byteOffset":2,"componentType":5123}},
+            "values":{{"bufferView":0,"byteOffset":12}}}}}}"#
+        );
+        let whole =
+            r#"{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}"#;
+        let text = file(4, 3, "");
+        assert!(text.contains(whole));
+        text.replace(whole, &accessor)
+    }
+
+    #[test]
+    fn zeros_that_stand_in_no_buffer_have_a_limit() {
+        let mesh = load(&sparse(4), None, &bytes()).unwrap();
+        assert_eq!(mesh.vertices, [[0.; 3], [1., 0., 0.], [0.; 3], [0.; 3]]);
+        // 2.3 GB from a file of a kilobyte.
+        let error = load(&sparse(100_000_000), None, &bytes()).unwrap_err();
+        assert!(error.message().contains("the limit `mesh-vertices`"), "{error}");
+        let error = load(&sparse(30_000_000), None, &bytes()).unwrap_err();
+        assert!(error.message().contains("the limit `mesh-sparse` of 4194304"), "{error}");
+    }
+
+    #[test]
+    fn meshes_that_nodes_share_count_each_time() {
+        // 2^20 nodes and more would be visited: each of 21 levels lists the next one twice.
+        let levels: String = (0..21).map(|at| format!(r#"{{"children":[{},{0}]}},"#, at + 1)).collect();
+        let nodes = format!(r#""nodes":[{levels}{{"mesh":0}}]"#);
+        let text = file(4, 3, "").replace(r#""nodes":[{"mesh":0}]"#, &nodes);
+        let error = load(&text, None, &bytes()).unwrap_err();
+        assert!(error.message().contains("the limit `mesh-nodes` of 1048576"), "{error}");
+    }
+
+    #[test]
+    fn values_of_json_are_counted_outside_of_strings() {
+        assert_eq!(json_values(br#"{"a": [1, 2], "b,[{": "c\",{"}"#), 5);
+        let many = file(4, 3, "")
+            .replace(r#""scene":0"#, &format!(r#""scene":0,"extras":[{}0]"#, "0,".repeat(5_000_000)));
+        let error = load(&many, None, &bytes()).unwrap_err();
+        assert!(error.message().contains("the limit `mesh-values`"), "{error}");
+    }
+
+    #[test]
+    fn buffers_of_one_file_share_it() {
+        let buffer = r#"{"uri":"my%20data.bin","byteLength":56}"#;
+        let text = file(4, 3, "").replace(buffer, &[buffer; 3].join(","));
+        let json = gltf::Gltf::from_slice(text.as_bytes()).unwrap();
+        let data = bytes();
+        let files = [("dir/my data.bin", data.as_slice())];
+        let all = buffers(Path::new("dir/m.gltf"), &json, None, &EmbeddedFiles(&files)).unwrap();
+        assert_eq!(all.len(), 3);
+        assert!(Rc::ptr_eq(&all[0], &all[1]) && Rc::ptr_eq(&all[0], &all[2]));
+    }
+
+    #[test]
+    fn headers_of_binary_files_are_checked() {
+        let header = |length: u32, chunk: u32| {
+            let words = [2_u32, length, chunk].map(u32::to_le_bytes).concat();
+            [b"glTF", &words[..], b"JSON{}  "].concat()
+        };
+        assert_eq!(json(&header(24, 4)).unwrap(), b"{}  ");
+        // Shorter than its own header: the crate subtracts 12.
+        for (length, chunk) in [(0, 4), (11, 4), (19, 4), (25, 4), (u32::MAX, 4), (24, 5), (24, u32::MAX)] {
+            let error = read(Path::new("m.glb"), &header(length, chunk), None, &EmbeddedFiles(&[]));
+            assert!(error.unwrap_err().message().starts_with("not glTF: "), "{length} {chunk}");
+        }
+        assert!(json(b"glTF").is_err());
+    }
+
     #[test]
     fn base64_test_vectors() {
         for (text, plain) in [

@@ -6,16 +6,26 @@ use std::path::Path;
 use tobj::{LoadError, LoadOptions};
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::mesh::Mesh;
+use crate::scene::read::list_of;
 
 /// The triangles of all objects, or of the one with the given name.
 ///
 /// # Errors
-/// `InvalidMesh` that points at the line for a broken file; also where no object has that name or
-/// no triangle is left.
-pub fn read(path: &Path, bytes: &[u8], object: Option<&str>) -> Result<Mesh> {
-    let invalid = |message: String| Error::new(ErrorKind::InvalidMesh, message);
-    let whole = || Place::File(path.to_path_buf());
+/// `InvalidMesh` that points at the line for a broken file; also where no object has that name, no
+/// triangle is left, or the file is beyond a limit.
+pub fn read(path: &Path, bytes: &[u8], object: Option<&str>, limits: &InputLimits) -> Result<Mesh> {
+    let read = contained("tobj", ErrorKind::InvalidMesh, || decode(path, bytes, object, limits));
+    read.map_err(|error| error.or_at(Place::File(path.to_path_buf())))
+}
+
+fn invalid(message: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidMesh, message)
+}
+
+fn decode(path: &Path, bytes: &[u8], object: Option<&str>, limits: &InputLimits) -> Result<Mesh> {
+    check_counts(bytes, limits)?;
     let options =
         LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     // Materials do not matter here, and a missing .mtl must not stop the mesh.
@@ -24,7 +34,10 @@ pub fn read(path: &Path, bytes: &[u8], object: Option<&str>) -> Result<Mesh> {
         Ok((models, _)) => models,
         Err(error) => {
             let error = invalid(format!("not a Wavefront OBJ file: {error}"));
-            return Err(error.at(first_invalid_line(path, bytes).unwrap_or_else(whole)));
+            return Err(match first_invalid_line(path, bytes) {
+                Some(place) => error.at(place),
+                None => error,
+            });
         }
     };
     let mut mesh = Mesh::default();
@@ -37,14 +50,32 @@ pub fn read(path: &Path, bytes: &[u8], object: Option<&str>) -> Result<Mesh> {
         return Ok(mesh);
     }
     Err(match object {
-        None => invalid("the file has no triangles".into()).at(whole()),
+        None => invalid("the file has no triangles"),
         Some(name) => {
-            let names: Vec<_> = models.iter().map(|model| model.name.as_str()).collect();
+            let names = list_of(models.iter().map(|model| model.name.as_str()));
             invalid(format!("no object `{name}` with triangles"))
-                .at(whole())
-                .note(format!("the objects here are: {}", names.join(", ")))
+                .note(format!("the objects here are: {names}"))
         }
     })
+}
+
+/// Counts what the file makes, before tobj allocates it: vertices, triangles of its polygons, and
+/// objects, of each of which it keeps half a kilobyte.
+fn check_counts(bytes: &[u8], limits: &InputLimits) -> Result<()> {
+    let (mut vertices, mut triangles, mut objects) = (0, 0, 0);
+    for line in bytes.split(|byte| *byte == b'\n') {
+        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        match words.next() {
+            Some(b"v") => vertices += 1,
+            Some(b"f") => triangles += (words.count() as u64).saturating_sub(2),
+            Some(b"o" | b"g" | b"usemtl" | b"mtllib") => objects += 1,
+            _ => {}
+        }
+    }
+    let check = |limit, count| limits.check(limit, count, ErrorKind::InvalidMesh);
+    check(InputLimit::MeshVertices, vertices)?;
+    check(InputLimit::MeshTriangles, triangles)?;
+    check(InputLimit::MeshValues, objects)
 }
 
 /// Finds the first invalid line, given the number of vertices before it: the errors of tobj have no
@@ -92,7 +123,7 @@ mod tests {
     use super::*;
 
     fn load(text: &str, object: Option<&str>) -> Result<Mesh> {
-        read(Path::new("m.obj"), text.as_bytes(), object)
+        read(Path::new("m.obj"), text.as_bytes(), object, &InputLimits::default())
     }
 
     const QUAD: &str = "o quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nf 1 2 3 4\n";
@@ -134,6 +165,23 @@ mod tests {
     #[test]
     fn a_file_without_triangles_is_refused() {
         assert_eq!(load("v 0 0 0\n", None).unwrap_err().message(), "the file has no triangles");
-        assert!(read(Path::new("m.obj"), &[0xff, 0xfe, 0], None).is_err());
+        assert!(read(Path::new("m.obj"), &[0xff, 0xfe, 0], None, &InputLimits::default()).is_err());
+    }
+
+    #[test]
+    fn counts_are_compared_with_limits_before_anything_is_read() {
+        // Four vertices, and two triangles of a polygon of four corners.
+        for (limit, most) in
+            [(InputLimit::MeshVertices, 4), (InputLimit::MeshTriangles, 2), (InputLimit::MeshValues, 1)]
+        {
+            let read = |most| {
+                let limits = InputLimits::default().with(limit, most);
+                read(Path::new("m.obj"), QUAD.as_bytes(), None, &limits)
+            };
+            assert!(read(most).is_ok());
+            let error = read(most - 1).unwrap_err();
+            assert!(error.to_string().contains(&format!("`{}` of {}", limit.name(), most - 1)), "{error}");
+            assert!(error.to_string().contains("m.obj"), "{error}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Resources and the descriptors that they are bound to.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -14,16 +15,14 @@ impl Resolver<'_> {
     pub(super) fn bindings(&self, tlas: &[(String, Option<Arc<Tlas>>)]) -> Vec<ResolvedBinding> {
         let mut bindings: Vec<ResolvedBinding> = Vec::new();
         let mut output: Option<Place> = None;
-        for entry in &self.resource_entries {
+        let mut taken: HashMap<[u32; 3], Place> = HashMap::new();
+        for entry in &self.resource_entries.entries {
             let Some(content) = &entry.content else { continue };
             let place = entry.name.span.place();
-            let same = |b: &&ResolvedBinding| {
-                (b.set, b.binding, b.element) == (content.set, content.binding, content.element)
-            };
-            if let Some(other) = bindings.iter().find(same) {
+            let key = [content.set, content.binding, content.element];
+            if let Some(other) = taken.get(&key) {
                 let message = format!("two resources at set {}, binding {}", content.set, content.binding);
-                self.report
-                    .push(entry.name.span.error(message).at_with(other.place.clone(), "the other one"));
+                self.report.push(entry.name.span.error(message).at_with(other.clone(), "the other one"));
             }
             let other = if content.output.is_some() { output.replace(place.clone()) } else { None };
             if let Some(other) = other {
@@ -31,6 +30,7 @@ impl Resolver<'_> {
                 self.report.push(error.at_with(other, "the other one"));
             }
             if let Some(resource) = self.resource(&content.content, tlas) {
+                taken.entry(key).or_insert_with(|| place.clone());
                 bindings.push(ResolvedBinding {
                     name: entry.name.value.clone(),
                     set: content.set,

@@ -27,6 +27,7 @@ impl Resolver<'_> {
         let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
         let mut instances: Vec<TlasMembers<'_>> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
         for entry in &self.instances {
             let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
             if !blases.contains_key(&names) {
@@ -36,13 +37,14 @@ impl Resolver<'_> {
             let spanned = blases[&names].clone();
             let spanned =
                 spanned.map(|blas| SpannedInstance { instance: entry.instance(blas), span: &entry.span });
-            match instances.iter_mut().find(|members| members.tlas == entry.tlas) {
-                Some(members) => members.instances.push(spanned),
-                None => instances.push(TlasMembers { tlas: &entry.tlas, instances: vec![spanned] }),
-            }
+            let at = *places.entry(&entry.tlas).or_insert_with(|| {
+                instances.push(TlasMembers { tlas: &entry.tlas, instances: Vec::new() });
+                instances.len() - 1
+            });
+            instances[at].instances.push(spanned);
         }
         // Geometries without instances are loaded to report their errors.
-        for entry in &self.geometry {
+        for entry in &self.geometry.entries {
             if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str())) {
                 self.report.keep(content.load(self.files));
             }
@@ -91,6 +93,12 @@ impl Resolver<'_> {
                 let found = self.find(&self.geometry, name, "geometry")?;
                 self.report.keep(found.load(self.files))
             });
+            // Each list holds its geometries by itself.
+            let count = geometry.as_ref().map_or(0, |geometry| geometry.data.primitive_count());
+            if let Err(error) = self.files.reserve_primitives(count as u64) {
+                self.report.push(error.at(entry.span.place()));
+                return None;
+            }
             geometries.push(geometry.clone());
         }
         let geometries: Vec<Geometry> = geometries.into_iter().collect::<Option<_>>()?;

@@ -1,0 +1,5 @@
+//! `subjects::command_line` of `tests/robustness/`, without end: `cargo +nightly fuzz run command_line`.
+
+#![no_main]
+
+anyhit_fuzz::target!(command_line, text);

@@ -1,0 +1,5 @@
+//! `subjects::gltf` of `tests/robustness/`, without end: `cargo +nightly fuzz run gltf`.
+
+#![no_main]
+
+anyhit_fuzz::target!(gltf, bytes);

@@ -1,0 +1,5 @@
+//! `subjects::obj` of `tests/robustness/`, without end: `cargo +nightly fuzz run obj`.
+
+#![no_main]
+
+anyhit_fuzz::target!(obj, text);

@@ -1,0 +1,5 @@
+//! `subjects::recording` of `tests/robustness/`, without end: `cargo +nightly fuzz run recording`.
+
+#![no_main]
+
+anyhit_fuzz::target!(recording, bytes);

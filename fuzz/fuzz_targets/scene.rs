@@ -1,0 +1,5 @@
+//! `subjects::scene` of `tests/robustness/`, without end: `cargo +nightly fuzz run scene`.
+
+#![no_main]
+
+anyhit_fuzz::target!(scene, scene);

@@ -1,0 +1,5 @@
+//! `subjects::smoke` of `tests/robustness/`, without end: `cargo +nightly fuzz run smoke`.
+
+#![no_main]
+
+anyhit_fuzz::target!(smoke, module);

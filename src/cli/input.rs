@@ -1,0 +1,96 @@
+//! What the command line says about reading: limits, and the folder that a scene may not leave.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::error::Result;
+use crate::input::limits::LimitSetting;
+use crate::input::{InputLimit, InputLimits, RootFolder, STANDARD_INPUT, is_stream, read_argument};
+use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, load_bytes};
+
+/// Limits of what is read.
+#[derive(Args, Clone, Debug, Default)]
+pub struct InputLimitArgs {
+    /// Set a limit of what is read, such as `file-bytes=4GiB`; may be repeated (docs/reading.md has
+    /// all)
+    #[arg(long, value_name = "NAME=N")]
+    limit: Vec<LimitSetting>,
+}
+
+impl InputLimitArgs {
+    /// The default limits with those that were given.
+    pub fn limits(&self) -> InputLimits {
+        let set = |limits: InputLimits, one: &LimitSetting| limits.with(one.limit, one.value);
+        self.limit.iter().fold(InputLimits::default(), set)
+    }
+}
+
+/// Limits of what is read, and where a scene may read.
+#[derive(Args, Clone, Debug, Default)]
+pub struct SceneFileArgs {
+    /// Refuse every path in a scene that leaves this folder, links followed
+    #[arg(long, value_name = "DIR")]
+    root: Option<PathBuf>,
+    #[command(flatten)]
+    limits: InputLimitArgs,
+}
+
+impl SceneFileArgs {
+    /// The limits.
+    pub fn limits(&self) -> InputLimits {
+        self.limits.limits()
+    }
+
+    /// The root, where one is given.
+    pub fn root(&self) -> Result<Option<RootFolder>> {
+        self.root.as_deref().map(RootFolder::new).transpose()
+    }
+
+    /// How files are read that a scene names.
+    pub fn files(&self) -> Result<SceneFiles> {
+        Ok(SceneFiles { limits: self.limits(), root: self.root()? })
+    }
+
+    /// Reads a scene from a file, a pipe, or for `-` from standard input. What a pipe's scene names
+    /// starts at the current folder.
+    pub fn scene(&self, path: &Path, options: &LoadOptions) -> Result<ResolvedScene> {
+        let files = self.files()?;
+        let bytes = read_argument(path, InputLimit::SceneBytes, &files.limits)?;
+        load_bytes(&name_of(path), bytes, &files, options)
+    }
+}
+
+/// What an argument's file is called in messages: a path that others can be relative to.
+pub fn name_of(path: &Path) -> PathBuf {
+    if path == Path::new(STANDARD_INPUT) {
+        return "standard input".into();
+    }
+    // `/dev/fd/63`: files beside it are not meant.
+    if is_stream(path) {
+        path.display().to_string().replace(['/', '\\'], " ").trim().into()
+    } else {
+        path.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn later_settings_of_a_limit_win() {
+        let limit = |text: &str| text.parse::<LimitSetting>().unwrap();
+        let args = InputLimitArgs { limit: vec![limit("file-bytes=1"), limit("file-bytes=2KiB")] };
+        assert_eq!(args.limits().get(InputLimit::FileBytes), 2048);
+        assert_eq!(args.limits().get(InputLimit::SceneFiles), 64);
+    }
+
+    #[test]
+    fn what_is_read_from_a_stream_has_no_folder() {
+        assert_eq!(name_of(Path::new("-")), Path::new("standard input"));
+        assert_eq!(name_of(Path::new("a/b.toml")), Path::new("a/b.toml"));
+        #[cfg(unix)]
+        assert_eq!(name_of(Path::new("/dev/null")).parent(), Some(Path::new("")));
+    }
+}

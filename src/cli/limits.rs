@@ -1,0 +1,115 @@
+//! The arguments that limit how long shaders run, and what they leave behind.
+
+use std::time::Duration;
+
+use clap::Args;
+
+use crate::machine::{LaunchFuel, LaunchLimits};
+use crate::scene::RunLimits;
+
+/// Limits of a whole launch.
+#[derive(Args, Clone, Copy, Debug, Default)]
+#[command(next_help_heading = "Limits")]
+pub struct LaunchLimitArgs {
+    /// Instructions that all invocations of a launch may execute together, or none [default: of
+    /// `test` and `smoke` 2^30, or 2^21 for each invocation where that is more; else none]
+    #[arg(long, value_name = "N", value_parser = fuel)]
+    launch_fuel: Option<LaunchFuel>,
+    /// Seconds that a launch may take, or none; what is ended then depends on the machine [default:
+    /// none]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    timeout: Option<Duration>,
+    /// Seconds that a batch of invocations which run together may take, or none; what is ended then
+    /// depends on the machine [default: of `test` 8, of `smoke` 4, else none]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    batch_timeout: Option<Duration>,
+}
+
+/// All limits of running a scene.
+#[derive(Args, Clone, Copy, Debug, Default)]
+#[command(next_help_heading = "Limits")]
+pub struct LimitArgs {
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops
+    /// [default: the scene's choice, or 268435456]
+    #[arg(long, value_name = "N")]
+    fuel: Option<u64>,
+    #[command(flatten)]
+    launch: LaunchLimitArgs,
+    /// How deeply rays may trace rays [default: the scene's choice, or 31]
+    #[arg(long, value_name = "N")]
+    max_recursion_depth: Option<u32>,
+    /// How deeply callable shaders may call each other [default: the scene's choice, or 1024]
+    #[arg(long, value_name = "N", value_parser = callable_depth)]
+    max_callable_depth: Option<u32>,
+    /// How many bytes of what shaders print are kept, 64 for each text among them; what is cut is
+    /// counted [default: the scene's choice, or 67108864]
+    #[arg(long, value_name = "BYTES")]
+    printed_bytes: Option<u64>,
+}
+
+impl LaunchLimitArgs {
+    /// The limits, where those not given are the default ones.
+    pub fn limits(&self, default: LaunchLimits) -> LaunchLimits {
+        LaunchLimits {
+            fuel: self.launch_fuel.or(default.fuel),
+            timeout: self.timeout.or(default.timeout),
+            batch_timeout: self.batch_timeout.or(default.batch_timeout),
+        }
+    }
+}
+
+impl LimitArgs {
+    /// The limits as a scene takes them, with what holds where neither says.
+    pub fn limits(&self, default: LaunchLimits) -> RunLimits {
+        let LaunchLimitArgs { launch_fuel, timeout, batch_timeout } = self.launch;
+        RunLimits {
+            fuel: self.fuel,
+            launch_fuel,
+            timeout,
+            batch_timeout,
+            max_recursion_depth: self.max_recursion_depth,
+            max_callable_depth: self.max_callable_depth,
+            printed_bytes: self.printed_bytes,
+            default,
+        }
+    }
+}
+
+fn callable_depth(text: &str) -> Result<u32, String> {
+    let depth = text.parse().map_err(|_| "a number is needed".to_owned())?;
+    crate::pipeline::check_callable_depth(depth).map_err(|error| error.message().to_owned())?;
+    Ok(depth)
+}
+
+fn fuel(text: &str) -> Result<LaunchFuel, String> {
+    match text {
+        "none" => Ok(LaunchFuel::of(u64::MAX)),
+        _ => text.parse().map(LaunchFuel::of).map_err(|_| "a number or `none` is needed".to_owned()),
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    if text == "none" {
+        return Ok(Duration::MAX);
+    }
+    let number: f64 = text.parse().map_err(|_| "a number of seconds or `none` is needed".to_owned())?;
+    Duration::try_from_secs_f64(number).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_read_or_refused() {
+        assert_eq!(fuel("12"), Ok(LaunchFuel::of(12)));
+        assert_eq!(fuel("none"), Ok(LaunchFuel::of(u64::MAX)));
+        assert_eq!(seconds("0.25"), Ok(Duration::from_millis(250)));
+        assert_eq!(seconds("none"), Ok(Duration::MAX));
+        for wrong in ["", "-1", "nan", "soon"] {
+            assert!(seconds(wrong).is_err() && fuel(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(callable_depth("1"), Ok(1));
+        assert!(callable_depth("0").is_err() && callable_depth("1000000").is_err());
+    }
+}

@@ -1,0 +1,224 @@
+//! The report of a loop that has no end: where it begins, and what its variables did in its last
+//! turns.
+
+use crate::machine::lanes::Reg;
+use crate::machine::{LoopTurns, Trap};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Id, Module};
+use crate::ops::op::{Access, Op};
+use crate::program::lower::{LowerOptions, lower_with, translate};
+use crate::program::regalloc::is_noop;
+use crate::program::{Program, Terminator};
+
+/// A variable in registers, or a phi, of which the report of a loop can tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LoopVariable {
+    /// Its `OpVariable` or `OpPhi`.
+    pub id: Id,
+    /// The type of its value: a scalar or a vector.
+    pub ty: TypeId,
+    /// The inlined call that it belongs to; see [`Program::scopes`].
+    pub scope: u32,
+    /// Its first register among [`Program::watched`].
+    pub first: usize,
+    /// How many registers it has.
+    pub count: usize,
+}
+
+impl LoopVariable {
+    /// Whether a report tells of values of a type: scalars and vectors.
+    pub fn is_told(module: &Module, ty: TypeId) -> bool {
+        match *module.ty(ty) {
+            Type::Bool | Type::Int { .. } => true,
+            Type::Float { encoding, .. } => encoding.is_none(),
+            Type::Vector { component, count } => count <= 4 && Self::is_told(module, component),
+            _ => false,
+        }
+    }
+}
+
+/// Variables that a report tells of at most: so many that changed, and so many that did not.
+const MOST: usize = 8;
+
+impl Program {
+    /// What the loop did in which an invocation was stopped by a limit, from its last turns: the
+    /// source line, the variables that changed and those that did not. `None` where it was stopped
+    /// in no loop.
+    pub fn describe_loop(&self, trap: Trap, turns: &[LoopTurns]) -> Option<String> {
+        let count = self.ops.len() as u32;
+        let block = match trap.op.checked_sub(count) {
+            Some(block) => block,
+            None => {
+                let holds = |block: &crate::program::Block| (block.first..block.end).contains(&trap.op);
+                self.blocks.iter().position(holds)? as u32
+            }
+        };
+        // The outermost loop around the place that came round at least twice.
+        let edges = turns.iter().filter_map(|turns| {
+            let from = turns.op.checked_sub(count)?;
+            let to = self.back_edge(from)?;
+            ((to..=from).contains(&block)).then_some((turns, to, from))
+        });
+        let (turns, to, from) =
+            edges.max_by_key(|&(turns, to, from)| (turns.count > 1, from - to, turns.count))?;
+        let header = self.origins.get((count + to) as usize)?.offset;
+        let line = match (self.place_at(header), self.place_near(header)) {
+            (Some(place), _) | (None, Some(place)) => format!("the loop at {}", place_words(&place)),
+            (None, None) => format!("the loop at word {header} of the module"),
+        };
+        let known = self.known_variables(to, from);
+        let (mut changed, mut same) = (Vec::new(), Vec::new());
+        for variable in known {
+            let words = variable.first..variable.first + variable.count;
+            let (Some(first), Some(last)) = (turns.first.get(words.clone()), turns.last.get(words)) else {
+                continue;
+            };
+            let name = self.variable_name(variable.id);
+            let value = |words: &[u32]| value(&self.module, variable.ty, words);
+            if first == last {
+                same.push(format!("{name} = {}", value(first)));
+            } else {
+                changed.push(format!("{name} from {} to {}", value(first), value(last)));
+            }
+        }
+        let list = |mut all: Vec<String>| {
+            let hidden = all.len().saturating_sub(MOST);
+            all.truncate(MOST);
+            let more = if hidden > 0 { format!(", and {hidden} more") } else { String::new() };
+            format!("{}{more}", all.join(", "))
+        };
+        let (nothing_changed, all_changed) = (changed.is_empty(), same.is_empty());
+        let turned = turns.count - 1;
+        let told = match (nothing_changed, all_changed) {
+            _ if turned == 0 => format!("{line} had come round once when the invocation was stopped"),
+            (true, true) => format!("{line}: in its last {turned} turns none of its variables is known"),
+            (true, false) => {
+                format!("{line}: in its last {turned} turns nothing changed of {}", list(same))
+            }
+            (false, true) => format!("{line}: in its last {turned} turns changed {}", list(changed)),
+            (false, false) => format!(
+                "{line}: in its last {turned} turns changed {}; unchanged: {}",
+                list(changed),
+                list(same)
+            ),
+        };
+        Some(told)
+    }
+
+    /// The block that a block's terminator goes back to.
+    fn back_edge(&self, from: u32) -> Option<u32> {
+        let mut targets: Vec<u32> = Vec::new();
+        match &self.blocks.get(from as usize)?.terminator {
+            Terminator::Branch(to) => targets.push(*to),
+            Terminator::BranchConditional { then, other, .. } => targets.extend([*then, *other]),
+            Terminator::Switch { cases, default, .. } => {
+                targets.extend(cases.iter().map(|(_, to)| *to).chain([*default]));
+            }
+            _ => {}
+        }
+        targets.into_iter().filter(|&to| to <= from).min()
+    }
+
+    /// The variables that the blocks of a loop use and whose registers hold their values: no pass
+    /// has removed a store to them, or given them other registers.
+    fn known_variables(&self, to: u32, from: u32) -> Vec<LoopVariable> {
+        let entry = self
+            .module
+            .entry_points
+            .iter()
+            .find(|entry| entry.stage == self.stage && entry.name == self.name);
+        let options = LowerOptions { verify: false, ..LowerOptions::default() };
+        let lowered = entry.and_then(|entry| {
+            let (translated, _) = translate(&self.module, entry, options).ok()?;
+            Some((translated, lower_with(&self.module, entry, options).ok()?))
+        });
+        let Some((translated, optimized)) = lowered else { return Vec::new() };
+        if translated.loop_variables != self.loop_variables || translated.blocks.len() != self.blocks.len() {
+            return Vec::new();
+        }
+        let registers = translated.register_count.max(optimized.register_count) as usize;
+        let stores = [&translated.ops, &optimized.ops, &optimized.optimized.ops].map(|ops| {
+            let mut stores = vec![0u32; registers];
+            for op in ops.iter().filter(|op| !is_noop(op)) {
+                each_register(op, true, &mut |reg| {
+                    if let Some(count) = stores.get_mut(reg.0 as usize) {
+                        *count += 1;
+                    }
+                });
+            }
+            stores
+        });
+        let mut used = vec![false; registers];
+        for block in &translated.blocks[to as usize..=from as usize] {
+            for op in &translated.ops[block.first as usize..block.end as usize] {
+                each_register(op, false, &mut |reg| {
+                    if let Some(used) = used.get_mut(reg.0 as usize) {
+                        *used = true;
+                    }
+                });
+            }
+        }
+        let is_known = |variable: &&LoopVariable| {
+            translated.watched[variable.first..variable.first + variable.count].iter().all(|reg| {
+                let reg = reg.0 as usize;
+                let [all, kept, run] = [&stores[0], &stores[1], &stores[2]].map(|of| of[reg]);
+                used[reg] && all == kept && kept == run
+            })
+        };
+        translated.loop_variables.iter().filter(is_known).copied().collect()
+    }
+
+    /// The name of a variable in the source, else its id.
+    fn variable_name(&self, id: Id) -> String {
+        let debug = &self.module.debug_info;
+        let name = debug.variable_names.get(&id).map(|name| &**name);
+        let name = name.or_else(|| debug.names.get(&id).map(String::as_str)).filter(|name| !name.is_empty());
+        name.map_or_else(|| format!("%{}", id.0), |name| format!("`{name}`"))
+    }
+}
+
+/// The registers that an operation writes, or all that it uses.
+fn each_register(op: &Op, only_written: bool, visit: &mut dyn FnMut(Reg)) {
+    op.accesses(|access| match access {
+        Access::Write(first, count) => (0..count).for_each(|word| visit(first.plus(word))),
+        Access::Read(first, count) if !only_written => {
+            (0..count).for_each(|word| visit(first.plus(word)));
+        }
+        _ => {}
+    });
+}
+
+fn place_words(place: &crate::error::Place) -> String {
+    use crate::error::Place;
+    match place {
+        Place::Line { file, line, .. } => format!("{file}:{line}"),
+        Place::Text { file, text, span } => {
+            format!("{file}:{}", text[..span.start].matches('\n').count() + 1)
+        }
+        _ => String::new(),
+    }
+}
+
+/// A value as it is written in a source.
+fn value(module: &Module, ty: TypeId, words: &[u32]) -> String {
+    let low = words.first().copied().unwrap_or(0);
+    let wide = u64::from(low) | u64::from(words.get(1).copied().unwrap_or(0)) << 32;
+    match *module.ty(ty) {
+        Type::Bool => (low != 0).to_string(),
+        Type::Int { width, signed: true } => {
+            let shift = 64 - width.clamp(1, 64);
+            ((wide << shift) as i64 >> shift).to_string()
+        }
+        Type::Int { width: 64, .. } => wide.to_string(),
+        Type::Int { .. } => low.to_string(),
+        Type::Float { width: 64, .. } => f64::from_bits(wide).to_string(),
+        Type::Float { width: 16, .. } => half::f16::from_bits(low as u16).to_string(),
+        Type::Float { .. } => f32::from_bits(low).to_string(),
+        Type::Vector { component, count } => {
+            let each = words.len() / (count.max(1) as usize);
+            let parts = words.chunks(each.max(1)).map(|words| value(module, component, words));
+            format!("({})", parts.collect::<Vec<_>>().join(", "))
+        }
+        _ => String::new(),
+    }
+}

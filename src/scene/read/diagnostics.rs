@@ -1,0 +1,95 @@
+//! The mistakes of a scene and its files, collected so that one run reports many.
+
+use std::cell::{Cell, RefCell};
+
+use crate::error::{Error, Result};
+use crate::input::{InputLimit, InputLimits};
+use crate::scene::read::Span;
+
+/// The mistakes found while a file is read, and notes for its author. The first are kept, as many
+/// as the limit `errors-shown` says, and the others counted.
+#[derive(Debug, Default)]
+pub struct Diagnostics {
+    errors: RefCell<Vec<Error>>,
+    notes: RefCell<Vec<String>>,
+    limits: InputLimits,
+    counted: Cell<usize>,
+}
+
+impl Diagnostics {
+    /// A report about files with these limits.
+    pub fn within(limits: InputLimits) -> Self {
+        Self { limits, ..Self::default() }
+    }
+
+    /// The limits of what is read.
+    pub fn limits(&self) -> &InputLimits {
+        &self.limits
+    }
+
+    /// How many mistakes are kept, and how many notes.
+    fn most(&self) -> usize {
+        usize::try_from(self.limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX).max(1)
+    }
+
+    /// Adds a mistake.
+    pub fn push(&self, error: Error) {
+        if self.is_full() {
+            self.count(1 + error.others().len() + error.not_shown());
+        } else {
+            self.errors.borrow_mut().push(error);
+        }
+    }
+
+    /// Adds mistakes that are counted and not shown.
+    pub fn count(&self, more: usize) {
+        self.counted.set(self.counted.get() + more);
+    }
+
+    /// Whether further mistakes are only counted, so that nobody need say what they are.
+    pub fn is_full(&self) -> bool {
+        self.errors.borrow().len() >= self.most()
+    }
+
+    /// Notes that a file uses an old name, which is still accepted.
+    pub(super) fn renamed(&self, span: &Span, old: &str, new: &str) {
+        if self.notes.borrow().len() >= self.most() {
+            return;
+        }
+        let Span { source, range } = span;
+        let line = source.text[..range.start].matches('\n').count() + 1;
+        let note = format!(
+            "{}:{line}: `{old}` is now called `{new}`; the old name still works",
+            source.path.display()
+        );
+        self.notes.borrow_mut().push(note);
+    }
+
+    /// Removes and returns the notes, a line of text each.
+    pub fn take_notes(&self) -> Vec<String> {
+        self.notes.take()
+    }
+
+    /// Adds the error of a result and keeps its value.
+    pub fn keep<T>(&self, result: Result<T>) -> Option<T> {
+        result.map_err(|error| self.push(error)).ok()
+    }
+
+    /// How many mistakes there are so far.
+    pub fn len(&self) -> usize {
+        self.errors.borrow().len() + self.counted.get()
+    }
+
+    /// Whether there are no mistakes so far.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// # Errors
+    /// All mistakes as one error, where there are any: the first are shown.
+    pub fn finish(self) -> Result<()> {
+        let (most, counted) = (self.most(), self.counted.get());
+        let errors = self.errors.into_inner();
+        if errors.is_empty() { Ok(()) } else { Err(Error::first_of(errors, most).and_more(counted)) }
+    }
+}

@@ -1,0 +1,195 @@
+//! The limits of running from outside: commands that run shaders without end stop soon, and say
+//! where, why and how to raise the limit.
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// In which an endless launch ends, with the start of the program and on a busy machine. Without
+/// optimization the observers of a smoke run cost many times as much.
+const SOON: Duration = Duration::from_secs(if cfg!(debug_assertions) { 20 } else { 10 });
+
+/// Runs a command that must end soon; its exit code and what it prints to both streams.
+fn run(arguments: &[&str]) -> (Option<i32>, String) {
+    let begin = Instant::now();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null());
+    let output = command.output().expect("the command starts");
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).expect("UTF-8")).concat();
+    assert!(begin.elapsed() < SOON, "after {:?}: {text}", begin.elapsed());
+    (output.status.code(), text)
+}
+
+/// A file of this test's own in the folder for temporary files.
+fn scratch(name: &str, text: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("limits");
+    std::fs::create_dir_all(&folder).expect("a writable folder");
+    let path = folder.join(name);
+    std::fs::write(&path, text).expect("a writable folder");
+    path
+}
+
+fn assert_all(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "`{part}` is missing in:\n{text}");
+    }
+}
+
+/// A scene of the endless loop of `shaders/fail/control-flow/endless-loop`, where launch index
+/// x = 3 never leaves its loop.
+fn scene(name: &str, launch: &str, pipeline: &str) -> PathBuf {
+    let module =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/fail/control-flow/endless-loop/main.rgen.spv")
+            .replace('\\', "/");
+    let text = format!(
+        "version = 1\nlaunch = {launch}\n[shaders]\nraygen = '{module}'\n[pipeline]\nraygen = 'raygen'\n{pipeline}\n\
+         [resources.outputs]\ntype = 'storage_buffer'\nbinding = 1\nsize = 65536\n[expect]\n"
+    );
+    scratch(name, &text)
+}
+
+#[test]
+fn a_test_with_an_endless_loop_ends_soon_and_tells_of_the_loop() {
+    let scene = scene("endless.toml", "[64, 256]", "");
+    let (code, text) = run(&["test", scene.to_str().expect("a path in UTF-8")]);
+    assert_eq!(code, Some(1), "{text}");
+    assert_all(&text, &["an endless loop?", "main.rgen:1", "the loop at ", "`steps`"]);
+}
+
+#[test]
+fn smoke_ends_an_endless_loop_soon() {
+    let (code, text) = run(&["smoke", "spirv-fixtures/fail/control-flow/endless-loop/main.rgen.spv"]);
+    assert!(code.is_some(), "{text}");
+    assert_all(&text, &["ran out of fuel", "`steps`"]);
+}
+
+#[test]
+fn every_limit_is_set_on_the_command_line() {
+    let scene = scene("flags.toml", "[64, 256]", "");
+    let scene = scene.to_str().expect("a path in UTF-8");
+    for command in ["run", "test"] {
+        for (flags, told) in [
+            (&["--fuel", "100000"][..], &["the invocation ran out of fuel", "fuel = 100000 ", "--fuel"][..]),
+            (
+                &["--launch-fuel", "5000000", "--batch-timeout", "none"],
+                &["the launch ran out of fuel", "launch_fuel = 5000000 ", "--launch-fuel"],
+            ),
+            (
+                &["--timeout", "0.3", "--fuel", "1000000000000", "--launch-fuel", "none"],
+                &["the launch ran out of time", "timeout = 0.3 s", "depends on the machine", "--timeout"],
+            ),
+            (
+                &["--batch-timeout", "0.3", "--fuel", "1000000000000", "--launch-fuel", "none"],
+                &["ran out of time", "batch_timeout = 0.3 s", "--batch-timeout"],
+            ),
+        ] {
+            let (code, text) = run(&[&[command, scene], flags].concat());
+            assert_eq!(code, Some(if command == "run" { 2 } else { 1 }), "{text}");
+            assert_all(&text, told);
+        }
+    }
+}
+
+#[test]
+fn limits_are_keys_of_a_scene() {
+    for (keys, told) in [
+        ("fuel = 70000", "fuel = 70000 "),
+        ("fuel = 1000000000000\nlaunch_fuel = 900000", "launch_fuel = 900000 "),
+    ] {
+        let scene = scene("keys.toml", "8", keys);
+        let (code, text) = run(&["run", scene.to_str().expect("a path in UTF-8")]);
+        assert_eq!(code, Some(2), "{text}");
+        assert_all(&text, &[told, "[pipeline]"]);
+    }
+    for (keys, told) in [
+        ("max_callable_depth = 0", "max_callable_depth is 0"),
+        ("max_callable_depth = 1000000", "nest 1 to 16384 deep"),
+        ("max_recursion_depth = 1000000", "1024 is the most"),
+    ] {
+        let scene = scene("deep.toml", "8", keys);
+        let (code, text) = run(&["run", scene.to_str().expect("a path in UTF-8")]);
+        assert_eq!(code, Some(2), "{text}");
+        assert_all(&text, &[told]);
+    }
+    let scene = scene("recursion.toml", "8", "");
+    let (code, text) =
+        run(&["run", "--max-recursion-depth", "1000000", scene.to_str().expect("a path in UTF-8")]);
+    assert_eq!(code, Some(2), "{text}");
+    assert_all(&text, &["recursion depth of 1000000", "1024 is the most"]);
+}
+
+#[test]
+fn help_lists_the_limits_of_every_command_that_runs_shaders() {
+    const ALL: [&str; 7] = [
+        "--fuel",
+        "--launch-fuel",
+        "--timeout",
+        "--batch-timeout",
+        "--max-recursion-depth",
+        "--max-callable-depth",
+        "--printed-bytes",
+    ];
+    for (command, limits) in
+        [("run", &ALL[..]), ("render", &ALL), ("test", &ALL), ("trace-one-ray", &ALL), ("smoke", &ALL[..4])]
+    {
+        assert_all(&run(&[command, "--help"]).1, limits);
+    }
+}
+
+/// Compute shaders in WGSL, which need no compiler beside this crate.
+#[cfg(feature = "wgsl")]
+mod wgsl {
+    use super::*;
+
+    const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;\n";
+
+    #[test]
+    fn a_barrier_loop_over_a_large_workgroup_ends() {
+        let shader = scratch(
+            "barriers.wgsl",
+            &format!(
+                "{HEAD}@compute @workgroup_size(1024) fn main() {{
+    var turn = 0u;
+    while true {{
+        workgroupBarrier();
+        turn += 1u;
+        if turn == 0u {{ break; }}
+    }}
+    atomicAdd(&count, turn);
+}}
+"
+            ),
+        );
+        let path = shader.to_str().expect("a path in UTF-8");
+        let scene = scratch(
+            "barriers.toml",
+            "version = 1\n[shaders]\nmain = 'barriers.wgsl'\n[[dispatch]]\nshader = 'main'\n\
+             [resources.count]\ntype = 'storage_buffer'\nbinding = 0\nsize = 4\n[expect]\n",
+        );
+        let (code, text) = run(&["test", scene.to_str().expect("a path in UTF-8")]);
+        assert_eq!(code, Some(1), "{text}");
+        assert_all(&text, &["an endless loop?", "barriers.wgsl:", "the loop at ", "`turn`"]);
+        let (code, text) = run(&["smoke", path]);
+        assert_eq!(code, Some(1), "{text}");
+        assert_all(&text, &["an endless loop?", "barriers.wgsl:"]);
+    }
+
+    #[test]
+    fn a_small_module_of_many_calls_ends() {
+        // 2^40 calls of the last function, in some 3 KB.
+        let functions: String =
+            (0..40).map(|at| format!("fn f{at}() {{ f{next}(); f{next}(); }}\n", next = at + 1)).collect();
+        let text = format!(
+            "{HEAD}fn f40() {{ atomicAdd(&count, 1u); }}\n{}@compute @workgroup_size(1) fn main() {{ f0(); }}\n",
+            functions.lines().rev().fold(String::new(), |all, line| all + line + "\n")
+        );
+        let shader = scratch("calls.wgsl", &text);
+        let path = shader.to_str().expect("a path in UTF-8");
+        let (code, text) = run(&["smoke", path]);
+        assert_eq!(code, Some(1), "{text}");
+        assert_all(&text, &["ran out of fuel"]);
+        let (code, text) = run(&["run", path, "--fuel", "1000000"]);
+        assert_eq!(code, Some(2), "{text}");
+        assert_all(&text, &["fuel = 1000000 "]);
+    }
+}
