@@ -17,7 +17,10 @@ use std::process::{Command, Output, Stdio};
 use pretty_assertions::assert_eq;
 
 /// The files that every [`Workplace`] has.
-const GIVEN: [&str; 4] = ["many.wgsl", "picture.wgsl", "picture.toml", "rays.test.toml"];
+const GIVEN: [&str; 5] = ["leaves", "many.wgsl", "picture.wgsl", "picture.toml", "rays.test.toml"];
+
+/// A case of this project that is copied into the folder `leaves` of each, with its modules.
+const LEAVES: &str = "pass/testing/leaves";
 
 /// A shader that fills a picture with what does not compress.
 const PICTURE: &str = "enable wgpu_ray_tracing_pipeline;
@@ -55,8 +58,14 @@ impl Workplace {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let texts = [shader(), PICTURE.to_owned(), SCENE.to_owned(), rays(24, 4000)];
-        for (name, text) in GIVEN.into_iter().zip(texts) {
+        for (name, text) in GIVEN[1..].iter().zip(texts) {
             fs::write(folder.path().join(name), text).expect("a writable folder");
+        }
+        // A scene may name nothing outside of the folder that is tested.
+        let [scene, modules] = ["shaders", "spirv-fixtures"].map(|root| format!("{root}/{LEAVES}"));
+        for from in [scene, modules] {
+            let to = folder.path().join("leaves").join(&from);
+            copy_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join(from), &to);
         }
         Self { folder }
     }
@@ -67,7 +76,7 @@ impl Workplace {
 
     /// Every command whose file is long enough for a part of it to be seen.
     fn writers(&self) -> Vec<Writer> {
-        let leaves = format!("{}/shaders/pass/testing/leaves", env!("CARGO_MANIFEST_DIR"));
+        let leaves = format!("leaves/shaders/{LEAVES}");
         let writer = |name, arguments: &[&str], target, old: &[u8], code| Writer {
             name,
             arguments: arguments.iter().map(|&argument| argument.to_owned()).collect(),
@@ -134,6 +143,14 @@ fn anyhit(folder: &Path) -> Command {
     command
 }
 
+/// Copies the files of a folder into another, which is made.
+fn copy_files(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("a writable folder");
+    for name in names(from) {
+        fs::copy(from.join(&name), to.join(name)).expect("a file");
+    }
+}
+
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("a folder");
     let mut names: Vec<String> =
@@ -151,8 +168,7 @@ fn told(output: &Output) -> (Option<i32>, String) {
 /// Rays down on one leaf at t = 4, of which a record says otherwise; and lines of comments, so that
 /// the file takes a while to be written.
 fn rays(count: usize, comments: usize) -> String {
-    let root = env!("CARGO_MANIFEST_DIR").replace('\\', "/");
-    let mut text = format!("version = 1\ninclude = \"{root}/shaders/pass/testing/leaves/leaves.toml\"\n");
+    let mut text = format!("version = 1\ninclude = \"leaves/shaders/{LEAVES}/leaves.toml\"\n");
     for ray in 0..count {
         text += &format!(
             "\n[[ray]]\nname = \"ray-{ray}-\" # kept\norigin = [1, 0, 4]\ndirection = [0, 0, -1]\n\

@@ -1,4 +1,5 @@
-//! `subjects::command_line` of `tests/robustness/`, without end: `cargo +nightly fuzz run command_line`.
+//! `subjects::command_line` of `tests/robustness/`, without end:
+//! `cargo +nightly fuzz run command_line`.
 
 #![no_main]
 

@@ -253,8 +253,8 @@ impl Loader<'_> {
         self.extents[ty.0 as usize]
     }
 
-    /// Reads the number of a vector's components: 2, 3 or 4, 8 or 16 with `Vector16`, and any above with
-    /// `LongVectorEXT`.
+    /// Reads the number of a vector's components: 2, 3 or 4, 8 or 16 with `Vector16`, and any above
+    /// with `LongVectorEXT`.
     fn component_count(&self, span: Span, at: usize) -> Result<u32> {
         let has = |capability: Capability| self.module.capabilities.contains(&(capability as u32));
         match self.words[at] {

@@ -85,8 +85,8 @@ pub fn escaping_values(module: &Module, function: &Function, order: &[usize]) ->
         position_of_block[block] = position;
     }
     let position_of = |label: Id| block_of(module, function, label).map(|block| position_of_block[block]);
-    // By position: the end of the innermost loop around it. The nearest end comes first, as loops of
-    // a hostile module need not nest.
+    // By position: the end of the innermost loop around it. The nearest end comes first, as loops
+    // of a hostile module need not nest.
     let mut loop_ends = vec![usize::MAX; order.len()];
     let mut open: BinaryHeap<Reverse<usize>> = BinaryHeap::new();
     for (position, &block) in order.iter().enumerate() {

@@ -632,7 +632,7 @@ fn is(kernel: &LaneKernel, known: Option<&LaneKernel>) -> bool {
     known.is_some_and(|known| std::ptr::eq(kernel, known))
 }
 
-/// Whether [`Trace::compute_value`] goes by the operands of a kernel.
+/// Whether [`ValueTracking::compute_value`] goes by the operands of a kernel.
 fn is_followed(kernel: &LaneKernel) -> bool {
     let families = [&IAdd, &IMul, &ISub, &SNegate, &ShiftLeftLogical];
     families.iter().any(|family| is(kernel, family.kernel(32)))

@@ -115,6 +115,11 @@ impl Document {
         Err(Error::several(shown).and_more(errors.len().saturating_sub(most)))
     }
 
+    /// The root table as it was parsed.
+    pub fn node(&self) -> &TomlNode {
+        &self.root
+    }
+
     /// The root table.
     pub fn root<'a>(&'a self, report: &'a Diagnostics) -> Table<'a> {
         let value = TomlValue { node: &self.root, source: &self.source, report };

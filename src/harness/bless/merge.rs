@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use toml::de::DeTable;
-
+use crate::scene::read::Document;
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
 
 /// The key of the tables that hold what is recorded.
@@ -26,15 +25,10 @@ impl Merge {
     /// # Errors
     /// What differs, in words, where that is more than recorded values.
     pub(super) fn of(before: &str, now: &str) -> Result<Self, String> {
-        let parsed = |text| {
-            let (root, errors) = DeTable::parse_recoverable(text);
-            if errors.is_empty() { Some(TomlNode::from_table(&root)) } else { None }
-        };
-        let (Some(before), Some(now)) = (parsed(before), parsed(now)) else {
-            return Err("it is not TOML any more".into());
-        };
+        let parsed = |text| Document::parse("", text).map_err(|_| "it is not TOML any more".to_owned());
+        let (before, now) = (parsed(before)?, parsed(now)?);
         let mut merge = Self { places: BTreeMap::new() };
-        merge.compare(&before, &now, false, "")?;
+        merge.compare(before.node(), now.node(), false, "")?;
         Ok(merge)
     }
 
