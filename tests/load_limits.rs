@@ -702,21 +702,3 @@ fn offsets_beyond_32_bits_do_not_wrap() {
     let error = first_word(&beyond.bytes()).unwrap_err();
     assert!(error.message().contains("an offset beyond 4 GiB"), "{error}");
 }
-
-/// The documented table of limits is that of the program.
-#[test]
-fn the_documents_list_every_limit() {
-    let text = std::fs::read_to_string("docs/reading.md").expect("the document");
-    // `2^25`, or the number itself.
-    let number = |text: &str| match text.strip_prefix("2^") {
-        Some(exponent) => exponent.parse().ok().and_then(|exponent| 1_u64.checked_shl(exponent)),
-        None => text.parse().ok(),
-    };
-    for limit in InputLimit::ALL {
-        let start = format!("| `{}` | ", limit.name());
-        let row = text.lines().find_map(|line| line.strip_prefix(&start)).expect(&start);
-        let (value, words) = row.split_once(" | ").expect("a second column");
-        assert_eq!(number(value), Some(limit.default_value()), "{start}");
-        assert!(words.len() > 10, "{start}{row}");
-    }
-}

@@ -511,6 +511,14 @@ impl<'m> Lowering<'m> {
         }
         if self.module.operands(instruction).len() > 1 {
             let initializer = self.translator.id(instruction, 1)?;
+            let definition = self.module.definition(initializer);
+            if self.translator.type_of(initializer)? != pointee
+                || !matches!(definition, Some(Definition::Constant(_) | Definition::Variable(_)))
+            {
+                let message = "the initializer of a variable is a constant, or a variable of module scope, \
+                               of the variable's type";
+                return Err(self.translator.invalid(message).note("SPIR-V 3.3.8, \"OpVariable\""));
+            }
             let words = self.translator.words(initializer)?;
             load_store::store(&mut self.translator, &pointer, &words)?;
         }

@@ -26,7 +26,7 @@ const MAX_OPERATIONS: usize = 20_000;
 /// Programs with more pairs of registers are not checked either. Each effect records all registers
 /// that code outside the program can access, and each operation pairs what it reads with what it
 /// writes.
-const MAX_PAIRS: usize = 1 << 24;
+const MAX_PAIRS: usize = 1 << 22;
 
 /// A program between two passes.
 #[derive(Clone, Debug)]

@@ -1,5 +1,8 @@
 //! Instructions of module scope: specialization constants, groups of decorations, long vectors.
 
+use anyhit::error::ErrorKind;
+use anyhit::machine::Resources;
+
 use crate::instructions::run::Shader;
 
 #[test]
@@ -155,4 +158,24 @@ fn what_says_nothing_is_read_over() {
     }
     .run();
     assert!(found.iter().all(|words| words[0] == 4));
+}
+
+/// SPIR-V 3.3.8: an initializer is a constant, or a variable of module scope, and has "the same type
+/// as the type pointed to by Result Type".
+#[test]
+fn local_variables_begin_with_constants_of_their_type() {
+    let shader = |initializer: &str| {
+        Shader {
+            declarations: "%wide = OpConstantNull %uint4",
+            variables: &format!("%local = OpVariable %ptr_Function_uint Function {initializer}"),
+            body: "%value = OpLoad %uint %local\nout 0 %value",
+            ..Shader::default()
+        }
+        .run_with(&mut Resources::default)
+    };
+    assert!(shader("%u9").expect("a constant of its type").iter().all(|words| words[0] == 9));
+    for other in ["%wide", "%glsl", "%main", "%void"] {
+        let error = shader(other).expect_err(other);
+        assert_eq!(error.kind(), ErrorKind::InvalidModule, "{error}");
+    }
 }

@@ -25,6 +25,8 @@ pub struct Shader<'a> {
     pub annotations: &'a str,
     /// Types, constants and variables of module scope.
     pub declarations: &'a str,
+    /// Variables of the entry point.
+    pub variables: &'a str,
     /// The body of the entry point, with `out N %value` for a store of a `uint` to the
     /// invocation's N-th word.
     pub body: &'a str,
@@ -178,7 +180,7 @@ impl Shader<'_> {
             },
             annotations = self.annotations,
             declarations = self.declarations,
-            variables = "",
+            variables = self.variables,
             functions = self.functions,
         )
     }

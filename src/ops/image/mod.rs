@@ -204,10 +204,16 @@ impl TexelRegisters {
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     match opcode {
         Opcode::SampledImage => {
+            check_sampled_image(translator, instruction)?;
             let (image, sampler) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
             translator.define_result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
         }
         Opcode::Image => {
+            let sampled = translator.type_of(translator.id(instruction, 0)?)?;
+            let result = translator.result_type(instruction)?;
+            if !matches!(*translator.module.ty(sampled), Type::SampledImage(image) if image == result) {
+                return Err(translator.invalid("OpImage takes the image of a sampled image of its type"));
+            }
             let words = translator.operand(instruction, 0)?;
             translator.define_result(instruction, SmallVec::from_slice(&words[..1]));
         }
@@ -232,6 +238,22 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         }
     }
     Ok(true)
+}
+
+/// Checks that `OpSampledImage` combines a sampler with an image of its result's type.
+fn check_sampled_image(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let result = translator.result_type(instruction)?;
+    let Type::SampledImage(image) = *translator.module.ty(result) else {
+        return Err(translator.invalid("the result of OpSampledImage is no sampled image"));
+    };
+    if translator.type_of(translator.id(instruction, 0)?)? != image {
+        return Err(translator.invalid("the image of OpSampledImage is not of its result's image type"));
+    }
+    let sampler = translator.type_of(translator.id(instruction, 1)?)?;
+    match *translator.module.ty(sampler) {
+        Type::Sampler => Ok(()),
+        _ => Err(translator.invalid("the sampler of OpSampledImage is none")),
+    }
 }
 
 /// Allocates the registers of an instruction's texel and defines its result; a sparse texel follows

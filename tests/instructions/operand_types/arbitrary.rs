@@ -43,6 +43,7 @@ const TYPES: &[&str] = &[
     "to_float3",
     "image",
     "sampled",
+    "structure",
 ];
 
 /// The values of operands: of each type what is zero, variables, and what they hold.
@@ -77,6 +78,7 @@ const VALUES: &[&str] = &[
     "image_value",
     "sampled_value",
     "sampler_value",
+    "nothing",
     "structure_value",
     "payload",
     "buffer",
@@ -175,11 +177,16 @@ fn module(instruction: &str) -> String {
     }
     let _ = write!(
         text,
-        "%main = OpFunction %void None %main_type
+        "%idle = OpFunction %void None %main_type
+         %idle_entry = OpLabel
+         OpReturn
+         OpFunctionEnd
+         %main = OpFunction %void None %main_type
          %entry = OpLabel
          %image_value = OpLoad %image %images
          %sampler_value = OpLoad %sampler %samplers
          %sampled_value = OpSampledImage %sampled %image_value %sampler_value
+         %nothing = OpFunctionCall %void %idle
          %structure_value = OpLoad %structure %structures
          {instruction}
          OpReturn
