@@ -548,6 +548,33 @@ fn github_gets_an_annotation_on_the_shader_s_line() {
     assert!(annotation.contains("%0A"), "lines are escaped: {annotation}");
 }
 
+/// GitHub looks for commands in every line of a log, behind blanks, too.
+#[test]
+fn what_a_test_says_is_no_workflow_command() {
+    let folder = scratch("commands");
+    let leaves = Path::new(env!("CARGO_MANIFEST_DIR")).join(LEAVES).join("leaves.toml");
+    let text = format!(
+        r#"version = 1
+           include = '{}'
+           [[ray]]
+           name = "a"
+           origin = [1, 0, 4]
+           direction = [0, 0, -1]
+           expect = {{ t = 3.5, because = "what\n::add-mask::a\n::stop-commands::b" }}"#,
+        leaves.display()
+    );
+    std::fs::write(folder.join("a.test.toml"), text).expect("a writable folder");
+    let ran = run(&[folder.to_str().expect("UTF-8"), "--format", "github"]);
+    let lines: Vec<&str> = ran.out.lines().map(str::trim_start).collect();
+    let at = lines.iter().position(|line| line.starts_with("::")).expect("a command");
+    let word = lines[at].strip_prefix("::stop-commands::").expect("it stops the others");
+    assert!(word.len() >= 16 && !word.contains("add-mask"), "{word}");
+    let end = lines.iter().position(|line| *line == format!("::{word}::")).expect("they go on");
+    let inside = lines.iter().position(|line| line.starts_with("::add-mask")).expect("the text");
+    assert!(at < inside && inside < end, "{}", ran.out);
+    assert!(lines[end + 1..].iter().all(|line| !line.starts_with("::add")), "{}", ran.out);
+}
+
 #[test]
 fn every_kind_of_failure_stands_in_every_format() {
     let folder = scratch("formats");

@@ -1,5 +1,6 @@
 //! Standard output, standard error and the names of written files.
 
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write, stderr, stdout};
 use std::path::PathBuf;
@@ -9,7 +10,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use crate::error::{Error, Result};
 use crate::machine::Printed;
 
-/// Prints to standard output.
+/// Prints to standard output, control characters as [`visible`] shows them.
 ///
 /// A closed pipe (`anyhit inspect a.spv | head`) is no error: the command continues, and its exit
 /// code depends only on the command.
@@ -37,7 +38,7 @@ pub fn printed(printed: &Printed) -> Result<bool> {
 /// Prints a hint for the user to standard error.
 pub fn hint(text: impl Display) {
     // A hint that cannot be written is no reason to fail.
-    let _ = writeln!(stderr().lock(), "{text}");
+    let _ = writeln!(stderr().lock(), "{}", visible(&text.to_string(), false));
 }
 
 /// Prints notes to standard error, a line each.
@@ -71,9 +72,10 @@ pub fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
 /// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.
 pub fn report(error: &Error) {
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let text = if !plain && stderr().is_terminal() { error.render_coloured() } else { error.render() };
+    let styled = !plain && stderr().is_terminal();
+    let text = if styled { error.render_coloured() } else { error.render() };
     // There is no other stream to report that standard error cannot be written.
-    let _ = stderr().lock().write_all(text.as_bytes());
+    let _ = stderr().lock().write_all(visible(&text, styled).as_bytes());
 }
 
 /// Prints what clap answers: the help and the version to standard output, mistakes to standard
@@ -88,7 +90,50 @@ pub fn command_line(answer: &clap::Error) -> Result<()> {
 }
 
 fn write_to(to: &mut impl Write, text: impl Display) -> Result<()> {
-    judged(write!(to, "{text}").and_then(|()| to.flush()))
+    let text = text.to_string();
+    let text = visible(&text, stdout().is_terminal());
+    judged(to.write_all(text.as_bytes()).and_then(|()| to.flush()))
+}
+
+/// A text of which nothing moves the cursor, renames the window or changes the order of letters:
+/// names, sources and what shaders print may be somebody else's. Control characters other than line
+/// feeds and tabs, and those that reorder a line, are shown as in `\u001b`, which means the same in
+/// JSON; where the text may be styled, sequences of colours and weights stay.
+fn visible(text: &str, styled: bool) -> Cow<'_, str> {
+    let is_hidden = |c: char| {
+        c.is_control() && c != '\n' && c != '\t'
+            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find(is_hidden) {
+        let (before, found) = rest.split_at(at);
+        out.push_str(before);
+        rest = match style_of(found).filter(|_| styled) {
+            Some(length) => {
+                out.push_str(&found[..length]);
+                &found[length..]
+            }
+            None => {
+                let mut letters = found.chars();
+                let letter = letters.next().unwrap_or_default();
+                out.push_str(&format!("\\u{:04x}", u32::from(letter)));
+                letters.as_str()
+            }
+        };
+    }
+    if out.is_empty() {
+        return Cow::Borrowed(rest);
+    }
+    out.push_str(rest);
+    Cow::Owned(out)
+}
+
+/// The length of the sequence that selects a style (`SGR` of ECMA-48) at the start of a text.
+fn style_of(text: &str) -> Option<usize> {
+    let parameters = text.strip_prefix("\u{1b}[")?;
+    let end = parameters.find(|c: char| !c.is_ascii_digit() && c != ';')?;
+    parameters[end..].starts_with('m').then_some(2 + end + 1)
 }
 
 fn judged(printed: std::io::Result<()>) -> Result<()> {
@@ -113,6 +158,17 @@ mod tests {
         fn flush(&mut self) -> io::Result<()> {
             Err(self.0.into())
         }
+    }
+
+    #[test]
+    fn what_others_wrote_controls_no_terminal() {
+        // Colours, a title of the window, a way back to the start of the line, and one to the left.
+        let text = "a\u{1b}[1;31mred\u{1b}[0m\tb\n\u{1b}]0;title\u{7}\rc\u{202e}d\u{9b}2J";
+        let hidden = r"\u001b]0;title\u0007\u000dc\u202ed\u009b2J";
+        assert_eq!(visible(text, true), format!("a\u{1b}[1;31mred\u{1b}[0m\tb\n{hidden}"));
+        assert_eq!(visible(text, false), format!("a\\u001b[1;31mred\\u001b[0m\tb\n{hidden}"));
+        assert_eq!(visible("\u{1b}[2", true), r"\u001b[2");
+        assert!(matches!(visible("plain: ü\n", false), Cow::Borrowed("plain: ü\n")));
     }
 
     #[test]

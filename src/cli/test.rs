@@ -180,7 +180,8 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         Format::Json => Ok(()),
         Format::Plain => output::print(report::text(finished, colour)),
         Format::Github => {
-            output::print(format_args!("{}{}", report::text(finished, false), report::github(finished)))
+            let text = report::text(finished, false);
+            output::print(format_args!("{}{}", report::github_log(&text), report::github(finished)))
         }
     })
 }

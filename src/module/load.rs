@@ -362,7 +362,17 @@ impl<'w> Loader<'w> {
                         return Err(self.expected(span, initializer_at, "a constant of the variable's type"));
                     }
                 }
-                Some(Definition::Variable(_)) => {}
+                // The type of a variable is that of pointers to it.
+                Some(Definition::Variable(other)) => {
+                    let ty = self.module.variables[other as usize].pointer;
+                    if pointee.is_some_and(|pointee| pointee != ty) {
+                        return Err(self.expected(
+                            span,
+                            initializer_at,
+                            "a variable that is a value of the variable's type",
+                        ));
+                    }
+                }
                 None if self.unknown.contains_key(&id) => {}
                 _ => {
                     return Err(self.expected(

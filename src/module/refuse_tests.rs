@@ -302,6 +302,19 @@ fn variables_have_pointer_types_of_their_storage_class() {
     a.op(Op::TypePointer, &[20, 6, 6]);
     let at = a.op(Op::Variable, &[20, 21, 6, 8]);
     refused(&a, at + 4, "OpVariable: expected a constant of the variable's type, found %8 (a constant)");
+
+    // %21 is a float, %22 a pointer to one.
+    let mut a = typed();
+    a.op(Op::TypePointer, &[20, 6, 6]);
+    a.op(Op::Variable, &[20, 21, 6]);
+    a.op(Op::TypePointer, &[22, 6, 20]);
+    a.op(Op::Variable, &[22, 23, 6, 21]);
+    let at = a.op(Op::Variable, &[20, 24, 6, 21]);
+    refused(
+        &a,
+        at + 4,
+        "OpVariable: expected a variable that is a value of the variable's type, found %21 (a variable)",
+    );
 }
 
 #[test]

@@ -160,8 +160,8 @@ fn what_says_nothing_is_read_over() {
     assert!(found.iter().all(|words| words[0] == 4));
 }
 
-/// SPIR-V 3.3.8: an initializer is a constant, or a variable of module scope, and has "the same type
-/// as the type pointed to by Result Type".
+/// SPIR-V 3.3.8: an initializer is a constant, or a variable of module scope, and has "the same
+/// type as the type pointed to by Result Type".
 #[test]
 fn local_variables_begin_with_constants_of_their_type() {
     let shader = |initializer: &str| {

@@ -11,13 +11,18 @@ use crate::harness::expect::PictureDifference;
 
 /// Saves `expected.png`, `found.png` and `difference.png` in a folder named after test and image.
 pub(super) fn save(folder: &Path, test: &str, picture: &PictureDifference) -> Result<Vec<PathBuf>> {
-    let plain = |c: char| if c.is_alphanumeric() || "-_./()".contains(c) { c } else { '-' };
-    let name: String = test.trim_start_matches(['.', '/']).chars().map(plain).collect();
-    let folder = folder.join(name.replace("..", "-")).join(&picture.name);
+    let folder = folder.join(inside(test)).join(inside(&picture.name));
     std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
     let pictures =
         [("expected", &picture.expected), ("found", &picture.found), ("difference", &picture.difference())];
     pictures.into_iter().map(|(name, picture)| write(folder.join(format!("{name}.png")), picture)).collect()
+}
+
+/// A name as a path that leads further in: scenes name their tests and images as they like.
+fn inside(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_./()".contains(c) { c } else { '-' };
+    let name: String = name.trim_start_matches(['.', '/']).chars().map(plain).collect();
+    name.replace("..", "-")
 }
 
 fn write(path: PathBuf, picture: &RgbaImage) -> Result<PathBuf> {
@@ -27,4 +32,42 @@ fn write(path: PathBuf, picture: &RgbaImage) -> Result<PathBuf> {
         .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
     atomic_file::write_unsynced(&path, png.into_inner())?;
     Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lead_no_way_out() {
+        for (name, expected) in [
+            ("rays::leaf (2)", "rays--leaf-(2)".to_owned()),
+            ("../../etc/a", "etc/a".into()),
+            ("/etc/a", "etc/a".into()),
+            ("a/../../b", "a/-/-/b".into()),
+            ("a/..", "a/-".into()),
+            ("..", String::new()),
+            ("a/./b\\..\\c:d", "a/./b---c-d".into()),
+        ] {
+            assert_eq!(inside(name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn pictures_are_saved_inside_their_folder() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let own = folder.path().join("own");
+        let one = RgbaImage::new(1, 1);
+        for name in ["../out", "/out", "a/../../out"] {
+            let picture =
+                PictureDifference { name: name.to_owned(), expected: one.clone(), found: one.clone() };
+            let saved = save(&own, "../test", &picture).expect("a writable folder");
+            assert_eq!(saved.len(), 3);
+            for path in saved {
+                assert!(
+                    path.canonicalize().expect("a file").starts_with(own.canonicalize().expect("a folder"))
+                );
+            }
+        }
+    }
 }

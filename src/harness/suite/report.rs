@@ -1,6 +1,8 @@
 //! Reports a suite: as text, as annotations for GitHub, as JSON.
 
+use std::borrow::Cow;
 use std::fmt::Write;
+use std::hash::{BuildHasher, RandomState};
 
 use serde_json::{Value, json};
 
@@ -169,6 +171,20 @@ pub fn github(finished: &Finished) -> String {
         property(&finished.name),
         escaped(message.trim_end())
     )
+}
+
+/// A text for the log of a GitHub workflow, which takes lines of it for commands, whatever blanks
+/// stand in front of them: where it has such lines, commands are stopped while it is printed, until
+/// a word that the text's author could not know.
+pub fn github_log(text: &str) -> Cow<'_, str> {
+    let is_command = |line: &str| ["::", "##["].iter().any(|start| line.trim_start().starts_with(start));
+    // A carriage return ends a line there, too.
+    if !text.split(['\n', '\r']).any(is_command) {
+        return Cow::Borrowed(text);
+    }
+    let word = RandomState::new().hash_one(text);
+    let end = if text.ends_with('\n') { "" } else { "\n" };
+    Cow::Owned(format!("::stop-commands::{word:016x}\n{text}{end}::{word:016x}::\n"))
 }
 
 /// What a workflow command takes as its message.
