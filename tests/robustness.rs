@@ -65,9 +65,16 @@ fn save(name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
+/// An input that is running.
+struct Running {
+    name: String,
+    bytes: Vec<u8>,
+    begin: Instant,
+}
+
 /// Ends the process where an input takes more than [`PATIENCE`], as a thread cannot be stopped.
 struct Watchdog {
-    running: Mutex<HashMap<thread::ThreadId, (String, Vec<u8>, Instant)>>,
+    running: Mutex<HashMap<thread::ThreadId, Running>>,
     ends: AtomicBool,
 }
 
@@ -79,7 +86,9 @@ impl Watchdog {
             while !watched.ends.load(Ordering::Relaxed) {
                 thread::sleep(Duration::from_millis(500));
                 let running = watched.running.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some((name, bytes, _)) = running.values().find(|one| one.2.elapsed() > PATIENCE) {
+                if let Some(Running { name, bytes, .. }) =
+                    running.values().find(|one| one.begin.elapsed() > PATIENCE)
+                {
                     println!("{name} takes more than {PATIENCE:?}: {}", save(name, bytes).display());
                     std::process::abort();
                 }
@@ -90,7 +99,8 @@ impl Watchdog {
 
     fn watch<T>(&self, name: &str, bytes: &[u8], run: impl FnOnce() -> T) -> T {
         let lock = || self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        lock().insert(thread::current().id(), (name.to_owned(), bytes.to_vec(), Instant::now()));
+        let running = Running { name: name.to_owned(), bytes: bytes.to_vec(), begin: Instant::now() };
+        lock().insert(thread::current().id(), running);
         let result = run();
         lock().remove(&thread::current().id());
         result
@@ -255,18 +265,20 @@ fn a_saved_input() {
     let path = Path::new(&path);
     let bytes = std::fs::read(path).expect("a readable file");
     let name = path.file_name().expect("a file").to_string_lossy();
-    let subjects: [(&str, fn(&[u8]) -> bool); 9] = [
-        ("load", subjects::load),
-        ("execute", subjects::execute),
-        ("smoke", subjects::smoke),
-        ("scene", subjects::scene),
-        ("gltf", subjects::gltf),
-        ("obj", subjects::obj),
-        ("picture", subjects::picture),
-        ("recording", subjects::recording),
-        ("command_line", subjects::command_line),
-    ];
-    let subject = subjects.iter().find(|(subject, _)| name.starts_with(subject));
-    let (subject, run) = subject.expect("a file whose name begins with a subject");
+    let (subject, _) = name.split_once('-').expect("a file whose name is SUBJECT-NUMBER");
+    let run = match subject {
+        "load" => subjects::load,
+        "execute" => subjects::execute,
+        "smoke" => subjects::smoke,
+        #[cfg(feature = "wgsl")]
+        "wgsl" => subjects::wgsl,
+        "scene" => subjects::scene,
+        "gltf" => subjects::gltf,
+        "obj" => subjects::obj,
+        "picture" => subjects::picture,
+        "recording" => subjects::recording,
+        "command_line" => subjects::command_line,
+        other => panic!("no subject is called {other}"),
+    };
     println!("{subject}: accepted: {}", run(&bytes));
 }
