@@ -702,3 +702,50 @@ fn offsets_beyond_32_bits_do_not_wrap() {
     let error = first_word(&beyond.bytes()).unwrap_err();
     assert!(error.message().contains("an offset beyond 4 GiB"), "{error}");
 }
+
+/// Of an array of four thousand million numbers, or of nothing, that lies in sixteen bytes, what
+/// these hold is shown.
+#[test]
+fn declared_arrays_are_read_as_far_as_their_buffer_reaches() {
+    let shader = Shader {
+        annotations: "OpDecorate %Many Block
+             OpMemberDecorate %Many 0 Offset 0
+             OpMemberDecorate %Many 1 Offset 0
+             OpDecorate %words ArrayStride 4
+             OpDecorate %empties ArrayStride 4
+             OpDecorate %many DescriptorSet 0
+             OpDecorate %many Binding 1"
+            .into(),
+        declarations: "%u_many = OpConstant %uint 4000000000
+             %words = OpTypeArray %uint %u_many
+             %Empty = OpTypeStruct
+             %empties = OpTypeArray %Empty %u_many
+             %Many = OpTypeStruct %words %empties
+             %ptr_Many = OpTypePointer StorageBuffer %Many
+             %many = OpVariable %ptr_Many StorageBuffer"
+            .into(),
+        body: "%third = OpAccessChain %ptr_uint %many %u0 %u2
+             OpStore %third %u2"
+            .into(),
+        ..Shader::default()
+    };
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("load-limits-declared");
+    std::fs::create_dir_all(&folder).expect("a writable folder");
+    let file = |name: &str| folder.join(name);
+    std::fs::write(file("many.spv"), shader.bytes()).expect("a writable folder");
+    let scene = "version = 1\n[shaders]\nmain = 'many.spv'\n[[dispatch]]\nshader = 'main'\n\
+                 [resources.first]\ntype = 'storage_buffer'\nbinding = 0\nsize = 16\n\
+                 [resources.many]\ntype = 'storage_buffer'\nbinding = 1\nsize = 16\n";
+    std::fs::write(file("scene.toml"), scene).expect("a writable folder");
+    let begin = Instant::now();
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(["run", "scene.toml", "--dump", "many"])
+        .current_dir(&folder)
+        .stdin(Stdio::null())
+        .output()
+        .expect("the command starts");
+    assert!(begin.elapsed() < PATIENCE, "it took {:?}", begin.elapsed());
+    let text = String::from_utf8([output.stdout, output.stderr].concat()).expect("UTF-8");
+    assert!(output.status.success(), "{text}");
+    assert_eq!(text.matches('0').count(), 3 + text.matches("set 0").count(), "{text}");
+}

@@ -197,7 +197,12 @@ impl<'a> Layout<'a> {
             }
             Type::Array { element, length, .. } => {
                 let part = Self { ty: *element, ..self };
-                let length = array_length(self.module, *length);
+                // What the bytes reach, as a module may declare any length.
+                let reached = match part.size() {
+                    0 => 0,
+                    size => bytes.len().div_ceil(size.max(self.stride())),
+                };
+                let length = array_length(self.module, *length).min(reached);
                 Value::list(name, whole, list(length, self.stride(), part))
             }
             Type::RuntimeArray { element, .. } => {
@@ -281,9 +286,10 @@ impl<'a> Layout<'a> {
             },
             Type::Array { element, length, stride } => {
                 let part = Self { ty: *element, ..self };
-                let length = self.module.scalar_value(*length).unwrap_or(0) as usize;
+                let length = array_length(self.module, *length);
                 let stride = stride.filter(|_| self.explicit()).map_or(part.size(), |stride| stride as usize);
-                row(length, stride, part)
+                // Elements without bytes have no scalars, however many there are.
+                row(if part.size() == 0 { 0 } else { length }, stride, part)
             }
             _ => Vec::new(),
         }
