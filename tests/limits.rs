@@ -118,15 +118,27 @@ fn limits_are_keys_of_a_scene() {
     assert_all(&text, &["recursion depth of 1000000", "1024 is the most"]);
 }
 
+/// Which limit stops a launch first depends on how many invocations run side by side.
+#[test]
+fn endless_loops_are_no_difference_between_widths() {
+    let scene = scene("widths.toml", "64", "fuel = 2000000\nlaunch_fuel = 3000000");
+    let path = scene.to_str().expect("a path in UTF-8");
+    let (code, text) = run(&["test", path, "--all-widths", "--check-optimizer"]);
+    assert_eq!(code, Some(1), "{text}");
+    assert_all(&text, &["an endless loop?"]);
+    assert!(!text.contains("disagree") && !text.contains("bug in anyhit"), "{text}");
+}
+
 #[test]
 fn help_lists_the_limits_of_every_command_that_runs_shaders() {
-    const ALL: [&str; 7] = [
+    const ALL: [&str; 8] = [
         "--fuel",
         "--launch-fuel",
         "--timeout",
         "--batch-timeout",
         "--max-recursion-depth",
         "--max-callable-depth",
+        "--max-stack-size",
         "--printed-bytes",
     ];
     for (command, limits) in

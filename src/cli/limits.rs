@@ -41,6 +41,10 @@ pub struct LimitArgs {
     /// How deeply callable shaders may call each other [default: the scene's choice, or 1024]
     #[arg(long, value_name = "N", value_parser = callable_depth)]
     max_callable_depth: Option<u32>,
+    /// How many bytes of registers the shaders of an invocation that call each other may hold
+    /// [default: the scene's choice, or 8388608]
+    #[arg(long, value_name = "BYTES")]
+    max_stack_size: Option<u64>,
     /// How many bytes of what shaders print are kept, 64 for each text among them; what is cut is
     /// counted [default: the scene's choice, or 67108864]
     #[arg(long, value_name = "BYTES")]
@@ -52,6 +56,7 @@ impl LaunchLimitArgs {
     pub fn limits(&self, default: LaunchLimits) -> LaunchLimits {
         LaunchLimits {
             fuel: self.launch_fuel.or(default.fuel),
+            max_fuel: default.max_fuel,
             timeout: self.timeout.or(default.timeout),
             batch_timeout: self.batch_timeout.or(default.batch_timeout),
         }
@@ -69,6 +74,7 @@ impl LimitArgs {
             batch_timeout,
             max_recursion_depth: self.max_recursion_depth,
             max_callable_depth: self.max_callable_depth,
+            max_stack_size: self.max_stack_size,
             printed_bytes: self.printed_bytes,
             default,
         }

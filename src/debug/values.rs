@@ -9,6 +9,7 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::builtin::{Builtin, ValueShape};
+use crate::ops::translate::array_length;
 
 /// The number of elements that text shows of a list.
 const MAX_ELEMENTS: usize = 16;
@@ -71,7 +72,8 @@ impl TypedValue {
     /// A value of a module's type from its words (see [`crate::pipeline::Event`]); missing words
     /// are 0.
     pub fn of_type(module: &Module, ty: TypeId, words: &[u32]) -> Self {
-        let mut words = words.iter().copied();
+        let budget = words.len().saturating_mul(16).saturating_add(1 << 20);
+        let mut words = WordReader { words, budget };
         Self { ty: type_name(module, ty), content: content(module, ty, &mut words) }
     }
 
@@ -228,8 +230,22 @@ fn type_name(module: &Module, ty: TypeId) -> String {
     described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
 }
 
-fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -> ValueContent {
-    let mut next = || words.next().unwrap_or(0);
+/// The words of a value that are still to be read.
+struct WordReader<'w> {
+    words: &'w [u32],
+    /// How many parts are still made: types without words have any number of them.
+    budget: usize,
+}
+
+impl WordReader<'_> {
+    fn next(&mut self) -> u32 {
+        self.words.split_off_first().copied().unwrap_or(0)
+    }
+}
+
+fn content(module: &Module, ty: TypeId, words: &mut WordReader<'_>) -> ValueContent {
+    words.budget = words.budget.saturating_sub(1);
+    let mut next = || words.next();
     match module.ty(ty) {
         Type::Bool => ValueContent::Bool(next() != 0),
         Type::Int { width: 64, signed } => {
@@ -260,10 +276,10 @@ fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -
                 None => ValueContent::Uint(bits),
             }
         }
-        Type::Vector { component, count } => repeated(module, *component, (*count).into(), words),
-        Type::Matrix { column, count } => repeated(module, *column, (*count).into(), words),
+        Type::Vector { component, count } => repeated(module, *component, *count as usize, words),
+        Type::Matrix { column, count } => repeated(module, *column, *count as usize, words),
         Type::Array { element, length, .. } => {
-            repeated(module, *element, module.scalar_value(*length).unwrap_or(0), words)
+            repeated(module, *element, array_length(module, *length), words)
         }
         Type::Struct { members, .. } => {
             let member = |(at, member): (usize, &crate::module::ty::Member)| ValueMember {
@@ -279,16 +295,13 @@ fn content(module: &Module, ty: TypeId, words: &mut impl Iterator<Item = u32>) -
     }
 }
 
-/// A list of `count` values of one type, at most 2^20.
-fn repeated(
-    module: &Module,
-    element: TypeId,
-    count: u64,
-    words: &mut impl Iterator<Item = u32>,
-) -> ValueContent {
-    let mut words: &mut dyn Iterator<Item = u32> = words;
-    let count = count.min(1 << 20);
-    ValueContent::List((0..count).map(|_| content(module, element, &mut words)).collect())
+/// A list of `count` values of one type, as far as the budget goes.
+fn repeated(module: &Module, element: TypeId, count: usize, words: &mut WordReader<'_>) -> ValueContent {
+    let mut values = Vec::new();
+    while values.len() < count && words.budget > 0 {
+        values.push(content(module, element, words));
+    }
+    ValueContent::List(values)
 }
 
 fn uints(words: &[u32]) -> ValueContent {

@@ -10,10 +10,9 @@
 use crate::error::{Error, ErrorKind};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::value::Value;
-use crate::module::interface::Stage;
+use crate::module::Module;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
-use crate::module::{Id, Module};
-use crate::ops::translate::Translator;
+use crate::ops::translate::array_length;
 
 /// Fields of a layout that an error shows.
 const SHOWN: usize = 24;
@@ -156,13 +155,34 @@ impl<'a> Layout<'a> {
 
     /// Reads a value; parts that the bytes do not reach are left out of arrays and are zero
     /// elsewhere.
+    ///
+    /// Members may share their bytes, so that a few types make any number of parts: those beyond
+    /// some sixty readings of all bytes are opaque.
     pub fn read(self, bytes: &[u8]) -> Value {
-        let at = |offset: usize| bytes.get(offset..).unwrap_or_default();
-        let list = |count: usize, stride: usize, part: Self| {
-            (0..count).map(|index| part.read(at(index * stride))).collect::<Vec<_>>()
+        let mut budget = bytes.len().saturating_mul(64).saturating_add(1 << 16);
+        self.read_within(bytes, &mut budget)
+    }
+
+    /// As [`Layout::read`]; each part costs its bytes and one more.
+    fn read_within(self, bytes: &[u8], budget: &mut usize) -> Value {
+        let list_at = |bytes: &[u8], count: usize, stride: usize, part: Self, budget: &mut usize| {
+            let mut elements = Vec::new();
+            for index in 0..count {
+                if *budget == 0 {
+                    break;
+                }
+                let from = bytes.get(index.saturating_mul(stride)..).unwrap_or_default();
+                elements.push(part.read_within(from, budget));
+            }
+            elements
         };
+        let list = |count, stride, part, budget: &mut usize| list_at(bytes, count, stride, part, budget);
         let whole = &bytes[..bytes.len().min(self.size())];
         let name = self.module.describe_type(self.ty);
+        if *budget == 0 {
+            return Value::scalar(name, &[], "opaque");
+        }
+        *budget = budget.saturating_sub(whole.len() + 1);
         match self.module.ty(self.ty) {
             Type::Bool => Value::scalar(name, whole, "bool"),
             Type::Int { width, signed } => {
@@ -172,7 +192,7 @@ impl<'a> Layout<'a> {
             ty @ Type::Float { .. } => Value::float(name, whole, ty.float_format()),
             Type::Vector { component, count } => {
                 let part = self.part(*component);
-                Value::list(name, whole, list(*count as usize, part.size(), part))
+                Value::list(name, whole, list(*count as usize, part.size(), part, budget))
             }
             Type::Matrix { column, count } => {
                 let columns = match self.matrix.filter(|_| self.explicit()) {
@@ -180,18 +200,15 @@ impl<'a> Layout<'a> {
                         let (part, rows) = (self.scalar(*column), self.lanes(*column));
                         let column_name = self.module.describe_type(*column);
                         let column = |index: usize| {
-                            let first = at(index * part.size());
-                            let value = |row: usize| {
-                                part.read(first.get(row * layout.stride as usize..).unwrap_or_default())
-                            };
-                            let values: Vec<_> = (0..rows).map(value).collect();
+                            let first = bytes.get(index * part.size()..).unwrap_or_default();
+                            let values = list_at(first, rows, layout.stride as usize, part, budget);
                             let packed = values.iter().flat_map(|value| value.bytes().to_vec());
                             Value::list(column_name.clone(), &packed.collect::<Vec<_>>(), values)
                         };
                         (0..*count as usize).map(column).collect()
                     }
-                    Some(layout) => list(*count as usize, layout.stride as usize, self.part(*column)),
-                    None => list(*count as usize, self.part(*column).size(), self.part(*column)),
+                    Some(layout) => list(*count as usize, layout.stride as usize, self.part(*column), budget),
+                    None => list(*count as usize, self.part(*column).size(), self.part(*column), budget),
                 };
                 Value::list(name, whole, columns)
             }
@@ -203,21 +220,21 @@ impl<'a> Layout<'a> {
                     size => bytes.len().div_ceil(size.max(self.stride())),
                 };
                 let length = array_length(self.module, *length).min(reached);
-                Value::list(name, whole, list(length, self.stride(), part))
+                Value::list(name, whole, list(length, self.stride(), part, budget))
             }
             Type::RuntimeArray { element, .. } => {
                 let part = Self { ty: *element, ..self };
                 let stride = self.stride().max(1);
-                Value::list(name, bytes, list(bytes.len() / stride, stride, part))
+                Value::list(name, bytes, list(bytes.len() / stride, stride, part, budget))
             }
             Type::Struct { members, .. } => {
-                let fields = members.iter().enumerate().map(|(index, member)| {
-                    let (offset, layout) = self.member(index);
+                let places = members.iter().zip(self.members()).enumerate();
+                let fields = places.map(|(index, (member, (offset, layout)))| {
                     let name = match member.name.as_str() {
                         "" => format!("_{index}"),
                         name => name.to_string(),
                     };
-                    (name, layout.read(at(offset)))
+                    (name, layout.read_within(bytes.get(offset..).unwrap_or_default(), budget))
                 });
                 let open = self.runtime_stride().is_some();
                 Value::structure(name, if open { bytes } else { whole }, fields.collect())
@@ -247,9 +264,8 @@ impl<'a> Layout<'a> {
     fn each_scalar(self, offset: usize, found: &mut Vec<(usize, Self)>) {
         match self.module.ty(self.ty) {
             Type::Bool | Type::Int { .. } | Type::Float { .. } => found.push((offset, self)),
-            Type::Struct { members, .. } => {
-                for index in 0..members.len() {
-                    let (at, member) = self.member(index);
+            Type::Struct { .. } => {
+                for (at, member) in self.members() {
                     member.each_scalar(offset + at, found);
                 }
             }
@@ -346,8 +362,7 @@ impl<'a> Layout<'a> {
     fn collect_lines(self, path: &str, offset: usize, lines: &mut Vec<(usize, String)>) {
         match self.module.ty(self.ty) {
             Type::Struct { members, .. } => {
-                for (index, member) in members.iter().enumerate() {
-                    let (at, layout) = self.member(index);
+                for (member, (at, layout)) in members.iter().zip(self.members()) {
                     let dot = if path.is_empty() { "" } else { "." };
                     layout.collect_lines(&format!("{path}{dot}{}", member.name), offset + at, lines);
                 }
@@ -421,14 +436,6 @@ fn shorten(lines: &mut Vec<String>) {
         lines.truncate(SHOWN);
         lines.push(format!("and {more} more"));
     }
-}
-
-/// The length of an array type, from the constant that it names, computed ones included; 0 where
-/// that is no number.
-pub fn array_length(module: &Module, length: Id) -> usize {
-    let known = module.scalar_value(length);
-    let computed = || Translator::new(module, Stage::RayGeneration).array_length(length).ok().map(u64::from);
-    known.or_else(computed).and_then(|length| length.try_into().ok()).unwrap_or(0)
 }
 
 fn scalar_size(width: u32, rules: Rules) -> usize {

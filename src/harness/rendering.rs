@@ -84,13 +84,13 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
         }
     };
     let (expected, pixels) = (expected.rgba8(false)?, found.rgba8(*linear)?);
-    let [width, height] = found.extent;
+    let [width, _] = found.extent;
     let texels = || expected.chunks_exact(4).zip(pixels.chunks_exact(4)).enumerate();
     let Some((first, _)) = texels().find(|(_, (one, other))| one != other) else { return Ok(None) };
     let count = texels().filter(|(_, (one, other))| one != other).count();
     let [x, y] = [first as u32 % width, first as u32 / width];
     let message =
-        format!("`{}`: {count} of {} pixels differ, the first at ({x}, {y})", bytes.name, width * height);
+        format!("`{}`: {count} of {} pixels differ, the first at ({x}, {y})", bytes.name, pixels.len() / 4);
     let mut difference = differs(&path, message);
     difference.subject = Subject::Texel(bytes.binding, [x, y]);
     difference.fix = Some(renewed);

@@ -85,6 +85,8 @@ limits! {
     Operations "operations" 1 << 24, "operations, and registers of values, that an entry point is lowered to";
     /// Bytes of the memory that a workgroup shares: 2^24.
     WorkgroupBytes "workgroup-bytes" 1 << 24, "bytes of workgroup memory";
+    /// Registers, of 32 bits, of all invocations of a workgroup: 2^26.
+    WorkgroupRegisters "workgroup-registers" 1 << 26, "registers of a workgroup's invocations";
     /// Bytes of one resource that a smoke test makes up: 2^27.
     SmokeResourceBytes "smoke-resource-bytes" 1 << 27, "bytes of one resource that a smoke test makes up";
     /// Bytes of all that a smoke test makes up for one launch: 2^29.

@@ -52,6 +52,8 @@ pub enum TrapCode {
     AccelerationStructureMissing,
     /// `maxPipelineRayRecursionDepth` would be passed.
     RecursionTooDeep,
+    /// The shaders of an invocation that call each other hold more registers than the stack has.
+    StackOverflow,
     /// Callable shaders nest deeper than this machine goes.
     CallablesTooDeep,
     /// The shader binding table has no such record.
@@ -152,6 +154,7 @@ impl TrapCode {
             Self::InvalidTrace => "the operands of a trace break a rule",
             Self::AccelerationStructureMissing => "the acceleration structure of a trace does not exist",
             Self::RecursionTooDeep => "maxPipelineRayRecursionDepth is passed",
+            Self::StackOverflow => "the stack of shaders that call each other is full: an endless recursion?",
             Self::CallablesTooDeep => "callable shaders call each other too deeply: an endless recursion?",
             Self::ShaderRecordMissing => "the shader binding table has no such record",
             Self::HitRecordMissing => "the hit shader binding table has no record for what the ray met",
@@ -240,10 +243,13 @@ impl TrapCode {
         }
     }
 
-    /// Whether a message tells of a trap by a limit; see [`TrapCode::is_limit`].
-    pub fn names_limit(message: &str) -> bool {
-        let limits = [Self::OutOfFuel, Self::LaunchOutOfFuel, Self::LaunchTimedOut, Self::BatchTimedOut];
-        limits.iter().any(|code| message.ends_with(code.message()))
+    /// The limits of running.
+    const LIMITS: [Self; 4] =
+        [Self::OutOfFuel, Self::LaunchOutOfFuel, Self::LaunchTimedOut, Self::BatchTimedOut];
+
+    /// The limit of running that a message tells of; see [`TrapCode::is_limit`].
+    pub fn limit_of_message(message: &str) -> Option<Self> {
+        Self::LIMITS.into_iter().find(|code| message.ends_with(code.message()))
     }
 
     /// Whether the clock stopped the invocation: where it was then depends on the machine.
@@ -254,7 +260,7 @@ impl TrapCode {
     /// Whether a limit of running stopped the invocation: what others have left behind then depends
     /// on how many of them run side by side.
     pub fn is_limit(self) -> bool {
-        matches!(self, Self::OutOfFuel | Self::LaunchOutOfFuel | Self::LaunchTimedOut | Self::BatchTimedOut)
+        Self::LIMITS.contains(&self)
     }
 }
 

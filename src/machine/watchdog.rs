@@ -49,6 +49,8 @@ impl LaunchFuel {
 pub struct LaunchLimits {
     /// What all invocations may execute together.
     pub fuel: Option<LaunchFuel>,
+    /// What is the most, whatever `fuel` says: a test may lower its own limit, not raise it.
+    pub max_fuel: Option<LaunchFuel>,
     /// How long the launch may take. What it ends depends on the machine.
     pub timeout: Option<Duration>,
     /// How long the invocations of one batch, or of the workgroups that run together, may take with
@@ -59,8 +61,12 @@ pub struct LaunchLimits {
 impl LaunchLimits {
     /// What `anyhit test` sets unless told otherwise: [`LaunchFuel::DEFAULT`] and 8 seconds for a
     /// batch.
-    pub const TESTS: Self =
-        Self { fuel: Some(LaunchFuel::DEFAULT), timeout: None, batch_timeout: Some(Duration::from_secs(8)) };
+    pub const TESTS: Self = Self {
+        fuel: Some(LaunchFuel::DEFAULT),
+        max_fuel: None,
+        timeout: None,
+        batch_timeout: Some(Duration::from_secs(8)),
+    };
     /// What `anyhit smoke` sets, which runs a shader many times: 4 seconds for a batch.
     pub const SMOKE: Self = Self { batch_timeout: Some(Duration::from_secs(4)), ..Self::TESTS };
 }
@@ -91,7 +97,8 @@ struct Ledger {
 impl Watchdog {
     /// The watchdog of a launch of so many invocations, which begins now.
     pub fn new(limits: LaunchLimits, invocations: u64) -> Arc<Self> {
-        let fuel = limits.fuel.map_or(u64::MAX, |fuel| fuel.of_invocations(invocations));
+        let of = |fuel: Option<LaunchFuel>| fuel.map_or(u64::MAX, |fuel| fuel.of_invocations(invocations));
+        let fuel = of(limits.fuel).min(of(limits.max_fuel));
         Arc::new(Self {
             limits,
             began: Instant::now(),

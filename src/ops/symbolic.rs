@@ -40,15 +40,23 @@ enum Expression {
         op: u32,
         effects: u32,
         word: u32,
-        operands: Values,
+        operands: OperandList,
     },
 }
+
+/// The number of a list of operands: each word of a result that depends on thousands of registers
+/// names them by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct OperandList(u32);
 
 /// The value numbers of all expressions so far.
 #[derive(Default)]
 pub struct ValueTable {
     numbers: FxHashMap<Expression, ValueNumber>,
     expressions: Vec<Expression>,
+    /// The numbers of lists of operands, and the lists.
+    list_numbers: FxHashMap<Values, OperandList>,
+    lists: Vec<Values>,
     /// The numbers of irregular operations, by their text without renamable registers.
     irregular: FxHashMap<String, u32>,
     /// The addresses of kernels that commute.
@@ -165,8 +173,18 @@ impl ValueTable {
         shift == Some(*kernel) && self.word_of(operands[1]).is_some_and(|by| (1..32).contains(&by))
     }
 
-    fn irregular(&mut self, op: u32, effects: u32, word: u32, operands: &Values) -> ValueNumber {
-        self.number(Expression::Irregular { op, effects, word, operands: operands.clone() })
+    fn list(&mut self, operands: &Values) -> OperandList {
+        if let Some(&known) = self.list_numbers.get(operands) {
+            return known;
+        }
+        let number = OperandList(self.lists.len() as u32);
+        self.lists.push(operands.clone());
+        self.list_numbers.insert(operands.clone(), number);
+        number
+    }
+
+    fn irregular(&mut self, op: u32, effects: u32, word: u32, operands: OperandList) -> ValueNumber {
+        self.number(Expression::Irregular { op, effects, word, operands })
     }
 
     /// The first operands in which two expressions differ, for messages.
@@ -180,7 +198,9 @@ impl ValueTable {
             (
                 Expression::Irregular { op, effects, word, operands },
                 Expression::Irregular { op: op2, effects: effects2, word: word2, operands: operands2 },
-            ) if (op, effects, word) == (op2, effects2, word2) => Some((operands, operands2)),
+            ) if (op, effects, word) == (op2, effects2, word2) => {
+                Some((&self.lists[operands.0 as usize], &self.lists[operands2.0 as usize]))
+            }
             _ => None,
         };
         let parts = operands.and_then(|(a, b)| a.iter().zip(b).find(|(a, b)| a != b));
@@ -213,7 +233,10 @@ impl ValueTable {
             Expression::Irregular { op, effects, word, operands } => {
                 let name = self.irregular.iter().find(|(_, number)| *number == op);
                 let name = name.map_or("?", |(name, _)| name);
-                format!("word {word} of {name} behind {effects} effects ({})", list(operands))
+                format!(
+                    "word {word} of {name} behind {effects} effects ({})",
+                    list(&self.lists[operands.0 as usize])
+                )
             }
         }
     }
@@ -345,16 +368,17 @@ impl<'a> State<'a> {
             implicit.read_by_pipeline.iter().for_each(|&reg| self.read(reg, 1, table, &mut operands));
         }
         let effects = self.effects.len() as u32;
+        let list = table.list(&operands);
         let mut word = 0;
         for (first, count) in writes {
             for reg in first.0..first.0 + count {
-                self.set(Reg(reg), table.irregular(key, effects, word, &operands));
+                self.set(Reg(reg), table.irregular(key, effects, word, list));
                 word += 1;
             }
         }
         let mut changes = |regs: &[Reg], state: &mut Self| {
             for &reg in regs {
-                state.set(reg, table.irregular(key, effects, word, &operands));
+                state.set(reg, table.irregular(key, effects, word, list));
                 word += 1;
             }
         };

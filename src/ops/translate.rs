@@ -28,6 +28,7 @@ use crate::ops::memory::{self, Pointer};
 use crate::ops::op::Op;
 use crate::ops::pointer_layout::{self, ends_in_matrix};
 use budget::{WORDS_OF_A_STEP, named};
+pub use constants::array_length;
 use fingerprint::Fingerprint;
 pub use values::{IdValue, Words, registers_from};
 use values::{Values, words_from};

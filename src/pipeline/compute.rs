@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::InputLimit;
 use crate::machine::{LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Stats;
@@ -55,7 +56,8 @@ impl Compute {
     /// A compute shader with the default fuel and subgroups of 32.
     ///
     /// # Errors
-    /// `InvalidArgument` where the program is of another stage.
+    /// `InvalidArgument` where the program is of another stage, `UnsupportedModule` where a workgroup
+    /// of it holds more registers than the limit.
     pub fn new(program: impl Into<Arc<Program>>) -> Result<Self> {
         let program = program.into();
         let Some(layout) = program.workgroup else {
@@ -63,6 +65,12 @@ impl Compute {
                 format!("entry point `{}` is {}, not GLCompute", program.name, program.stage.name());
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         };
+        let invocations = layout.size.iter().map(|&side| u64::from(side)).fold(1, u64::saturating_mul);
+        let registers = invocations.saturating_mul(program.register_count.into());
+        let limits = &program.module.limits;
+        limits
+            .check(InputLimit::WorkgroupRegisters, registers, ErrorKind::UnsupportedModule)
+            .map_err(|error| error.context(format!("entry point `{}`", program.name)))?;
         let subgroup_size = crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
         let mixes_atomics = race_analysis::mixes_workgroup_atomics(&program);
         let launch_limits = LaunchLimits::default();

@@ -36,6 +36,7 @@ where
     /// ray.
     pub(super) fn begin_hit_object_execute(&mut self, mask: Mask<W>, object: ObjectRef, payload: RegSpan) {
         let mut trace = self.acquire_trace(true);
+        let is_full = self.is_full();
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
@@ -50,6 +51,7 @@ where
                     HitObject::Unrecorded => Err(TrapCode::HitObjectUnrecorded),
                     HitObject::Empty => Ok(false),
                     _ if trace.depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
+                    _ if is_full => Err(TrapCode::StackOverflow),
                     HitObject::Miss(encoded) => {
                         let ray = (Tlas::empty(), &encoded.trace);
                         trace.add_hit_object(lane, ray, encoded.record, None);

@@ -60,6 +60,10 @@ pub const DEFAULT_CALLABLE_DEPTH: u32 = 1024;
 /// The greatest depth of callable shaders that can be set.
 pub const GREATEST_CALLABLE_DEPTH: u32 = 1 << 14;
 
+/// Bytes of registers, for each invocation, of shaders that call each other, unless set otherwise.
+/// A batch of 64 invocations takes 64 times as many.
+pub const DEFAULT_STACK_SIZE: u64 = 1 << 23;
+
 /// Shaders, groups and the shader binding table.
 #[derive(Clone, Debug)]
 pub struct Pipeline {
@@ -73,6 +77,9 @@ pub struct Pipeline {
     pub max_recursion: u32,
     /// How deeply callable shaders may call each other.
     pub max_callable_depth: u32,
+    /// How many bytes of registers the shaders of an invocation may hold where one of them traces
+    /// or calls another.
+    pub max_stack_size: u64,
     /// Instructions that an invocation may execute; see [`DEFAULT_FUEL`].
     pub fuel: u64,
     /// The limits of a whole launch.
@@ -148,6 +155,7 @@ pub struct Builder {
     sbt: Sbt,
     max_recursion: Option<u32>,
     max_callable_depth: Option<u32>,
+    max_stack_size: Option<u64>,
     fuel: Option<u64>,
     launch_limits: LaunchLimits,
     subgroup_size: Option<u32>,
@@ -267,6 +275,14 @@ impl Builder {
         self
     }
 
+    /// Sets how many bytes of registers the shaders of an invocation may hold where one of them
+    /// traces or calls another (as `vkCmdSetRayTracingPipelineStackSizeKHR` sets a pipeline's stack);
+    /// [`DEFAULT_STACK_SIZE`] unless set.
+    pub fn max_stack_size(&mut self, bytes: u64) -> &mut Self {
+        self.max_stack_size = Some(bytes);
+        self
+    }
+
     /// Sets the limits of a whole launch; unless set, it has none.
     pub fn launch_limits(&mut self, limits: LaunchLimits) -> &mut Self {
         self.launch_limits = limits;
@@ -324,6 +340,7 @@ impl Builder {
             sbt: self.sbt.clone(),
             max_recursion,
             max_callable_depth,
+            max_stack_size: self.max_stack_size.unwrap_or(DEFAULT_STACK_SIZE),
             fuel: self.fuel.unwrap_or(DEFAULT_FUEL),
             launch_limits: self.launch_limits,
             subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),

@@ -112,6 +112,8 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     /// The trap of the lowest launch index.
     pub trapped: Option<Trapped>,
     pub frames: Vec<ShaderCallFrame<W>>,
+    /// Bytes of registers, for each invocation, of the shaders in the frames.
+    stack_size: u64,
     /// What ends the launch; `None` where one shader runs by itself.
     pub watch: Option<Arc<TaskWatch>>,
     /// By shader, the batches whose memory can be reused.
@@ -157,6 +159,7 @@ where
             stats: Stats::default(),
             trapped: None,
             frames: Vec::new(),
+            stack_size: 0,
             watch: None,
             free_batches,
             free_traces: Vec::new(),
@@ -347,6 +350,7 @@ where
     fn push_shader(&mut self, mut running: Box<RunningShader<W>>) {
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let mask = running.lanes;
+        self.stack_size += u64::from(program.register_count) * 4;
         self.stats.count(program.stage, mask.count());
         if let Some(watch) = &self.watch {
             watch.charge(u64::from(program.entry_cost()) * u64::from(mask.count()));
@@ -397,6 +401,7 @@ where
             }
         }
         self.frames.clear();
+        self.stack_size = 0;
         if let (Some(code), Some(watch), None) = (code, &self.watch, &self.trapped) {
             // A ray that no shader has traced.
             let note = limit_note(code, self.pipeline.fuel, Some(watch.watchdog()));
@@ -419,6 +424,7 @@ where
             unreachable!("bug in anyhit: the frame that returns is no shader");
         };
         let program = &*pipeline.programs[running.shader.0 as usize];
+        self.stack_size -= u64::from(program.register_count) * 4;
         self.stats.ray_queries += running.batch.queries.initialized;
         self.stats.reorders += running.batch.reorders;
         if let Some(watch) = &self.watch {
@@ -505,8 +511,16 @@ where
         self.frames.iter().rev().filter(is_callable).count() as u32
     }
 
+    /// Whether the shaders in the frames hold so much that none of them may call another.
+    pub(super) fn is_full(&self) -> bool {
+        self.stack_size > self.pipeline.max_stack_size
+    }
+
     fn advance_execute_callable(&mut self) {
-        let deep = self.callable_depth() >= self.pipeline.max_callable_depth;
+        let deep = match self.callable_depth() >= self.pipeline.max_callable_depth {
+            true => Some(TrapCode::CallablesTooDeep),
+            false => self.is_full().then_some(TrapCode::StackOverflow),
+        };
         let [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] =
             &mut self.frames[..]
         else {
@@ -516,9 +530,9 @@ where
             self.frames.pop();
             return;
         };
-        if deep {
+        if let Some(code) = deep {
             let op = below.batch.op - 1;
-            below.batch.trap(lanes, TrapCode::CallablesTooDeep, op);
+            below.batch.trap(lanes, code, op);
             return;
         }
         let (data, index) = (call.data, call.index);

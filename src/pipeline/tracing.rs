@@ -82,6 +82,7 @@ where
         object: Option<ObjectRef>,
     ) {
         let mut trace = self.acquire_trace(object.is_none());
+        let is_full = self.is_full();
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
         let batch = &mut running.batch;
@@ -91,7 +92,10 @@ where
         let found = trace.read_operands(&batch.registers, operands, bindings, mask);
         let flags = self.pipeline.flags;
         let mut lanes = found & trace.rays.valid_rays(flags.ray_flags());
-        if trace.depth > self.pipeline.max_recursion || matches!(object, Some(ObjectRef::Computed { .. })) {
+        if trace.depth > self.pipeline.max_recursion
+            || is_full
+            || matches!(object, Some(ObjectRef::Computed { .. }))
+        {
             lanes = Mask::NONE;
         }
         // Lanes whose rays may break a rule are checked one by one.
@@ -107,6 +111,7 @@ where
                 _ if trace.depth > self.pipeline.max_recursion => {
                     Some((TrapCode::RecursionTooDeep, handle()))
                 }
+                _ if is_full => Some((TrapCode::StackOverflow, handle())),
                 Err(broken) => Some((TrapCode::InvalidTrace, broken as u64)),
                 Ok(()) => None,
             };

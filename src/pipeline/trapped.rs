@@ -101,6 +101,13 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
                 self.pipeline.max_callable_depth
             ));
         }
+        if code == TrapCode::StackOverflow {
+            return Some(format!(
+                "the limit is max_stack_size = {} bytes of registers: raise it in the scene's [pipeline], \
+                 with --max-stack-size, or Builder::max_stack_size",
+                self.pipeline.max_stack_size
+            ));
+        }
         let dog = self.watch.as_ref().map(|watch| &**watch.watchdog());
         limit_note(code, self.pipeline.fuel, dog)
     }

@@ -25,6 +25,9 @@ use crate::pipeline::observer::Event;
 use crate::pipeline::trapped::{Trapped, limit_note, source_line, trap_error};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
+/// Bytes of workgroup memory of all workgroups that share a batch, where that is more than one.
+const MAX_SHARED_BYTES: u32 = 1 << 24;
+
 /// Lanes of a batch that wait at a barrier.
 #[derive(Clone, Copy, Debug)]
 struct WaitingLanes<const W: usize> {
@@ -95,7 +98,9 @@ where
         let has_calls =
             program.blocks.iter().any(|block| matches!(block.terminator, Terminator::Call { .. }));
         let has_barriers = program.ops.iter().any(|op| matches!(op, Op::Barrier));
-        let concurrent = if has_calls && has_barriers { 1 } else { (W / group_size).max(1) };
+        let fitting = MAX_SHARED_BYTES.checked_div(layout.memory).unwrap_or(u32::MAX) as usize;
+        let side_by_side = (W / group_size).min(fitting).max(1);
+        let concurrent = if has_calls && has_barriers { 1 } else { side_by_side };
         let batches = (0..(group_size * concurrent).div_ceil(W))
             .map(|_| {
                 let mut batch = program.batch();

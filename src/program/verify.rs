@@ -23,10 +23,9 @@ use crate::program::{Block, Program, Superblock, Terminator};
 
 /// Programs of more operations are not checked.
 const MAX_OPERATIONS: usize = 20_000;
-/// Programs with more pairs of registers are not checked either. Each effect records all registers
-/// that code outside the program can access, and each operation pairs what it reads with what it
-/// writes.
-const MAX_PAIRS: usize = 1 << 22;
+/// Programs whose operations access more registers together are not checked either. Each may access
+/// all registers that code outside the program, or a computed index, can access.
+const MAX_ACCESSES: usize = 1 << 22;
 
 /// A program between two passes.
 #[derive(Clone, Debug)]
@@ -109,8 +108,8 @@ impl Verifier {
         implicit.read_by_pipeline.clone_from(&results);
         let registers =
             implicit.read_by_pipeline.len() + implicit.addressed.len() + implicit.written_by_pipeline.len();
-        let pairs = before.ops.iter().map(pairs).fold(0, usize::saturating_add);
-        if registers.saturating_mul(before.ops.len()).saturating_add(pairs) > MAX_PAIRS {
+        let named = before.ops.iter().map(accessed_registers).fold(0, usize::saturating_add);
+        if registers.saturating_mul(before.ops.len()).saturating_add(named) > MAX_ACCESSES {
             return None;
         }
         let mut verifier = Self {
@@ -344,15 +343,14 @@ impl Verifier {
     }
 }
 
-/// The number of pairs of a register that an operation reads and one that it writes.
-fn pairs(op: &Op) -> usize {
-    let (mut reads, mut writes) = (0usize, 0usize);
+/// The number of registers that an operation names.
+fn accessed_registers(op: &Op) -> usize {
+    let mut registers = 0;
     op.accesses(|access| match access {
-        Access::Read(_, count) => reads += count as usize,
-        Access::Write(_, count) => writes += count as usize,
+        Access::Read(_, count) | Access::Write(_, count) => registers += count as usize,
         Access::Effect => {}
     });
-    reads.saturating_mul(writes)
+    registers
 }
 
 /// A register that an operation writes although it holds a constant.

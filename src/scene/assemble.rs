@@ -344,6 +344,9 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     if let Some(depth) = scene.max_callable_depth {
         builder.max_callable_depth(depth);
     }
+    if let Some(bytes) = scene.max_stack_size {
+        builder.max_stack_size(bytes);
+    }
     builder.launch_limits(scene.launch_limits);
     if let Some(size) = scene.subgroup_size {
         builder.subgroup_size(size);

@@ -285,6 +285,8 @@ pub struct PipelineEntry {
     pub launch_fuel: Option<u64>,
     /// How deeply callable shaders may call each other.
     pub max_callable_depth: Option<u32>,
+    /// Bytes of registers of the shaders that call each other.
+    pub max_stack_size: Option<u64>,
     /// How many bytes of what shaders print are kept.
     pub printed_bytes: Option<u64>,
     /// What happens on an access outside its buffer or image.
@@ -319,6 +321,7 @@ impl Parse for PipelineEntry {
             fuel: table.optional_renamed("fuel", "budget"),
             launch_fuel: table.optional("launch_fuel"),
             max_callable_depth: callable_depth.map(|depth| depth.value),
+            max_stack_size: table.optional("max_stack_size"),
             printed_bytes: table.optional("printed_bytes"),
             memory: table.optional("memory"),
             flags: device::flags(&table),

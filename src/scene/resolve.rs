@@ -240,6 +240,7 @@ impl<'a> Resolver<'a> {
             max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
             subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
             max_callable_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_callable_depth),
+            max_stack_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_stack_size),
             fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.fuel),
             launch_limits: LaunchLimits {
                 fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.launch_fuel).map(LaunchFuel::of),

@@ -44,6 +44,8 @@ pub struct ResolvedScene {
     pub subgroup_size: Option<u32>,
     /// How deeply callable shaders may call each other, if the scene sets it.
     pub max_callable_depth: Option<u32>,
+    /// Bytes of registers of the shaders that call each other, if the scene sets it.
+    pub max_stack_size: Option<u64>,
     /// Instructions that an invocation may execute, counted at back edges, calls and stops, if
     /// the scene sets it.
     pub fuel: Option<u64>,

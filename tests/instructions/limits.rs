@@ -168,7 +168,7 @@ fn a_launch_of_endless_invocations_ends_within_the_limits_of_tests() {
     let (_, resources) = output(64 * 256 * 16);
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let error = stopped(|| launch.run::<64>([64, 256, 1], &|_| ()));
-    assert!(TrapCode::names_limit(error.message()), "{}", error.render());
+    assert!(TrapCode::limit_of_message(error.message()).is_some(), "{}", error.render());
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn an_endless_loop_of_reports_ends() {
     let trace = TraceRay { ray, flags: RayFlags::default(), cull_mask: 0xFF, time: 0.0 };
     let operands = RayOperands { trace, sbt_offset: 0, sbt_stride: 0, miss_index: 0, payload: Vec::new() };
     let error = stopped(|| launch.trace(&tlas, operands, &mut ()));
-    assert!(TrapCode::names_limit(error.message()), "{}", error.render());
+    assert!(TrapCode::limit_of_message(error.message()).is_some(), "{}", error.render());
 }
 
 /// A callable shader that calls itself twice: a tree of 2^1024 calls.
@@ -365,6 +365,47 @@ fn callable_shaders_nest_as_deeply_as_is_allowed() {
 }
 
 #[test]
+fn callable_shaders_hold_no_more_than_the_stack_has() {
+    // Each call holds an array of 2^16 registers, as its index is computed: 2^18 bytes. 2^23 bytes
+    // are full behind 32 calls, which are far from the greatest depth.
+    let shader = Shader {
+        declarations: "
+            %ptr_CallableData_uint = OpTypePointer CallableDataKHR %uint
+            %data = OpVariable %ptr_CallableData_uint CallableDataKHR
+            %u65536 = OpConstant %uint 65536
+            %many = OpTypeArray %uint %u65536
+            %ptr_Private_many = OpTypePointer Private %many
+            %held = OpVariable %ptr_Private_many Private",
+        functions: "
+            %callee = OpFunction %void None %main_type
+            %callee_entry = OpLabel
+            %ids = OpLoad %uint3 %launch_id
+            %at = OpCompositeExtract %uint %ids 0
+            %place = OpAccessChain %ptr_Private_uint %held %at
+            OpStore %place %u1
+            OpExecuteCallableKHR %u0 %data
+            %kept = OpLoad %uint %place
+            OpStore %data %kept
+            OpReturn
+            OpFunctionEnd",
+        ..calls_itself(1)
+    };
+    let (_, resources) = output(16);
+    let mut pipeline = callable_pipeline(&shader, 1024, LaunchLimits::default()).expect("a pipeline");
+    for (bytes, code) in [(1 << 23, TrapCode::StackOverflow), (1 << 40, TrapCode::CallablesTooDeep)] {
+        pipeline.max_stack_size = bytes;
+        // Not all 1024 calls: they are 256 MiB.
+        pipeline.max_callable_depth = 40;
+        let launch = Launch { pipeline: &pipeline, resources: &resources };
+        let error = stopped(|| launch.run::<1>([1, 1, 1], &|_| ()));
+        assert_code(&error, code);
+        let text = error.render();
+        let told = text.contains("max_stack_size = 8388608 bytes of registers");
+        assert_eq!(told, code == TrapCode::StackOverflow, "{text}");
+    }
+}
+
+#[test]
 fn a_tree_of_callable_shaders_without_end_ends() {
     let (_, resources) = output(16);
     // The calls below 40 levels come back, so that each has two: 2^40 calls.
@@ -400,7 +441,7 @@ fn a_tree_of_callable_shaders_without_end_ends() {
     let pipeline = callable_pipeline(&shader, 1024, LaunchLimits::TESTS).expect("a pipeline");
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let error = stopped(|| launch.run::<64>([1, 1, 1], &|_| ()));
-    assert!(TrapCode::names_limit(error.message()), "{}", error.render());
+    assert!(TrapCode::limit_of_message(error.message()).is_some(), "{}", error.render());
 }
 
 #[test]

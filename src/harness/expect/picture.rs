@@ -167,7 +167,7 @@ impl PictureExpectation {
                 None => return Ok(None),
                 Some((count, texel, words)) => {
                     let [x, y] = texel;
-                    let all = expected.extent[0] * expected.extent[1];
+                    let all = u64::from(expected.extent[0]) * u64::from(expected.extent[1]);
                     let message = format!(
                         "`{}`: {count} of {all} texels differ, most the one at ({x}, {y}): {words}",
                         bytes.name

@@ -60,6 +60,7 @@ impl Named for TrapName {
         ("not_triangle", Self(TrapCode::NotTriangle)),
         ("not_sphere", Self(TrapCode::NotSphere)),
         ("not_linear_swept_sphere", Self(TrapCode::NotLinearSweptSphere)),
+        ("stack_overflow", Self(TrapCode::StackOverflow)),
         ("callables_too_deep", Self(TrapCode::CallablesTooDeep)),
         ("null_any_hit", Self(TrapCode::NullAnyHit)),
         ("null_closest_hit", Self(TrapCode::NullClosestHit)),

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{ErrorKind, Result};
-use crate::harness::layout::{Layout, Rules, array_length};
+use crate::harness::layout::{Layout, Rules};
 use crate::input::InputLimit;
 use crate::machine::{Buffer, DeviceMemory};
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
+use crate::ops::translate::array_length;
 use crate::scene::random::Random;
 
 /// Elements that a runtime array, or memory behind an address, is given at least.

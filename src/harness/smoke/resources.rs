@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Error, Result};
-use crate::harness::layout::array_length;
 use crate::harness::smoke::fill::{
     FillContent, FillExtent, Filler, MadeUpBytes, PlaceId, ValueSource, WideIntegers, mix,
 };
@@ -18,6 +17,7 @@ use crate::module::interface::InterfaceVariable;
 use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
+use crate::ops::translate::array_length;
 use crate::program::Program;
 use crate::scene::image::declared_format;
 

@@ -413,7 +413,7 @@ impl Tester<'_> {
             mendable,
         };
         // What was stopped by a limit runs no second time.
-        let stopped = differences.iter().any(|one| TrapCode::names_limit(one.error.message()));
+        let stopped = differences.iter().any(|one| TrapCode::limit_of_message(one.error.message()).is_some());
         let skip = self.options.bless && mendable || stopped;
         let writer = if skip { None } else { writer(self.loaded, &first.subject, ray) };
         failure.line = writer.as_ref().and_then(|writer| writer.line.clone()).or_else(|| place(&first.error));

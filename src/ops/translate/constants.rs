@@ -7,10 +7,19 @@ use rustc_hash::FxHashSet;
 
 use crate::error::Result;
 use crate::module::constant::ConstantValue;
+use crate::module::interface::Stage;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Instruction};
+use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::translate::budget::named;
 use crate::ops::translate::{IdValue, Translator};
+
+/// The length of an array type, from the constant that it names, computed ones included; 0 where
+/// that is no number.
+pub fn array_length(module: &Module, length: Id) -> usize {
+    let known = module.scalar_value(length);
+    let computed = || Translator::new(module, Stage::RayGeneration).array_length(length).ok().map(u64::from);
+    known.or_else(computed).and_then(|length| length.try_into().ok()).unwrap_or(0)
+}
 
 impl Translator<'_> {
     /// The value of a constant of the module, by its index.
