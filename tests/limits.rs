@@ -3,7 +3,15 @@
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit::module;
+use anyhit::pipeline::Compute;
+use anyhit::program::Program;
+
+use crate::support::assembly::assemble;
 
 /// In which an endless launch ends, with the start of the program and on a busy machine. Without
 /// optimization the observers of a smoke run cost many times as much.
@@ -127,6 +135,87 @@ fn endless_loops_are_no_difference_between_widths() {
     assert_eq!(code, Some(1), "{text}");
     assert_all(&text, &["an endless loop?"]);
     assert!(!text.contains("disagree") && !text.contains("bug in anyhit"), "{text}");
+}
+
+/// Within the loop `tripled` is 3 n. It is used in one turn alone, so that its register may hold
+/// something else by the end of it: 5 n and then the sum of both, written as often as 3 n is.
+#[test]
+fn a_loop_tells_no_numbers_of_other_values() {
+    let bytes = assemble(
+        "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\" %out
+         OpExecutionMode %main LocalSize 1 1 1
+         OpName %n \"n\"
+         OpName %tripled \"tripled\"
+         OpDecorate %Out Block
+         OpMemberDecorate %Out 0 Offset 0
+         OpDecorate %out DescriptorSet 0
+         OpDecorate %out Binding 0
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %0 = OpConstant %uint 0
+         %1 = OpConstant %uint 1
+         %3 = OpConstant %uint 3
+         %5 = OpConstant %uint 5
+         %Out = OpTypeStruct %uint
+         %ptr_Out = OpTypePointer StorageBuffer %Out
+         %ptr_out = OpTypePointer StorageBuffer %uint
+         %ptr_uint = OpTypePointer Function %uint
+         %out = OpVariable %ptr_Out StorageBuffer
+         %main = OpFunction %void None %function
+         %begin = OpLabel
+         %tripled = OpVariable %ptr_uint Function
+         %n = OpVariable %ptr_uint Function
+         %first = OpAccessChain %ptr_out %out %0
+         OpStore %n %0
+         OpBranch %head
+         %head = OpLabel
+         OpLoopMerge %end %continue None
+         OpBranch %body
+         %body = OpLabel
+         %a = OpLoad %uint %n
+         %b = OpIMul %uint %a %5
+         %c = OpIMul %uint %a %3
+         OpStore %tripled %c
+         OpBranch %second
+         %second = OpLabel
+         %d = OpLoad %uint %tripled
+         %e = OpIAdd %uint %b %d
+         OpStore %first %e
+         OpStore %tripled %c
+         OpBranch %third
+         %third = OpLabel
+         %h = OpLoad %uint %tripled
+         OpStore %first %h
+         OpBranch %continue
+         %continue = OpLabel
+         %f = OpLoad %uint %n
+         %g = OpIAdd %uint %f %1
+         OpStore %n %g
+         OpBranch %head
+         %end = OpLabel
+         OpReturn
+         OpFunctionEnd",
+    );
+    let module = Arc::new(module::load(&bytes).expect("a module"));
+    let program = Arc::new(Program::of(&module, "main").expect("a program"));
+    let mut resources = Resources::default();
+    resources.descriptors.insert(Binding { set: 0, binding: 0 }, vec![Descriptor::Buffer(Buffer::zeroed(4))]);
+    let compute = Compute::new(program).expect("a compute shader").fuel(100_000);
+    let error = compute.run::<64>(&resources, [1; 3], &|_| ()).expect_err("a loop without an end").render();
+    let range = |name: &str| -> Option<[u32; 2]> {
+        let (_, told) = error.split_once(&format!("`{name}` from "))?;
+        let (from, told) = told.split_once(" to ")?;
+        let to = told.split(|other: char| !other.is_ascii_digit()).next()?;
+        Some([from.parse().ok()?, to.parse().ok()?])
+    };
+    let n = range("n").unwrap_or_else(|| panic!("{error}"));
+    // At the end of a turn `n` is one more already.
+    if let Some(tripled) = range("tripled") {
+        assert_eq!(tripled, n.map(|n| 3 * (n - 1)), "{error}");
+    }
 }
 
 #[test]

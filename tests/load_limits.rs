@@ -30,6 +30,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// A compute shader beside the usual declarations.
 #[derive(Default)]
 struct Shader {
+    /// Further capabilities.
+    capabilities: String,
     /// Further decorations.
     annotations: String,
     /// Further types, constants and variables.
@@ -42,12 +44,13 @@ struct Shader {
 
 impl Shader {
     fn bytes(&self) -> Vec<u8> {
-        let Self { annotations, declarations, body, functions } = self;
+        let Self { capabilities, annotations, declarations, body, functions } = self;
         assemble(&format!(
             "OpCapability Shader
              OpCapability ImageQuery
              OpCapability VariablePointers
              OpCapability RuntimeDescriptorArray
+             {capabilities}
              OpMemoryModel Logical GLSL450
              OpEntryPoint GLCompute %main \"main\" %out %id
              OpExecutionMode %main LocalSize 1 1 1
@@ -267,6 +270,29 @@ fn a_chain_of_pointers_whose_distance_is_taken() {
         ..Shader::default()
     };
     follows("distance", &shader, 2);
+}
+
+/// Searches for strides count towards the limit of operations: each is as long as the module.
+#[test]
+fn many_searches_for_a_stride_are_limited() {
+    const LINKS: usize = 2000;
+    const SEARCHES: usize = 100;
+    let select = |at: usize| format!("%p{at} = OpSelect %ptr_uint %less %p{0} %p{0}", at - 1);
+    let shader = Shader {
+        body: "%i = OpLoad %uvec3 %id
+             %x = OpCompositeExtract %uint %i 0
+             %less = OpULessThan %bool %x %u1
+             %a = OpAccessChain %ptr_uint %out %u0 %u2
+             %p0 = OpSelect %ptr_uint %less %a %a\n"
+            .to_owned()
+            + &lines(1..=LINKS, select)
+            + &lines(1..=SEARCHES, |at| format!("%distance{at} = OpPtrDiff %uint %p{LINKS} %first")),
+        ..Shader::default()
+    };
+    // Every search comes to each link twice, as each selection names the one before it twice. The
+    // operations of the module are fewer than those of one more such visit.
+    let searched = (LINKS * SEARCHES) as u64;
+    limited(&shader.bytes(), InputLimit::Operations, searched, 3 * searched);
 }
 
 /// Which element each invocation stores to is followed back through what computes the index.
@@ -565,10 +591,68 @@ fn smoke_makes_up_odd_types_soon() {
     let bytes = with_resource(&doubled, true, &format!("{block}\nOpDecorate %a1 ArrayStride 1\n{offsets}"));
     let (verdict, text) = smoked(&bytes, InputLimits::default());
     assert_eq!(verdict, SmokeVerdict::Ok, "{text}");
+    // Matrices on each other with columns of a quarter of a million components.
+    let long = Shader {
+        capabilities: "OpCapability LongVectorEXT
+             OpExtension \"SPV_EXT_long_vector\""
+            .into(),
+        annotations: format!(
+            "{block}
+             OpMemberDecorate %Resource 0 ColMajor
+             OpMemberDecorate %Resource 0 MatrixStride 4
+             OpDecorate %matrices ArrayStride 4
+             OpDecorate %resource DescriptorSet 0
+             OpDecorate %resource Binding 1"
+        ),
+        declarations: "%u_rows = OpConstant %uint 262144
+             %Column = OpTypeVectorIdEXT %float %u_rows
+             %Matrix = OpTypeMatrix %Column 2
+             %matrices = OpTypeArray %Matrix %u_rows
+             %Resource = OpTypeStruct %matrices
+             %ptr_Resource = OpTypePointer StorageBuffer %Resource
+             %resource = OpVariable %ptr_Resource StorageBuffer"
+            .into(),
+        body: "%same = OpCopyObject %ptr_Resource %resource
+             OpStore %first %u1"
+            .into(),
+        ..Shader::default()
+    };
+    let (verdict, text) = smoked(&long.bytes(), InputLimits::default());
+    assert_eq!(verdict, SmokeVerdict::Ok, "{text}");
     // A binding of four thousand million images has as many as a binding may have.
     let images = "%Image = OpTypeImage %float 2D 0 0 0 1 Unknown\n%Resource = OpTypeArray %Image %u_many";
     let (verdict, text) = smoked(&with_resource(images, false, ""), InputLimits::default());
     assert_ne!(verdict, SmokeVerdict::Bug, "{text}");
+}
+
+/// Two variables share a binding: a million buffers of a megabyte each, of which four differ.
+#[test]
+fn smoke_merges_what_shares_a_binding_soon() {
+    let shader = Shader {
+        annotations: "OpDecorate %large ArrayStride 1024
+             OpDecorate %Large Block
+             OpMemberDecorate %Large 0 Offset 0
+             OpDecorate %one DescriptorSet 0
+             OpDecorate %one Binding 1
+             OpDecorate %other DescriptorSet 0
+             OpDecorate %other Binding 1"
+            .into(),
+        declarations: "%large = OpTypeRuntimeArray %uint
+             %Large = OpTypeStruct %large
+             %u_many = OpConstant %uint 4000000000
+             %all = OpTypeArray %Large %u_many
+             %ptr_all = OpTypePointer StorageBuffer %all
+             %one = OpVariable %ptr_all StorageBuffer
+             %other = OpVariable %ptr_all StorageBuffer"
+            .into(),
+        body: "%same = OpCopyObject %ptr_all %one
+             %same_other = OpCopyObject %ptr_all %other
+             OpStore %first %u1"
+            .into(),
+        ..Shader::default()
+    };
+    let (verdict, text) = smoked(&shader.bytes(), InputLimits::default());
+    assert_eq!(verdict, SmokeVerdict::Ok, "{text}");
 }
 
 /// No image with several samples is anything but 2D (VUID-VkImageCreateInfo-samples-02257).

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhit::harness::smoke::{self, BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
+use anyhit::machine::LaunchLimits;
 use anyhit::module;
 use rspirv::spirv::Op;
 
@@ -498,6 +499,92 @@ fn fuel_ends_the_search_and_says_so() {
     assert_eq!(of(little), (1, Some("fuel")));
     let no_time = SmokeOptions { time_limit: Some(std::time::Duration::ZERO), ..SmokeOptions::default() };
     assert_eq!(of(no_time), (1, Some("time")));
+}
+
+/// Fuel for years: the clock alone ends the loop, and no other values are tried.
+#[test]
+fn the_clock_ends_the_search_and_says_so() {
+    let endless = "OpBranch %head
+         %head = OpLabel
+         OpLoopMerge %end %continue None
+         OpBranch %continue
+         %continue = OpLabel
+         OpBranch %head
+         %end = OpLabel";
+    let module = Arc::new(module::load(&ray_generation("", endless)).expect("a module"));
+    let time = Some(std::time::Duration::from_millis(20));
+    for launch_limits in [
+        LaunchLimits { batch_timeout: time, ..LaunchLimits::default() },
+        LaunchLimits { timeout: time, ..LaunchLimits::default() },
+    ] {
+        let (fuel, total_fuel) = (1 << 60, u64::MAX);
+        let options = SmokeOptions { fuel, total_fuel, launch_limits, ..SmokeOptions::default() };
+        let report = smoke::run(&module, options);
+        let reached = coverage(&report.entry_points[0]);
+        assert_eq!((reached.sets, reached.cut_short), (1, Some("time")), "{}", report.text());
+        assert_eq!(report.entry_points[0].result, SmokeVerdict::Trap, "{}", report.text());
+    }
+}
+
+/// What lies behind pointers takes time to make, as buffers do: 64 MiB are 32 MiB more than are
+/// free, which count as four million operations.
+#[test]
+fn memory_behind_pointers_costs_fuel() {
+    let of = |elements: u32| {
+        let bytes = assembly::assemble(&format!(
+            "
+    OpCapability Shader
+    OpCapability Int64
+    OpCapability PhysicalStorageBufferAddresses
+    OpExtension \"SPV_KHR_physical_storage_buffer\"
+    OpMemoryModel PhysicalStorageBuffer64 GLSL450
+    OpEntryPoint GLCompute %main \"main\" %links
+    OpExecutionMode %main LocalSize 1 1 1
+    OpDecorate %links DescriptorSet 0
+    OpDecorate %links Binding 0
+    OpDecorate %Links Block
+    OpMemberDecorate %Links 0 Offset 0
+    OpMemberDecorate %Links 1 Offset 8
+    OpDecorate %Large Block
+    OpMemberDecorate %Large 0 Offset 0
+    OpDecorate %array ArrayStride 4
+    %void = OpTypeVoid
+    %function = OpTypeFunction %void
+    %bool = OpTypeBool
+    %uint = OpTypeInt 32 0
+    %0 = OpConstant %uint 0
+    %1 = OpConstant %uint 1
+    %77 = OpConstant %uint 77
+    %elements = OpConstant %uint {elements}
+    %array = OpTypeArray %uint %elements
+    %Large = OpTypeStruct %array
+    %Large_pointer = OpTypePointer PhysicalStorageBuffer %Large
+    %Links = OpTypeStruct %Large_pointer %uint
+    %Links_pointer = OpTypePointer StorageBuffer %Links
+    %links = OpVariable %Links_pointer StorageBuffer
+    %uint_pointer = OpTypePointer StorageBuffer %uint
+    %main = OpFunction %void None %function
+    %begin = OpLabel
+    %p = OpAccessChain %uint_pointer %links %1
+    %n = OpLoad %uint %p
+    %holds = OpIEqual %bool %n %77
+    OpSelectionMerge %end None
+    OpBranchConditional %holds %then %end
+    %then = OpLabel
+    OpBranch %end
+    %end = OpLabel
+    OpReturn
+    OpFunctionEnd
+    "
+        ));
+        let module = Arc::new(module::load(&bytes).expect("a module"));
+        let report = smoke::run(&module, SmokeOptions { total_fuel: 1 << 22, ..SmokeOptions::default() });
+        let reached = coverage(&report.entry_points[0]);
+        (reached.sets, reached.cut_short)
+    };
+    assert_eq!(of(1 << 24), (1, Some("fuel")));
+    let (sets, cut_short) = of(1 << 10);
+    assert!(sets > 10 && cut_short.is_none(), "{sets} {cut_short:?}");
 }
 
 /// Hit kinds of triangles are 254 and 255: what another kind of geometry does is no fault of a

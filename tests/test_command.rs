@@ -799,3 +799,49 @@ fn a_first_case_is_written_and_runs() {
         ],
     );
 }
+
+/// What a first case reads and runs has the limits and the root of all tests.
+#[test]
+fn a_first_case_keeps_to_limits_and_root() {
+    let folder = scratch("init-limits");
+    let endless = crate::support::assembly::assemble(
+        "OpCapability RayTracingKHR
+         OpExtension \"SPV_KHR_ray_tracing\"
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint RayGenerationKHR %main \"main\"
+         %void = OpTypeVoid
+         %function = OpTypeFunction %void
+         %main = OpFunction %void None %function
+         %begin = OpLabel
+         OpBranch %head
+         %head = OpLabel
+         OpLoopMerge %end %continue None
+         OpBranch %continue
+         %continue = OpLabel
+         OpBranch %head
+         %end = OpLabel
+         OpReturn
+         OpFunctionEnd",
+    );
+    std::fs::write(folder.join("endless.spv"), endless).expect("a writable folder");
+    std::fs::create_dir_all(folder.join("inside")).expect("a writable folder");
+    let init = |case: &str, arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        command.args(["test", "--init", "endless.spv", case]).args(arguments);
+        let output = command.current_dir(&folder).stdin(Stdio::null()).output().expect("the command starts");
+        let error = String::from_utf8(output.stderr).expect("UTF-8");
+        (output.status.code(), error, std::fs::read_to_string(folder.join(case).join("scene.toml")).ok())
+    };
+    let (code, error, scene) = init("small", &["--limit", "module-bytes=100"]);
+    assert!(code == Some(2) && error.contains("the limit `module-bytes` of 100"), "{error}");
+    assert_eq!(scene, None);
+    let (code, error, scene) = init("inside/case", &["--root", "inside"]);
+    assert!(code == Some(2) && error.contains("endless.spv: outside the folder"), "{error}");
+    assert_eq!(scene, None);
+    let (code, error, scene) = init("../init-outside", &["--root", "."]);
+    assert!(code == Some(2) && error.contains("outside the folder"), "{error}");
+    assert_eq!(scene, None);
+    let (_, error, scene) = init("fuel", &["--root", ".", "--fuel", "5000"]);
+    let scene = scene.unwrap_or_else(|| panic!("{error}"));
+    assert!(scene.contains("out of fuel"), "{error}{scene}");
+}

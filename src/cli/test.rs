@@ -96,7 +96,7 @@ enum Format {
 /// before.
 pub fn run(args: TestArgs) -> Result<()> {
     if args.init {
-        return init_case(&args.paths);
+        return init_case(&args);
     }
     let root = args.files.root()?;
     let limits = args.files.limits();
@@ -221,7 +221,8 @@ fn no_tests(args: &TestArgs, found: usize) -> Error {
 }
 
 /// `--init`
-fn init_case(paths: &[PathBuf]) -> Result<()> {
+fn init_case(args: &TestArgs) -> Result<()> {
+    let paths = &args.paths[..];
     let is_module = |path: &&PathBuf| path.is_file();
     let modules: Vec<PathBuf> = paths.iter().take_while(is_module).cloned().collect();
     let folder = match &paths[modules.len()..] {
@@ -236,7 +237,8 @@ fn init_case(paths: &[PathBuf]) -> Result<()> {
         let message = "`--init` needs a module: `anyhit test --init shader.rchit.spv my-case`";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     };
-    let written = init::case(&modules, &folder)?;
+    let (files, limits) = (args.files.files()?, args.limits.limits(LaunchLimits::TESTS));
+    let written = init::case(&modules, &folder, &files, &limits)?;
     output::print(format_args!(
         "{}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {}\n",
         written.display(),

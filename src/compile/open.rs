@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
-use crate::error::{Place, Result};
-use crate::input::{InputLimit, InputLimits, read_argument};
-use crate::module::{Module, load};
+use crate::error::{ErrorKind, Place, Result};
+use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
+use crate::module::{Module, load, load_with};
 
 /// How a source is compiled by default: with line numbers, so that traps can name them.
 const OPTIONS: CompileOptions =
@@ -20,14 +20,38 @@ impl Module {
     /// `Io` where the file cannot be read, those of [`load()`], with the file named, and for a
     /// source those of [`compile()`](super::compile()).
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
+        Self::open_within(path, &InputLimits::default(), None)
+    }
+
+    /// Opens a module as [`Module::open`] does, with these limits; a source includes files from
+    /// this folder alone where one is given.
+    ///
+    /// # Errors
+    /// As [`Module::open`], and where a limit is exceeded.
+    pub fn open_within(
+        path: impl AsRef<Path>,
+        limits: &InputLimits,
+        root: Option<&RootFolder>,
+    ) -> Result<Arc<Self>> {
         let path = path.as_ref();
-        let bytes = read_argument(path, InputLimit::ModuleBytes, &InputLimits::default())?;
-        // The content decides before the extension does.
+        let language = Language::of(path);
+        // The content decides before the extension does, and with it which limit holds.
+        let most = match language {
+            Some(_) if limits.get(InputLimit::SourceBytes) > limits.get(InputLimit::ModuleBytes) => {
+                InputLimit::SourceBytes
+            }
+            _ => InputLimit::ModuleBytes,
+        };
+        let bytes = read_argument(path, most, limits)?;
         let text = bytes.first().is_some_and(|first| first.is_ascii_graphic() || first.is_ascii_whitespace());
-        if text && Language::of(path).is_some() {
-            return Self::compile(&Source::from_bytes(path, bytes)?, &OPTIONS);
+        if text && language.is_some() {
+            limits
+                .check(InputLimit::SourceBytes, bytes.len() as u64, ErrorKind::InvalidArgument)
+                .map_err(|error| error.context(path.display()))?;
+            let source = Source::from_bytes(path, bytes)?.confined(*limits, root.cloned());
+            return Self::compile(&source, &OPTIONS);
         }
-        let module = load(&bytes).map_err(|error| {
+        let module = load_with(&bytes, *limits).map_err(|error| {
             let error = error.at(Place::File(path.to_path_buf()));
             if text { error.note(format!("if it is a source: {}", super::source::EXTENSIONS)) } else { error }
         });
@@ -64,13 +88,54 @@ impl Module {
         Self::compile(&Source::from_text(name, text)?, &OPTIONS)
     }
 
-    /// A module from a source and options; compiled [once](super::compile_once).
+    /// A module from a source and options, within the source's limits; compiled
+    /// [once](super::compile_once).
     ///
     /// # Errors
     /// As [`Module::open`].
     pub fn compile(source: &Source, options: &CompileOptions) -> Result<Arc<Self>> {
         let spirv = compile_once(source, options)?;
-        let module = load(&spirv).map_err(|error| error.at(Place::File(source.name().into())))?;
+        let module = load_with(&spirv, *source.limits())
+            .map_err(|error| error.at(Place::File(source.name().into())))?;
         Ok(Arc::new(module))
+    }
+}
+
+#[cfg(all(test, feature = "wgsl"))]
+mod tests {
+    use super::*;
+
+    const SKY: &str = "enable wgpu_ray_tracing_pipeline;
+        struct Payload { colour: vec3f }
+        var<incoming_ray_payload> payload: Payload;
+        @miss @incoming_payload(payload) fn sky() { payload.colour = vec3f(0.25, 0.5, 1.0); }\n";
+
+    fn limits(limit: InputLimit, value: u64) -> InputLimits {
+        InputLimits::default().with(limit, value)
+    }
+
+    #[test]
+    fn a_source_is_read_within_the_limit_of_sources() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sky.wgsl");
+        std::fs::write(&path, SKY).unwrap();
+        let open = |limits| Module::open_within(&path, &limits, None);
+        let size = SKY.len() as u64;
+        assert!(open(limits(InputLimit::SourceBytes, size)).is_ok());
+        let error = open(limits(InputLimit::SourceBytes, size - 1)).unwrap_err();
+        assert!(error.message().contains(&format!("the limit `source-bytes` of {}", size - 1)), "{error}");
+        // The module holds the text, and is larger: its limit is told of it, not of the source.
+        let error = open(limits(InputLimit::ModuleBytes, size - 1)).unwrap_err();
+        assert!(error.message().contains(&format!("the limit `module-bytes` of {}", size - 1)), "{error}");
+        assert_eq!(error.kind(), ErrorKind::UnsupportedModule, "{error}");
+    }
+
+    #[test]
+    fn what_is_compiled_keeps_to_the_limits_of_its_source() {
+        let source = Source::from_text("sky.wgsl", SKY).unwrap();
+        assert!(Module::compile(&source, &OPTIONS).is_ok());
+        let source = source.confined(limits(InputLimit::ModuleIds, 3), None);
+        let error = Module::compile(&source, &OPTIONS).unwrap_err();
+        assert!(error.message().contains("the limit `module-ids` of 3"), "{error}");
     }
 }

@@ -205,6 +205,11 @@ impl Source {
         self.language
     }
 
+    /// The limits of what is read for it and made of it.
+    pub(super) fn limits(&self) -> &InputLimits {
+        &self.limits
+    }
+
     /// The folder that [`Source::name`] is relative to; empty for the current one.
     pub(super) fn folder(&self) -> &Path {
         &self.folder

@@ -12,16 +12,18 @@ use std::path::{Path, PathBuf};
 use crate::atomic_file::{self, FileLock};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::Fix;
+use crate::input::{InputLimit, InputLimits, read_regular};
 use crate::scene::read::{Span, TomlSource};
 use merge::Merge;
 
-/// Writes changes to the files that they are of, and gives the files in order.
+/// Writes changes to the files that they are of, and gives the files in order. A file is read again
+/// within the limits that it was read with.
 ///
 /// # Errors
 /// `Expectation` where two changes of one value disagree (two variants leave different results):
 /// then nothing is written. `Io` where a file cannot be written, or was changed meanwhile in what
 /// is not recorded; a note lists the files that were written all the same.
-pub fn bless(fixes: Vec<Fix>) -> Result<Vec<PathBuf>> {
+pub fn bless(fixes: Vec<Fix>, limits: &InputLimits) -> Result<Vec<PathBuf>> {
     let mut files: BTreeMap<PathBuf, Vec<u8>> = BTreeMap::new();
     let mut texts: BTreeMap<PathBuf, Vec<(Span, String)>> = BTreeMap::new();
     for fix in fixes {
@@ -39,7 +41,7 @@ pub fn bless(fixes: Vec<Fix>) -> Result<Vec<PathBuf>> {
         settle(changes)?;
     }
     let written = files.iter().map(|(path, bytes)| (path, atomic_file::write(path, bytes)));
-    let renewed = texts.iter().map(|(path, changes)| (path, renew(path, changes)));
+    let renewed = texts.iter().map(|(path, changes)| (path, renew(path, changes, limits)));
     let (mut done, mut errors) = (Vec::new(), Vec::new());
     for (path, result) in written.chain(renewed) {
         match result {
@@ -70,11 +72,13 @@ fn settle(changes: &mut Vec<(Span, String)>) -> Result<()> {
 }
 
 /// Puts changes, in order, into the file as it is by now.
-fn renew(path: &Path, changes: &[(Span, String)]) -> Result<()> {
+fn renew(path: &Path, changes: &[(Span, String)], limits: &InputLimits) -> Result<()> {
     // There is a change wherever there is a path.
     let Some((Span { source, .. }, _)) = changes.first() else { return Ok(()) };
     let _lock = FileLock::of(path)?;
-    let now = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+    // Another process may have put anything there meanwhile, a pipe as well.
+    let now = String::from_utf8(read_regular(path, None, InputLimit::SceneBytes, limits)?)
+        .map_err(|error| Error::io(path, std::io::Error::new(std::io::ErrorKind::InvalidData, error)))?;
     let text = if *now == *source.text {
         changed(&now, changes.iter().map(|(span, new)| (span.range.clone(), new.as_str())))
     } else {
@@ -156,6 +160,27 @@ mod tests {
         let source = source("a = [ 1, 2 ] # one, two\\nb='x'");
         let changes = vec![at(&source, "'x'", "\"y\""), at(&source, "2", "3.5"), at(&source, "2", "3.5")];
         assert_eq!(settled(changes).unwrap(), "a = [ 1, 3.5 ] # one, two\\nb=\"y\"");
+    }
+
+    #[test]
+    fn a_file_is_read_again_within_its_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let source = Arc::new(TomlSource { path: path.clone(), text: "a = 1".into() });
+        let fix = || vec![Fix::Text(at(&source, "1", "2").0, "2".into())];
+        let limits = |most| InputLimits::default().with(InputLimit::SceneBytes, most);
+        // Five bytes when its tests ran, and six by now.
+        std::fs::write(&path, "a = 1\n").unwrap();
+        let error = bless(fix(), &limits(5)).unwrap_err();
+        assert!(error.message().contains("the limit `scene-bytes` of 5"), "{error}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "a = 1\n");
+        std::fs::write(&path, "a = 1").unwrap();
+        assert_eq!(bless(fix(), &limits(5)).unwrap(), [path.clone()]);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "a = 2");
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        let error = bless(fix(), &limits(5)).unwrap_err();
+        assert!(error.message().contains("not a regular file"), "{error}");
     }
 
     #[test]

@@ -11,18 +11,30 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init::resources::Resources;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::suite::{Outcome, Suite, SuiteOptions};
+use crate::input::{InputLimit, read_regular};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::pointer::storage;
+use crate::scene::{RunLimits, SceneFiles};
 
 /// Writes `scene.toml` into a folder, which is made where it is not there: shaders, a pipeline,
 /// resources of the right kind and size, a primitive that suits the shaders, and a ray that meets
-/// it. Then runs it once and records what came out, so that it passes.
+/// it. Then runs it once, within the limits, and records what came out, so that it passes. Modules
+/// are read within the limits of `files`; where that has a root, modules and folder lie inside.
 ///
 /// # Errors
 /// `InvalidArgument` where the folder holds a scene already, or no module has a ray-tracing entry
-/// point; what loading and compiling report; what the first run reports, where it cannot run.
-pub fn case(modules: &[PathBuf], folder: &Path) -> Result<PathBuf> {
+/// point; `InvalidScene` where something lies outside the root; what loading and compiling report;
+/// what the first run reports, where it cannot run.
+pub fn case(modules: &[PathBuf], folder: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<PathBuf> {
+    if let Some(root) = &files.root {
+        // Before anything is written. Of the folder what is there already must lie inside.
+        let there = folder.ancestors().find(|folder| folder.exists());
+        let there = there.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        for path in modules.iter().map(PathBuf::as_path).chain([there]) {
+            root.resolve(path)?;
+        }
+    }
     let scene = folder.join("scene.toml");
     if scene.exists() {
         let message = format!("{} is there already", scene.display());
@@ -30,7 +42,7 @@ pub fn case(modules: &[PathBuf], folder: &Path) -> Result<PathBuf> {
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path)?;
+        shaders.add(path, files)?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing stage";
@@ -39,14 +51,20 @@ pub fn case(modules: &[PathBuf], folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     let text = shaders.scene(folder)?;
     atomic_file::write(&scene, &text)?;
-    record(&scene, text)?;
+    record(&scene, text, files, limits)?;
     Ok(scene)
 }
 
 /// Runs the case and writes what it finds; a launch that traps is expected to.
-fn record(scene: &Path, mut text: String) -> Result<()> {
-    let suite = Suite::find(&[scene.to_path_buf()])?;
-    let options = SuiteOptions { jobs: 1, bless: true, no_explanation: true, ..SuiteOptions::default() };
+fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
+    let suite = Suite::find_within(&[scene.to_path_buf()], &|_, _| Ok(files.clone()))?;
+    let options = SuiteOptions {
+        jobs: 1,
+        bless: true,
+        no_explanation: true,
+        limits: *limits,
+        ..SuiteOptions::default()
+    };
     let report = suite.run(&options, &mut |_| Ok(()))?;
     for finished in &report.finished {
         match &finished.outcome {
@@ -55,7 +73,8 @@ fn record(scene: &Path, mut text: String) -> Result<()> {
                 let Some(error) = failure.errors.first() else { continue };
                 let comment = |line: &str| format!("# {line}\n");
                 let why: String = error.render().lines().map(comment).collect();
-                text = std::fs::read_to_string(scene).unwrap_or(text);
+                let now = read_regular(scene, files.root.as_ref(), InputLimit::SceneBytes, &files.limits);
+                text = now.ok().and_then(|now| String::from_utf8(now).ok()).unwrap_or(text);
                 let _ = write!(
                     text,
                     "\n# `{}` does not run yet: give buffers and payload what the shaders need.\n{why}",
@@ -85,8 +104,8 @@ struct Shaders {
 }
 
 impl Shaders {
-    fn add(&mut self, path: &Path) -> Result<()> {
-        let module = Module::open(path)?;
+    fn add(&mut self, path: &Path, files: &SceneFiles) -> Result<()> {
+        let module = Module::open_within(path, &files.limits, files.root.as_ref())?;
         let entries = module.entry_points.iter().filter(|entry| is_ray_tracing(entry.stage));
         let entries: Vec<EntryPoint> = entries.cloned().collect();
         let mut name = match &entries[..] {

@@ -21,7 +21,7 @@ pub fn run<const W: usize, O: Observer<W>>(
 where
     LaneKernel: Width<W>,
 {
-    let OptimizedCode { ops, supercode, superblocks } = &program.optimized;
+    let OptimizedCode { ops, supercode, superblocks, .. } = &program.optimized;
     let ops = if O::active() { &program.ops } else { ops };
     let supercode = supercode.as_ref().filter(|_| !O::active() && LaneKernel::has_superops(&batch.registers));
     loop {

@@ -95,16 +95,17 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         Opcode::PtrDiff => {
             // Both point into one array, and the stride may be known from either.
             let [base, other] = [translator.id(instruction, 0)?, translator.id(instruction, 1)?];
-            let default_stride = |translator: &Translator<'_>, base, pointer: &Pointer| match array_stride(
-                translator,
-                &[base, other],
-            ) {
-                Stride::Unique(stride) => Ok(stride),
-                Stride::Unknown => packed_stride(translator, pointer),
-                Stride::Ambiguous => {
-                    Err(translator.unsupported("pointers into an array that may have one of several strides"))
-                }
-            };
+            let default_stride =
+                |translator: &mut Translator<'_>, base, pointer: &Pointer| {
+                    let (stride, steps) = array_stride(translator, &[base, other]);
+                    translator.charge(steps);
+                    match stride {
+                        Stride::Unique(stride) => Ok(stride),
+                        Stride::Unknown => packed_stride(translator, pointer),
+                        Stride::Ambiguous => Err(translator
+                            .unsupported("pointers into an array that may have one of several strides")),
+                    }
+                };
             let stride = stride(translator, base, &default_stride)?;
             let mut ends = Words::new();
             for at in 0..2 {
@@ -223,7 +224,7 @@ fn pointer_class(translator: &Translator<'_>, id: Id) -> Result<u32> {
 fn stride(
     translator: &mut Translator<'_>,
     base: Id,
-    default_stride: &dyn Fn(&Translator<'_>, Id, &Pointer) -> Result<u32>,
+    default_stride: &dyn Fn(&mut Translator<'_>, Id, &Pointer) -> Result<u32>,
 ) -> Result<u32> {
     let ty = translator.type_of(base)?;
     let Type::Pointer { pointee: Some(pointee), stride, .. } = *translator.module.ty(ty) else {
@@ -242,7 +243,7 @@ fn stride(
 }
 
 /// The stride that `OpPtrAccessChain` takes where the pointer's type has none.
-fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
+fn explicit_stride(translator: &mut Translator<'_>, base: Id, pointer: &Pointer) -> Result<u32> {
     let class = pointer.storage_class;
     if matches!(
         class,
@@ -257,7 +258,9 @@ fn explicit_stride(translator: &Translator<'_>, base: Id, pointer: &Pointer) -> 
     }
     // "For all other objects, the implementation calculates the element's address"
     // (OpPtrAccessChain).
-    match array_stride(translator, &[base]) {
+    let (stride, steps) = array_stride(translator, &[base]);
+    translator.charge(steps);
+    match stride {
         Stride::Unique(stride) => Ok(stride),
         Stride::Unknown | Stride::Ambiguous => packed_stride(translator, pointer),
     }

@@ -22,32 +22,52 @@ pub enum Stride {
     Unknown,
 }
 
-/// The stride of the array that all of these pointers of one type point into.
-pub fn array_stride(translator: &Translator<'_>, pointers: &[Id]) -> Stride {
+/// The stride of the array that all of these pointers of one type point into, and how many
+/// definitions, blocks and types were visited: as many as the module has, for one instruction.
+pub fn array_stride(translator: &Translator<'_>, pointers: &[Id]) -> (Stride, usize) {
     let module = translator.module;
-    let mut all: SmallVec<[u32; 1]> = SmallVec::new();
+    let mut all = Strides::default();
+    let mut steps = 0;
     for &pointer in pointers {
-        let (visited, found) = (FxHashSet::default(), SmallVec::new());
-        let mut search = StrideSearch { translator, visited, worklist: vec![pointer], found, complete: true };
+        let (visited, found) = (FxHashSet::default(), Strides::default());
+        let worklist = vec![pointer];
+        let mut search = StrideSearch { translator, visited, worklist, found, complete: true, steps: 0 };
         while let Some(id) = search.worklist.pop() {
             search.visit(id);
         }
-        if let ([stride], true) = (&search.found[..], search.complete) {
-            return Stride::Unique(*stride);
+        steps += search.steps;
+        if let ([stride], true) = (search.found.all(), search.complete) {
+            return (Stride::Unique(*stride), steps);
         }
-        if !search.complete {
-            search
-                .found
-                .extend(pointee(module, pointer).into_iter().flat_map(|ty| strides_of_arrays_of(module, ty)));
+        if !search.complete
+            && let Some(ty) = pointee(module, pointer)
+        {
+            steps += module.types.len();
+            add_strides_of_arrays_of(module, ty, &mut search.found);
         }
-        all.extend(search.found);
+        search.found.all().iter().for_each(|&stride| all.add(stride));
     }
-    all.sort_unstable();
-    all.dedup();
-    match all[..] {
+    let stride = match *all.all() {
         [] => Stride::Unknown,
         [stride] => Stride::Unique(stride),
         _ => Stride::Ambiguous,
+    };
+    (stride, steps)
+}
+
+/// Strides that differ: two of them, as more make no difference.
+#[derive(Default)]
+struct Strides(SmallVec<[u32; 2]>);
+
+impl Strides {
+    fn add(&mut self, stride: u32) {
+        if self.0.len() < 2 && !self.0.contains(&stride) {
+            self.0.push(stride);
+        }
+    }
+
+    fn all(&self) -> &[u32] {
+        &self.0
     }
 }
 
@@ -58,19 +78,16 @@ fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
     }
 }
 
-/// The strides of all arrays of a type: for pointers that are loaded from memory.
-fn strides_of_arrays_of(module: &Module, of: TypeId) -> SmallVec<[u32; 1]> {
-    let mut found = SmallVec::new();
+/// Adds the strides of all arrays of a type: for pointers that are loaded from memory.
+fn add_strides_of_arrays_of(module: &Module, of: TypeId, found: &mut Strides) {
     for ty in &module.types {
         if let Type::Array { element, stride: Some(stride), .. }
         | Type::RuntimeArray { element, stride: Some(stride) } = *ty
             && element == of
-            && !found.contains(&stride)
         {
-            found.push(stride);
+            found.add(stride);
         }
     }
-    found
 }
 
 /// A search through the definitions of a pointer, of which there may be a chain as long as the
@@ -80,13 +97,16 @@ struct StrideSearch<'a, 'm> {
     /// Visited ids: a loop adds nothing new.
     visited: FxHashSet<Id>,
     worklist: Vec<Id>,
-    found: SmallVec<[u32; 1]>,
+    found: Strides,
     /// Whether each definition was traced back to an array.
     complete: bool,
+    /// Definitions and blocks that were looked at.
+    steps: usize,
 }
 
 impl StrideSearch<'_, '_> {
     fn visit(&mut self, id: Id) {
+        self.steps += 1;
         if !self.visited.insert(id) {
             return;
         }
@@ -113,6 +133,7 @@ impl StrideSearch<'_, '_> {
         match opcode {
             opcode::FUNCTION_CALL => {
                 let Some(Definition::Function(index)) = module.definition(Id(operands[0])) else { return };
+                self.steps += module.functions[index as usize].blocks.len();
                 self.worklist.extend(returned(module, index));
             }
             opcode::ACCESS_CHAIN | opcode::IN_BOUNDS_ACCESS_CHAIN => {
@@ -136,8 +157,7 @@ impl StrideSearch<'_, '_> {
             return;
         };
         match self.stride(base, before) {
-            Some(stride) if self.found.contains(&stride) => {}
-            Some(stride) => self.found.push(stride),
+            Some(stride) => self.found.add(stride),
             None => self.complete = false,
         }
     }

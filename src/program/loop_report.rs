@@ -120,7 +120,7 @@ impl Program {
     }
 
     /// The variables that the blocks of a loop use and whose registers hold their values: no pass
-    /// has removed a store to them, or given them other registers.
+    /// has removed a store to them, and their registers are not shared with other values.
     fn known_variables(&self, to: u32, from: u32) -> Vec<LoopVariable> {
         let entry = self
             .module
@@ -137,7 +137,8 @@ impl Program {
             return Vec::new();
         }
         let registers = translated.register_count.max(optimized.register_count) as usize;
-        let stores = [&translated.ops, &optimized.ops, &optimized.optimized.ops].map(|ops| {
+        // Between these two operations only vanish: where as many write a register, they are the same.
+        let stores = [&translated.ops, &optimized.ops].map(|ops| {
             let mut stores = vec![0u32; registers];
             for op in ops.iter().filter(|op| !is_noop(op)) {
                 each_register(op, true, &mut |reg| {
@@ -160,9 +161,8 @@ impl Program {
         }
         let is_known = |variable: &&LoopVariable| {
             translated.watched[variable.first..variable.first + variable.count].iter().all(|reg| {
-                let reg = reg.0 as usize;
-                let [all, kept, run] = [&stores[0], &stores[1], &stores[2]].map(|of| of[reg]);
-                used[reg] && all == kept && kept == run
+                let [all, kept] = [&stores[0], &stores[1]].map(|of| of[reg.0 as usize]);
+                used[reg.0 as usize] && all == kept && !optimized.optimized.reassigned.contains(reg)
             })
         };
         translated.loop_variables.iter().filter(is_known).copied().collect()

@@ -19,7 +19,7 @@ mod direct_registers;
 
 use std::ops::Range;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
@@ -41,6 +41,9 @@ pub struct OptimizedCode {
     pub supercode: Option<SuperCode>,
     /// One for each of [`Program::blocks`].
     pub superblocks: Vec<Superblock>,
+    /// Those of [`Program::watched`] that may hold other values, or whose values other registers
+    /// hold. How often they are written does not tell: another value may be written as often.
+    pub reassigned: Vec<Reg>,
 }
 
 /// Basic blocks that follow each other without a branch: one entry, one exit.
@@ -92,7 +95,13 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
         scheduler.order(&mut ops[program.blocks[start as usize].first as usize..superblock.end as usize]);
     }
     drop(scheduler);
-    let mut pool = RegisterPool::new(program.register_count, values.freed_registers());
+    let freed = values.freed_registers();
+    let mut reassigned: Vec<Reg> = Vec::new();
+    if !program.watched.is_empty() {
+        let watched: FxHashSet<Reg> = program.watched.iter().copied().collect();
+        reassigned.extend(freed.iter().filter(|reg| watched.contains(reg)));
+    }
+    let mut pool = RegisterPool::new(program.register_count, freed);
     let mut expired: SmallVec<[Reg; 4]> = SmallVec::new();
     // By value: its assigned register, and the last operation that uses it.
     let mut assigned = vec![Reg(0); program.register_count as usize];
@@ -137,12 +146,14 @@ pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Ve
     let result_uses = result_uses(program, &mut ops, &superblock_starts, &pool);
     let (taken, renamed) = rename_values(program, &mut ops, &pool, &aliased, &values);
     rename_constants(program, &mut ops, &pool, &taken);
+    let moved = |reg: &&Reg| renamed.get(reg.0 as usize).is_some_and(|to| to != *reg);
+    reassigned.extend(program.watched.iter().filter(moved));
     program.register_count = pool.next;
     let ranges = superblock_starts
         .iter()
         .map(|&(start, superblock)| program.blocks[start as usize].first as usize..superblock.end as usize);
     let supercode = SuperCode::of(&ops, ranges, &result_uses, &program.constants);
-    program.optimized = OptimizedCode { supercode: Some(supercode), ops, superblocks };
+    program.optimized = OptimizedCode { supercode: Some(supercode), ops, superblocks, reassigned };
     renamed
 }
 

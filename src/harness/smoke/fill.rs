@@ -248,15 +248,15 @@ impl<'a> Filler<'a> {
         Ok(bytes)
     }
 
-    /// Makes the device memory that the addresses given so far lead to, and by region the places
-    /// whose addresses lead nowhere yet.
+    /// Makes the device memory that the addresses given so far lead to. Returns, beside it, the
+    /// places by region whose addresses lead nowhere yet, and the bytes of all that was made.
     ///
     /// # Errors
     /// As [`MadeUpBytes::add`], and what a structure may report.
     pub fn device_memory(
         mut self,
         tlas: &dyn Fn() -> Result<Arc<Tlas>>,
-    ) -> Result<(DeviceMemory, Vec<Option<PlaceId>>)> {
+    ) -> Result<(DeviceMemory, Vec<Option<PlaceId>>, u64)> {
         let mut memory = DeviceMemory::default();
         let mut next = 0;
         while let Some(region) = self.regions.get(next).cloned() {
@@ -272,7 +272,7 @@ impl<'a> Filler<'a> {
             next += 1;
         }
         let unknown = |region: &Region| (region.content == FillContent::Unknown).then_some(region.place);
-        Ok((memory, self.regions.iter().map(unknown).collect()))
+        Ok((memory, self.regions.iter().map(unknown).collect(), self.made.sum()))
     }
 
     /// What a pointer points to, several times one behind the other.
@@ -383,8 +383,14 @@ impl<'a> Filler<'a> {
         let Type::Vector { component, count } = *self.module.ty(column) else { return };
         let float = self.module.ty(component);
         let scalar = layout.part(component).size();
+        let end = out.len().min(MOST_FILLED);
         for at in 0..columns {
             for row in 0..count as usize {
+                if self.parts == 0 {
+                    return;
+                }
+                // A column may be as long as a buffer, and there may be as many on each other.
+                self.parts -= 1;
                 let place = match layout.matrix().filter(|_| layout.rules == Rules::Explicit) {
                     Some(matrix) if matrix.row_major => {
                         row.saturating_mul(matrix.stride as usize).saturating_add(at * scalar)
@@ -392,8 +398,13 @@ impl<'a> Filler<'a> {
                     Some(matrix) => at.saturating_mul(matrix.stride as usize).saturating_add(row * scalar),
                     None => (at * count as usize + row) * scalar,
                 };
+                let place = offset.saturating_add(place);
+                // Further rows lie further behind.
+                if place >= end {
+                    break;
+                }
                 let value = ValueSource::float_bits(float, f32::from(u8::from(at == row)));
-                put(out, offset.saturating_add(place), scalar, value);
+                put(out, place, scalar, value);
             }
         }
     }

@@ -143,6 +143,7 @@ fn entry_point(
         sets: 0,
         fuel: options.total_fuel,
         deadline,
+        launch_limits: options.launch_limits,
         cut_short: None,
     };
     let mut explored: Vec<(Way, Vec<Try>)> = Vec::new();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 use crate::accel::Tlas;
 use crate::error::{Error, Result};
@@ -53,7 +54,7 @@ pub struct Given {
     pub attributes: Vec<u32>,
     /// By region of device memory, the place whose address leads nowhere yet.
     pub places: Vec<Option<PlaceId>>,
-    /// Bytes of all of it, but for device memory.
+    /// Bytes of all of it.
     pub made: u64,
 }
 
@@ -75,6 +76,7 @@ pub fn given(
     let mut resources = Resources::default();
     let mut record = Vec::new();
     let mut structure = None;
+    let mut bindings: BTreeMap<Binding, Vec<DescriptorArray>> = BTreeMap::new();
     // The order in which a module declares them changes nothing.
     let mut variables: Vec<_> = variables.iter().collect();
     variables.sort_by_key(|variable| root(variable));
@@ -93,7 +95,7 @@ pub fn given(
         let (element, count) = descriptor_array(module, ty, extent.scale);
         let list = u64::from(count) * size_of::<Descriptor>() as u64;
         filler.made.add(module, list).map_err(named(variable))?;
-        let mut descriptors = Vec::new();
+        let mut distinct = Vec::new();
         for at in 0..count.min(DISTINCT) {
             let root = root.wrapping_add(u64::from(at) << 32);
             let descriptor = match module.ty(element) {
@@ -122,19 +124,13 @@ pub fn given(
                 }
                 _ => continue,
             };
-            descriptors.push(descriptor);
+            distinct.push(descriptor);
         }
-        if descriptors.is_empty() {
-            continue;
-        }
-        let all = resources.descriptors.entry(place).or_default();
-        for (at, new) in descriptors.iter().cycle().take(count as usize).enumerate() {
-            match all.get_mut(at) {
-                Some(held) => share(held, new),
-                None => all.push(new.clone()),
-            }
+        if !distinct.is_empty() {
+            bindings.entry(place).or_default().push(DescriptorArray { distinct, count: count as usize });
         }
     }
+    resources.descriptors = bindings.into_iter().map(|(place, arrays)| (place, merged(arrays))).collect();
     let mut words = |class: u32| {
         let registers = program.interface_registers(class)?;
         Some(filler.words(registers.ty, u64::from(class) << 48))
@@ -142,8 +138,7 @@ pub fn given(
     let payload = words(storage::INCOMING_RAY_PAYLOAD).or_else(|| words(storage::INCOMING_CALLABLE_DATA));
     let payload = payload.transpose()?;
     let attributes = words(storage::HIT_ATTRIBUTE).transpose()?;
-    let made = filler.made.sum();
-    let (memory, places) = filler.device_memory(tlas)?;
+    let (memory, places, made) = filler.device_memory(tlas)?;
     resources.memory = memory;
     Ok(Given {
         resources,
@@ -165,6 +160,41 @@ fn named(variable: &InterfaceVariable) -> impl Fn(Error) -> Error {
     move |error| error.context(format_args!("made-up memory of {name}"))
 }
 
+/// What one variable asks of its binding: so many descriptors, of which the first few repeat.
+struct DescriptorArray {
+    /// At most [`DISTINCT`], and fewer only where there are not more.
+    distinct: Vec<Descriptor>,
+    count: usize,
+}
+
+/// The descriptors of a binding that variables share. They are merged as often as they differ and
+/// then repeated: there may be a million of them, each a buffer of a megabyte.
+fn merged(mut arrays: Vec<DescriptorArray>) -> Vec<Descriptor> {
+    // Up to the end of each array all that are longer are merged already.
+    arrays.sort_by_key(|array| std::cmp::Reverse(array.count));
+    let longest = arrays.first().map_or(0, |array| array.count);
+    let mut all = vec![Descriptor::Unbound; longest];
+    for residue in 0..DISTINCT as usize {
+        let mut held: Option<Descriptor> = None;
+        for (at, array) in arrays.iter().enumerate() {
+            let Some(new) = array.distinct.get(residue) else { break };
+            match &mut held {
+                Some(held) => share(held, new),
+                None => held = Some(new.clone()),
+            }
+            let shorter = arrays.get(at + 1).map_or(0, |next| next.count);
+            // The last of these arrays that reaches so far writes last, from its own end down to
+            // where the next one joins.
+            let first = residue + shorter.saturating_sub(residue).next_multiple_of(DISTINCT as usize);
+            if let Some(held) = &held {
+                let places = all.get_mut(first..array.count).unwrap_or_default();
+                places.iter_mut().step_by(DISTINCT as usize).for_each(|place| place.clone_from(held));
+            }
+        }
+    }
+    all
+}
+
 /// Adds what another variable asks of a binding that several share; of buffers the largest is kept.
 fn share(held: &mut Descriptor, new: &Descriptor) {
     let kinds: &[Descriptor] =
@@ -180,8 +210,8 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
     match (kinds.iter_mut().find(same), new) {
         // Of equal ones the order in which they were declared must not decide.
         (Some(Descriptor::Buffer(held)), Descriptor::Buffer(new)) => {
-            let key = |buffer: &Buffer| (buffer.size(), buffer.bytes());
-            if new.size() >= held.size() && key(new) > key(held) {
+            let order = new.size().cmp(&held.size()).then_with(|| bytes(new).cmp(bytes(held)));
+            if order.is_gt() {
                 held.clone_from(new);
             }
         }
@@ -197,6 +227,11 @@ fn share(held: &mut Descriptor, new: &Descriptor) {
         Ok([one]) => one,
         Err(several) => Descriptor::Mutable(several.into()),
     };
+}
+
+/// The bytes of a buffer, four by four, without a copy of all.
+fn bytes(buffer: &Buffer) -> impl Iterator<Item = [u8; 4]> {
+    buffer.words().iter().map(|word| word.load(Relaxed).to_le_bytes())
 }
 
 /// An answer to a trace or call that no shader gives: the words of the payload. `root` tells it
@@ -428,5 +463,47 @@ fn format(module: &Module, image: &ImageType) -> Format {
         format if image.depth == 1 => Format { channels: 1, ..format },
         format if image.sampled == 2 => format,
         _ => Format::new(Component::Unorm8, 4),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variables_of_a_binding_are_merged_where_they_overlap() {
+        let array = |sizes: &[usize], count| {
+            let distinct = sizes.iter().map(|&size| Descriptor::Buffer(Buffer::zeroed(size))).collect();
+            DescriptorArray { distinct, count }
+        };
+        let sizes = |arrays| {
+            let size = |descriptor: &Descriptor| match descriptor {
+                Descriptor::Buffer(buffer) => buffer.size(),
+                other => panic!("{other:?}"),
+            };
+            merged(arrays).iter().map(size).collect::<Vec<_>>()
+        };
+        assert_eq!(sizes(vec![array(&[4, 8, 12, 16], 6)]), [4, 8, 12, 16, 4, 8]);
+        // The larger of the two where both have a descriptor; behind the shorter one the first four
+        // of the longer go on.
+        let both = || vec![array(&[10, 10, 10], 3), array(&[4, 8, 12, 16], 9)];
+        let expected = [10, 10, 12, 16, 4, 8, 12, 16, 4];
+        assert_eq!(sizes(both()), expected);
+        assert_eq!(sizes(both().into_iter().rev().collect()), expected);
+        // Arrays as long as each other, and one that ends within the second four.
+        let three = vec![array(&[4, 4, 4, 9], 7), array(&[5, 3, 3, 3], 7), array(&[1, 6, 1, 1], 6)];
+        assert_eq!(sizes(three), [5, 6, 4, 9, 5, 6, 4]);
+    }
+
+    #[test]
+    fn of_buffers_of_a_size_the_bytes_decide() {
+        // As numbers of 32 bits their order is the other one.
+        let [low, high] = [[1, 0, 0, 9], [2, 0, 0, 1]].map(|bytes| Descriptor::Buffer(Buffer::new(&bytes)));
+        for (held, new) in [(&low, &high), (&high, &low)] {
+            let mut held = held.clone();
+            share(&mut held, new);
+            let Descriptor::Buffer(held) = held else { panic!("{held:?}") };
+            assert_eq!(held.bytes(), [2, 0, 0, 1]);
+        }
     }
 }

@@ -57,6 +57,9 @@ const FUEL_OF_A_RUN: u64 = 1 << 14;
 /// operation.
 const FREE_BYTES: u64 = 1 << 25;
 const BYTES_OF_AN_OPERATION: u64 = 8;
+/// By how much the time of launches becomes shorter once the clock has ended one: what else there
+/// is to run the shader for must not take as long again.
+const LESS_TIME: u32 = 4;
 /// What a ray counts beside its operations.
 const FUEL_OF_A_RAY: u64 = 1 << 7;
 
@@ -105,18 +108,33 @@ pub struct Progress {
     pub fuel: u64,
     /// When to stop whatever is still to be tried.
     pub deadline: Option<Instant>,
+    /// Limits of each launch that is still to come.
+    pub launch_limits: LaunchLimits,
     /// What kept further sets from being tried.
     pub cut_short: Option<&'static str>,
 }
 
 impl Progress {
     fn may_go_on(&mut self) -> bool {
+        if self.cut_short.is_some() {
+            return false;
+        }
         if self.fuel == 0 {
             self.cut_short = Some("fuel");
         } else if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
             self.cut_short = Some("time");
         }
         self.cut_short.is_none()
+    }
+
+    /// Notes that the clock ended a launch, which no fuel tells: what is costly is the operations,
+    /// not how many there are, and with other values they would be as costly again.
+    fn run_out_of_time(&mut self) {
+        self.cut_short = Some("time");
+        let LaunchLimits { timeout, batch_timeout, .. } = &mut self.launch_limits;
+        for time in [timeout, batch_timeout].into_iter().flatten() {
+            *time /= LESS_TIME;
+        }
     }
 
     fn is_whole(&self) -> bool {
@@ -254,16 +272,21 @@ impl EntryUnderTest<'_> {
             let mut watch = BlockRecorder::new(program);
             let mut stand_in = StandIn::new(program, set.numbers);
             let fuel = self.options.fuel >> if learned.is_spent { LESS_FUEL } else { 0 };
-            let limits = self.options.launch_limits;
+            let limits = progress.launch_limits;
             let run = Once { way, program, given: &given, set, fuel, limits };
             let trapped = run.run(&mut stand_in, &mut watch)?;
             learned.is_spent |= trapped.as_ref().is_some_and(|trap| trap.code.is_limit());
+            let is_late = trapped.as_ref().is_some_and(|trap| trap.code.is_of_clock());
+            if is_late {
+                progress.run_out_of_time();
+            }
             let happened = stand_in.happened;
             let rays = (happened.traces + happened.ray_queries).saturating_mul(FUEL_OF_A_RAY);
             let made = given.made.saturating_sub(FREE_BYTES) / BYTES_OF_AN_OPERATION;
             progress.fuel = progress.fuel.saturating_sub(watch.spent + rays + made + FUEL_OF_A_RUN);
             let is_last = match &trapped {
                 None => true,
+                Some(_) if is_late => true,
                 Some(trapped) => !self.learn(trapped, &given, learned, &mut wide, &mut progress.fuel),
             };
             if is_last {

@@ -21,12 +21,13 @@ use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::perturb::{Instability, Perturbation, perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
-use crate::machine::TrapCode;
+use crate::input::{InputLimit, InputLimits};
+use crate::machine::{LaunchLimits, TrapCode};
 use crate::scene::RunLimits;
 use crate::scene::file::RayEntry;
 
 /// How a suite is run.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct SuiteOptions {
     /// How many cases run side by side; 0 is as many as there are processors.
     pub jobs: usize,
@@ -49,10 +50,29 @@ pub struct SuiteOptions {
     pub no_explanation: bool,
     /// Whether explanations are in colour.
     pub colour: bool,
-    /// The limits of running.
+    /// The limits of running; by default those of [`LaunchLimits::TESTS`].
     pub limits: RunLimits,
     /// Where pictures that differ are saved.
     pub pictures: PathBuf,
+}
+
+impl Default for SuiteOptions {
+    fn default() -> Self {
+        Self {
+            jobs: 0,
+            all_widths: false,
+            check_optimizer: false,
+            bless: false,
+            fail_fast: false,
+            coverage: false,
+            shadow: false,
+            perturb: None,
+            no_explanation: false,
+            colour: false,
+            limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },
+            pictures: PathBuf::new(),
+        }
+    }
 }
 
 /// A suite that has run.
@@ -127,8 +147,18 @@ impl Suite {
             self.side_by_side(&groups, jobs, options, &stop, &mut take)?;
         }
         report.left_out = self.tests.len() - report.finished.len();
-        report.renewed = bless(fixes)?;
+        report.renewed = bless(fixes, &self.limits())?;
         Ok(report)
+    }
+
+    /// The limits that its files were read with.
+    fn limits(&self) -> InputLimits {
+        let limits = InputLimits::default();
+        let bytes = self.cases.iter().filter_map(|source| match source {
+            Source::Case(case) => Some(case.files.limits.get(InputLimit::SceneBytes)),
+            Source::Broken(..) => None,
+        });
+        bytes.max().map_or(limits, |most| limits.with(InputLimit::SceneBytes, most))
     }
 
     /// Runs groups on several threads, and takes what is done in order.
@@ -540,4 +570,14 @@ fn place(error: &Error) -> Option<TranscriptLine> {
         }),
         _ => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn launches_of_tests_end_by_default() {
+        assert_eq!(SuiteOptions::default().limits.default, LaunchLimits::TESTS);
+    }
 }

@@ -23,7 +23,8 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.addresses_records = program.ops.iter().any(addresses);
     let superblocks =
         (0..).zip(&program.blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
-    program.optimized = OptimizedCode { ops: program.ops.clone(), supercode: None, superblocks };
+    let reassigned = Vec::new();
+    program.optimized = OptimizedCode { ops: program.ops.clone(), supercode: None, superblocks, reassigned };
 }
 
 /// The offset, width and count of a load, which identify it among the loads of one instruction: a
