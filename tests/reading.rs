@@ -362,6 +362,10 @@ fn a_kilobyte_makes_no_gigabytes() {
     let grass = |at| format!("[geometry.g{at}]\ntype = 'grass'\ncount = 20000000\n");
     let meadow: String = (0..40).map(grass).collect();
     write(path, "meadow.toml", format!("version = 1\n{meadow}"));
+    // Level 0 of an image in numbers would be 2 GB.
+    let levels = "version = 1\n[resources.a]\ntype = 'sampled_image'\nbinding = 0\nformat = 'r8'\n\
+                  size = [8192, 8192]\nlevels = 2\ndata = { zeros = 67108864 }\n";
+    write(path, "levels.toml", levels);
     let limited = |scene: &str, more: &str| {
         let line = format!("ulimit -v 1000000 && exec \"$0\" run {scene} {more}");
         let mut command = Command::new("sh");
@@ -375,6 +379,8 @@ fn a_kilobyte_makes_no_gigabytes() {
     assert!(!ran.err.contains("allocat") && !ran.err.contains("limit"), "{}", ran.err);
     // The picture is read; what the command then lacks is something to run.
     assert!(!ran.err.contains("a.png"), "{}", ran.err);
+    let ran = limited("levels.toml", "");
+    assert!(!ran.err.contains("allocat") && !ran.err.contains("levels.toml"), "{}", ran.err);
     for scene in ["buffers.toml", "meadow.toml"] {
         let ran = limited(scene, "--limit scene-memory=100MiB --limit errors-shown=1");
         assert!(ran.err.contains("the limit `scene-memory` of 104857600"), "{scene}: {}", ran.err);

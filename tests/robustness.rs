@@ -258,6 +258,31 @@ fn command_line() {
     Fuzz { name: "command_line", run, seeds, mutate: mutators::text, cases: 2000, accepted: 5 }.check();
 }
 
+/// A reader's panic is an error of the file where it was in the reader, and a failure where it was
+/// in this project's own code.
+#[test]
+fn panics_of_our_own_are_no_errors_of_a_file() {
+    use anyhit::error::{Error, ErrorKind, Result};
+    let told = anyhit::input::contained("a-reader", ErrorKind::InvalidMesh, || -> Result<()> { panic!("x") });
+    let note = told.unwrap_err().notes()[0].clone();
+    assert!(note.contains("tests/robustness.rs:") || note.contains("tests\\robustness.rs:"), "{note}");
+    let begin = note.find('`').expect("a place") + 1;
+    let refused = |place: &str| {
+        let error =
+            Error::new(ErrorKind::InvalidMesh, "x").note(format!("{}{place}` relies on", &note[..begin]));
+        catch_unwind(|| subjects::refused(&error))
+    };
+    let absolute = subjects::root().join("src/scene/mesh/gltf.rs:7:9");
+    for ours in ["src/scene/mesh/gltf.rs:7:9", "src\\scene\\mesh\\gltf.rs:7:9", &absolute.to_string_lossy()] {
+        assert!(refused(ours).is_err(), "{ours}");
+    }
+    for others in
+        ["/home/a/.cargo/registry/src/index/gltf-1.4.1/src/lib.rs:7:9", "/rustc/0/library/core/src/a.rs:1:1"]
+    {
+        assert!(matches!(refused(others), Ok(false)), "{others}");
+    }
+}
+
 /// An input that failed: that of the test whose name its file's begins with.
 #[test]
 fn a_saved_input() {

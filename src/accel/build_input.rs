@@ -7,8 +7,6 @@
 //! stride of 0 makes all elements the same. Numbers are widened to `f32` exactly, but for
 //! normalised ones, which are rounded once.
 
-use std::collections::BTreeMap;
-
 use half::f16;
 
 use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
@@ -185,14 +183,66 @@ const LINEAR_SWEPT_SPHERES: Vuids = Vuids {
     index_type: "VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexData-10428",
 };
 
-impl BuildInput<'_> {
+/// How much a build makes of its input, known before anything is decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DecodedSize {
+    /// The primitives.
+    pub primitives: u64,
+    /// The most bytes that are held while they are decoded, the input not counted.
+    pub bytes: u64,
+}
+
+impl DecodedSize {
+    /// Primitives of `entries` each, which name `vertices` each.
+    fn of(primitives: u64, entries: u64, vertices: u64) -> Self {
+        // An entry is a number and an index. A vertex is a number, a point and a radius.
+        let bytes = primitives.saturating_mul(12 * entries + 24 * vertices);
+        Self { primitives, bytes }
+    }
+}
+
+/// Where the entries of a geometry's primitives are: an entry names a vertex.
+struct Entries<'a> {
+    /// The indices, where there are any; without, each entry names the next vertex.
+    indices: Option<(StridedLayout, &'a [u8], IndexType)>,
+    primitives: u64,
+    /// Entries of a primitive.
+    each: u64,
+}
+
+impl<'a> BuildInput<'a> {
+    /// How much [`BuildInput::triangles`] makes.
+    ///
+    /// # Errors
+    /// As there, but for what lies beyond its buffer.
+    pub fn triangles_size(&self) -> Result<DecodedSize> {
+        Ok(DecodedSize::of(self.entries(&TRIANGLES, 3)?.primitives, 3, 3))
+    }
+
+    /// How much [`BuildInput::spheres`] makes.
+    ///
+    /// # Errors
+    /// As there, but for what lies beyond its buffer.
+    pub fn spheres_size(&self) -> Result<DecodedSize> {
+        Ok(DecodedSize::of(self.entries(&SPHERES, 1)?.primitives, 1, 1))
+    }
+
+    /// How much [`BuildInput::linear_swept_spheres`] makes.
+    ///
+    /// # Errors
+    /// As there, but for what lies beyond its buffer.
+    pub fn linear_swept_spheres_size(&self, indexing: Indexing) -> Result<DecodedSize> {
+        let entries = self.segments(indexing)?;
+        Ok(DecodedSize::of(entries.primitives, entries.each, 2))
+    }
+
     /// Triangles, with their build-time transform.
     ///
     /// # Errors
     /// `InvalidScene` for a stride or offset that is no multiple of the component's size, an index
     /// type that no build takes, and whatever lies beyond its buffer.
     pub fn triangles(&self, transform: Option<[[f32; 4]; 3]>) -> Result<GeometryData> {
-        let entries = self.entries(&TRIANGLES, |entries| entries / 3 * 3, |count| count * 3)?;
+        let entries = self.entries(&TRIANGLES, 3)?;
         let Fetched { points: vertices, indices, .. } = self.fetch(&entries, 0, None)?;
         Ok(GeometryData::Triangles { vertices, indices: Some(indices), transform })
     }
@@ -202,7 +252,7 @@ impl BuildInput<'_> {
     /// # Errors
     /// As [`BuildInput::triangles`].
     pub fn spheres(&self, radii: Strided<'_>, format: RadiusFormat) -> Result<GeometryData> {
-        let entries = self.entries(&SPHERES, |entries| entries, |count| count)?;
+        let entries = self.entries(&SPHERES, 1)?;
         let Fetched { points: positions, indices, radii } = self.fetch(&entries, 0, Some((radii, format)))?;
         Ok(GeometryData::Spheres { positions, radii, indices: Some(indices) })
     }
@@ -218,30 +268,27 @@ impl BuildInput<'_> {
         indexing: Indexing,
         end_caps: EndCaps,
     ) -> Result<GeometryData> {
+        let entries = self.segments(indexing)?;
+        // In successive mode an index also names the vertex behind its own.
+        let last_offset = u64::from(indexing == Indexing::Successive);
+        let Fetched { points: positions, indices, radii } =
+            self.fetch(&entries, last_offset, Some((radii, format)))?;
+        Ok(GeometryData::LinearSweptSpheres { positions, radii, indices: Some(indices), indexing, end_caps })
+    }
+
+    /// The entries of linear swept spheres.
+    fn segments(&self, indexing: Indexing) -> Result<Entries<'a>> {
         if indexing == Indexing::Successive && self.indices.is_none() {
             return Err(invalid(
                 "successive indexing needs indices \
                  (VUID-VkAccelerationStructureGeometryLinearSweptSpheresDataNV-indexingMode-10427)",
             ));
         }
-        // In successive mode an index also names the vertex behind its own.
-        let (each, last_offset) = if indexing == Indexing::List { (2, 0) } else { (1, 1) };
-        let vuids = &LINEAR_SWEPT_SPHERES;
-        let entries = self.entries(vuids, |entries| entries / each * each, |count| count * each)?;
-        let Fetched { points: positions, indices, radii } =
-            self.fetch(&entries, last_offset, Some((radii, format)))?;
-        Ok(GeometryData::LinearSweptSpheres { positions, radii, indices: Some(indices), indexing, end_caps })
+        self.entries(&LINEAR_SWEPT_SPHERES, if indexing == Indexing::List { 2 } else { 1 })
     }
 
-    /// Which vertices the primitives name, in their order, `first_vertex` included where there are
-    /// indices. `whole` rounds a number of entries down to whole primitives, `of` says how many
-    /// entries a number of primitives takes.
-    fn entries(
-        &self,
-        vuids: &Vuids,
-        whole: impl Fn(u64) -> u64,
-        of: impl Fn(u64) -> u64,
-    ) -> Result<Vec<u64>> {
+    /// The entries of primitives of `each` entries.
+    fn entries(&self, vuids: &Vuids, each: u64) -> Result<Entries<'a>> {
         let component = self.vertex_format.component_size();
         let stride = self.vertices.stride.unwrap_or(self.vertex_format.size());
         if !stride.is_multiple_of(component) || stride > u64::from(u32::MAX) {
@@ -260,14 +307,14 @@ impl BuildInput<'_> {
             }
             let begin = offset + stride * u64::from(self.range.first_vertex);
             let layout = StridedLayout { begin, stride, size: self.vertex_format.size() };
-            let entries = count.map(of).or_else(|| layout.count(self.vertices.bytes).map(whole));
-            let Some(entries) = entries else {
+            let primitives = count.or_else(|| layout.count(self.vertices.bytes).map(|count| count / each));
+            let Some(primitives) = primitives else {
                 return Err(invalid(
                     "with a stride of 0 and no indices, the number of primitives must be given",
                 ));
             };
-            check_count(entries)?;
-            return Ok((0..entries).collect());
+            check_count(primitives)?;
+            return Ok(Entries { indices: None, primitives, each });
         };
         if index_type == IndexType::Uint8 {
             return Err(invalid(format!(
@@ -283,38 +330,26 @@ impl BuildInput<'_> {
             )));
         }
         let layout = StridedLayout { begin: offset, stride: indices.stride.unwrap_or(size), size };
-        let entries = count.map(of).or_else(|| layout.count(indices.bytes).map(whole));
-        let entries = entries
+        let primitives = count.or_else(|| layout.count(indices.bytes).map(|count| count / each));
+        let primitives = primitives
             .ok_or_else(|| invalid("with an index stride of 0 the number of primitives must be given"))?;
-        check_count(entries)?;
-        let mut named = Vec::with_capacity(entries as usize);
-        for entry in 0..entries {
-            let bytes = layout.element(indices.bytes, entry).map_err(|end| {
-                invalid(format!(
-                    "index {entry} ends at byte {end} of {} bytes of indices",
-                    indices.bytes.len()
-                ))
-            })?;
-            let index = match index_type {
-                IndexType::Uint32 => u32::from_le_bytes(word(bytes, 0)),
-                _ => u16::from_le_bytes(word(bytes, 0)).into(),
-            };
-            named.push(u64::from(index) + u64::from(self.range.first_vertex));
-        }
-        Ok(named)
+        check_count(primitives)?;
+        Ok(Entries { indices: Some((layout, indices.bytes, index_type)), primitives, each })
     }
 
     /// The vertices named, each once and in ascending order so that neighbours stay neighbours, the
     /// entries renamed to match, and their radii.
     fn fetch(
         &self,
-        entries: &[u64],
+        entries: &Entries<'_>,
         last_offset: u64,
         radii: Option<(Strided<'_>, RadiusFormat)>,
     ) -> Result<Fetched> {
-        let named = entries.iter().flat_map(|&entry| entry..=entry + last_offset);
-        let mut names: BTreeMap<u64, u32> = named.map(|entry| (entry, 0)).collect();
-        names.values_mut().enumerate().for_each(|(place, name)| *name = place as u32);
+        let entries = entries.numbers(self.range.first_vertex)?;
+        let mut names = Vec::with_capacity(entries.len() * (1 + last_offset as usize));
+        names.extend(entries.iter().flat_map(|&entry| entry..=entry + last_offset));
+        names.sort_unstable();
+        names.dedup();
 
         // Without indices the range moves the buffers, otherwise it has moved the indices.
         let begin = |stride: u64| match self.indices {
@@ -324,16 +359,8 @@ impl BuildInput<'_> {
         let size = self.vertex_format.size();
         let stride = self.vertices.stride.unwrap_or(size);
         let layout = StridedLayout { begin: begin(stride), stride, size };
-        let fetch = |layout: &StridedLayout, bytes: &[u8], what: &str| {
-            let all = names.keys().map(|&entry| {
-                layout.element(bytes, entry).map(<[u8]>::to_vec).map_err(|end| {
-                    invalid(format!("{what} {entry} ends at byte {end} of a buffer of {}", bytes.len()))
-                })
-            });
-            all.collect::<Result<Vec<_>>>()
-        };
-        let vertices = fetch(&layout, self.vertices.bytes, "vertex")?;
-        let vertices = vertices.iter().map(|bytes| self.vertex_format.read(bytes)).collect();
+        let format = self.vertex_format;
+        let points = layout.fetch(self.vertices.bytes, &names, "vertex", |bytes| format.read(bytes))?;
         let radii = match radii {
             None => Vec::new(),
             Some((radii, format)) => {
@@ -342,10 +369,38 @@ impl BuildInput<'_> {
                     return Err(invalid(format!("a radius stride of {stride} (VUIDs 10422, 10432)")));
                 }
                 let layout = StridedLayout { begin: begin(stride), stride, size: format.size() };
-                fetch(&layout, radii.bytes, "radius")?.iter().map(|bytes| format.read(bytes)).collect()
+                layout.fetch(radii.bytes, &names, "radius", |bytes| format.read(bytes))?
             }
         };
-        Ok(Fetched { points: vertices, indices: entries.iter().map(|entry| names[entry]).collect(), radii })
+        // Where no vertex is left out, and that is the rule, none need be searched for.
+        let first = names.first().copied().unwrap_or(0);
+        let is_dense = names.last().is_none_or(|last| last - first + 1 == names.len() as u64);
+        let name = |entry: &u64| match is_dense {
+            true => (entry - first) as u32,
+            false => names.partition_point(|name| name < entry) as u32,
+        };
+        Ok(Fetched { points, indices: entries.iter().map(name).collect(), radii })
+    }
+}
+
+impl Entries<'_> {
+    /// Which vertices the primitives name, in their order, `first_vertex` included where there are
+    /// indices.
+    fn numbers(&self, first_vertex: u32) -> Result<Vec<u64>> {
+        let count = self.primitives * self.each;
+        let Some((layout, all, index_type)) = &self.indices else { return Ok((0..count).collect()) };
+        let mut numbers = Vec::with_capacity(count as usize);
+        for entry in 0..count {
+            let bytes = layout.element(all, entry).map_err(|end| {
+                invalid(format!("index {entry} ends at byte {end} of {} bytes of indices", all.len()))
+            })?;
+            let index = match index_type {
+                IndexType::Uint32 => u32::from_le_bytes(word(bytes, 0)),
+                _ => u16::from_le_bytes(word(bytes, 0)).into(),
+            };
+            numbers.push(u64::from(index) + u64::from(first_vertex));
+        }
+        Ok(numbers)
     }
 }
 
@@ -354,6 +409,28 @@ impl BuildInput<'_> {
 /// # Errors
 /// `InvalidScene` for a stride or an offset that is no multiple of 8, and boxes beyond the buffer.
 pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
+    let (layout, count) = boxes_of(boxes, range)?;
+    let read = |at: u64| {
+        let bytes = layout.element(boxes.bytes, at).map_err(|end| {
+            invalid(format!("box {at} ends at byte {end} of a buffer of {}", boxes.bytes.len()))
+        })?;
+        Ok(std::array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
+    };
+    Ok(GeometryData::Aabbs((0..count).map(read).collect::<Result<_>>()?))
+}
+
+/// How much [`aabbs`] makes.
+///
+/// # Errors
+/// As there, but for boxes beyond the buffer.
+pub fn aabbs_size(boxes: Strided<'_>, range: BuildRange) -> Result<DecodedSize> {
+    let (layout, primitives) = boxes_of(boxes, range)?;
+    // A list whose length is not known beforehand grows by doubling.
+    Ok(DecodedSize { primitives, bytes: primitives * 2 * layout.size })
+}
+
+/// Where boxes lie, and how many.
+fn boxes_of(boxes: Strided<'_>, range: BuildRange) -> Result<(StridedLayout, u64)> {
     const SIZE: u64 = 24;
     let stride = boxes.stride.unwrap_or(SIZE);
     for (what, number, vuid) in [
@@ -372,13 +449,7 @@ pub fn aabbs(boxes: Strided<'_>, range: BuildRange) -> Result<GeometryData> {
     let count = range.primitive_count.map(u64::from).or_else(|| layout.count(boxes.bytes));
     let count = count.ok_or_else(|| invalid("with a stride of 0 the number of primitives must be given"))?;
     check_count(count)?;
-    let read = |at: u64| {
-        let bytes = layout.element(boxes.bytes, at).map_err(|end| {
-            invalid(format!("box {at} ends at byte {end} of a buffer of {}", boxes.bytes.len()))
-        })?;
-        Ok(std::array::from_fn(|corner| f32::from_le_bytes(word(bytes, 4 * corner))))
-    };
-    Ok(GeometryData::Aabbs((0..count).map(read).collect::<Result<_>>()?))
+    Ok((layout, count))
 }
 
 /// The vertices that primitives name, each once.
@@ -414,13 +485,32 @@ impl StridedLayout {
         let end = begin.saturating_add(self.size);
         bytes.get(begin as usize..end as usize).ok_or(end)
     }
+
+    /// The elements with these numbers.
+    fn fetch<T>(
+        &self,
+        bytes: &[u8],
+        numbers: &[u64],
+        what: &str,
+        read: impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<T>> {
+        let mut all = Vec::with_capacity(numbers.len());
+        for &at in numbers {
+            let element = self.element(bytes, at).map_err(|end| {
+                invalid(format!("{what} {at} ends at byte {end} of a buffer of {}", bytes.len()))
+            })?;
+            all.push(read(element));
+        }
+        Ok(all)
+    }
 }
 
-/// The limit that every device supports: `maxPrimitiveCount` of at least 2^29 - 1, three entries
-/// each.
-fn check_count(entries: u64) -> Result<()> {
-    if entries > 3 * ((1 << 29) - 1) {
-        return Err(invalid(format!("{entries} vertices: more than any device takes (maxPrimitiveCount)")));
+/// Compares a number of primitives with what every device supports: `maxPrimitiveCount` of at least
+/// 2^29 - 1. It is a rule for inputs and does not bound memory: whoever reads a stranger's input
+/// compares a [`DecodedSize`] with limits first.
+fn check_count(primitives: u64) -> Result<()> {
+    if primitives > (1 << 29) - 1 {
+        return Err(invalid(format!("{primitives} primitives: 2^29 - 1 is the most (maxPrimitiveCount)")));
     }
     Ok(())
 }
@@ -553,6 +643,56 @@ mod tests {
         let range = BuildRange { primitive_count: Some(3), ..TRIANGLE };
         let still = BuildInput { range, ..still };
         assert_eq!(still.spheres(radii, RadiusFormat::R32Sfloat).unwrap().primitive_count(), 3);
+    }
+
+    #[test]
+    fn sizes_are_known_before_anything_is_decoded() {
+        // Of each entry a number of 8 bytes and an index of 4 are held, of each vertex a number, a
+        // point of 12 and a radius of 4.
+        let (entry, vertex) = (8 + 4, 8 + 12 + 4);
+        let positions = floats(&[0.0; 3]);
+        let range = BuildRange { primitive_count: Some((1 << 29) - 1), ..TRIANGLE };
+        let input = BuildInput {
+            vertices: Strided { bytes: &positions, stride: Some(0) },
+            vertex_format: VertexFormat::R32G32B32Sfloat,
+            indices: Some((Strided { bytes: &positions, stride: Some(0) }, IndexType::Uint32)),
+            range,
+        };
+        let size = |entries: u64, vertices: u64| {
+            let primitives = (1 << 29) - 1;
+            DecodedSize { primitives, bytes: primitives * (entries * entry + vertices * vertex) }
+        };
+        assert_eq!(input.triangles_size().unwrap(), size(3, 3));
+        assert_eq!(input.spheres_size().unwrap(), size(1, 1));
+        assert_eq!(input.linear_swept_spheres_size(Indexing::List).unwrap(), size(2, 2));
+        assert_eq!(input.linear_swept_spheres_size(Indexing::Successive).unwrap(), size(1, 2));
+        // Boxes have six numbers of 4 bytes, and their list may grow to twice its length.
+        let boxes = Strided { bytes: &[0; 24], stride: Some(0) };
+        let all = aabbs_size(boxes, range).unwrap();
+        assert_eq!(all, DecodedSize { primitives: (1 << 29) - 1, bytes: ((1 << 29) - 1) * 24 * 2 });
+        let more = BuildRange { primitive_count: Some(1 << 29), ..TRIANGLE };
+        let error = BuildInput { range: more, ..input }.triangles_size().unwrap_err();
+        assert!(error.message().contains("maxPrimitiveCount"), "{error}");
+        assert!(aabbs_size(boxes, more).is_err());
+    }
+
+    #[test]
+    fn vertices_that_are_left_out_are_not_decoded() {
+        let positions = floats(&[0., 0., 0., 1., 0., 0., 2., 0., 0., 3., 0., 0.]);
+        let indices = shorts(&[3, 0, 3]);
+        let input = BuildInput {
+            vertices: packed(&positions),
+            vertex_format: VertexFormat::R32G32B32Sfloat,
+            indices: Some((packed(&indices), IndexType::Uint16)),
+            range: TRIANGLE,
+        };
+        // Vertices 0 and 3 are kept, so 3 is the second one.
+        let wanted = GeometryData::Triangles {
+            vertices: vec![[0.; 3], [3., 0., 0.]],
+            indices: Some(vec![1, 0, 1]),
+            transform: None,
+        };
+        assert_eq!(input.triangles(None).unwrap(), wanted);
     }
 
     #[test]

@@ -37,7 +37,7 @@ pub struct CompileArgs {
     limits: InputLimitArgs,
     /// Compile the sources in shaders/ whose modules in spirv-fixtures/ are out of date, in the
     /// current folder
-    #[arg(long)]
+    #[arg(long, conflicts_with = "limit")]
     fixtures: bool,
     /// With --fixtures: compile all sources, also those that have not changed
     #[arg(long, requires = "fixtures", conflicts_with = "sources")]
@@ -130,6 +130,8 @@ mod tests {
         assert_eq!(args.sources.len(), 2);
         assert!(parse("compile").is_none(), "neither source nor --fixtures");
         assert!(parse("compile --fixtures a.rgen -g").is_none(), "flags of fixtures stand in the sources");
+        assert!(parse("compile --fixtures").is_some());
+        assert!(parse("compile --fixtures --limit source-bytes=9").is_none(), "fixtures have the defaults");
         assert!(parse("compile a.rgen --force").is_none(), "only fixtures are forced");
     }
 }

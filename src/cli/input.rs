@@ -1,4 +1,5 @@
-//! What the command line says about reading: limits, and the folder that a scene may not leave.
+//! What the command line says about reading: limits of what is read and of what it may ask for, and
+//! the folder that a scene may not leave.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +10,11 @@ use crate::input::limits::LimitSetting;
 use crate::input::{InputLimit, InputLimits, RootFolder, STANDARD_INPUT, is_stream, read_argument};
 use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, load_bytes};
 
-/// Limits of what is read.
+/// Limits of what is read and of what it may ask for.
 #[derive(Args, Clone, Debug, Default)]
 pub struct InputLimitArgs {
-    /// Set a limit of what is read, such as `file-bytes=4GiB`; may be repeated (docs/reading.md has
-    /// all)
+    /// Set a limit of what is read or may be asked for, such as `file-bytes=4GiB`; may be repeated
+    /// (docs/reading.md has all)
     #[arg(long, value_name = "NAME=N")]
     limit: Vec<LimitSetting>,
 }
@@ -26,7 +27,7 @@ impl InputLimitArgs {
     }
 }
 
-/// Limits of what is read, and where a scene may read.
+/// Limits of what is read and of what it may ask for, and where a scene may read.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SceneFileArgs {
     /// Refuse every path in a scene that leaves this folder, links followed

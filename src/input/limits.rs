@@ -98,12 +98,13 @@ limits! {
     SceneBytes "scene-bytes" 1 << 24, "bytes of TOML";
     /// Files of one scene, itself and those that it includes: 64.
     SceneFiles "scene-files" 64, "files of one scene";
-    /// Bytes of a recording, and of each mesh, picture, module and buffer that a scene names: 2^31.
+    /// Bytes of a recording, and of each mesh, picture and buffer that a scene names: 2^31. Modules
+    /// and sources have limits of their own.
     FileBytes "file-bytes" 1 << 31, "bytes of a file";
     /// Bytes of one buffer that a scene describes: 2^30.
     BufferBytes "buffer-bytes" 1 << 30, "bytes of a buffer";
-    /// Bytes of all that one scene reads and makes, files, buffers, texels and primitives together:
-    /// 2^33.
+    /// Bytes of all that one scene reads and makes, files, buffers, texels, primitives and
+    /// descriptors together: 2^33.
     SceneMemory "scene-memory" 1 << 33, "bytes of one scene";
     /// Primitives in all acceleration structures of a scene: 2^26. A geometry that several lists
     /// name counts once for each list.
@@ -128,7 +129,8 @@ limits! {
     ErrorsShown "errors-shown" 50, "mistakes that are shown";
 }
 
-/// How much a file or a scene may hold.
+/// The values of all limits: how much files, scenes and modules may hold, and what lowering a
+/// module and smoke tests may take.
 ///
 /// ```
 /// use anyhit::input::{InputLimit, InputLimits};

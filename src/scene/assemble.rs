@@ -76,12 +76,13 @@ impl Assembled {
         Launch { pipeline: &self.pipeline, resources: &self.resources }
     }
 
-    /// How many invocations [`Assembled::run`] runs, shaders that they call not counted.
+    /// How many invocations [`Assembled::run`] runs, shaders that they call not counted; of more
+    /// than 2^64 the greatest number.
     pub fn invocations(&self) -> u64 {
-        let count = |sides: [u32; 3]| sides.iter().map(|&side| u64::from(side)).product::<u64>();
+        let count = |sides: [u32; 3]| sides.iter().fold(1, |all: u64, &side| all.saturating_mul(side.into()));
         let launch = if self.pipeline.sbt.ray_generation.is_some() { count(self.size) } else { 0 };
-        let dispatch = |one: &Dispatch| count(one.groups) * count(one.compute.workgroup_size());
-        launch + self.dispatches.iter().map(dispatch).sum::<u64>()
+        let dispatch = |one: &Dispatch| count(one.groups).saturating_mul(count(one.compute.workgroup_size()));
+        self.dispatches.iter().map(dispatch).fold(launch, u64::saturating_add)
     }
 
     /// Runs the scene on these resources, W lanes at a time: the ray generation shader, where there
@@ -172,25 +173,20 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
 }
 
 /// Removes duplicate errors, as several groups may name one shader. A missing tool is reported only
-/// once. Beyond the most that are shown, the others are counted.
+/// once. Only those that are shown are compared: thousands are not, each with each other.
 fn deduplicate(errors: Vec<Error>, most: u64) -> Error {
+    let most = usize::try_from(most).unwrap_or(usize::MAX).max(1);
     let mut distinct: Vec<Error> = Vec::new();
-    let mut more = 0;
     for error in errors {
         let is_duplicate = |known: &Error| {
             let anywhere = error.kind() == ErrorKind::UnsupportedTool;
             known.message() == error.message() && (anywhere || known.places().eq(error.places()))
         };
-        if distinct.iter().any(is_duplicate) {
-            continue;
-        }
-        if (distinct.len() as u64) < most.max(1) {
+        if !distinct.iter().take(most).any(is_duplicate) {
             distinct.push(error);
-        } else {
-            more += 1;
         }
     }
-    Error::several(distinct).and_more(more)
+    Error::first_of(distinct, most)
 }
 
 /// The shaders of a scene; each module is loaded and each entry point lowered once.
@@ -409,5 +405,38 @@ pub fn image(image: &ImageContent, limits: &InputLimits) -> Result<Arc<machine::
     match image.is_filled() {
         true => machine::Image::filled(image.format, image.shape, &image.texels),
         false => machine::Image::new(image.format, image.shape, &image.texels),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{DiskFiles, LoadOptions, load_text};
+
+    #[test]
+    fn more_invocations_than_fit_are_the_greatest_number() {
+        let text = "version = 1\n[shaders.sum]\npath = 'spirv-fixtures/pass/compute/prefix-sum/main.comp.spv'\n\
+                    [[dispatch]]\nshader = 'sum'\n[[dispatch]]\nshader = 'sum'\n\
+                    [resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 4096\n\
+                    [resources.b]\ntype = 'storage_buffer'\nbinding = 1\nsize = 4096\n\
+                    [resources.c]\ntype = 'storage_buffer'\nbinding = 2\nsize = 4096\n";
+        let scene = load_text(Path::new("s.toml"), text, &DiskFiles, &LoadOptions::default()).unwrap();
+        let mut assembled = assemble(&scene).unwrap();
+        // The product wraps in one dispatch, and the sum of two.
+        assembled.dispatches[0].groups = [u32::MAX; 3];
+        assert_eq!(assembled.invocations(), u64::MAX);
+        assembled.dispatches[1].groups = [u32::MAX; 3];
+        assert_eq!(assembled.invocations(), u64::MAX);
+    }
+
+    #[test]
+    fn duplicates_are_removed_and_the_rest_counted() {
+        let errors = |messages: &[&str]| {
+            messages.iter().map(|text| Error::new(ErrorKind::InvalidScene, *text)).collect::<Vec<_>>()
+        };
+        let error = deduplicate(errors(&["a", "b", "a", "c", "d", "b"]), 2);
+        assert_eq!((error.others().len(), error.not_shown()), (1, 2));
+        assert_eq!((error.message(), error.others()[0].message()), ("a", "b"));
+        assert_eq!(deduplicate(errors(&["a", "b"]), 0).not_shown(), 1);
     }
 }

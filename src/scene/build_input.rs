@@ -4,10 +4,11 @@
 use std::sync::Arc;
 
 use crate::accel::build_input::{
-    BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat, aabbs,
+    BuildInput, BuildRange, DecodedSize, IndexType, RadiusFormat, Strided, VertexFormat, aabbs, aabbs_size,
 };
 use crate::accel::{EndCaps, GeometryData, Indexing};
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
+use crate::input::InputLimit;
 use crate::scene::data::DataPieces;
 use crate::scene::files::Files;
 use crate::scene::read::{Named, Span, Table};
@@ -129,7 +130,8 @@ impl BuildEntry {
     /// Decodes the buffers.
     ///
     /// # Errors
-    /// What the data or the build report, at the geometry's table.
+    /// What the data or the build report, at the geometry's table, and limits: a stride of 0 makes
+    /// any number of primitives of a few bytes.
     pub(super) fn load(&self, files: &dyn Files) -> Result<GeometryData> {
         self.load_with(&self.vertices.data, files)
     }
@@ -147,11 +149,12 @@ impl BuildEntry {
     }
 
     fn load_with(&self, vertices: &DataPieces, files: &dyn Files) -> Result<GeometryData> {
-        let at_table = |error: crate::error::Error| self.span.error(error.message());
+        let at_table = |error: Error| self.span.error(error.message());
         let bytes = |buffer: &Buffer| buffer.data.encode(files, 1.0);
         let vertices = vertices.encode(files, 1.0)?;
         let vertices = Strided { bytes: &vertices, stride: self.vertices.stride };
         if let Kind::Aabbs = self.kind {
+            self.reserve(aabbs_size(vertices, self.range).map_err(at_table)?, files)?;
             return aabbs(vertices, self.range).map_err(at_table);
         }
         let index_bytes = self.indices.as_ref().map(|(buffer, _)| bytes(buffer)).transpose()?;
@@ -159,6 +162,12 @@ impl BuildEntry {
         let indices = indices
             .map(|((buffer, index_type), bytes)| (Strided { bytes, stride: buffer.stride }, *index_type));
         let input = BuildInput { vertices, vertex_format: self.format, indices, range: self.range };
+        let size = match self.kind {
+            Kind::LinearSweptSpheres(mode, _) => input.linear_swept_spheres_size(mode),
+            Kind::Spheres => input.spheres_size(),
+            Kind::Triangles(_) | Kind::Aabbs => input.triangles_size(),
+        };
+        self.reserve(size.map_err(at_table)?, files)?;
         let radius_bytes = self.radii.as_ref().map(|(buffer, _)| bytes(buffer)).transpose()?;
         let radii = self.radii.as_ref().zip(radius_bytes.as_ref());
         let radii =
@@ -175,6 +184,14 @@ impl BuildEntry {
         };
         decoded.map_err(at_table)
     }
+
+    /// Compares what is about to be decoded with the limits of the scene. Acceleration structures
+    /// count the primitives, each list of geometries its own; this compares those of one geometry.
+    fn reserve(&self, size: DecodedSize, files: &dyn Files) -> Result<()> {
+        let primitives =
+            files.limits().check(InputLimit::ScenePrimitives, size.primitives, ErrorKind::InvalidScene);
+        primitives.and_then(|()| files.reserve(size.bytes)).map_err(|error| error.at(self.span.place()))
+    }
 }
 
 fn range(table: &Table<'_>) -> BuildRange {
@@ -182,5 +199,44 @@ fn range(table: &Table<'_>) -> BuildRange {
         primitive_count: table.optional("primitive_count"),
         primitive_offset: table.or("primitive_offset", 0),
         first_vertex: table.or("first_vertex", 0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::input::{InputLimit, InputLimits};
+    use crate::scene::{LoadOptions, SceneFiles, load_text};
+
+    fn message(geometry: &str, limits: InputLimits) -> String {
+        let text = format!("version = 1\n[geometry.a]\n{geometry}\n");
+        let files = SceneFiles { limits, root: None };
+        load_text(Path::new("s.toml"), &text, &files, &LoadOptions::default()).unwrap_err().render()
+    }
+
+    const REPEATED: [&str; 5] = [
+        "type = 'triangles'\nvertex_data = { f32 = [0, 0, 0] }\nvertex_stride = 0",
+        "type = 'triangles'\nvertex_data = { f32 = [0, 0, 0] }\nindex_data = { u32 = 0 }\nindex_stride = 0",
+        "type = 'spheres'\nvertex_data = { f32 = [0, 0, 0] }\nvertex_stride = 0\nradius_data = { f32 = 1 }\n\
+         radius_stride = 0",
+        "type = 'lss'\nvertex_data = { f32 = [0, 0, 0] }\nvertex_stride = 0\nradius_data = { f32 = 1 }\n\
+         radius_stride = 0",
+        "type = 'aabbs'\naabb_data = { f32 = [0, 0, 0, 1, 1, 1] }\naabb_stride = 0",
+    ];
+
+    #[test]
+    fn a_repeated_element_makes_no_more_than_the_limits_say() {
+        for geometry in REPEATED {
+            let many = format!("{geometry}\nprimitive_count = 536870911");
+            let text = message(&many, InputLimits::default());
+            let wanted =
+                "536870911 primitives of one scene are more than the limit `scene-primitives` of 67108864";
+            assert!(text.contains(wanted) && text.contains("s.toml:2:"), "{text}");
+            // A primitive takes at least 36 bytes while it is decoded.
+            let few = format!("{geometry}\nprimitive_count = 1000");
+            let text = message(&few, InputLimits::default().with(InputLimit::SceneMemory, 35_000));
+            assert!(text.contains("the limit `scene-memory` of 35000"), "{text}");
+        }
     }
 }

@@ -77,7 +77,7 @@ impl SceneFile {
     /// `InvalidScene` with the mistakes where nothing more can be read from the text: no TOML, no
     /// version, another version. All other mistakes go to the report.
     pub fn parse(path: impl Into<PathBuf>, text: &str, report: &Diagnostics) -> Result<Self> {
-        let document = Document::parse(path, text)?;
+        let document = Document::parse_within(path, text, report.limits())?;
         version(&document)?;
         let root = document.root(report);
         let _: Option<u32> = root.optional("version");

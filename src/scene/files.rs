@@ -23,7 +23,7 @@ pub trait Files {
     /// As [`Files::read`].
     fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>>;
 
-    /// The limits of files, scenes, meshes and images.
+    /// The limits of what is read, and of what modules, lowering and smoke tests may ask for.
     fn limits(&self) -> InputLimits {
         InputLimits::default()
     }
@@ -64,7 +64,7 @@ impl Files for DiskFiles {
 /// start at the current folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneFiles {
-    /// The limits of files, scenes, meshes and images.
+    /// The limits of what is read, and of what modules, lowering and smoke tests may ask for.
     pub limits: InputLimits,
     /// The folder that paths may not leave, links followed.
     pub root: Option<RootFolder>,

@@ -5,11 +5,10 @@
 //! origin.
 
 use crate::accel::{EndCaps, GeometryData, Indexing};
+use crate::error::ErrorKind;
+use crate::input::InputLimit;
 use crate::scene::random::Random;
-use crate::scene::read::{Parse, Spanned, Table, TomlValue};
-
-/// The most primitives that one generator makes.
-pub const MAX_PRIMITIVES: u64 = 20_000_000;
+use crate::scene::read::{Parse, Span, Spanned, Table, TomlValue};
 
 /// A number or a range to choose from: `0.5` or `[0.2, 0.5]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -395,19 +394,19 @@ impl Strands {
 /// Reads `count`; reports an error if there are too many primitives, with `primitives_each` for
 /// each of `count`.
 fn count(table: &Table<'_>, default: u32, primitives_each: u32) -> Option<u32> {
-    match table.value("count") {
-        None => Some(default),
-        Some(value) => within_limit(table, Spanned::parse(value)?, primitives_each),
-    }
+    let count = match table.value("count") {
+        None => Spanned { value: default, span: table.span() },
+        Some(value) => Spanned::<u32>::parse(value)?,
+    };
+    let primitives = u64::from(count.value) * u64::from(primitives_each.max(1));
+    within_limit(table, primitives, &count.span).then_some(count.value)
 }
 
-fn within_limit(table: &Table<'_>, count: Spanned<u32>, primitives_each: u32) -> Option<u32> {
-    if u64::from(count.value) * u64::from(primitives_each.max(1)) <= MAX_PRIMITIVES {
-        return Some(count.value);
-    }
-    let message = format!("more than {MAX_PRIMITIVES} primitives from one generator");
-    table.report().push(count.span.error(message));
-    None
+/// Whether the limit of a scene's primitives allows so many; reports an error if not.
+fn within_limit(table: &Table<'_>, primitives: u64, span: &Span) -> bool {
+    let limits = table.report().limits();
+    let checked = limits.check(InputLimit::ScenePrimitives, primitives, ErrorKind::InvalidScene);
+    checked.map_err(|error| table.report().push(error.at(span.place()))).is_ok()
 }
 
 fn divisions(table: &Table<'_>, default: [u32; 2]) -> Option<[u32; 2]> {
@@ -416,10 +415,8 @@ fn divisions(table: &Table<'_>, default: [u32; 2]) -> Option<[u32; 2]> {
     if nx == 0 || nz == 0 {
         return value.wrong("a ground has at least one square each way");
     }
-    if 2 * u64::from(nx) * u64::from(nz) > MAX_PRIMITIVES {
-        return value.wrong(format!("more than {MAX_PRIMITIVES} primitives from one generator"));
-    }
-    Some([nx, nz])
+    let primitives = (u64::from(nx) * u64::from(nz)).saturating_mul(2);
+    within_limit(table, primitives, &value.span()).then_some([nx, nz])
 }
 
 fn on_ground(random: &mut Random, area: [f32; 2]) -> [f32; 2] {

@@ -160,7 +160,7 @@ impl GeometryEntry {
             Shape::SphereScatter(scatter) => scatter.count.into(),
             Shape::Chains(chains) => product([chains.count, chains.segments.saturating_add(1)]),
             Shape::Hair(hair) => product([hair.count, hair.segments.saturating_add(1)]),
-            Shape::Ground(ground) => 2 * product(ground.divisions),
+            Shape::Ground(ground) => product(ground.divisions).saturating_mul(2),
             _ => 0,
         }
     }

@@ -180,14 +180,14 @@ impl ImageEntry {
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let limits = files.limits();
-        let side = limits.get(InputLimit::ImageSide);
-        let most = if dimension == Dimension::Buffer { 1 << 27 } else { side };
         let image = ImageContent { format, shape, texels: texel_bytes(format, self.fill) };
         let streams = streams && data.is_none() && pictures.is_empty();
         let size = image.size();
-        if extent.iter().any(|side| u64::from(*side) > most) {
-            return Err(self.span.error(image.too_large()));
-        }
+        // The texels of a buffer are one line, which only its bytes limit.
+        let longest = extent.into_iter().max().filter(|_| dimension != Dimension::Buffer);
+        let checked =
+            limits.check(InputLimit::ImageSide, longest.unwrap_or(0).into(), ErrorKind::InvalidScene);
+        checked.map_err(|error| error.context(image.too_large()).at(self.span.place()))?;
         if !streams {
             let checked = limits.check(InputLimit::ImageBytes, size, ErrorKind::InvalidScene);
             checked.map_err(|error| error.context(image.too_large()).at(self.span.place()))?;
@@ -199,8 +199,9 @@ impl ImageEntry {
         if pictures.is_empty() {
             return Ok(image);
         }
-        let given = pictures.len() as u32;
-        if given != layers && given != layers * shape.levels {
+        let given = pictures.len() as u64;
+        let all = u64::from(layers) * u64::from(shape.levels);
+        if given != u64::from(layers) && given != all {
             let message = format!(
                 "{given} files for {layers} layers; or one for each layer of each level, level 0 first"
             );
@@ -280,4 +281,63 @@ fn fill(table: &Table<'_>) -> [f64; 4] {
     }
     color[..given.len()].copy_from_slice(&given);
     color
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::error::Error;
+    use crate::input::InputLimits;
+    use crate::scene::{EmbeddedFiles, LoadOptions, load_text};
+
+    /// Embedded files that are read within other limits than the defaults.
+    struct Limited<'a>(EmbeddedFiles<'a>, InputLimits);
+
+    impl Files for Limited<'_> {
+        fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+            self.0.read_limited(path, limit)
+        }
+
+        fn limits(&self) -> InputLimits {
+            self.1
+        }
+    }
+
+    fn load(keys: &str, limits: InputLimits) -> Result<(), Error> {
+        let format = Format { srgb: false, ..Format::RGBA8_SRGB };
+        let picture = Picture { format, extent: [2, 2], texels: vec![0; 16] }.encode_png(false)?;
+        let files = [("a.png", picture.as_slice())];
+        let text = format!("version = 1\nlaunch = [40000, 1]\n[resources.a]\nbinding = 0\n{keys}\n");
+        let files = Limited(EmbeddedFiles(&files), limits);
+        load_text(Path::new("s.toml"), &text, &files, &LoadOptions::default()).map(drop)
+    }
+
+    #[test]
+    fn layers_times_levels_may_be_more_than_32_bits() {
+        // Two levels of 2^31 + 1 layers are 2^32 + 2 planes, which are 2 in 32 bits.
+        let keys = "type = 'sampled_image'\ndimension = '2d_array'\nlayers = 2147483649\nlevels = 2\n\
+                    file = ['a.png', 'a.png']";
+        let limits = InputLimits::default()
+            .with(InputLimit::ImageBytes, 1 << 40)
+            .with(InputLimit::SceneMemory, 1 << 40);
+        let error = load(keys, limits).unwrap_err();
+        assert!(error.message().starts_with("2 files for 2147483649 layers"), "{error}");
+    }
+
+    #[test]
+    fn the_side_of_an_image_has_a_named_limit_and_a_line_of_texels_none() {
+        // Without a size the image is as wide as the launch.
+        let error = load("type = 'storage_image'", InputLimits::default()).unwrap_err();
+        let wanted = "40000 texels along a side of an image are more than the limit `image-side` of 32768";
+        assert!(error.render().contains(wanted), "{}", error.render());
+        assert!(error.notes().iter().any(|note| note.contains("--limit image-side=N")), "{error}");
+        // Texels of a buffer may be as many as its bytes are within `image-bytes`.
+        let keys = "type = 'uniform_texel_buffer'\nformat = 'r8'\ndata = { zeros = 134217729 }";
+        load(keys, InputLimits::default()).unwrap();
+        let limits = InputLimits::default().with(InputLimit::ImageBytes, 1 << 27);
+        let error = load(keys, limits).unwrap_err();
+        assert!(error.render().contains("the limit `image-bytes` of 134217728"), "{}", error.render());
+    }
 }

@@ -6,7 +6,7 @@
 //! binary64, over slices, rows and columns in this order, and each mean is rounded once to its
 //! format.
 
-use crate::machine::format::{Class, Format};
+use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::ImageShape;
 use crate::scene::image::{texel_bytes, texel_numbers};
 
@@ -18,28 +18,37 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
     if format.class() != Class::Float {
         return Err("levels of integers are given, not generated: the mean of integers is none".to_string());
     }
-    let size = format.texel_size() as usize;
-    let numbers: Vec<[f64; 4]> =
-        level0.chunks_exact(size).map(|texel| texel_numbers(format, texel)).collect();
+    let decoder = TexelDecoder::new(format);
     let [width, height, depth] = shape.extent.map(|side| side as usize);
+    let area: f64 = shape.extent.iter().map(|&side| f64::from(side)).product();
+    let row_bytes = width * decoder.size;
     let mut texels = Vec::new();
+    // Level 0 in numbers would take 32 bytes a texel: only one row of it is held.
+    let mut row = Vec::with_capacity(width);
+    let mut sums = Vec::new();
     for level in 1..shape.levels {
         let extent = shape.level_extent(level);
-        let area: f64 = shape.extent.iter().map(|&side| f64::from(side)).product();
         for layer in 0..shape.layers as usize {
             for z in 0..extent[2] {
                 for y in 0..extent[1] {
-                    for x in 0..extent[0] {
-                        let mut sum = [0.0; 4];
-                        for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
-                            for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
+                    sums.clear();
+                    sums.resize(extent[0] as usize, [0.0; 4]);
+                    for (k, weight_z) in covered(z, extent[2], shape.extent[2]) {
+                        for (j, weight_y) in covered(y, extent[1], shape.extent[1]) {
+                            let begin = ((layer * depth + k) * height + j) * row_bytes;
+                            let bytes = level0[begin..begin + row_bytes].chunks_exact(decoder.size);
+                            row.clear();
+                            row.extend(bytes.map(|texel| decoder.numbers(texel)));
+                            for (x, sum) in (0..).zip(&mut sums) {
                                 for (i, weight_x) in covered(x, extent[0], shape.extent[0]) {
-                                    let texel = numbers[((layer * depth + k) * height + j) * width + i];
                                     let weight = weight_x * weight_y * weight_z;
-                                    sum = std::array::from_fn(|part| sum[part] + weight * texel[part]);
+                                    let texel: [f64; 4] = row[i];
+                                    *sum = std::array::from_fn(|part| sum[part] + weight * texel[part]);
                                 }
                             }
                         }
+                    }
+                    for sum in &sums {
                         texels.extend(texel_bytes(format, sum.map(|part| part / area)));
                     }
                 }
@@ -47,6 +56,35 @@ pub fn generate(format: Format, shape: &ImageShape, level0: &[u8]) -> Result<Vec
         }
     }
     Ok(texels)
+}
+
+/// Decodes texels, each some ten times.
+struct TexelDecoder {
+    format: Format,
+    /// Bytes of a texel.
+    size: usize,
+    /// For channels of a byte each, the number that each byte stands for: no computation is needed
+    /// for these, the most common formats.
+    bytes: Vec<[f64; 4]>,
+}
+
+impl TexelDecoder {
+    fn new(format: Format) -> Self {
+        let size = format.texel_size() as usize;
+        let is_bytes = matches!(format.component, Component::Unorm8 | Component::Snorm8);
+        let texel = |byte: u8| texel_numbers(format, &[byte; 4][..size]);
+        let bytes = if is_bytes { (0..=u8::MAX).map(texel).collect() } else { Vec::new() };
+        Self { format, size, bytes }
+    }
+
+    /// As [`texel_numbers`].
+    fn numbers(&self, texel: &[u8]) -> [f64; 4] {
+        if self.bytes.is_empty() {
+            return texel_numbers(self.format, texel);
+        }
+        // Channels that are missing have the same number in all of them.
+        std::array::from_fn(|part| self.bytes[usize::from(texel.get(part).copied().unwrap_or(0))][part])
+    }
 }
 
 /// Along an axis, the texels of `from` that texel `at` of `to` covers, and the weight of each: the
@@ -63,7 +101,6 @@ fn covered(at: u32, to: u32, from: u32) -> impl Iterator<Item = (usize, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::format::Component;
     use crate::machine::image::Dimension;
 
     fn line(texels: &[f32], levels: u32) -> Vec<f32> {
@@ -97,6 +134,27 @@ mod tests {
         // Black and white: linear 0.5 is code 188 (187.516), alpha 127.5 goes to 128.
         let mean = generate(format, &shape, &[0, 0, 0, 0, 255, 255, 255, 255]);
         assert_eq!(mean, Ok(vec![188, 188, 188, 128]));
+    }
+
+    #[test]
+    fn channels_of_bytes_are_decoded_as_all_others() {
+        for channels in [1, 2, 4] {
+            for component in [Component::Unorm8, Component::Snorm8] {
+                for srgb in [false, component == Component::Unorm8 && channels == 4] {
+                    let format = Format { component, channels, srgb };
+                    let decoder = TexelDecoder::new(format);
+                    for byte in 0..=u8::MAX {
+                        let texel = [byte, byte ^ 0xff, byte.wrapping_add(77), 1];
+                        let texel = &texel[..usize::from(channels)];
+                        assert_eq!(
+                            decoder.numbers(texel),
+                            texel_numbers(format, texel),
+                            "{format:?} {texel:?}"
+                        );
+                    }
+                }
+            }
+        }
     }
 
     #[test]

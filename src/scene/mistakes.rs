@@ -181,17 +181,23 @@ fn geometry_that_does_not_fit_together() {
     one_mistake(
         "[geometry.g]\ntype = 'grass'\ncount = 4_000_000_000\n",
         "s/a.toml:4:9",
-        &["more than 20000000"],
+        &["4000000000 primitives of one scene are more than the limit `scene-primitives` of 67108864"],
     );
     one_mistake(
-        "[geometry.g]\ntype = 'chains'\ncount = 10_000_000\n",
+        "[geometry.g]\ntype = 'chains'\ncount = 20_000_000\n",
         "s/a.toml:4:9",
-        &["more than 20000000"],
+        &["80000000 primitives"],
     );
     one_mistake(
         "[geometry.g]\ntype = 'plane'\ndivisions = [65536, 65536]\n",
         "s/a.toml:4:13",
-        &["more than 20000000"],
+        &["8589934592 primitives"],
+    );
+    // Of chains there are 20 where the count is not given.
+    one_mistake(
+        "[geometry.g]\ntype = 'chains'\nsegments = 4_000_000_000\n",
+        "s/a.toml:2:1",
+        &["80000000000 primitives", "`scene-primitives`"],
     );
     one_mistake(
         "[geometry.g]\ntype = 'grass'\nheight = [0.5, 0.2]\n",

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use toml::de::DeTable;
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::input::{InputLimit, contained};
+use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
 
 pub use diagnostics::Diagnostics;
@@ -92,16 +92,24 @@ impl Document {
     /// # Errors
     /// `InvalidScene` with the first syntax errors.
     pub fn parse(path: impl Into<PathBuf>, text: &str) -> Result<Self> {
+        Self::parse_within(path, text, &InputLimits::default())
+    }
+
+    /// Parses a text; the limit `errors-shown` says how many syntax errors are shown.
+    ///
+    /// # Errors
+    /// As [`Document::parse`].
+    pub fn parse_within(path: impl Into<PathBuf>, text: &str, limits: &InputLimits) -> Result<Self> {
         let source = Arc::new(TomlSource { path: path.into(), text: text.into() });
         // The crate's own limit of nesting, 80 tables, keeps what recurses here short, too.
-        let root = contained("toml", ErrorKind::InvalidScene, || Self::tree(&source));
+        let root = contained("toml", ErrorKind::InvalidScene, || Self::tree(&source, limits));
         match root {
             Ok(root) => Ok(Self { source, root }),
             Err(error) => Err(error.or_at(Place::File(source.path.clone()))),
         }
     }
 
-    fn tree(source: &Arc<TomlSource>) -> Result<TomlNode> {
+    fn tree(source: &Arc<TomlSource>, limits: &InputLimits) -> Result<TomlNode> {
         let (root, errors) = DeTable::parse_recoverable(&source.text);
         if errors.is_empty() {
             return Ok(TomlNode::from_table(&root));
@@ -110,7 +118,7 @@ impl Document {
             let range = error.span().unwrap_or(0..0);
             Span { source: source.clone(), range }.error(format!("not TOML: {}", error.message()))
         };
-        let most = InputLimit::ErrorsShown.default_value() as usize;
+        let most = usize::try_from(limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX).max(1);
         let shown = errors.iter().take(most).map(report).collect();
         Err(Error::several(shown).and_more(errors.len().saturating_sub(most)))
     }
@@ -620,6 +628,12 @@ mod tests {
         let error = Document::parse("t.toml", &"x = = 1\n".repeat(5000)).unwrap_err();
         assert!(error.others().len() < 50, "{}", error.others().len());
         assert!(error.not_shown() > 4000, "{}", error.not_shown());
+        let all = 1 + error.others().len() + error.not_shown();
+        for (shown, wanted) in [(3, 3), (0, 1)] {
+            let limits = InputLimits::default().with(InputLimit::ErrorsShown, shown);
+            let error = Document::parse_within("t.toml", &"x = = 1\n".repeat(5000), &limits).unwrap_err();
+            assert_eq!((1 + error.others().len(), error.not_shown()), (wanted, all - wanted));
+        }
         for deep in [
             format!("x = {}{}", "[".repeat(100_000), "]".repeat(100_000)),
             format!("x = {}1{}", "{ a = ".repeat(100_000), " }".repeat(100_000)),

@@ -218,7 +218,7 @@ impl<'a> Resolver<'a> {
         let tlas = self.structures();
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
-        let resources = self.bindings(&tlas);
+        let resources = self.bindings(&tlas, !dispatches.is_empty());
         let push_constants = self.bytes(self.push_constants.as_ref());
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {

@@ -22,11 +22,25 @@ use anyhit::{interp, module};
 /// need not have.
 const MAX_REGISTERS: u32 = 20_000;
 
-/// Looks at an error as whoever prints it does.
-fn refused(error: &Error) -> bool {
+/// Looks at an error as whoever prints it does. A reader's panic is an error of the file, unless
+/// the panic was in this project's own code around the reader.
+pub fn refused(error: &Error) -> bool {
     assert!(!error.render().is_empty());
     assert!(!error.message().is_empty(), "an error without a message");
+    for note in std::iter::once(error).chain(error.others()).flat_map(Error::notes) {
+        let place = note.strip_prefix("the file breaks a rule that `").unwrap_or_default();
+        assert!(!is_ours(place), "a panic of our own: {}: {place}", error.message());
+    }
     false
+}
+
+/// Whether a panic's location is in `src/` of this project: relative as its own package is
+/// compiled, absolute as `fuzz/` compiles it. Other crates lie in a registry, the standard library
+/// in `/rustc`.
+fn is_ours(place: &str) -> bool {
+    let place = place.replace('\\', "/");
+    let absolute = root().join("src").display().to_string().replace('\\', "/");
+    place.starts_with("src/") || place.starts_with(&format!("{absolute}/"))
 }
 
 /// Loads a module, and asks it everything.

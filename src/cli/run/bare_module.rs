@@ -4,6 +4,7 @@
 //! reported as in any other scene. Resources that the shader binds and the command line does not
 //! mention are made by reflection, filled with zeros.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -230,6 +231,7 @@ impl Arguments {
         let (buffers, images) =
             (ResourceArgument::list("buffer", &self.buffer)?, ResourceArgument::list("image", &self.image)?);
         let variables = module.interface_of(entry);
+        let mut names = HashSet::new();
         for variable in &variables {
             if let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) {
                 let binding = Binding { set, binding };
@@ -237,13 +239,23 @@ impl Arguments {
                 let (buffers, images) = (buffers.iter().filter(here), images.iter().filter(here));
                 let given = [buffers.collect::<Vec<_>>(), images.collect()];
                 let elements = elements(&module, variable, &given);
-                for element in 0..elements.unwrap_or(1) {
+                let bound = elements.unwrap_or(1);
+                let beyond = given.iter().flatten().filter_map(|one| one.element).find(|at| *at >= bound);
+                if let Some(at) = beyond {
+                    return Err(invalid(format!(
+                        "set {set}, binding {} has no element {at}: {bound} are bound",
+                        binding.binding
+                    )));
+                }
+                for element in 0..bound {
                     let value = |list: &[&ResourceArgument]| {
                         let own = list.iter().find(|one| one.element == Some(element));
                         let found = own.or_else(|| list.iter().find(|one| one.element.is_none()));
                         found.map(|one| one.value.clone())
                     };
-                    let descriptor = (binding, elements.map(|_| element));
+                    let element = elements.map(|_| element);
+                    let name = unique_name(&mut names, &variable.name, binding, element);
+                    let descriptor = (name, binding, element);
                     let [buffer, image] = [value(&given[0]), value(&given[1])];
                     resource(&mut text, &module, variable, descriptor, buffer, image, invocations)?;
                 }
@@ -307,7 +319,8 @@ fn elements(
 ) -> Option<u32> {
     /// The number of bound elements of a runtime array.
     const ELEMENTS: u32 = 16;
-    let requested = given.iter().flatten().filter_map(|one| one.element).max().map_or(1, |last| last + 1);
+    let requested =
+        given.iter().flatten().filter_map(|one| one.element).max().map_or(1, |last| last.saturating_add(1));
     let (mut ty, mut count) = (variable.ty?, None);
     loop {
         match *module.ty(ty) {
@@ -328,12 +341,37 @@ fn elements(
     }
 }
 
+/// The bytes of a buffer that ends with an element for each invocation: at most the greatest number
+/// that TOML has, which the limit `buffer-bytes` refuses.
+fn element_for_each(offset: u32, stride: u32, invocations: u64) -> u64 {
+    let elements = u64::from(stride).saturating_mul(invocations);
+    elements.saturating_add(offset.into()).min(i64::MAX as u64)
+}
+
+/// What a resource is called: as its variable or, where that name is taken, by its binding.
+fn unique_name(
+    names: &mut HashSet<String>,
+    variable: &str,
+    Binding { set, binding }: Binding,
+    element: Option<u32>,
+) -> String {
+    let of_element = element.map_or_else(String::new, |element| format!("[{element}]"));
+    let numbered = format!("{set}.{binding}{of_element}");
+    let name = match variable {
+        "" => numbered.clone(),
+        name => format!("{name}{of_element}"),
+    };
+    let name = if names.contains(&name) { numbered } else { name };
+    names.insert(name.clone());
+    name
+}
+
 /// Adds the table of a resource.
 fn resource(
     text: &mut String,
     module: &Module,
     variable: &InterfaceVariable,
-    (binding, element): (Binding, Option<u32>),
+    (name, binding, element): (String, Binding, Option<u32>),
     buffer: Option<String>,
     image: Option<String>,
     invocations: u64,
@@ -343,14 +381,6 @@ fn resource(
     while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
         ty = *element;
     }
-    let name = match variable.name.as_str() {
-        "" => format!("{set}.{number}"),
-        name => name.to_owned(),
-    };
-    let of_element = element.map_or_else(String::new, |element| format!("[{element}]"));
-    let named = format!("{name}{of_element}");
-    let is_taken = text.contains(&format!("[resources.{}]", quoted(&named)));
-    let name = if is_taken { format!("{set}.{number}{of_element}") } else { named };
     let _ = writeln!(text, "[resources.{}]\nset = {set}\nbinding = {number}", quoted(&name));
     if let Some(element) = element {
         let _ = writeln!(text, "element = {element}");
@@ -371,7 +401,7 @@ fn resource(
                 None => {
                     let runtime = members.last().and_then(|last| match module.ty(last.ty) {
                         Type::RuntimeArray { stride, .. } => {
-                            Some(u64::from(last.offset?) + u64::from((*stride)?) * invocations)
+                            Some(element_for_each(last.offset?, (*stride)?, invocations))
                         }
                         _ => None,
                     });
@@ -445,4 +475,42 @@ fn image_table(
         None => writeln!(text, "file = {}", quoted(&given)),
     };
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_element_that_is_not_bound_is_a_mistake() {
+        for (element, buffer) in [("4294967295", "1[4294967295]=4"), ("1", "1[1]=4")] {
+            let arguments = Arguments { buffer: vec![buffer.to_owned()], ..Arguments::default() };
+            let module = Path::new("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv");
+            let error = arguments.scene(module, None, InputLimits::default()).unwrap_err();
+            let wanted = format!("set 0, binding 1 has no element {element}: 1 are bound");
+            assert_eq!(error.message(), wanted);
+        }
+    }
+
+    #[test]
+    fn sizes_of_runtime_arrays_do_not_wrap() {
+        assert_eq!(element_for_each(16, 4, 10), 16 + 4 * 10);
+        // 2^63 - 1 is the greatest number of TOML: a scene's text with more is none.
+        for (stride, invocations) in [(4, 1 << 62), (u32::MAX, u64::MAX), (1, u64::MAX)] {
+            assert_eq!(element_for_each(16, stride, invocations), (1 << 63) - 1);
+        }
+    }
+
+    #[test]
+    fn resources_that_share_a_variables_name_are_told_apart() {
+        let mut names = HashSet::new();
+        let mut name = |variable, binding, element| {
+            unique_name(&mut names, variable, Binding { set: 2, binding }, element)
+        };
+        assert_eq!(name("data", 0, None), "data");
+        assert_eq!(name("data", 1, None), "2.1");
+        assert_eq!(name("data", 2, Some(0)), "data[0]");
+        assert_eq!(name("data", 3, Some(0)), "2.3[0]");
+        assert_eq!(name("", 4, Some(7)), "2.4[7]");
+    }
 }

@@ -472,7 +472,6 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Io);
     }
 
-    /// RFC 4648, section 10.
     /// A sparse accessor without a buffer view, of which one element is not zero.
     fn sparse(count: usize) -> String {
         let accessor = format!(
@@ -544,6 +543,7 @@ mod tests {
         assert!(json(b"glTF").is_err());
     }
 
+    /// RFC 4648, section 10.
     #[test]
     fn base64_test_vectors() {
         for (text, plain) in [

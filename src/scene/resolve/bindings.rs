@@ -4,18 +4,24 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::error::Place;
+use crate::error::{Place, Result};
+use crate::machine::Descriptor;
 use crate::machine::sampler::Sampler;
 use crate::scene::resolve::Resolver;
-use crate::scene::resolved::ResolvedBinding;
+use crate::scene::resolved::{ResolvedBinding, ResolvedGroup};
 use crate::scene::resources::{Content, DescriptorKind, Resource};
 use crate::scene::sampler::SamplerReference;
 
 impl Resolver<'_> {
-    pub(super) fn bindings(&self, tlas: &[(String, Option<Arc<Tlas>>)]) -> Vec<ResolvedBinding> {
+    pub(super) fn bindings(
+        &self,
+        tlas: &[(String, Option<Arc<Tlas>>)],
+        has_dispatches: bool,
+    ) -> Vec<ResolvedBinding> {
         let mut bindings: Vec<ResolvedBinding> = Vec::new();
         let mut output: Option<Place> = None;
         let mut taken: HashMap<[u32; 3], Place> = HashMap::new();
+        let mut lengths: HashMap<[u32; 2], u32> = HashMap::new();
         for entry in &self.resource_entries.entries {
             let Some(content) = &entry.content else { continue };
             let place = entry.name.span.place();
@@ -28,6 +34,13 @@ impl Resolver<'_> {
             if let Some(other) = other {
                 let error = entry.name.span.error("two images are marked as output");
                 self.report.push(error.at_with(other, "the other one"));
+            }
+            let length = lengths.entry([content.set, content.binding]).or_default();
+            let more = (content.element + 1).saturating_sub(*length);
+            *length += more;
+            if let Err(error) = self.reserve_descriptors(more, has_dispatches) {
+                self.report.push(error.at(place));
+                continue;
             }
             if let Some(resource) = self.resource(&content.content, tlas) {
                 taken.entry(key).or_insert_with(|| place.clone());
@@ -44,6 +57,21 @@ impl Resolver<'_> {
         }
         bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
         bindings
+    }
+
+    /// Counts descriptors of an array, those included that nothing is bound to: every element in
+    /// front of the last one takes memory. The scene has a list of them, and so has each program
+    /// of the pipeline; of dispatches one runs at a time.
+    fn reserve_descriptors(&self, count: u32, has_dispatches: bool) -> Result<()> {
+        let shaders = |group: &ResolvedGroup| match group {
+            ResolvedGroup::Hit(hit) => {
+                [&hit.closest_hit, &hit.any_hit, &hit.intersection].into_iter().flatten().count()
+            }
+            _ => 1,
+        };
+        let programs: usize = self.groups.iter().map(shaders).sum();
+        let lists = 1 + programs as u64 + u64::from(has_dispatches);
+        self.files.reserve(lists * u64::from(count) * size_of::<Descriptor>() as u64)
     }
 
     fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
@@ -90,5 +118,45 @@ impl Resolver<'_> {
             SamplerReference::Inline(sampler) => Some(*sampler),
             SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::error::Result;
+    use crate::input::{InputLimit, InputLimits};
+    use crate::machine::Descriptor;
+    use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, load_text};
+
+    fn scene(elements: &[u32], more: &str, memory: u64) -> Result<ResolvedScene> {
+        let buffer = |element: &u32| {
+            format!(
+                "[resources.r{element}]\ntype = 'storage_buffer'\nbinding = 3\nelement = {element}\nsize = 4\n"
+            )
+        };
+        let text = format!("version = 1\n{}{more}", elements.iter().map(buffer).collect::<String>());
+        let files =
+            SceneFiles { limits: InputLimits::default().with(InputLimit::SceneMemory, memory), root: None };
+        load_text(Path::new("s.toml"), &text, &files, &LoadOptions::default())
+    }
+
+    #[test]
+    fn elements_in_front_of_the_last_one_take_memory() {
+        // Elements 0 to 2^20 - 1, and the buffers' own bytes.
+        let all = (1 << 20) * size_of::<Descriptor>() as u64;
+        let error = scene(&[1_048_575], "", all - 1).unwrap_err().render();
+        assert!(error.contains(&format!("the limit `scene-memory` of {}", all - 1)), "{error}");
+        assert!(error.contains("s.toml:2:"), "{error}");
+        assert!(scene(&[1_048_575], "", all + 4).is_ok());
+        // Further elements of an array lie in it.
+        assert!(scene(&[1_048_575, 7, 8], "", all + 12).is_ok());
+        // A dispatch has a list of its own, and a module that is read.
+        let module = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
+        let size = std::fs::metadata(module).unwrap().len();
+        let dispatch = format!("[shaders.a]\npath = '{module}'\n[[dispatch]]\nshader = 'a'\n");
+        assert!(scene(&[1_048_575], &dispatch, size + 2 * all + 4).is_ok());
+        assert!(scene(&[1_048_575], &dispatch, size + 2 * all + 3).is_err());
     }
 }
