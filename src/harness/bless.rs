@@ -175,7 +175,7 @@ mod tests {
         assert!(error.message().contains("the limit `scene-bytes` of 5"), "{error}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "a = 1\n");
         std::fs::write(&path, "a = 1").unwrap();
-        assert_eq!(bless(fix(), &limits(5)).unwrap(), [path.clone()]);
+        assert_eq!(bless(fix(), &limits(5)).unwrap(), std::slice::from_ref(&path));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "a = 2");
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();
