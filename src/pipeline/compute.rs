@@ -56,8 +56,8 @@ impl Compute {
     /// A compute shader with the default fuel and subgroups of 32.
     ///
     /// # Errors
-    /// `InvalidArgument` where the program is of another stage, `UnsupportedModule` where a workgroup
-    /// of it holds more registers than the limit.
+    /// `InvalidArgument` where the program is of another stage, `UnsupportedModule` where a
+    /// workgroup of it holds more registers than the limit.
     pub fn new(program: impl Into<Arc<Program>>) -> Result<Self> {
         let program = program.into();
         let Some(layout) = program.workgroup else {

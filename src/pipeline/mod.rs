@@ -276,8 +276,8 @@ impl Builder {
     }
 
     /// Sets how many bytes of registers the shaders of an invocation may hold where one of them
-    /// traces or calls another (as `vkCmdSetRayTracingPipelineStackSizeKHR` sets a pipeline's stack);
-    /// [`DEFAULT_STACK_SIZE`] unless set.
+    /// traces or calls another (as `vkCmdSetRayTracingPipelineStackSizeKHR` sets a pipeline's
+    /// stack); [`DEFAULT_STACK_SIZE`] unless set.
     pub fn max_stack_size(&mut self, bytes: u64) -> &mut Self {
         self.max_stack_size = Some(bytes);
         self

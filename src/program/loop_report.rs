@@ -137,7 +137,8 @@ impl Program {
             return Vec::new();
         }
         let registers = translated.register_count.max(optimized.register_count) as usize;
-        // Between these two operations only vanish: where as many write a register, they are the same.
+        // Between these two operations only vanish: where as many write a register, they are the
+        // same.
         let stores = [&translated.ops, &optimized.ops].map(|ops| {
             let mut stores = vec![0u32; registers];
             for op in ops.iter().filter(|op| !is_noop(op)) {
