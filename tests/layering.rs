@@ -43,7 +43,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("hmac_sha256", &["compile"]),
     ("aligned_vec", &["machine"]),
     ("prefetch_index", &["math"]),
-    ("image_compare", &["harness"]),
+    ("zune_jpeg", &["scene"]),
     ("signal_hook", &["cli"]),
 ];
 
@@ -53,6 +53,8 @@ const READERS: &[(&str, &str)] = &[
     ("gltf::", "scene/mesh/gltf.rs"),
     ("tobj::", "scene/mesh/obj.rs"),
     ("ImageReader", "scene/image/decode.rs"),
+    ("JpegDecoder::", "scene/image/decode.rs"),
+    ("png::Decoder", "scene/image/decode.rs"),
     ("DeTable::parse", "scene/read.rs"),
     ("SafeTensors::", "recording/tensors.rs"),
     ("naga::", "compile/wgsl.rs"),

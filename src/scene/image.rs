@@ -1,12 +1,11 @@
 //! Decodes picture files into texels, and encodes texels as PNG.
 
 mod decode;
+mod radiance;
 
-use std::io::{BufWriter, Cursor, Write};
+use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::Path;
-
-use image::{DynamicImage, ImageFormat};
 
 use rayon::prelude::*;
 
@@ -17,6 +16,7 @@ use crate::machine::format::{Class, Component, Format};
 use crate::module::Module;
 use crate::module::ty::{ImageType, Type};
 use crate::scene::read::Named;
+use decode::invalid;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
 impl Named for Format {
@@ -146,11 +146,7 @@ impl Picture {
     /// # Errors
     /// As [`Picture::rgba8`].
     pub fn encode_png(&self, to_srgb: bool) -> Result<Vec<u8>> {
-        let pixels = self.rgba8(to_srgb)?;
-        let mut bytes = Vec::new();
-        let failed = |error: std::io::Error| invalid(error.to_string());
-        png(self.extent, &mut bytes, &failed, |to| to.write_all(&pixels).map_err(failed))?;
-        Ok(bytes)
+        Rgba8 { extent: self.extent, pixels: self.rgba8(to_srgb)? }.encode_png()
     }
 
     /// Writes an OpenEXR file of the numbers, as 32-bit floats.
@@ -159,10 +155,40 @@ impl Picture {
     /// `InvalidImage` where the file cannot be made, `UnsupportedTool` without the feature `exr`.
     pub fn encode_exr(&self) -> Result<Vec<u8>> {
         exr_support()?;
-        let numbers = self.numbers().into_iter().map(|number| number as f32).collect();
-        let picture = image::Rgba32FImage::from_raw(self.extent[0], self.extent[1], numbers)
-            .expect("bug in anyhit: four numbers for every pixel");
-        encode(&picture.into(), ImageFormat::OpenExr)
+        #[cfg(feature = "exr")]
+        {
+            let numbers = self.numbers().into_iter().map(|number| number as f32).collect();
+            let picture = image::Rgba32FImage::from_raw(self.extent[0], self.extent[1], numbers)
+                .expect("bug in anyhit: four numbers for every pixel");
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            let written = picture.write_to(&mut bytes, image::ImageFormat::OpenExr);
+            written.map_err(|error| invalid(error.to_string()))?;
+            Ok(bytes.into_inner())
+        }
+        #[cfg(not(feature = "exr"))]
+        Ok(Vec::new())
+    }
+}
+
+/// A picture of 8-bit red, green, blue and alpha, as a PNG shows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rgba8 {
+    /// Width and height.
+    pub extent: [u32; 2],
+    /// `4 * width * height` bytes, rows from the top.
+    pub pixels: Vec<u8>,
+}
+
+impl Rgba8 {
+    /// Writes a PNG.
+    ///
+    /// # Errors
+    /// `InvalidImage` for a picture without pixels, or another number of bytes.
+    pub fn encode_png(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let failed = |error: std::io::Error| invalid(error.to_string());
+        png(self.extent, &mut bytes, &failed, |to| to.write_all(&self.pixels).map_err(failed))?;
+        Ok(bytes)
     }
 }
 
@@ -286,10 +312,6 @@ impl PngConversion {
     }
 }
 
-fn invalid(message: String) -> Error {
-    Error::new(ErrorKind::InvalidImage, message)
-}
-
 /// Whether this build reads and writes OpenEXR files.
 ///
 /// # Errors
@@ -300,14 +322,6 @@ pub(crate) fn exr_support() -> Result<()> {
     }
     Err(Error::new(ErrorKind::UnsupportedTool, "this build neither reads nor writes OpenEXR files")
         .note("build it with `cargo build --features exr`, or use HDR or PNG"))
-}
-
-fn encode(picture: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    picture
-        .write_to(&mut Cursor::new(&mut bytes), format)
-        .map_err(|error| Error::new(ErrorKind::InvalidImage, error.to_string()))?;
-    Ok(bytes)
 }
 
 #[cfg(test)]
@@ -322,7 +336,7 @@ mod tests {
         let raw = pixels.concat();
         let mut bytes = Vec::new();
         let image = image::RgbaImage::from_raw(width, height, raw).unwrap();
-        image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        image.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
         bytes
     }
 

@@ -11,6 +11,7 @@ mod payload;
 mod picture;
 mod printed;
 mod ray;
+mod similarity;
 mod stats;
 mod trap;
 

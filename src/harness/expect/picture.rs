@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use image::RgbaImage;
-
 use crate::error::Result;
+use crate::harness::expect::similarity::similarity;
 use crate::harness::expect::{Bytes, Difference, Fix, Subject};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
-use crate::scene::image::{Picture, exr_support};
+use crate::scene::image::{Picture, Rgba8, exr_support};
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 use crate::scene::{Files, SceneFiles};
 
@@ -50,37 +49,42 @@ pub struct PictureDifference {
     /// The image's name.
     pub name: String,
     /// The expected picture.
-    pub expected: RgbaImage,
+    pub expected: Rgba8,
     /// What was found.
-    pub found: RgbaImage,
+    pub found: Rgba8,
 }
 
 impl PictureDifference {
     /// Of the bytes of two pictures of one size; `None` where they are not.
     pub fn new(name: &str, [width, height]: [u32; 2], expected: Vec<u8>, found: Vec<u8>) -> Option<Self> {
-        let expected = RgbaImage::from_raw(width, height, expected)?;
-        Some(Self { name: name.into(), expected, found: RgbaImage::from_raw(width, height, found)? })
+        let picture = |pixels: Vec<u8>| {
+            let size = 4 * u64::from(width) * u64::from(height);
+            (pixels.len() as u64 == size).then_some(Rgba8 { extent: [width, height], pixels })
+        };
+        Some(Self { name: name.into(), expected: picture(expected)?, found: picture(found)? })
     }
 
     /// Where they differ, and how much: black where they are equal, else from dark to bright by the
     /// difference of each channel as a part of the greatest.
-    pub fn difference(&self) -> RgbaImage {
-        let distance = |x, y| {
-            let (expected, found) = (self.expected.get_pixel(x, y).0, self.found.get_pixel(x, y).0);
-            std::array::from_fn::<u8, 4, _>(|channel| expected[channel].abs_diff(found[channel]))
-        };
-        let (width, height) = self.expected.dimensions();
-        let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let most = all.flat_map(|(x, y)| distance(x, y)).max().unwrap_or(0).max(1);
-        RgbaImage::from_fn(width, height, |x, y| {
-            let [r, g, b, a] = distance(x, y);
+    pub fn difference(&self) -> Rgba8 {
+        let texels = |picture: &Rgba8| picture.pixels.as_chunks::<4>().0.to_vec();
+        let distances: Vec<[u8; 4]> = texels(&self.expected)
+            .into_iter()
+            .zip(texels(&self.found))
+            .map(|(expected, found)| {
+                std::array::from_fn(|channel| expected[channel].abs_diff(found[channel]))
+            })
+            .collect();
+        let most = distances.iter().flatten().copied().max().unwrap_or(0).max(1);
+        let shown = distances.into_iter().flat_map(|[r, g, b, a]| {
             // A difference of alpha alone is shown, too.
-            let shown = [r.max(a), g.max(a), b.max(a)].map(|one| match one {
+            let [r, g, b] = [r.max(a), g.max(a), b.max(a)].map(|one| match one {
                 0 => 0,
                 one => (48 + u32::from(one) * 207 / u32::from(most)) as u8,
             });
-            image::Rgba([shown[0], shown[1], shown[2], 255])
-        })
+            [r, g, b, 255]
+        });
+        Rgba8 { extent: self.expected.extent, pixels: shown.collect() }
     }
 }
 
@@ -302,16 +306,8 @@ impl Numbers {
     }
 }
 
-/// How alike two pictures of one size look; equal ones are at 1.
-fn similarity(expected: &RgbaImage, found: &RgbaImage) -> f64 {
-    let measured = image_compare::rgba_hybrid_compare(expected, found);
-    measured.expect("bug in anyhit: pictures of two sizes are measured").score
-}
-
-fn rgba8(picture: &Picture, linear: bool) -> Result<RgbaImage> {
-    let [width, height] = picture.extent;
-    let pixels = picture.rgba8(linear)?;
-    Ok(RgbaImage::from_raw(width, height, pixels).expect("bug in anyhit: four bytes for every pixel"))
+fn rgba8(picture: &Picture, linear: bool) -> Result<Rgba8> {
+    Ok(Rgba8 { extent: picture.extent, pixels: picture.rgba8(linear)? })
 }
 
 #[cfg(test)]
@@ -341,23 +337,6 @@ mod tests {
         let (count, texel, words) = numbers.each(Tolerance::Exact).unwrap();
         assert_eq!((count, texel), (1, [0, 0]));
         assert_eq!(words, "expected (10, 0, 0, 255), found (12, 0, 0, 255)");
-    }
-
-    #[test]
-    fn similarity_is_the_least_of_luma_s_structure_and_colour() {
-        let picture = |pixels: [[u8; 4]; 2]| RgbaImage::from_raw(2, 1, pixels.concat()).unwrap();
-        let (black, white) = ([0, 0, 0, 255], [255, 255, 255, 255]);
-        let one = picture([black, white]);
-        assert_eq!(similarity(&one, &one), 1.0);
-        // Both means are 255/2, the deviations opposite: SSIM is below 0, and a pixel counts from
-        // 0.
-        assert_eq!(similarity(&one, &picture([white, black])), 0.0);
-        // Flat grey: without deviations SSIM is (2 a b + c) / (a^2 + b^2 + c) with c = (255 /
-        // 100)^2, and neither colour nor alpha differ.
-        let grey = |level| picture([[level, level, level, 255]; 2]);
-        let (a, b, c) = (100.0, 50.0, 2.55 * 2.55);
-        let expected = (2.0 * a * b + c) / (a * a + b * b + c);
-        assert!((similarity(&grey(100), &grey(50)) - expected).abs() < 1e-6);
     }
 
     #[test]

@@ -1,13 +1,11 @@
 //! Pictures of a failed comparison, saved for people.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use image::{ImageFormat, RgbaImage};
-
 use crate::atomic_file;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::harness::expect::PictureDifference;
+use crate::scene::image::Rgba8;
 
 /// Saves `expected.png`, `found.png` and `difference.png` in a folder named after test and image.
 pub(super) fn save(folder: &Path, test: &str, picture: &PictureDifference) -> Result<Vec<PathBuf>> {
@@ -25,12 +23,8 @@ fn inside(name: &str) -> String {
     name.replace("..", "-")
 }
 
-fn write(path: PathBuf, picture: &RgbaImage) -> Result<PathBuf> {
-    let mut png = Cursor::new(Vec::new());
-    picture
-        .write_to(&mut png, ImageFormat::Png)
-        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
-    atomic_file::write_unsynced(&path, png.into_inner())?;
+fn write(path: PathBuf, picture: &Rgba8) -> Result<PathBuf> {
+    atomic_file::write_unsynced(&path, picture.encode_png()?)?;
     Ok(path)
 }
 
@@ -57,7 +51,7 @@ mod tests {
     fn pictures_are_saved_inside_their_folder() {
         let folder = tempfile::tempdir().expect("a folder");
         let own = folder.path().join("own");
-        let one = RgbaImage::new(1, 1);
+        let one = Rgba8 { extent: [1, 1], pixels: vec![0; 4] };
         for name in ["../out", "/out", "a/../../out"] {
             let picture =
                 PictureDifference { name: name.to_owned(), expected: one.clone(), found: one.clone() };

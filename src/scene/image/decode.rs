@@ -1,4 +1,4 @@
-//! Picture files as texels, through the crate `image`.
+//! Picture files as texels, through the crates `png` and `zune-jpeg`, and [`super::radiance`].
 //!
 //! What a file says of itself is believed only as far as its bytes can back it: sides, the memory
 //! of decoding and the texels are compared with the limits before anything of their size is
@@ -9,12 +9,15 @@ use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
-use image::error::LimitErrorKind;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::{Class, Component, Format};
+use crate::scene::image::radiance::Radiance;
 use crate::scene::image::{Picture, exr_support, texel_bytes, texel_numbers};
 
 /// Texels that a byte of a PNG file can stand for: deflate makes at most 1032 bytes of one, and a
@@ -55,68 +58,183 @@ impl Picture {
     }
 }
 
-fn invalid(message: impl Into<String>) -> Error {
+pub(super) fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidImage, message)
 }
 
-fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Picture> {
-    let broken = |error: image::ImageError| invalid(error.to_string());
-    limits.check(InputLimit::ImageBytes, bytes.len() as u64, ErrorKind::InvalidImage)?;
-    let format = image::guess_format(bytes).ok();
-    let read = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Hdr, ImageFormat::OpenExr];
-    let Some(format) = format.filter(|format| read.contains(format)) else {
-        return Err(invalid("not a PNG, JPEG, HDR or EXR file: these are read"));
-    };
-    if format == ImageFormat::OpenExr {
-        exr_support()?;
-    }
-    let essential = if format == ImageFormat::Png { png_without_metadata(bytes) } else { bytes.into() };
-    let mut reader = ImageReader::with_format(Cursor::new(&*essential), format);
-    let mut own = Limits::default();
-    let side = u32::try_from(limits.get(InputLimit::ImageSide)).unwrap_or(u32::MAX);
-    (own.max_image_width, own.max_image_height) = (Some(side), Some(side));
-    own.max_alloc = Some(limits.get(InputLimit::ImageBytes));
-    reader.limits(own);
-    let decoder = reader.into_decoder().map_err(|error| match error {
-        image::ImageError::Limits(limit) => {
-            let limit = match limit.kind() {
-                LimitErrorKind::DimensionError => InputLimit::ImageSide,
-                _ => InputLimit::ImageBytes,
-            };
-            limits.exceeded(limit, None, ErrorKind::InvalidImage)
-        }
-        error => broken(error),
-    })?;
-    let (width, height) = decoder.dimensions();
-    limits.check(InputLimit::ImageSide, u64::from(width.max(height)), ErrorKind::InvalidImage)?;
-    let texels = u64::from(width) * u64::from(height);
-    let needed = texels.saturating_mul(bytes_a_texel(decoder.color_type(), format, wanted));
-    limits.check(InputLimit::ImageBytes, needed, ErrorKind::InvalidImage)?;
-    let held = bytes.len() as u64;
-    let plausible = match format {
-        ImageFormat::Png => texels <= held.saturating_mul(PNG_TEXELS),
-        ImageFormat::Jpeg => texels <= held.saturating_mul(JPEG_TEXELS),
-        ImageFormat::Hdr => u64::from(height) <= held / HDR_ROW,
-        _ => true,
-    };
-    if !plausible {
-        return Err(invalid(format!("{held} bytes cannot hold {width} x {height} texels")));
-    }
-    let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    Ok(texels_of(image, wanted))
+/// A file's numbers before they are texels of a format.
+struct Decoded {
+    extent: [u32; 2],
+    /// How many numbers each texel has: grey, grey and alpha, red, green and blue, or these and
+    /// alpha.
+    channels: usize,
+    numbers: Numbers,
 }
 
-/// The most bytes that decoding holds at one time for each texel: what the decoder makes, what is
-/// stored of it as four channels, and what is wanted.
-fn bytes_a_texel(color: ColorType, file: ImageFormat, wanted: Option<Format>) -> u64 {
-    let decoded = u64::from(color.bytes_per_pixel());
-    let channel = u64::from(color.bytes_per_pixel() / color.channel_count());
-    let stored = 4 * channel;
-    let result = wanted.map_or(stored, |format| u64::from(format.texel_size()));
-    // A progressive JPEG keeps a coefficient of 16 bits for each number.
-    let decoding = if file == ImageFormat::Jpeg { 3 * decoded } else { decoded };
-    let taken = if channel == 1 { stored } else { 2 * stored };
-    decoding.max(decoded + stored).max(taken).max(stored + result)
+enum Numbers {
+    Bytes(Vec<u8>),
+    /// 16 bits, the high byte first, as PNG has them.
+    BigEndian(Vec<u8>),
+    Floats(Vec<f32>),
+}
+
+fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Picture> {
+    limits.check(InputLimit::ImageBytes, bytes.len() as u64, ErrorKind::InvalidImage)?;
+    let decoded = match bytes {
+        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => png(bytes, wanted, limits)?,
+        [0xff, 0xd8, 0xff, ..] => jpeg(bytes, wanted, limits)?,
+        [0x76, 0x2f, 0x31, 0x01, ..] => {
+            exr_support()?;
+            exr(bytes, wanted, limits)?
+        }
+        _ if Radiance::is(bytes) => radiance(bytes, wanted, limits)?,
+        _ => return Err(invalid("not a PNG, JPEG, HDR or EXR file: these are read")),
+    };
+    Ok(texels_of(decoded, wanted))
+}
+
+/// What a file's header says of its texels.
+#[derive(Clone, Copy)]
+struct Header {
+    extent: [u32; 2],
+    channels: usize,
+    /// The bytes of each number.
+    width: usize,
+    /// The greatest number of texels, or of rows, that the file's bytes can stand for.
+    plausible: u64,
+    /// How many times what is decoded is held while it is decoded.
+    copies: u64,
+}
+
+impl Header {
+    /// Compares what decoding takes with the limits, and with what the file's bytes can hold.
+    fn check(&self, held: usize, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
+        let [width, height] = self.extent;
+        limits.check(InputLimit::ImageSide, u64::from(width.max(height)), ErrorKind::InvalidImage)?;
+        let texels = u64::from(width) * u64::from(height);
+        let needed = texels.saturating_mul(self.bytes_a_texel(wanted));
+        limits.check(InputLimit::ImageBytes, needed, ErrorKind::InvalidImage)?;
+        if texels == 0 {
+            return Err(invalid("an image without texels"));
+        }
+        if texels > self.plausible {
+            return Err(invalid(format!("{held} bytes cannot hold {width} x {height} texels")));
+        }
+        Ok(())
+    }
+
+    /// The most bytes that decoding holds at one time for each texel: what the decoder makes, what is
+    /// stored of it as four channels, and what is wanted.
+    fn bytes_a_texel(&self, wanted: Option<Format>) -> u64 {
+        let (channel, channels) = (self.width as u64, self.channels as u64);
+        let decoded = channel * channels;
+        let stored = 4 * channel;
+        let result = wanted.map_or(stored, |format| u64::from(format.texel_size()));
+        (self.copies * decoded).max(decoded + stored).max(2 * stored).max(stored + result)
+    }
+}
+
+fn png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    let broken = |error: png::DecodingError| match error {
+        png::DecodingError::LimitsExceeded => {
+            limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
+        }
+        error => invalid(error.to_string()),
+    };
+    let essential = png_without_metadata(bytes);
+    let memory = usize::try_from(limits.get(InputLimit::ImageBytes)).unwrap_or(usize::MAX);
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(&*essential), png::Limits { bytes: memory });
+    decoder.ignore_checksums(false);
+    // Palettes and fewer than eight bits become bytes, and a transparent colour becomes alpha.
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let (color, depth) = reader.output_color_type();
+    let (width, height) = reader.info().size();
+    let header = Header {
+        extent: [width, height],
+        channels: color.samples(),
+        width: if depth == png::BitDepth::Sixteen { 2 } else { 1 },
+        plausible: (bytes.len() as u64).saturating_mul(PNG_TEXELS),
+        copies: 1,
+    };
+    header.check(bytes.len(), wanted, limits)?;
+    let size = reader.output_buffer_size().ok_or_else(|| invalid("an image of more bytes than there are"))?;
+    let mut numbers = vec![0; size];
+    reader.next_frame(&mut numbers).map_err(broken)?;
+    let numbers = if header.width == 2 { Numbers::BigEndian(numbers) } else { Numbers::Bytes(numbers) };
+    Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
+}
+
+fn jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    let broken = |error: zune_jpeg::errors::DecodeErrors| invalid(error.to_string());
+    let options =
+        DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(broken)?;
+    let (Some((width, height)), Some(space)) = (decoder.dimensions(), decoder.input_colorspace()) else {
+        return Err(invalid("a JPEG file without a frame"));
+    };
+    // Grey stays grey; everything else becomes red, green and blue.
+    let space = if space == ColorSpace::Luma { space } else { ColorSpace::RGB };
+    decoder.set_options(options.jpeg_set_out_colorspace(space));
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    let header = Header {
+        extent: [side(width), side(height)],
+        channels: space.num_components(),
+        width: 1,
+        plausible: (bytes.len() as u64).saturating_mul(JPEG_TEXELS),
+        // A progressive JPEG keeps a coefficient of 16 bits for each number.
+        copies: 3,
+    };
+    header.check(bytes.len(), wanted, limits)?;
+    let numbers = decoder.decode().map_err(broken)?;
+    Ok(Decoded { extent: header.extent, channels: header.channels, numbers: Numbers::Bytes(numbers) })
+}
+
+fn radiance(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    let file = Radiance::new(bytes)?;
+    let rows = bytes.len() as u64 / HDR_ROW;
+    let plausible = rows.saturating_mul(file.extent[0].into());
+    let header = Header { extent: file.extent, channels: 3, width: 4, plausible, copies: 1 };
+    header.check(bytes.len(), wanted, limits)?;
+    Ok(Decoded { extent: header.extent, channels: 3, numbers: Numbers::Floats(file.numbers()?) })
+}
+
+#[cfg(feature = "exr")]
+fn exr(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+
+    let broken = |error: ImageError| match error {
+        ImageError::Limits(_) => limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage),
+        error => invalid(error.to_string()),
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::OpenExr);
+    let mut own = Limits::default();
+    own.max_alloc = Some(limits.get(InputLimit::ImageBytes));
+    reader.limits(own);
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    let header = Header { extent: [width, height], channels: 4, width: 4, plausible: u64::MAX, copies: 1 };
+    header.check(bytes.len(), wanted, limits)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    let numbers = Numbers::Floats(image.into_rgba32f().into_raw());
+    Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
+}
+
+#[cfg(not(feature = "exr"))]
+fn exr(_: &[u8], _: Option<Format>, _: &InputLimits) -> Result<Decoded> {
+    Err(invalid("an OpenEXR file"))
+}
+
+/// Texels of four numbers from texels of fewer: grey is red, green and blue, and what has no alpha
+/// is opaque.
+fn four<T: Copy>(numbers: &[T], channels: usize, opaque: T) -> impl Iterator<Item = [T; 4]> {
+    numbers.chunks_exact(channels).map(move |texel| match *texel {
+        [grey] => [grey, grey, grey, opaque],
+        [grey, alpha] => [grey, grey, grey, alpha],
+        [red, green, blue] => [red, green, blue, opaque],
+        _ => [texel[0], texel[1], texel[2], texel[3]],
+    })
 }
 
 /// A PNG file's chunks that its texels depend on; all others are marked as ancillary by their
@@ -149,25 +267,30 @@ fn png_without_metadata(bytes: &[u8]) -> Cow<'_, [u8]> {
     kept.into()
 }
 
-fn texels_of(image: DynamicImage, wanted: Option<Format>) -> Picture {
-    let extent = [image.width(), image.height()];
-    let (stored, texels) = match image {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            let numbers = image.into_rgba32f().into_raw();
-            let mut bytes = Vec::with_capacity(4 * numbers.len());
-            numbers.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
-            (Format::new(Component::Float32, 4), bytes)
+fn texels_of(decoded: Decoded, wanted: Option<Format>) -> Picture {
+    let Decoded { extent, channels, numbers } = decoded;
+    let (stored, texels) = match numbers {
+        Numbers::Floats(numbers) => {
+            let mut texels = Vec::with_capacity(numbers.len() / channels * 16);
+            for texel in four(&numbers, channels, 1.0) {
+                texel.iter().for_each(|number| texels.extend_from_slice(&number.to_le_bytes()));
+            }
+            (Format::new(Component::Float32, 4), texels)
         }
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => {
-            let numbers = image.into_rgba16().into_raw();
-            let mut bytes = Vec::with_capacity(2 * numbers.len());
-            numbers.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
-            (Format::new(Component::Unorm16, 4), bytes)
+        Numbers::BigEndian(bytes) => {
+            let (numbers, _) = bytes.as_chunks();
+            let mut texels = Vec::with_capacity(numbers.len() / channels * 8);
+            for texel in four(numbers, channels, [u8::MAX; 2]) {
+                texel.iter().for_each(|[high, low]| texels.extend_from_slice(&[*low, *high]));
+            }
+            (Format::new(Component::Unorm16, 4), texels)
         }
-        _ => (Format::RGBA8_SRGB, image.into_rgba8().into_raw()),
+        Numbers::Bytes(bytes) if channels == 4 => (Format::RGBA8_SRGB, bytes),
+        Numbers::Bytes(bytes) => {
+            let mut texels = Vec::with_capacity(bytes.len() / channels * 4);
+            four(&bytes, channels, u8::MAX).for_each(|texel| texels.extend_from_slice(&texel));
+            (Format::RGBA8_SRGB, texels)
+        }
     };
     let format = wanted.unwrap_or(stored);
     let same_bits = format.component == stored.component && format.channels == stored.channels;
@@ -211,7 +334,7 @@ mod tests {
     fn png(width: u32, height: u32) -> Vec<u8> {
         let mut bytes = Vec::new();
         let image = image::RgbaImage::from_raw(1, 1, vec![1, 2, 3, 4]).unwrap();
-        image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
+        image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
         let mut header = bytes[16..29].to_vec();
         header[..4].copy_from_slice(&width.to_be_bytes());
         header[4..8].copy_from_slice(&height.to_be_bytes());
@@ -240,6 +363,62 @@ mod tests {
         let cut = with(&[0xff, 0xff, 0xff, 0xf0, b'i', b'C', b'C', b'P']);
         assert_eq!(&*png_without_metadata(&cut), &whole[..33]);
         assert_eq!(&*png_without_metadata(&whole[..12]), &whole[..12]);
+    }
+
+    #[test]
+    fn files_are_decoded_as_image_decodes_them() {
+        use image::{DynamicImage, ImageFormat, Rgb, Rgb32FImage, RgbImage};
+
+        let colours = RgbImage::from_fn(19, 13, |x, y| Rgb([(x * 13) as u8, (y * 19) as u8, (x * y) as u8]));
+        let colours = DynamicImage::ImageRgb8(colours);
+        let floats = Rgb32FImage::from_fn(19, 13, |x, y| Rgb([x as f32 * 0.25, y as f32 * 100.0, 1e-3]));
+        for (picture, file) in [
+            (DynamicImage::ImageLuma8(colours.to_luma8()), ImageFormat::Png),
+            (DynamicImage::ImageLumaA8(colours.to_luma_alpha8()), ImageFormat::Png),
+            (colours.clone(), ImageFormat::Png),
+            (DynamicImage::ImageRgba8(colours.to_rgba8()), ImageFormat::Png),
+            (DynamicImage::ImageLuma16(colours.to_luma16()), ImageFormat::Png),
+            (DynamicImage::ImageLumaA16(colours.to_luma_alpha16()), ImageFormat::Png),
+            (DynamicImage::ImageRgb16(colours.to_rgb16()), ImageFormat::Png),
+            (DynamicImage::ImageRgba16(colours.to_rgba16()), ImageFormat::Png),
+            (DynamicImage::ImageLuma8(colours.to_luma8()), ImageFormat::Jpeg),
+            (colours, ImageFormat::Jpeg),
+            (DynamicImage::ImageRgb32F(floats), ImageFormat::Hdr),
+        ] {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, file).unwrap();
+            let bytes = bytes.into_inner();
+            let found = Picture::decode(Path::new("picture"), &bytes, None).unwrap();
+            let judged = image::load_from_memory(&bytes).unwrap();
+            assert_eq!(found.extent, [judged.width(), judged.height()]);
+            let (component, texels) = match file {
+                ImageFormat::Hdr => {
+                    let numbers = judged.into_rgba32f().into_raw();
+                    (Component::Float32, numbers.iter().flat_map(|x| x.to_le_bytes()).collect())
+                }
+                _ if picture.color().bytes_per_pixel() / picture.color().channel_count() == 2 => {
+                    let numbers = judged.into_rgba16().into_raw();
+                    (Component::Unorm16, numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())
+                }
+                _ => (Component::Unorm8, judged.into_rgba8().into_raw()),
+            };
+            assert_eq!(found.format.component, component, "{:?} {file:?}", picture.color());
+            assert!(found.texels == texels, "{:?} {file:?}", picture.color());
+        }
+    }
+
+    /// Two bits a texel with a palette, one colour of which is transparent.
+    #[test]
+    fn palettes_become_colours() {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 4, 1);
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_depth(png::BitDepth::Two);
+        encoder.set_palette(vec![1, 2, 3, 4, 5, 6, 7, 8, 9]);
+        encoder.set_trns(vec![255, 0]);
+        encoder.write_header().unwrap().write_image_data(&[0b00_01_10_00]).unwrap();
+        let found = Picture::decode(Path::new("a.png"), &bytes, None).unwrap();
+        assert_eq!(found.texels, [1, 2, 3, 255, 4, 5, 6, 0, 7, 8, 9, 255, 1, 2, 3, 255]);
     }
 
     #[test]
