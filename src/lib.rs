@@ -72,6 +72,7 @@
 //! accel} -> geometry -> math -> {input, atomic_file} -> error`.
 
 #![deny(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod accel;
 mod atomic_file;

@@ -7,6 +7,8 @@
 
 mod support;
 
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod action;
 mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;

@@ -27,6 +27,8 @@ fn run(arguments: &[&str]) -> Ran {
 fn run_in(folder: &Path, arguments: &[&str]) -> Ran {
     let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
     command.arg("test").args(arguments).current_dir(folder).stdin(Stdio::null());
+    // Set where this runs on a machine of GitHub; annotations are told from there.
+    command.env_remove("GITHUB_WORKSPACE");
     // Cases in the folder for temporary files name fixtures of the repository, which need not hold
     // that folder.
     command.args(["--root", "/"]);

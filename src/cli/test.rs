@@ -176,12 +176,18 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         limits: args.limits.limits(LaunchLimits::TESTS),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
     };
+    // Where the runner of GitHub keeps the repository.
+    let repository = std::env::var_os("GITHUB_WORKSPACE").map(PathBuf::from);
     suite.run(&options, &mut |finished| match args.format {
         Format::Json => Ok(()),
         Format::Plain => output::print(report::text(finished, colour)),
         Format::Github => {
             let text = report::text(finished, false);
-            output::print(format_args!("{}{}", report::github_log(&text), report::github(finished)))
+            output::print(format_args!(
+                "{}{}",
+                report::github_log(&text),
+                report::github(finished, repository.as_deref())
+            ))
         }
     })
 }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt::Write;
 use std::hash::{BuildHasher, RandomState};
+use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -148,8 +149,9 @@ pub fn coverage(coverage: &Coverage) -> String {
 }
 
 /// A test as a workflow command of GitHub, where it did not pass: an annotation on the line of the
-/// shader that is to blame, or of the scene file.
-pub fn github(finished: &Finished) -> String {
+/// shader that is to blame, or of the scene file. GitHub looks for files from the repository's root,
+/// wherever the command runs: so paths in `root` are given from there.
+pub fn github(finished: &Finished, root: Option<&Path>) -> String {
     let (errors, line): (&[Error], _) = match &finished.outcome {
         Outcome::Failed(failure) => (&failure.errors, failure.line.as_ref()),
         Outcome::Broken(error) => (std::slice::from_ref(error), None),
@@ -167,10 +169,22 @@ pub fn github(finished: &Finished) -> String {
     }
     format!(
         "::error file={},line={line},title={}::{}\n",
-        property(&file),
+        property(&from_root(&file, root)),
         property(&finished.name),
         escaped(message.trim_end())
     )
+}
+
+/// A path from a folder that holds it; as it is where none does.
+fn from_root(file: &str, root: Option<&Path>) -> String {
+    let inside = || {
+        let root = root?.canonicalize().ok()?;
+        let whole = Path::new(file).canonicalize().ok()?;
+        let parts: Option<Vec<&str>> =
+            whole.strip_prefix(root).ok()?.components().map(|part| part.as_os_str().to_str()).collect();
+        Some(parts?.join("/"))
+    };
+    inside().unwrap_or_else(|| file.to_owned())
 }
 
 /// A text for the log of a GitHub workflow, which takes lines of it for commands, whatever blanks

@@ -1,0 +1,319 @@
+//! The steps of `action.yml`, as a runner of GitHub carries them out: against a folder of archives
+//! in place of a release, and the program that was built for this test, or the one that
+//! `ANYHIT_ACTION_PROGRAM` names.
+//!
+//! The runner here knows what the action uses of the workflow syntax: steps that `run`, their `if`,
+//! `env` and `working-directory`, and expressions of `inputs`, `github` and `steps`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// `inputs.x` and the like, by name.
+type Context = BTreeMap<String, String>;
+
+#[derive(Default)]
+struct Step {
+    fields: BTreeMap<String, String>,
+    env: Vec<(String, String)>,
+}
+
+/// A scalar of YAML as the action has them: plain, or in either kind of quotes.
+fn scalar(text: &str) -> String {
+    let text = text.trim();
+    let inside = |quote| text.strip_prefix(quote)?.strip_suffix(quote);
+    inside('\'').or_else(|| inside('"')).unwrap_or(text).to_owned()
+}
+
+/// The defaults of the inputs, and the steps.
+fn action() -> (Context, Vec<Step>) {
+    let text = std::fs::read_to_string(Path::new(ROOT).join("action.yml")).expect("the action");
+    let (head, steps_text) = text.split_once("  steps:\n").expect("steps");
+    let mut context = Context::new();
+    let mut input = "";
+    for line in head.lines().skip_while(|line| *line != "inputs:").take_while(|line| *line != "outputs:") {
+        if let Some(default) = line.strip_prefix("    default:") {
+            context.insert(format!("inputs.{input}"), scalar(default));
+        } else if let Some(name) = line.strip_prefix("  ").and_then(|line| line.strip_suffix(':')) {
+            input = name;
+        }
+    }
+    let mut steps = Vec::new();
+    let mut block = String::new();
+    for line in steps_text.lines().filter(|line| !line.trim_start().starts_with('#')) {
+        if line.starts_with("    - ") {
+            steps.push(Step::default());
+        }
+        let Some((key, value)) = line.get(6..).and_then(|line| line.split_once(':')) else { continue };
+        let step = steps.last_mut().expect("a step begins with a dash");
+        match key.strip_prefix("  ") {
+            Some(key) if block == "env" => step.env.push((key.into(), scalar(value))),
+            Some(_) => {}
+            None => {
+                block = key.to_owned();
+                step.fields.insert(key.into(), scalar(value));
+            }
+        }
+    }
+    (context, steps)
+}
+
+/// A name of a context, a text in quotes, or the first of several that is not empty.
+fn value(expression: &str, context: &Context) -> String {
+    let one = |part: &str| match part.trim().strip_prefix('\'') {
+        Some(text) => text.trim_end_matches('\'').to_owned(),
+        None => context.get(part.trim()).cloned().unwrap_or_default(),
+    };
+    expression.split("||").map(one).find(|value| !value.is_empty()).unwrap_or_default()
+}
+
+/// A text with the values of its expressions.
+fn expanded(text: &str, context: &Context) -> String {
+    let mut parts = text.split("${{");
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (expression, rest) = part.split_once("}}").expect("an expression ends");
+        out += &value(expression, context);
+        out += rest;
+    }
+    out
+}
+
+/// Whether a step runs, given whether all before it did well.
+fn runs(condition: &str, context: &Context, well: bool) -> bool {
+    let parts: Vec<&str> = condition.split("&&").map(str::trim).filter(|part| !part.is_empty()).collect();
+    let holds = |part: &str| match (part.split_once("!="), part.split_once("==")) {
+        (Some((left, right)), _) => value(left, context) != value(right, context),
+        (_, Some((left, right))) => value(left, context) == value(right, context),
+        _ => panic!("a condition of another kind: {part}"),
+    };
+    (well || parts.contains(&"always()"))
+        && parts.iter().filter(|part| **part != "always()").all(|part| holds(part))
+}
+
+struct Ran {
+    /// Whether all steps did well.
+    well: bool,
+    out: String,
+    context: Context,
+    /// The names of the steps that ran.
+    steps: Vec<String>,
+}
+
+/// A machine of GitHub with a checked-out project.
+struct Runner {
+    folder: tempfile::TempDir,
+}
+
+impl Runner {
+    /// With a release of the program.
+    fn new() -> Self {
+        let runner = Self { folder: tempfile::tempdir().expect("a folder") };
+        for folder in ["workspace", "temp", "releases"] {
+            std::fs::create_dir(runner.path(folder)).expect("a folder");
+        }
+        let name = "anyhit-x86_64-unknown-linux-musl";
+        let packed = runner.path("releases").join(name);
+        std::fs::create_dir(&packed).expect("a folder");
+        let program = std::env::var_os("ANYHIT_ACTION_PROGRAM");
+        let program = program.unwrap_or_else(|| env!("CARGO_BIN_EXE_anyhit").into());
+        std::fs::copy(program, packed.join("anyhit")).expect("the program");
+        let pack = format!("tar -czf {name}.tar.gz {name} && sha256sum {name}.tar.gz > {name}.tar.gz.sha256");
+        let packed = Command::new("bash").arg("-c").arg(pack).current_dir(runner.path("releases")).status();
+        assert!(packed.expect("bash").success());
+        runner
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file of the project.
+    fn file(&self, name: &str, content: &[u8]) {
+        let path = self.path("workspace").join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(path, content).expect("a file");
+    }
+
+    /// Carries out the action's steps with inputs.
+    fn run(&self, inputs: &[(&str, &str)], environment: &[(&str, &str)]) -> Ran {
+        let (mut context, steps) = action();
+        for (name, input) in inputs {
+            let known = context.insert(format!("inputs.{name}"), (*input).into());
+            assert!(known.is_some(), "the action has an input `{name}`");
+        }
+        let workspace = self.path("workspace");
+        let text = |path: &Path| path.to_str().expect("UTF-8").to_owned();
+        context.insert("github.workspace".into(), text(&workspace));
+        context.insert("github.server_url".into(), "https://invalid".into());
+        let [output, path, env] = ["output", "path", "env"].map(|name| self.path("temp").join(name));
+        let mut ran = Ran { well: true, out: String::new(), context, steps: Vec::new() };
+        let mut search = std::env::var("PATH").expect("a search path");
+        std::fs::write(&path, "").expect("a file");
+        for step in steps {
+            let field = |name: &str| step.fields.get(name).map_or("", String::as_str);
+            if !runs(field("if"), &ran.context, ran.well) || !step.fields.contains_key("run") {
+                continue;
+            }
+            ran.steps.push(step.fields["name"].clone());
+            assert_eq!(field("shell"), "bash");
+            std::fs::write(&output, "").expect("a file");
+            let releases = format!("file://{}", self.path("releases").display());
+            let folder = workspace.join(expanded(field("working-directory"), &ran.context));
+            let mut command = Command::new("bash");
+            command
+                .args(["--noprofile", "--norc", "-eo", "pipefail", "-c", field("run")])
+                .current_dir(folder);
+            command
+                .env("GITHUB_ACTION_PATH", ROOT)
+                .env("GITHUB_WORKSPACE", &workspace)
+                .env("GITHUB_OUTPUT", &output)
+                .env("GITHUB_PATH", &path)
+                .env("GITHUB_ENV", &env)
+                .env("RUNNER_TEMP", self.path("temp"))
+                .env("RUNNER_OS", "Linux")
+                .env("RUNNER_ARCH", "X64")
+                .env("ANYHIT_RELEASES", releases)
+                .env("PATH", &search);
+            command.envs(step.env.iter().map(|(name, text)| (name, expanded(text, &ran.context))));
+            command.envs(environment.iter().copied());
+            let done = command.output().expect("bash");
+            ran.well &= done.status.success();
+            for bytes in [&done.stdout, &done.stderr] {
+                ran.out += &String::from_utf8_lossy(bytes);
+            }
+            for line in std::fs::read_to_string(&output).expect("a file").lines() {
+                let (name, text) = line.split_once('=').expect("an output has a name");
+                ran.context.insert(format!("steps.{}.outputs.{name}", field("id")), text.into());
+            }
+            for line in std::fs::read_to_string(&path).expect("a file").lines() {
+                search = format!("{line}:{search}");
+            }
+        }
+        ran
+    }
+}
+
+/// A project whose one case is green for this t.
+fn project(runner: &Runner, folder: &str, t: &str) {
+    let module = Path::new(ROOT).join("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv");
+    runner.file(&format!("{folder}/main.rchit.spv"), &std::fs::read(module).expect("a fixture"));
+    let scene = format!(
+        r#"version = 1
+[shaders]
+sphere = "main.rchit.spv"
+[pipeline]
+hit = [{{ closest_hit = "sphere" }}]
+[geometry.ball]
+type = "spheres"
+positions = [[0, 0, 0]]
+radii = [0.5]
+[[instance]]
+geometry = "ball"
+[[ray]]
+name = "onto it"
+origin = [0, 0, 4]
+direction = [0, 0, -1]
+expect = {{ t = {t}, because = "4 - 1/2" }}
+"#
+    );
+    runner.file(&format!("{folder}/ball.test.toml"), scene.as_bytes());
+}
+
+/// Whether this machine has what the action's scripts call; loud where it has not.
+fn tools() -> bool {
+    let missing: Vec<&str> = ["bash", "curl", "tar", "sha256sum"]
+        .into_iter()
+        .filter(|tool| Command::new(tool).arg("--version").output().is_err())
+        .collect();
+    if !missing.is_empty() {
+        println!("SKIPPED: the steps of action.yml: without {}", missing.join(", "));
+    }
+    missing.is_empty()
+}
+
+#[test]
+fn a_green_project_passes_and_leaves_its_reports() {
+    if !tools() {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "cases", "3.5");
+    let ran = runner.run(&[("cases", "cases"), ("coverage", "true")], &[]);
+    assert!(ran.well, "{}", ran.out);
+    assert_eq!(ran.steps, ["Install anyhit", "Run the cases"]);
+    assert!(ran.out.contains("1 passed") && !ran.out.contains("::error"), "{}", ran.out);
+    let reports = Path::new(&ran.context["steps.test.outputs.reports"]);
+    let junit = std::fs::read(reports.join("junit.xml")).expect("the report");
+    assert_eq!(junit_parser::from_reader(junit.as_slice()).expect("JUnit XML").tests, 1);
+    assert!(reports.join("coverage.lcov").is_file());
+    let program = &ran.context["steps.install.outputs.anyhit"];
+    let version = Command::new(program).arg("--version").output().expect("the installed program");
+    assert_eq!(String::from_utf8_lossy(&version.stdout), concat!("anyhit ", env!("CARGO_PKG_VERSION"), "\n"));
+}
+
+#[test]
+fn a_red_project_fails_with_an_annotation_from_the_root_of_the_repository() {
+    if !tools() {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "engine/shader tests/red", "3");
+    project(&runner, "engine/green", "3.5");
+    let inputs = [("cases", "shader tests\ngreen\n"), ("working-directory", "engine")];
+    let ran = runner.run(&inputs, &[]);
+    assert!(!ran.well, "{}", ran.out);
+    assert!(ran.out.contains("1 passed, 1 failed"), "{}", ran.out);
+    let annotation = "::error file=engine/shader tests/red/ball.test.toml,line=16,";
+    assert!(ran.out.lines().any(|line| line.starts_with(annotation)), "{}", ran.out);
+    assert!(Path::new(&ran.context["steps.test.outputs.reports"]).join("junit.xml").is_file());
+}
+
+#[test]
+fn shards_share_the_cases() {
+    if !tools() {
+        return;
+    }
+    let runner = Runner::new();
+    project(&runner, "cases/a", "3.5");
+    project(&runner, "cases/b", "3.5");
+    for shard in ["1", "2"] {
+        let ran = runner.run(&[("cases", "cases"), ("shard", shard), ("shards", "2")], &[]);
+        assert!(ran.well && ran.out.contains("1 passed"), "{}", ran.out);
+    }
+}
+
+#[test]
+fn without_cases_the_program_is_installed_alone() {
+    if !tools() {
+        return;
+    }
+    let ran = Runner::new().run(&[], &[]);
+    assert!(ran.well, "{}", ran.out);
+    assert_eq!(ran.steps, ["Install anyhit"]);
+}
+
+#[test]
+fn what_cannot_be_installed_is_told() {
+    if !tools() {
+        return;
+    }
+    let runner = Runner::new();
+    let archive = "anyhit-x86_64-unknown-linux-musl.tar.gz";
+    for (environment, message) in [
+        (&[("RUNNER_ARCH", "X86")][..], "there is no build for Linux on X86"),
+        (&[("RUNNER_ARCH", "ARM64")], "anyhit-aarch64-unknown-linux-musl.tar.gz cannot be read"),
+        (&[("ANYHIT_RELEASES", "")], "needs `repository`"),
+    ] {
+        let ran = runner.run(&[("cases", "cases")], environment);
+        assert!(!ran.well && ran.out.contains(message), "{}", ran.out);
+        assert!(ran.out.contains("::error title=anyhit is not installed::"), "{}", ran.out);
+        assert_eq!(ran.steps, ["Install anyhit"]);
+    }
+    let sum = runner.path("releases").join(format!("{archive}.sha256"));
+    std::fs::write(sum, format!("{}  {archive}\n", "0".repeat(64))).expect("a file");
+    let ran = runner.run(&[], &[]);
+    assert!(!ran.well && ran.out.contains("has another SHA-256"), "{}", ran.out);
+}
