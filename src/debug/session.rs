@@ -246,9 +246,13 @@ fn count_events(events: &[Event]) -> Stats {
     let mut stats = Stats::default();
     for event in events {
         match event {
-            Event::Trace { .. } => stats.rays += 1,
-            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Initialize(..), .. }) => {
+            Event::Trace { trace, .. } => {
+                stats.rays += 1;
+                stats.zero_directions += u64::from(trace.ray.goes_nowhere());
+            }
+            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Initialize(_, trace), .. }) => {
                 stats.ray_queries += 1;
+                stats.zero_directions += u64::from(trace.ray.goes_nowhere());
             }
             Event::Enter { stage, .. } => {
                 let entry = stats.shaders.entry(*stage).or_default();

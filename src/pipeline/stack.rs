@@ -426,6 +426,7 @@ where
         let program = &*pipeline.programs[running.shader.0 as usize];
         self.stack_size -= u64::from(program.register_count) * 4;
         self.stats.ray_queries += running.batch.queries.initialized;
+        self.stats.zero_directions += running.batch.queries.zero_directions;
         self.stats.reorders += running.batch.reorders;
         if let Some(watch) = &self.watch {
             watch.charge(running.batch.take_charged());
