@@ -99,7 +99,8 @@ impl InstanceRay {
         cull_t: f32,
     ) -> bool {
         // No other way into an instance takes a direction of zero, which is not well scaled.
-        if trace.ray.goes_nowhere() && tlas.instances()[self.instance as usize].blas.kind() != Some(GeometryKind::Aabbs)
+        if trace.ray.goes_nowhere()
+            && tlas.instances()[self.instance as usize].blas.kind() != Some(GeometryKind::Aabbs)
         {
             return false;
         }
