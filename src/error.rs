@@ -353,6 +353,16 @@ impl std::error::Error for Error {}
 mod tests {
     use super::*;
 
+    /// A class whose help would only say the message again has none.
+    #[test]
+    fn help_is_there_where_it_helps() {
+        for kind in [ErrorKind::InvalidScene, ErrorKind::Trap, ErrorKind::Expectation, ErrorKind::Io] {
+            assert!(!Error::new(kind, "wrong").render().contains("help:"), "{kind:?}");
+        }
+        let gap = Error::new(ErrorKind::UnsupportedModule, "no such capability").render();
+        assert!(gap.contains("help: the module is valid: this is a gap of anyhit"), "{gap}");
+    }
+
     #[test]
     fn an_error_is_one_word() {
         assert_eq!(size_of::<Error>(), size_of::<usize>());

@@ -91,6 +91,15 @@ mod tests {
     }
 
     #[test]
+    fn an_unknown_extension_lists_the_known_ones() {
+        let text = source_text(Path::new("a.shader"), b"void main() {}").unwrap().render();
+        assert!(text.contains("of sources the extension says the language: GLSL: .rgen .rint"), "{text}");
+        assert!(text.contains("WGSL: .wgsl; Slang: .slang; HLSL: .hlsl"), "{text}");
+        let typed = message("a b/hit.rchit", b"void main() {}").unwrap();
+        assert!(typed.ends_with("anyhit compile \"a b/hit.rchit\""), "{typed}");
+    }
+
+    #[test]
     fn text_is_told_from_modules() {
         assert_eq!(
             message("a/hit.rchit", b"#version 460\n").unwrap(),

@@ -156,3 +156,19 @@ pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
         operations as usize + kept
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_that_go_nowhere_are_told_where_there_are_some() {
+        let told = |zero_directions: u64| {
+            let stats = Stats { rays: 9, zero_directions, ..Stats::default() };
+            table(&stats, Duration::ZERO, Duration::from_secs(1))
+        };
+        let line = "zero directions           4 rays that go nowhere: no triangle, sphere or swept sphere meets them\n";
+        assert!(told(4).contains(line), "{}", told(4));
+        assert!(!told(0).contains("zero directions"));
+    }
+}

@@ -273,3 +273,28 @@ fn source_line_of(program: &Program, offset: u32) -> String {
         (None, None) => String::new(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_record_is_told_with_its_table() {
+        let sbt = Sbt { hit: vec![None; 3], miss: vec![None], callable: vec![None; 2], ..Sbt::default() };
+        let note = |code, index| missing_record(&sbt, code, index).expect("a note");
+        assert_eq!(
+            note(TrapCode::ShaderRecordMissing, 7),
+            "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: `callable` of the \
+             scene's [pipeline], or Builder::callable"
+        );
+        assert!(
+            note(TrapCode::HitRecordMissing, 3)
+                .ends_with("3 records: `hit` of the scene's [pipeline], or Builder::hit")
+        );
+        assert!(
+            note(TrapCode::MissRecordMissing, 1)
+                .ends_with("1 record: `miss` of the scene's [pipeline], or Builder::miss")
+        );
+        assert_eq!(missing_record(&sbt, TrapCode::RecursionTooDeep, 0), None);
+    }
+}
