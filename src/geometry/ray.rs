@@ -58,8 +58,8 @@ impl Ray {
             && !(self.t_min.is_nan() || self.t_max.is_nan())
     }
 
-    /// Whether the direction is zero: the ray is its origin alone, for every t. It meets no triangle
-    /// and no surface of a sphere or swept sphere, and a box that holds its origin is a candidate.
+    /// Whether the direction is zero: the ray is its origin alone, for every t. It meets no
+    /// triangle, sphere or swept sphere, and a box that holds its origin is a candidate.
     /// In the object space of an instance its direction is zero as well, and that of no other ray
     /// is, since the transform has an inverse.
     #[inline]

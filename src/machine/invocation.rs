@@ -123,7 +123,8 @@ impl<const W: usize> RayLanes<W> {
         Mask::of(&valid)
     }
 
-    /// The lanes whose direction is zero: such rays [go nowhere](crate::geometry::Ray::goes_nowhere).
+    /// The lanes whose direction is zero: such rays
+    /// [go nowhere](crate::geometry::Ray::goes_nowhere).
     pub fn without_direction(&self) -> Mask<W> {
         let [x, y, z] = &self.direction;
         let mut zero = Lanes::splat(0);

@@ -24,7 +24,8 @@ pub struct Stats {
     pub rays: u64,
     /// Ray queries initialised.
     pub ray_queries: u64,
-    /// Rays and ray queries whose direction is zero, which no triangle, sphere or swept sphere meets.
+    /// Rays and ray queries whose direction is zero, which no triangle, sphere or swept sphere
+    /// meets.
     pub zero_directions: u64,
     /// Instructions that reorder invocations, which changes nothing here, counted by invocations.
     pub reorders: u64,

@@ -3,11 +3,12 @@
 //!
 //! **Why the way there and back changes nothing.** An f32 has 24 bits of significand, so that every
 //! integer from 0 to 2^24 is one exactly: its conversion rounds nothing, in any rounding mode, from
-//! signed and unsigned integers alike. Clamping to a range around these changes none. Truncating or rounding down an integer gives it back, and so
-//! does the conversion to a signed or an unsigned integer. In f32 the numbers from 2^22 up to 2^23
-//! are 1/2 apart, and smaller ones closer: for an integer n below 2^23 the sum n + 0.5 is exact,
-//! too, and its integral part is n. From 2^23 on numbers are 1 apart, and n + 0.5 rounds to an even
-//! one: 2^23 + 1.5 to 2^23 + 2. Above 2^24 two integers have one float: 2^24 + 1 becomes 2^24.
+//! signed and unsigned integers alike. Clamping to a range around these changes none. Truncating or
+//! rounding down an integer gives it back, and so does the conversion to a signed or an unsigned
+//! integer. In f32 the numbers from 2^22 up to 2^23 are 1/2 apart, and smaller ones closer: for an
+//! integer n below 2^23 the sum n + 0.5 is exact, too, and its integral part is n. From 2^23 on
+//! numbers are 1 apart, and n + 0.5 rounds to an even one: 2^23 + 1.5 to 2^23 + 2. Above 2^24 two
+//! integers have one float: 2^24 + 1 becomes 2^24.
 //!
 //! How large the integer gets is decided by the size of the launch, which bounds its indices. So a
 //! range keeps its *bounds*, and [`LaunchExtent::keeps_bounds`] checks them once the size is known.
