@@ -227,6 +227,11 @@ fn what_no_output_reads_is_neither_loaded_nor_computed() {
 
 /// One ray onto the first of five spheres, through a hit group.
 fn trace(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, x: f32) -> Result<Stats> {
+    launch(group, flags, ray(x, 0.0))
+}
+
+/// One ray onto five spheres, through a hit group.
+fn launch(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, trace: TraceRay) -> Result<Stats> {
     let mut builder = Pipeline::builder();
     builder.hit(group)?.miss(shader("MissKHR", "", ""))?;
     let (pipeline, resources) = (builder.build()?, Resources::default());
@@ -234,7 +239,7 @@ fn trace(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, x: f32)
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let payload = Vec::new();
     let (sbt_offset, sbt_stride, miss_index) = (0, 0, 0);
-    let operands = RayOperands { trace: ray(x, 0.0), sbt_offset, sbt_stride, miss_index, payload };
+    let operands = RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload };
     Ok(launch.trace(&tlas, operands, &mut ())?.stats)
 }
 
@@ -252,6 +257,17 @@ fn ignoring() -> Program {
          OpFunctionEnd";
     let module = Arc::new(anyhit::module::load(&assembly::assemble(text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
+}
+
+#[test]
+fn rays_that_go_nowhere_are_counted() -> Result<()> {
+    for (direction, nowhere) in [([0.0; 3], 1), ([0.0, -0.0, 0.0], 1), ([0.0, 0.0, -1e-30], 0)] {
+        let trace = TraceRay { ray: Ray::new([0.0, 0.0, 4.0], direction), ..ray(0.0, 0.0) };
+        let stats = launch([shader("ClosestHitKHR", "", "")], GeometryFlags::OPAQUE, trace)?;
+        assert_eq!((stats.rays, stats.zero_directions), (1, nowhere), "{direction:?}");
+        assert_eq!(stats.shaders.contains_key(&Stage::Miss), nowhere == 1, "{direction:?}: {stats:?}");
+    }
+    Ok(())
 }
 
 #[test]
