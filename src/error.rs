@@ -49,27 +49,23 @@ pub enum ErrorKind {
 }
 
 impl ErrorKind {
-    /// The line of help that explains this class of problem.
-    pub fn help(self) -> &'static str {
-        match self {
-            Self::InvalidModule => {
-                "the module breaks a rule of SPIR-V or Vulkan: mend the shader or its compiler's flags"
-            }
-            Self::InvalidScene => "the scene breaks a rule: mend the scene",
-            Self::InvalidMesh => "the mesh file cannot be used as it is",
-            Self::InvalidImage => "the image file cannot be used as it is",
-            Self::InvalidRecording => {
-                "the recording cannot be used as it is: docs/verify.md says what it holds"
-            }
-            Self::InvalidSource => "the shader's source does not compile",
+    /// What is to be done about this class of problem, where the message does not say it.
+    pub fn help(self) -> Option<&'static str> {
+        Some(match self {
+            Self::InvalidModule => "the module is not valid: mend the shader, or its compiler's flags",
+            Self::InvalidRecording => "docs/verify.md says what a recording holds",
             Self::InvalidArgument => "see `anyhit help` for what this takes",
             Self::UnsupportedModule => "the module is valid: this is a gap of anyhit, not a mistake of yours",
             Self::UnsupportedFile => "the file is valid: this is a gap of anyhit, not a mistake of yours",
-            Self::UnsupportedTool => "this build or machine lacks what the command needs",
-            Self::Trap => "the shader did something that the specification leaves undefined or forbids",
-            Self::Expectation => "the result differs from what was expected",
-            Self::Io => "the operating system refused",
-        }
+            Self::InvalidScene
+            | Self::InvalidMesh
+            | Self::InvalidImage
+            | Self::InvalidSource
+            | Self::UnsupportedTool
+            | Self::Trap
+            | Self::Expectation
+            | Self::Io => return None,
+        })
     }
 
     /// The exit code of the command line: 1 for a failed expectation, 2 for an error.
@@ -298,7 +294,7 @@ impl Error {
             }
         }
         notes.extend(self.0.notes.iter().cloned());
-        notes.push(format!("help: {}", self.0.kind.help()));
+        notes.extend(self.0.kind.help().map(|help| format!("help: {help}")));
         let diagnostic = Diagnostic::new(Severity::Error)
             .with_message(&self.0.message)
             .with_labels(labels)
@@ -356,6 +352,16 @@ impl std::error::Error for Error {}
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A class whose help would only say the message again has none.
+    #[test]
+    fn help_is_there_where_it_helps() {
+        for kind in [ErrorKind::InvalidScene, ErrorKind::Trap, ErrorKind::Expectation, ErrorKind::Io] {
+            assert!(!Error::new(kind, "wrong").render().contains("help:"), "{kind:?}");
+        }
+        let gap = Error::new(ErrorKind::UnsupportedModule, "no such capability").render();
+        assert!(gap.contains("help: the module is valid: this is a gap of anyhit"), "{gap}");
+    }
 
     #[test]
     fn an_error_is_one_word() {

@@ -155,6 +155,41 @@ fn whatever_keeps_to_its_row_can_be_streamed() {
     assert_eq!(numbers("r32uint, write", asked), all(&|_, _| width * 1000 + height));
 }
 
+/// The picture of a launch is that of one thread, in bands and as a whole.
+#[test]
+fn a_pixel_that_follows_floats_can_be_streamed() {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    for place in [
+        "vec2i(vec2f(id.xy))",
+        "vec2u(vec2f(id.xy) + 0.5)",
+        "vec2i(floor(vec2f(id.xy) + vec2f(0.5)))",
+        "vec2i(vec2f(f32(id.x), f32(size.y - 1u - id.y)))",
+    ] {
+        let body = format!("textureStore(picture, {place}, vec4u(id.y * 1000u + id.x + 1u));");
+        let streamed = numbers("r32uint, write", &body, [33, 300], 0);
+        let mirrored = place.contains("size");
+        let row = |y: u32| if mirrored { 299 - y } else { y };
+        let wanted: Vec<u32> = (0..300).flat_map(|y| (0..33).map(move |x| row(y) * 1000 + x + 1)).collect();
+        assert_eq!(streamed, wanted, "{place}");
+        let pipeline = pipeline("r32uint, write", &body);
+        let alone = one.install(|| whole(&pipeline, [33, 300], &small(COUNTS)));
+        assert_eq!(bytemuck::cast_slice::<u8, u32>(&alone.0), wanted, "{place}");
+    }
+    // The limits: an f32 holds integers up to 2^24, and 0.5 more than one up to 2^23.
+    const LIMIT: u32 = 1 << 24;
+    let scene = scene();
+    for (place, limit) in [("vec2i(vec2f(id.xy))", LIMIT), ("vec2i(vec2f(id.xy) + 0.5)", LIMIT / 2)] {
+        let body = format!("textureStore(picture, {place}, vec4u(1u));");
+        let pipeline = pipeline("r32uint, write", &body);
+        let launch = Launch { pipeline: &pipeline, resources: scene.resources() };
+        assert!(launch.bands([1, limit, 1], &small(COUNTS)).is_ok(), "{place}");
+        let why = launch.bands([1, limit + 1, 1], &small(COUNTS)).expect_err("beyond the limit");
+        assert!(matches!(why, NotStreamed::CrossesRows { .. }), "{why}");
+        assert_eq!(pipeline.shared_memory([1, limit, 1], scene.resources()), None, "{place}");
+        assert!(pipeline.shared_memory([1, limit + 1, 1], scene.resources()).is_some(), "{place}");
+    }
+}
+
 #[test]
 fn buffers_are_those_of_one_launch() {
     let body = "textureStore(picture, id.xy, vec4u(atomicAdd(&cells[0], 1u))); atomicMax(&cells[1], id.y * size.x + id.x);";

@@ -4,7 +4,8 @@ use std::process::Command;
 use std::sync::Arc;
 
 use anyhit::accel::{
-    Blas, Counters, Cursor, Geometry, GeometryData, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
+    Blas, Counters, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, RayFlags, Tlas,
+    TlasInstance, TraceRay,
 };
 use anyhit::machine::Resources;
 use anyhit::module::interface::Stage;
@@ -74,6 +75,65 @@ fn a_few_rays_have_no_tree() -> Result<()> {
     assert!(blas.is_built() && !blas.is_listed(), "the list is no longer needed");
     let of_last = walk(&tlas, ray(999.0, 0.0));
     assert!(of_last.nodes > 0 && of_last.primitives < 20, "{of_last:?}");
+    Ok(())
+}
+
+/// A ray whose direction is zero tests no primitive but boxes, and of these only what its origin is
+/// near to, whatever the transform.
+#[test]
+fn a_ray_that_goes_nowhere_tests_boxes_alone() -> Result<()> {
+    let (mut turned, mut singular) = (IDENTITY, IDENTITY);
+    turned[0] = [0.3, -0.7, 0.1, 0.0];
+    turned[1] = [0.7, 0.3, 0.2, 0.0];
+    singular[1] = [0.0; 4];
+    let along: Vec<[f32; 3]> = (0..1000).map(|at| [at as f32, 0.0, 0.0]).collect();
+    let surfaces = [
+        GeometryData::Spheres { positions: along.clone(), radii: vec![0.25; 1000], indices: None },
+        GeometryData::LinearSweptSpheres {
+            positions: along.clone(),
+            radii: vec![0.25; 1000],
+            indices: Some((0..999).collect()),
+            indexing: Indexing::Successive,
+            end_caps: EndCaps::Chained,
+        },
+        GeometryData::Triangles { vertices: along[..999].to_vec(), indices: None, transform: None },
+    ];
+    let here = |origin: [f32; 3], direction: [f32; 3]| TraceRay {
+        ray: Ray::new(origin, direction),
+        ..ray(0.0, 0.0)
+    };
+    for data in surfaces {
+        let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
+        for matrix in [IDENTITY, turned, singular] {
+            let tlas = Tlas::new(vec![TlasInstance::of(blas.clone(), matrix)])?;
+            for direction in [[0.0; 3], [-0.0, 0.0, -0.0]] {
+                // The first rays look through a list, later ones through a tree.
+                for _ in 0..40 {
+                    let counters = walk(&tlas, here([0.0; 3], direction));
+                    assert_eq!((counters.nodes, counters.primitives), (0, 0), "{matrix:?}");
+                }
+            }
+        }
+    }
+    let boxes = (0..1000).map(|at| {
+        let low = 2.0 * at as f32;
+        [low, -0.5, -0.5, low + 1.0, 0.5, 0.5]
+    });
+    let data = GeometryData::Aabbs(boxes.collect());
+    let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
+    for matrix in [IDENTITY, turned] {
+        let tlas = Tlas::new(vec![TlasInstance::of(blas.clone(), matrix)])?;
+        // The middle of a box in world space, and a point between two boxes.
+        let at = |x: f32| [0, 1, 2].map(|row: usize| matrix[row][0] * x + matrix[row][3]);
+        for _ in 0..40 {
+            walk(&tlas, here(at(14.5), [0.0; 3]));
+        }
+        assert!(blas.has_bvh());
+        let counters = walk(&tlas, here(at(14.5), [0.0; 3]));
+        assert_eq!(counters.candidates, 1, "{matrix:?}");
+        assert!(counters.primitives <= 8, "{matrix:?}: {counters:?}");
+        assert_eq!(walk(&tlas, here(at(15.5), [0.0; 3])).candidates, 0, "{matrix:?}");
+    }
     Ok(())
 }
 
@@ -167,6 +227,11 @@ fn what_no_output_reads_is_neither_loaded_nor_computed() {
 
 /// One ray onto the first of five spheres, through a hit group.
 fn trace(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, x: f32) -> Result<Stats> {
+    launch(group, flags, ray(x, 0.0))
+}
+
+/// One ray onto five spheres, through a hit group.
+fn launch(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, trace: TraceRay) -> Result<Stats> {
     let mut builder = Pipeline::builder();
     builder.hit(group)?.miss(shader("MissKHR", "", ""))?;
     let (pipeline, resources) = (builder.build()?, Resources::default());
@@ -174,7 +239,7 @@ fn trace(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, x: f32)
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let payload = Vec::new();
     let (sbt_offset, sbt_stride, miss_index) = (0, 0, 0);
-    let operands = RayOperands { trace: ray(x, 0.0), sbt_offset, sbt_stride, miss_index, payload };
+    let operands = RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload };
     Ok(launch.trace(&tlas, operands, &mut ())?.stats)
 }
 
@@ -192,6 +257,17 @@ fn ignoring() -> Program {
          OpFunctionEnd";
     let module = Arc::new(anyhit::module::load(&assembly::assemble(text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
+}
+
+#[test]
+fn rays_that_go_nowhere_are_counted() -> Result<()> {
+    for (direction, nowhere) in [([0.0; 3], 1), ([0.0, -0.0, 0.0], 1), ([0.0, 0.0, -1e-30], 0)] {
+        let trace = TraceRay { ray: Ray::new([0.0, 0.0, 4.0], direction), ..ray(0.0, 0.0) };
+        let stats = launch([shader("ClosestHitKHR", "", "")], GeometryFlags::OPAQUE, trace)?;
+        assert_eq!((stats.rays, stats.zero_directions), (1, nowhere), "{direction:?}");
+        assert_eq!(stats.shaders.contains_key(&Stage::Miss), nowhere == 1, "{direction:?}: {stats:?}");
+    }
+    Ok(())
 }
 
 #[test]

@@ -847,3 +847,28 @@ fn a_first_case_keeps_to_limits_and_root() {
     let scene = scene.unwrap_or_else(|| panic!("{error}"));
     assert!(scene.contains("out of fuel"), "{error}{scene}");
 }
+
+/// What is printed is typed into a shell, and finds the ray again.
+#[cfg(unix)]
+#[test]
+fn a_printed_command_line_works_when_it_is_typed() {
+    let folder = scratch("a folder with blanks");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scene = std::fs::read_to_string(root.join(CASES).join("rays/scene.toml")).expect("a scene");
+    let include = format!("{}/", root.join(CASES).display());
+    for name in ["name, with comma", "1, 2, 3", "it's $HOME", "plain"] {
+        let text = scene
+            .replace("\"../", &format!("\"{include}"))
+            .replace("\"a leaf\"", &format!("\"{name}\""))
+            .replace("primitive = 1\n", "primitive = 3\n");
+        std::fs::write(folder.join("scene.toml"), text).expect("a writable folder");
+        let ran = run_in(&folder, &[folder.to_str().expect("UTF-8")]);
+        let typed = ran.out.lines().find_map(|line| line.trim().strip_prefix("see also: anyhit "));
+        let typed = typed.unwrap_or_else(|| panic!("{name}: {}{}", ran.out, ran.err));
+        let line = format!("'{}' {typed} --root / --json", env!("CARGO_BIN_EXE_anyhit"));
+        let output = Command::new("sh").args(["-c", &line]).current_dir(&folder).output().expect("a shell");
+        let told: Value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|error| panic!("{line}: {error}: {}", String::from_utf8_lossy(&output.stderr)));
+        assert_eq!(told["ray_name"], name, "{line}");
+    }
+}

@@ -3,6 +3,7 @@
 
 use crate::accel::built_blas::{BuiltBlas, Culling, LeafRay};
 use crate::accel::cursor::TraceRay;
+use crate::accel::geometry_data::GeometryKind;
 use crate::accel::node::NodeRef;
 use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trav_ray::TravRay;
@@ -97,6 +98,12 @@ impl InstanceRay {
         trace: &TraceRay,
         cull_t: f32,
     ) -> bool {
+        // No other way into an instance takes a direction of zero, which is not well scaled.
+        if trace.ray.goes_nowhere()
+            && tlas.instances()[self.instance as usize].blas.kind() != Some(GeometryKind::Aabbs)
+        {
+            return false;
+        }
         self.ray_space = RaySpace::Object;
         self.has_object_ray =
             tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use crate::compile::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
+use crate::compile::{CompileOptions, DebugInfoLevel, Language, SOURCE_EXTENSIONS, Source, compile_once};
+use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::module::{self, Module};
@@ -55,6 +56,7 @@ pub fn read_or_compile(path: &Path, limits: &InputLimits) -> Result<Module> {
 fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
     let text = std::str::from_utf8(bytes).ok().filter(|text| !text.is_empty() && !text.contains('\0'))?;
     let shown = path.display();
+    let typed = shell::word(&shown.to_string());
     let (what, note) = match Language::of(path) {
         Some(language) => {
             let name = match language {
@@ -63,12 +65,18 @@ fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
                 Language::Slang => "Slang",
                 Language::Hlsl => "HLSL",
             };
-            (name, format!("compile it first: anyhit compile {shown}"))
+            (name, format!("compile it first: anyhit compile {typed}"))
         }
         None if text.contains("OpCapability") => {
-            ("SPIR-V assembly", format!("assemble it first: spirv-as {shown}"))
+            ("SPIR-V assembly", format!("assemble it first: spirv-as {typed}"))
         }
-        None => ("text", "a compiled module (usually .spv) is needed here".to_owned()),
+        None => (
+            "text",
+            format!(
+                "a compiled module (usually .spv) is needed here; of sources the extension says the language: \
+                 {SOURCE_EXTENSIONS}"
+            ),
+        ),
     };
     let message = format!("{shown} is {what}, not a SPIR-V module");
     Some(Error::new(ErrorKind::InvalidArgument, message).note(note))
@@ -80,6 +88,15 @@ mod tests {
 
     fn message(path: &str, bytes: &[u8]) -> Option<String> {
         source_text(Path::new(path), bytes).map(|error| error.to_string())
+    }
+
+    #[test]
+    fn an_unknown_extension_lists_the_known_ones() {
+        let text = source_text(Path::new("a.shader"), b"void main() {}").unwrap().render();
+        assert!(text.contains("of sources the extension says the language: GLSL: .rgen .rint"), "{text}");
+        assert!(text.contains("WGSL: .wgsl; Slang: .slang; HLSL: .hlsl"), "{text}");
+        let typed = message("a b/hit.rchit", b"void main() {}").unwrap();
+        assert!(typed.ends_with("anyhit compile \"a b/hit.rchit\""), "{typed}");
     }
 
     #[test]

@@ -23,6 +23,12 @@ pub fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> Strin
         let rate = stats.ray_queries as f64 / launch_time.as_secs_f64().max(1e-9) / 1e6;
         text += &format!("ray queries       {:>9} ({rate:.2} million a second)\n", stats.ray_queries);
     }
+    if stats.zero_directions > 0 {
+        text += &format!(
+            "zero directions   {:>9} rays that go nowhere: no triangle, sphere or swept sphere meets them\n",
+            stats.zero_directions
+        );
+    }
     for (stage, shader) in &stats.shaders {
         let lanes = shader.invocations as f64 / shader.batches.max(1) as f64;
         text += &format!(
@@ -149,4 +155,20 @@ pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
         "eliminated        {operations:>9} of {} operations and {builtins} builtins, which no output reads\n",
         operations as usize + kept
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_that_go_nowhere_are_told_where_there_are_some() {
+        let told = |zero_directions: u64| {
+            let stats = Stats { rays: 9, zero_directions, ..Stats::default() };
+            table(&stats, Duration::ZERO, Duration::from_secs(1))
+        };
+        let line = "zero directions           4 rays that go nowhere: no triangle, sphere or swept sphere meets them\n";
+        assert!(told(4).contains(line), "{}", told(4));
+        assert!(!told(0).contains("zero directions"));
+    }
 }

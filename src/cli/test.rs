@@ -10,6 +10,7 @@ use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::stability::StabilityArgs;
+use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
@@ -248,6 +249,6 @@ fn init_case(args: &TestArgs) -> Result<()> {
     output::print(format_args!(
         "{}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {}\n",
         written.display(),
-        folder.display()
+        shell::word(&folder.display().to_string())
     ))
 }

@@ -115,7 +115,8 @@ impl TraceOneRayArgs {
             return command::pixel(text).map(Request::Pixel);
         }
         let Some(text) = &self.ray else { return Ok(Request::Default) };
-        let Some([origin, direction]) = command::ray(text)? else {
+        // A name may have commas: what is not six numbers is looked up in the scene.
+        let Ok(Some([origin, direction])) = command::ray(text) else {
             return Ok(Request::Named(text.clone()));
         };
         Ok(Request::Ray(GivenRay {

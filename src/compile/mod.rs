@@ -35,7 +35,7 @@ mod glslang_debug;
 mod wgsl;
 
 pub use cache::compile_once;
-pub use source::{Language, Source, SourceStage, content_hash};
+pub use source::{EXTENSIONS as SOURCE_EXTENSIONS, Language, Source, SourceStage, content_hash};
 
 use crate::error::{Error, ErrorKind, Result};
 

@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits, RootFolder, is_stream, read_argument, read_regular};
 
 /// The extensions that are known.
-pub(super) const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
+pub const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
 
 /// A pipeline stage, named by the file extension that glslang knows it by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

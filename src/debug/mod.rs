@@ -14,6 +14,7 @@ mod query_reader;
 pub mod reader;
 pub mod render;
 pub mod session;
+pub mod shell;
 pub mod transcript;
 pub mod values;
 

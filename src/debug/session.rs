@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+use crate::debug::command;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
@@ -140,6 +141,10 @@ impl Session {
             RayEntry::Pixel { name, .. } | RayEntry::Given(GivenRay { name, .. }) => name.clone(),
         };
         self.scene.rays.iter().find(|entry| name(entry).as_deref() == Some(wanted)).ok_or_else(|| {
+            // Numbers that are wrong are told as such.
+            if let Err(error) = command::ray(wanted) {
+                return error;
+            }
             let known: Vec<_> =
                 self.scene.rays.iter().filter_map(name).map(|name| format!("\"{name}\"")).collect();
             let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
@@ -246,9 +251,13 @@ fn count_events(events: &[Event]) -> Stats {
     let mut stats = Stats::default();
     for event in events {
         match event {
-            Event::Trace { .. } => stats.rays += 1,
-            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Initialize(..), .. }) => {
+            Event::Trace { trace, .. } => {
+                stats.rays += 1;
+                stats.zero_directions += u64::from(trace.ray.goes_nowhere());
+            }
+            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Initialize(_, trace), .. }) => {
                 stats.ray_queries += 1;
+                stats.zero_directions += u64::from(trace.ray.goes_nowhere());
             }
             Event::Enter { stage, .. } => {
                 let entry = stats.shaders.entry(*stage).or_default();

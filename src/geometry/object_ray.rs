@@ -362,6 +362,7 @@ impl ObjectRay {
         if !(least..=most).contains(&self.direction_norm) {
             self.approach_terms.disable();
         }
+        let origin_error = (self.origin_error, self.origin_error_norm);
         let is_sure = norm1(self.origin) <= MAX_NORM
             && (MIN_DIRECTION_NORM..=MAX_NORM).contains(&self.direction_norm)
             && self.direction_relative_error <= MAX_DIRECTION_ERROR;
@@ -371,6 +372,14 @@ impl ObjectRay {
             self.origin_error_norm = f64::INFINITY;
             self.direction_relative_error = f64::INFINITY;
             self.approach_terms.disable();
+        }
+        if self.world.goes_nowhere() {
+            // A direction of zero is exact in every space: boxes are culled by the origin alone.
+            self.direction = [0.0; 3];
+            self.direction_error = [0.0; 3];
+            if norm1(self.origin) <= MAX_NORM && origin_error.1.is_finite() {
+                (self.origin_error, self.origin_error_norm) = origin_error;
+            }
         }
         self.world.is_finite()
     }

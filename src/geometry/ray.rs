@@ -11,7 +11,8 @@ use crate::math::f32x4::F32x4;
 pub struct Ray {
     /// Where t is 0.
     pub origin: [f32; 3],
-    /// The displacement per unit of t; of any length but 0.
+    /// The displacement per unit of t, of any length. With one of 0 the ray [goes
+    /// nowhere](Self::goes_nowhere).
     pub direction: [f32; 3],
     /// The lower end of the interval.
     pub t_min: f32,
@@ -55,6 +56,15 @@ impl Ray {
         within(origin) & within(direction) == 0b1111
             && zero.cmp_ge(direction) != 0b1111
             && !(self.t_min.is_nan() || self.t_max.is_nan())
+    }
+
+    /// Whether the direction is zero: the ray is its origin alone, for every t. It meets no
+    /// triangle, sphere or swept sphere, and a box that holds its origin is a candidate.
+    /// In the object space of an instance its direction is zero as well, and that of no other ray
+    /// is, since the transform has an inverse.
+    #[inline]
+    pub fn goes_nowhere(&self) -> bool {
+        self.direction == [0.0; 3]
     }
 
     /// Replaces the interval.

@@ -123,6 +123,18 @@ impl<const W: usize> RayLanes<W> {
         Mask::of(&valid)
     }
 
+    /// The lanes whose direction is zero: such rays
+    /// [go nowhere](crate::geometry::Ray::goes_nowhere).
+    pub fn without_direction(&self) -> Mask<W> {
+        let [x, y, z] = &self.direction;
+        let mut zero = Lanes::splat(0);
+        for lane in 0..W {
+            // The sign bit does not matter.
+            zero.0[lane] = u32::from((x.0[lane] | y.0[lane] | z.0[lane]) << 1 == 0);
+        }
+        Mask::of(&zero)
+    }
+
     /// Copies the operands from registers. From `ray` on lie origin (3), t_min, direction (3),
     /// t_max and time, one register each.
     pub fn copy(&mut self, registers: &Registers<W>, flags: Reg, cull_mask: Reg, ray: Reg) {

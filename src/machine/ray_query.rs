@@ -226,6 +226,8 @@ pub struct RayQueries {
     all: ObjectPool<RayQuery>,
     /// How many `OpRayQueryInitializeKHR` were executed, counted by lanes.
     pub initialized: u64,
+    /// How many of them had a direction of zero.
+    pub zero_directions: u64,
     /// The events of the queries, where they are recorded.
     pub events: Option<Vec<RayQueryEvent>>,
     /// Whether nodes, instances and primitives are recorded, too.
@@ -236,13 +238,14 @@ impl RayQueries {
     /// Discards all queries; their memory stays allocated.
     pub fn clear(&mut self) {
         self.all.clear();
-        self.initialized = 0;
+        (self.initialized, self.zero_directions) = (0, 0);
     }
 
     /// `OpRayQueryInitializeKHR` of the query with a handle, or of a new one where that is 0.
     /// Returns its handle.
     pub fn initialize(&mut self, handle: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
         self.initialized += 1;
+        self.zero_directions += u64::from(trace.ray.goes_nowhere());
         let (query, object) = self.all.get_or_insert(handle);
         object.initialize(tlas, trace);
         if let Some(events) = &mut self.events {

@@ -58,6 +58,8 @@ pub enum TrapCode {
     CallablesTooDeep,
     /// The shader binding table has no such record.
     ShaderRecordMissing,
+    /// The data of a shader record is accessed, and it has none.
+    ShaderRecordEmpty,
     /// The hit shader binding table has no record for what a ray met.
     HitRecordMissing,
     /// The miss shader binding table has no record of a ray's miss index.
@@ -157,6 +159,7 @@ impl TrapCode {
             Self::StackOverflow => "the stack of shaders that call each other is full: an endless recursion?",
             Self::CallablesTooDeep => "callable shaders call each other too deeply: an endless recursion?",
             Self::ShaderRecordMissing => "the shader binding table has no such record",
+            Self::ShaderRecordEmpty => "the shader record holds no data: nothing follows its handle",
             Self::HitRecordMissing => "the hit shader binding table has no record for what the ray met",
             Self::MissRecordMissing => "the miss shader binding table has no record of the ray's miss index",
             Self::PayloadMismatch => {

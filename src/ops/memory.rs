@@ -363,7 +363,7 @@ fn resolve_buffer<'a, const W: usize>(
     };
     let record = || match invocations.record(lane) {
         Some(record) => Ok((&*record.data, record.offset, record.size)),
-        None => Err(TrapCode::ShaderRecordMissing),
+        None => Err(TrapCode::ShaderRecordEmpty),
     };
     let workgroup = || whole(invocations.workgroup(lane).map(|group| &*group.memory));
     match buffer {

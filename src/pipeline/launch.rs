@@ -24,6 +24,9 @@ pub struct Stats {
     pub rays: u64,
     /// Ray queries initialised.
     pub ray_queries: u64,
+    /// Rays and ray queries whose direction is zero, which no triangle, sphere or swept sphere
+    /// meets.
+    pub zero_directions: u64,
     /// Instructions that reorder invocations, which changes nothing here, counted by invocations.
     pub reorders: u64,
     /// Invocations and batches by stage.
@@ -79,6 +82,7 @@ impl Stats {
     pub fn plus(mut self, other: &Self) -> Self {
         self.rays += other.rays;
         self.ray_queries += other.ray_queries;
+        self.zero_directions += other.zero_directions;
         self.reorders += other.reorders;
         self.elided.any_hit += other.elided.any_hit;
         self.elided.occlusion += other.elided.occlusion;

@@ -426,6 +426,7 @@ where
         let program = &*pipeline.programs[running.shader.0 as usize];
         self.stack_size -= u64::from(program.register_count) * 4;
         self.stats.ray_queries += running.batch.queries.initialized;
+        self.stats.zero_directions += running.batch.queries.zero_directions;
         self.stats.reorders += running.batch.reorders;
         if let Some(watch) = &self.watch {
             watch.charge(running.batch.take_charged());
@@ -476,10 +477,10 @@ where
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let mut pending: Vec<(Shader, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {
-            let Some(record) =
-                self.pipeline.sbt.callable.get(running.batch.registers[index].0[lane] as usize)
-            else {
+            let index = running.batch.registers[index].0[lane];
+            let Some(record) = self.pipeline.sbt.callable.get(index as usize) else {
                 let op = running.batch.op - 1;
+                running.batch.fault_value[lane] = index.into();
                 running.batch.trap(Mask::lane(lane), TrapCode::ShaderRecordMissing, op);
                 continue;
             };

@@ -136,6 +136,7 @@ where
         object: Option<ObjectRef>,
     ) {
         self.stats.rays += u64::from(trace.lanes().count());
+        self.stats.zero_directions += u64::from((trace.rays.without_direction() & trace.lanes()).count());
         if T::ACTIVE {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);

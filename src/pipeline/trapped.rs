@@ -94,6 +94,18 @@ where
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     /// The limit that a trap is about.
     fn limit_notes(&self, code: TrapCode) -> Option<String> {
+        if code == TrapCode::RecursionTooDeep {
+            return Some(format!(
+                "the limit is max_recursion_depth = {}, and this is a trace of depth {}: raise it in the scene's \
+                 [pipeline], with --max-recursion-depth, or Builder::max_recursion",
+                self.pipeline.max_recursion,
+                u64::from(self.pipeline.max_recursion) + 1
+            ));
+        }
+        if code == TrapCode::ShaderRecordEmpty {
+            return Some("its data is the key `record` of a table in the scene's [pipeline]: `{ shader = ..., record = { \
+                         ... } }`, in Rust Record::with_data or ShaderTest::shader_record".to_owned());
+        }
         if code == TrapCode::CallablesTooDeep {
             return Some(format!(
                 "the limit is max_callable_depth = {}: raise it in the scene's [pipeline], with \
@@ -178,15 +190,19 @@ pub(super) fn spent_together(launch_id: [u32; 3], dog: &Watchdog) -> Trapped {
 
 /// Describes the missing record that a trap is about.
 pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<String> {
-    let (what, count) = match code {
+    let (what, count, key) = match code {
         TrapCode::HitRecordMissing => {
-            ("instance offset + geometry index x SBT stride + SBT offset", sbt.hit.len())
+            ("instance offset + geometry index x SBT stride + SBT offset", sbt.hit.len(), "hit")
         }
-        TrapCode::MissRecordMissing => ("the miss index", sbt.miss.len()),
+        TrapCode::MissRecordMissing => ("the miss index", sbt.miss.len(), "miss"),
+        TrapCode::ShaderRecordMissing => ("the SBT index of the call", sbt.callable.len(), "callable"),
         _ => return None,
     };
     let records = if count == 1 { "1 record".to_owned() } else { format!("{count} records") };
-    Some(format!("record {index} ({what}), counted from 0, of a table with {records}"))
+    Some(format!(
+        "record {index} ({what}), counted from 0, of a table with {records}: `{key}` of the scene's [pipeline], \
+         or Builder::{key}"
+    ))
 }
 
 /// The error of a trap without its callers: message, source position, and access.
@@ -255,5 +271,30 @@ fn source_line_of(program: &Program, offset: u32) -> String {
         (Some(place), _) => format!(" at {}", file_and_line(&place)),
         (None, Some(place)) => format!(" near {}", file_and_line(&place)),
         (None, None) => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_record_is_told_with_its_table() {
+        let sbt = Sbt { hit: vec![None; 3], miss: vec![None], callable: vec![None; 2], ..Sbt::default() };
+        let note = |code, index| missing_record(&sbt, code, index).expect("a note");
+        assert_eq!(
+            note(TrapCode::ShaderRecordMissing, 7),
+            "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: `callable` of the \
+             scene's [pipeline], or Builder::callable"
+        );
+        assert!(
+            note(TrapCode::HitRecordMissing, 3)
+                .ends_with("3 records: `hit` of the scene's [pipeline], or Builder::hit")
+        );
+        assert!(
+            note(TrapCode::MissRecordMissing, 1)
+                .ends_with("1 record: `miss` of the scene's [pipeline], or Builder::miss")
+        );
+        assert_eq!(missing_record(&sbt, TrapCode::RecursionTooDeep, 0), None);
     }
 }

@@ -135,8 +135,10 @@ where
             let charged = self.batches.iter_mut().map(|member| member.batch.take_charged());
             self.watch.charge(charged.sum());
             let used = (running.len() * self.group_size).div_ceil(W);
-            let queries = self.batches[..used].iter().map(|member| member.batch.queries.initialized);
-            self.stats.ray_queries += queries.sum::<u64>();
+            for member in &self.batches[..used] {
+                self.stats.ray_queries += member.batch.queries.initialized;
+                self.stats.zero_directions += member.batch.queries.zero_directions;
+            }
         }
         (self.stats, self.trapped)
     }

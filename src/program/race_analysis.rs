@@ -16,6 +16,7 @@
 
 mod affine;
 mod image_rows;
+mod through_floats;
 
 use std::collections::BTreeMap;
 use std::collections::hash_map::Entry;
@@ -38,7 +39,7 @@ use crate::ops::op::{Access, Op};
 use crate::ops::translate::InputRegisters;
 use crate::program::Program;
 
-use affine::{AffineExpr, AffineRange, Symbol, scaled};
+use affine::{AffineExpr, AffineRange, Symbol, both, scaled};
 pub use image_rows::OwnRow;
 
 /// How memory is accessed.
@@ -218,6 +219,9 @@ impl LaunchExtent<'_> {
             let (mut low, mut high) = (i64::MAX, i64::MIN);
             for access in accesses {
                 let Some(own) = access.place.as_ref().and_then(|place| place.get(at)) else { return false };
+                if !self.keeps_bounds(own, &stored) {
+                    return false;
+                }
                 let (constant, other) = own.from.split();
                 if other != rest || access.place.as_ref().is_some_and(|place| place.len() != first.len()) {
                     return false;
@@ -442,7 +446,7 @@ impl<'a> ValueTracking<'a> {
 
     /// The bytes of an access, as offsets in the buffer or as addresses.
     fn byte_range(&mut self, chunk: &Chunk, address: Option<Reg>) -> Option<SmallVec<[AffineRange; 3]>> {
-        let mut base = Some(AffineRange { from: AffineExpr::constant(chunk.offset.into()), count: 1 });
+        let mut base = Some(AffineRange::exactly(AffineExpr::constant(chunk.offset.into())));
         if let Some(address) = address {
             base = plus(base, self.value(address));
         }
@@ -452,7 +456,7 @@ impl<'a> ValueTracking<'a> {
         let bytes = u64::from(chunk.count) * u64::from(chunk.width / 8);
         base.and_then(|range| {
             let count = (range.count - 1).checked_add(bytes)?;
-            Some(SmallVec::from_iter([AffineRange { count, from: range.from }]))
+            Some(SmallVec::from_iter([AffineRange { count, ..range }]))
         })
     }
 
@@ -531,6 +535,9 @@ impl<'a> ValueTracking<'a> {
             Some(Op::Memory(MemoryOp::Index { base, index, .. })) => {
                 base.iter().chain([index]).copied().collect()
             }
+            Some(Op::LaneKernel { kernel, from: [a, ..], .. }) if through_floats::gives_integer(kernel) => {
+                self.converted(*a).into_iter().map(|converted| converted.integer).collect()
+            }
             Some(Op::LaneKernel { kernel, from: [a, b, _], .. }) if is_followed(kernel) => {
                 SmallVec::from_slice(&[*a, *b])
             }
@@ -546,7 +553,7 @@ impl<'a> ValueTracking<'a> {
 
     /// What a register holds, given what is known of those that it is made of.
     fn compute_value(&self, reg: Reg) -> Option<AffineRange> {
-        let exactly = |from| Some(AffineRange { from, count: 1 });
+        let exactly = |from| Some(AffineRange::exactly(from));
         if let Some(&word) = self.constants.get(&reg) {
             return exactly(AffineExpr::constant(word.into()));
         }
@@ -563,7 +570,7 @@ impl<'a> ValueTracking<'a> {
                     (Some(index), _) => scaled(index, stride.into()),
                     (None, Length::Known(length)) => {
                         let count = u64::from(length.saturating_sub(1)) * u64::from(stride) + 1;
-                        Some(AffineRange { from: AffineExpr::default(), count })
+                        Some(AffineRange { count, ..AffineRange::exactly(AffineExpr::default()) })
                     }
                     (None, Length::Unknown) => None,
                 };
@@ -589,7 +596,10 @@ impl<'a> ValueTracking<'a> {
                 if is(kernel, IMul.kernel(32)) {
                     let (a, b) = (self.known_value(a)?, self.known_value(b)?);
                     return match (a.count, b.count) {
-                        (1, 1) => exactly(a.from.times(&b.from)?),
+                        (1, 1) => {
+                            let bounds = both(a.bounds, &b.bounds)?;
+                            Some(AffineRange { from: a.from.times(&b.from)?, count: 1, bounds })
+                        }
                         _ => None,
                     };
                 }
@@ -602,6 +612,10 @@ impl<'a> ValueTracking<'a> {
                 if is(kernel, ShiftLeftLogical.kernel(32)) {
                     let by = *self.constants.get(&b)?;
                     return scaled(self.known_value(a)?, 1u64.checked_shl(by)?);
+                }
+                if through_floats::gives_integer(kernel) {
+                    let converted = self.converted(a)?;
+                    return converted.back(self.known_value(converted.integer)?);
                 }
                 None
             }
@@ -646,7 +660,8 @@ fn is_address(kernel: &LaneKernel) -> bool {
 
 fn plus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> {
     let (a, b) = (a?, b?);
-    Some(AffineRange { from: a.from.plus(&b.from)?, count: a.count.checked_add(b.count - 1)? })
+    let bounds = both(a.bounds, &b.bounds)?;
+    Some(AffineRange { from: a.from.plus(&b.from)?, count: a.count.checked_add(b.count - 1)?, bounds })
 }
 
 fn minus(a: Option<AffineRange>, b: Option<AffineRange>) -> Option<AffineRange> {

@@ -48,7 +48,6 @@ error: unknown key `hieght`
   │ ^^^^^^ did you mean `height`?
   │
   = the keys here are: area, cluster_id, count, height, lean, no_duplicate_any_hit, opacity_micromap, opaque, radius, seed, taper, type
-  = help: the scene breaks a rule: mend the scene
 
 ";
     pretty_assertions::assert_eq!(error.render(), wanted);
@@ -88,6 +87,36 @@ fn every_mistake_is_reported_in_one_run() {
         "s/gone.png: no such embedded file",
     ];
     pretty_assertions::assert_eq!(messages, wanted);
+}
+
+#[test]
+fn a_key_below_the_wrong_table() {
+    one_mistake(
+        "[pipeline]\nlaunch = [4, 4]\n",
+        "s/a.toml:3:1",
+        &["unknown key `launch`", "`launch` belongs at the top of the file, before the first table"],
+    );
+    one_mistake(
+        "max_recursion_depth = 3\n",
+        "s/a.toml:2:1",
+        &["`max_recursion_depth` belongs in `[pipeline]`"],
+    );
+}
+
+/// What follows a bracket that is not closed is read as if it stood in it.
+#[test]
+fn a_missing_bracket_is_one_mistake() {
+    let rest: String = (0..400).map(|at| format!("[geometry.g{at}]\ntype = 'plane'\n")).collect();
+    one_mistake(
+        &format!("launch = [4, 4\n[geometry.floor]\ntype = 'plane'\n{rest}"),
+        "s/a.toml:2:10",
+        &["not TOML: ", "no `]` closes this before there"],
+    );
+    one_mistake(&format!("[geometry.floor\ntype = 'plane'\n{rest}"), "s/a.toml:2", &["not TOML: "]);
+    one_mistake(&format!("title = \"open\n{rest}"), "s/a.toml:2", &["not TOML: "]);
+    // Mistakes that have nothing to do with each other are all told.
+    let error = mistake("version = 1\nx = = 1\ny = 2\nz = = 3\n");
+    assert_eq!(error.others().len(), 1, "{}", error.render());
 }
 
 #[test]

@@ -6,7 +6,9 @@
 //! chosen from the requested keys. So the list of accepted keys is written only once, in the code
 //! that reads them.
 
+mod brackets;
 mod diagnostics;
+mod key_homes;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -20,6 +22,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
 
+use brackets::first_in_bracket;
 pub use diagnostics::Diagnostics;
 
 /// A TOML file that has been read.
@@ -114,12 +117,24 @@ impl Document {
         if errors.is_empty() {
             return Ok(TomlNode::from_table(&root));
         }
+        let start = |error: &toml::de::Error| error.span().map_or(0, |range| range.start);
         let report = |error: &toml::de::Error| {
             let range = error.span().unwrap_or(0..0);
             Span { source: source.clone(), range }.error(format!("not TOML: {}", error.message()))
         };
+        // Where a bracket is open still, all that follows is read as if it stood in it: what is
+        // wrong there is no mistake of its own.
+        let inside = first_in_bracket(&source.text, errors.iter().map(start));
+        let errors = &errors[..inside.as_ref().map_or(errors.len(), |inside| inside.error + 1)];
         let most = usize::try_from(limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX).max(1);
-        let shown = errors.iter().take(most).map(report).collect();
+        let mut shown: Vec<Error> = errors.iter().take(most).map(report).collect();
+        if let Some(inside) = inside.filter(|_| shown.len() == errors.len())
+            && let Some(last) = shown.pop()
+        {
+            let bracket = Span { source: source.clone(), range: inside.bracket..inside.bracket + 1 };
+            let label = format!("no `{}` closes this before there", inside.closing);
+            shown.push(last.at_with(bracket.place(), label));
+        }
         Err(Error::several(shown).and_more(errors.len().saturating_sub(most)))
     }
 
@@ -341,9 +356,13 @@ impl<'a> Table<'a> {
                 self.report().count(unknown.len() - at);
                 break;
             }
-            let label = match nearest(&key.value, requested.iter().copied()) {
-                Some(suggestion) => format!("did you mean `{suggestion}`?"),
-                None => "not a key of this table".into(),
+            let suggestion = || nearest(&key.value, requested.iter().copied());
+            let label = match key_homes::home_of(&key.value) {
+                Some(home) => format!("`{}` belongs {home}", key.value),
+                None => match suggestion() {
+                    Some(suggestion) => format!("did you mean `{suggestion}`?"),
+                    None => "not a key of this table".into(),
+                },
             };
             let known: Vec<_> = requested.iter().copied().collect();
             self.report().push(

@@ -131,6 +131,65 @@ fn places_by_the_launch_index_are_apart() {
     assert_eq!(shared(&fixed, [65, 20, 1]), CELLS);
 }
 
+/// An f32 has 24 bits: integers up to 2^24 are themselves as f32, and up to 2^23 with 0.5 added.
+#[test]
+fn indices_that_pass_through_floats_stay_apart() {
+    const LIMIT: u32 = 1 << 24;
+    let through = |way: &str| cell(&format!("%float_x = OpConvertUToF %float %x\n{way}"));
+    let plain = [
+        "%index = OpConvertFToU %uint %float_x",
+        "%signed = OpConvertFToS %int %float_x\n%index = OpBitcast %uint %signed",
+        "%down = OpExtInst %float %glsl Floor %float_x\n%index = OpConvertFToU %uint %down",
+    ];
+    for way in plain {
+        let body = through(way);
+        assert_eq!(shared(&body, [40, 1, 1]), None, "{way}");
+        assert_eq!(shared(&body, [LIMIT, 1, 1]), None, "{way}: the greatest index is 2^24 - 1");
+        assert_eq!(shared(&body, [LIMIT + 1, 1, 1]), CELLS, "{way}: beyond the limit");
+        assert_eq!(shared(&body, [40, 2, 1]), CELLS, "{way}: rows fall on each other");
+    }
+    let half = "%one_half = OpConstant %float 0.5";
+    let declarations = format!("{DECLARATIONS}\n{half}");
+    let with_half = |way: &str, size: [u32; 3]| {
+        let body = format!("%x = OpCompositeExtract %uint %launch_id_value 0\n{}", through(way));
+        let shader = Shader {
+            annotations: ANNOTATIONS,
+            declarations: &declarations,
+            body: &body,
+            ..Shader::default()
+        };
+        let resources = Resources::default();
+        LaunchExtent { count: size, local: [1; 3], resources: &resources }.shared(&[&shader.program()])
+    };
+    let centre = "%centre = OpFAdd %float %float_x %one_half";
+    let once = format!("{centre}\n%index = OpConvertFToU %uint %centre");
+    assert_eq!(with_half(&once, [LIMIT / 2, 1, 1]), None);
+    assert_eq!(with_half(&once, [LIMIT / 2 + 1, 1, 1]), CELLS, "2^23 + 1.5 is no f32");
+    // Not followed: 1 is added, and a float that is scaled.
+    let twice =
+        format!("{centre}\n%next = OpFAdd %float %one_half %centre\n%index = OpConvertFToU %uint %next");
+    assert_eq!(with_half(&twice, [40, 1, 1]), CELLS);
+    let scaled =
+        format!("{centre}\n%less = OpFMul %float %centre %one_half\n%index = OpConvertFToU %uint %less");
+    assert_eq!(with_half(&scaled, [40, 1, 1]), CELLS, "two neighbours have one place");
+    // A sum is converted as a whole, and its limit is that of the sum.
+    let sum = cell(
+        "%row = OpIMul %uint %y %width
+         %at = OpIAdd %uint %row %x
+         %float_at = OpConvertUToF %float %at
+         %index = OpConvertFToU %uint %float_at",
+    );
+    assert_eq!(shared(&sum, [4096, 4096, 1]), None);
+    assert_eq!(shared(&sum, [4096, 4097, 1]), CELLS);
+    // Numbers below 0 are no launch indices.
+    let before = cell(
+        "%before = OpISub %uint %x %u1
+         %float_x = OpConvertUToF %float %before
+         %index = OpConvertFToU %uint %float_x",
+    );
+    assert_eq!(shared(&before, [40, 1, 1]), CELLS);
+}
+
 #[test]
 fn what_cannot_be_told_counts_as_shared() {
     let pushed = cell("%row = OpIMul %uint %y %pushed\n%index = OpIAdd %uint %row %x");

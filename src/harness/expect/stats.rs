@@ -26,9 +26,10 @@ pub struct StatsExpectation {
 /// A count of the whole launch.
 type Total = fn(&Stats) -> u64;
 
-const TOTALS: [(&str, Total); 3] = [
+const TOTALS: [(&str, Total); 4] = [
     ("rays", |stats| stats.rays),
     ("ray_queries", |stats| stats.ray_queries),
+    ("zero_directions", |stats| stats.zero_directions),
     ("reorders", |stats| stats.reorders),
 ];
 

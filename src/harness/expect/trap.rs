@@ -45,6 +45,7 @@ impl Named for TrapName {
         ("acceleration_structure_missing", Self(TrapCode::AccelerationStructureMissing)),
         ("recursion_too_deep", Self(TrapCode::RecursionTooDeep)),
         ("shader_record_missing", Self(TrapCode::ShaderRecordMissing)),
+        ("shader_record_empty", Self(TrapCode::ShaderRecordEmpty)),
         ("hit_record_missing", Self(TrapCode::HitRecordMissing)),
         ("miss_record_missing", Self(TrapCode::MissRecordMissing)),
         ("payload_mismatch", Self(TrapCode::PayloadMismatch)),
@@ -97,7 +98,10 @@ impl TrapExpectation {
     pub(super) fn check(&self, trap: &Error, found: &mut Vec<Difference>) {
         let because = self.because.as_ref();
         let name = TrapName::NAMES.iter().find(|(_, name)| name.0.message() == trap.message());
-        if trap.message() != self.code.value.0.message() {
+        // A record without data was told as a missing one, and that name still holds.
+        let empty = self.code.value.0 == TrapCode::ShaderRecordMissing
+            && trap.message() == TrapCode::ShaderRecordEmpty.message();
+        if !empty && trap.message() != self.code.value.0.message() {
             let message = format!("another trap: {trap}");
             let mut difference = Difference::new(&self.code.span, message, because)
                 .about(launch_id(trap).map_or(Subject::Launch, Subject::Invocation));

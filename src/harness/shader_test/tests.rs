@@ -114,6 +114,15 @@ fn an_intersection_shader_reports() {
 }
 
 #[test]
+fn a_record_without_data_is_not_called_missing() {
+    let module = fixture("intersection/sphere-in-box/main.rint.spv");
+    let hit = Hit::aabb([-1.0; 3], [1.0; 3]).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+    let text = ShaderTest::new(&module, "main").unwrap().hit(hit).run().unwrap_err().render();
+    assert!(text.contains("the shader record holds no data: nothing follows its handle"), "{text}");
+    assert!(!text.contains("no such record"), "{text}");
+}
+
+#[test]
 fn buffers_are_read_by_name_and_checked() {
     let module = fixture("arithmetic/elementary/main.rgen.spv");
     let test = ShaderTest::new(&module, "main").unwrap().buffer(0, 2, &[[4.0f32, 0.0, 0.0, 0.0]]);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::ResolvedRequest;
 use crate::debug::transcript::TranscriptLine;
-use crate::debug::{Request, Session};
+use crate::debug::{Request, Session, command, shell};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};
 use crate::harness::bless::bless;
@@ -24,7 +24,7 @@ use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFa
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::{LaunchLimits, TrapCode};
 use crate::scene::RunLimits;
-use crate::scene::file::RayEntry;
+use crate::scene::file::{GivenRay, RayEntry};
 
 /// How a suite is run.
 #[derive(Clone, Debug)]
@@ -498,7 +498,7 @@ impl Tester<'_> {
             _ => None,
         };
         let Some(request) = request else { return };
-        failure.command = Some(command(&scene.path.display().to_string(), &request));
+        failure.command = Some(command_line(&scene.path.display().to_string(), &request));
         if self.options.no_explanation {
             return;
         }
@@ -538,20 +538,48 @@ fn request(ray: &RayEntry) -> Request {
     }
 }
 
-/// The command line that asks for the same.
-fn command(scene: &str, request: &Request) -> String {
-    let words = |values: [f32; 3]| values.map(|value| value.to_string()).join(",");
+/// The command line that asks for the same, as a shell takes it.
+fn command_line(scene: &str, request: &Request) -> String {
     let what = match request {
         Request::Pixel([x, y, 0]) => format!(" --pixel {x},{y}"),
         Request::Pixel([x, y, z]) => format!(" --pixel {x},{y},{z}"),
         Request::Ray(ray) => match &ray.name {
-            Some(name) => format!(" --ray \"{name}\""),
-            None => format!(" --ray \"{} {}\"", words(ray.origin), words(ray.direction)),
+            // What looks like six numbers is read as these.
+            Some(name) if !matches!(command::ray(name), Ok(Some(_))) => named(name),
+            _ => numbers(ray),
         },
-        Request::Named(name) => format!(" --ray \"{name}\""),
+        Request::Named(name) => named(name),
         Request::Default => String::new(),
     };
-    format!("anyhit trace-one-ray {scene}{what}")
+    format!("anyhit trace-one-ray {}{what}", shell::word(scene))
+}
+
+fn named(name: &str) -> String {
+    // Quotes that are not needed make plain which words the name has.
+    match shell::word(name) {
+        plain if plain == name => format!(" --ray \"{name}\""),
+        quoted => format!(" --ray {quoted}"),
+    }
+}
+
+/// A ray by its numbers, with all in which it differs from what the command takes otherwise.
+fn numbers(ray: &GivenRay) -> String {
+    let words = |values: [f32; 3]| values.map(|value| value.to_string()).join(",");
+    let mut line = format!(" --ray \"{} {}\"", words(ray.origin), words(ray.direction));
+    let mut add = |differs: bool, option: &str, value: String| {
+        if differs {
+            line += &format!(" --{option} {value}");
+        }
+    };
+    add(ray.t_min != 0.0, "t-min", ray.t_min.to_string());
+    add(ray.t_max != f32::INFINITY, "t-max", ray.t_max.to_string());
+    add(ray.flags != 0, "flags", ray.flags.to_string());
+    add(ray.cull_mask != 0xFF, "cull-mask", ray.cull_mask.to_string());
+    add(ray.time != 0.0, "time", ray.time.to_string());
+    add(ray.sbt_offset != 0, "sbt-offset", ray.sbt_offset.to_string());
+    add(ray.sbt_stride != 1, "sbt-stride", ray.sbt_stride.to_string());
+    add(ray.miss_index != 0, "miss-index", ray.miss_index.to_string());
+    line
 }
 
 /// The shader's line that an error points at: of a trap, not of an expectation.

@@ -4,11 +4,29 @@ use smallvec::SmallVec;
 
 use crate::machine::Binding;
 
-/// Consecutive numbers, the first of which is an affine expression.
+/// Consecutive numbers, the first of which is an affine expression, as long as its bounds hold.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct AffineRange {
     pub from: AffineExpr,
     pub count: u64,
+    /// What must hold for the numbers to be these, which a launch's size decides.
+    pub bounds: Bounds,
+}
+
+/// Expressions, each with the number that its value must lie below. None may be negative.
+pub(super) type Bounds = SmallVec<[(AffineExpr, u32); 1]>;
+
+/// The most bounds that a range may have.
+const MAX_BOUNDS: usize = 8;
+
+/// The bounds of two ranges together; `None` for too many.
+pub(super) fn both(mut bounds: Bounds, others: &Bounds) -> Option<Bounds> {
+    for other in others {
+        if !bounds.contains(other) {
+            bounds.push(other.clone());
+        }
+    }
+    (bounds.len() <= MAX_BOUNDS).then_some(bounds)
 }
 
 /// A factor of a term of an [`AffineExpr`].
@@ -81,10 +99,18 @@ impl AffineExpr {
 }
 
 impl AffineRange {
+    /// One number, without bounds.
+    pub fn exactly(from: AffineExpr) -> Self {
+        Self { from, count: 1, bounds: Bounds::new() }
+    }
+
     /// Whether no value of one range is a value of the other. This compares the constant terms
     /// modulo the greatest power of two that divides all other factors, at most 2^32, so it also
-    /// holds if 32-bit arithmetic wraps around.
+    /// holds if 32-bit arithmetic wraps around. Of ranges with bounds it is not known.
     pub fn is_disjoint_from(&self, other: &Self) -> bool {
+        if !(self.bounds.is_empty() && other.bounds.is_empty()) {
+            return false;
+        }
         let ((own, rest), (others, other_rest)) = (self.from.split(), other.from.split());
         let terms = rest.0.iter().chain(&other_rest.0);
         let zeros = terms.map(|(_, factor)| factor.trailing_zeros()).min().unwrap_or(32).min(32);
@@ -97,5 +123,5 @@ impl AffineRange {
 
 pub(super) fn scaled(range: AffineRange, by: u64) -> Option<AffineRange> {
     let count = (range.count - 1).checked_mul(by)?.checked_add(1)?;
-    Some(AffineRange { from: range.from.times(&AffineExpr::constant(by.try_into().ok()?))?, count })
+    Some(AffineRange { from: range.from.times(&AffineExpr::constant(by.try_into().ok()?))?, count, ..range })
 }

@@ -1,7 +1,7 @@
 //! Which row of an image each invocation of a launch accesses: if it is its own row, the image need
 //! not be in memory as a whole.
 
-use super::{AffineExpr, LaunchExtent, Memory, MemoryAccess, StoredMemory, Symbol, ValueTracking};
+use super::{AffineRange, LaunchExtent, Memory, MemoryAccess, StoredMemory, Symbol, ValueTracking};
 use crate::machine::Binding;
 use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
@@ -33,7 +33,7 @@ impl LaunchExtent<'_> {
         let mut row = None;
         for &program in programs.iter().filter(|program| program.bindings().any(|one| one == binding)) {
             for reached in texels(program, binding) {
-                let found = reached.and_then(|sum| self.row(&sum, &stored)).ok_or(program)?;
+                let found = reached.and_then(|range| self.row(&range, &stored)).ok_or(program)?;
                 if *row.get_or_insert(found) != found {
                     return Err(program);
                 }
@@ -43,10 +43,13 @@ impl LaunchExtent<'_> {
     }
 
     /// The row that a coordinate selects.
-    fn row(&self, coordinate: &AffineExpr, stored: &StoredMemory) -> Option<OwnRow> {
+    fn row(&self, coordinate: &AffineRange, stored: &StoredMemory) -> Option<OwnRow> {
+        if !self.keeps_bounds(coordinate, &|binding| stored.may_change(binding)) {
+            return None;
+        }
         // Coordinates have 32 bits and wrap around.
         let (mut constant, mut by) = (0_u32, 0_u32);
-        for (symbols, factor) in &coordinate.0 {
+        for (symbols, factor) in &coordinate.from.0 {
             let (mut product, mut varies) = (*factor as u32, false);
             for symbol in symbols {
                 match *symbol {
@@ -77,7 +80,7 @@ impl LaunchExtent<'_> {
 
 /// The row of every access of a program to a texel of the image at a binding, where `None` stands
 /// for an unknown row or several rows.
-fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
+fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineRange>> {
     let mut values = ValueTracking::new(program);
     let here = |memory: Memory| [Memory::Binding(binding), Memory::Unknown].contains(&memory);
     let mut rows = Vec::new();
@@ -104,7 +107,7 @@ fn texels(program: &Program, binding: Binding) -> Vec<Option<AffineExpr>> {
         // The column does not matter: outside the image the access traps, or is ignored.
         let plain = place.offset.is_none() && place.level.is_none() && place.sample.is_none();
         let row = place.coordinate.get(1).filter(|_| plain).and_then(|&row| values.value(row));
-        let row = row.filter(|row| row.count == 1).map(|row| row.from);
+        let row = row.filter(|row| row.count == 1);
         if !rows.contains(&row) {
             rows.push(row);
         }
