@@ -19,6 +19,7 @@ pub mod generate;
 pub mod geometry;
 pub mod image;
 pub mod image_entry;
+pub mod layout;
 pub mod mesh;
 mod micromap;
 pub mod mip;
