@@ -35,6 +35,8 @@ pub struct Assembled {
     pub size: [u32; 3],
     /// Dispatches of compute shaders, in order.
     pub dispatches: Vec<Dispatch>,
+    /// Notes for the scene's author, a line each: buffers that end in a part of an element.
+    pub notes: Vec<String>,
 }
 
 /// A dispatch of a compute shader.
@@ -169,7 +171,8 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
     let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
         return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
     };
-    Ok(Assembled { pipeline, resources, size: scene.launch, dispatches })
+    let notes = descriptors::stride_notes(scene, shaders.programs.iter().map(|(.., program)| &**program));
+    Ok(Assembled { pipeline, resources, size: scene.launch, dispatches, notes })
 }
 
 /// Removes duplicate errors, as several groups may name one shader. A missing tool is reported only
@@ -198,6 +201,9 @@ struct Shaders<'a> {
 
 impl<'a> Shaders<'a> {
     fn module(&mut self, index: usize) -> Result<Arc<Module>> {
+        if let Some(module) = self.scene.loaded.get(&index) {
+            return Ok(module.clone());
+        }
         let shader = &self.scene.shaders[index];
         let files = &self.scene.files;
         self.modules.entry(index).or_insert_with(|| read(shader, files).map(Arc::new)).clone()
@@ -212,8 +218,8 @@ impl<'a> Shaders<'a> {
         let mut module = self.module(shader.module)?;
         if !shader.specialization.is_empty() {
             let specialized = Arc::make_mut(&mut module);
-            for (id, value) in &shader.specialization {
-                value.specialize(specialized, *id)?;
+            for (key, value) in &shader.specialization {
+                value.specialize(specialized, key)?;
             }
         }
         let entry =
@@ -237,7 +243,8 @@ impl<'a> Shaders<'a> {
     }
 }
 
-fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
+/// Loads a module; a source is compiled first.
+pub(super) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),

@@ -4,8 +4,9 @@
 //! ```toml
 //! data = { f32 = [[1, 0, 0], [0, 1, 0]] }                # nested arrays are flattened
 //! data = [{ u32 = 3 }, { align = 16 }, { f32 = [0.5] }]  # pieces follow each other
+//! data = { struct = "Light", value = { power = 2 } }     # laid out by a shader's module
 //! ```
-//! Everything is little-endian, and padding is explicit: the file determines every byte that a
+//! Everything is little-endian, and padding is explicit but in structs: the file determines every byte that a
 //! shader's `std430`, `scalar` or `std140` layout reads.
 
 use std::path::Path;
@@ -15,7 +16,9 @@ use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
 use crate::scene::files::Files;
-use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::read::{Diagnostics, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
+use crate::scene::struct_lookup::Block;
 use crate::scene::tree::Toml;
 
 /// A sequence of pieces.
@@ -39,6 +42,8 @@ enum Content {
     File(String),
     /// `mat4 view_inverse; mat4 projection_inverse;`
     Camera(Camera),
+    /// A value by the names of a struct's members.
+    Struct(Box<StructPiece>),
 }
 
 impl DataPieces {
@@ -47,6 +52,20 @@ impl DataPieces {
     /// # Errors
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
     pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
+        self.encode_for(files, aspect, &NoShaders, None)
+    }
+
+    /// As [`DataPieces::encode`], for data that shaders read through a block which they declare.
+    ///
+    /// # Errors
+    /// As there; what the shaders and their structs are not.
+    pub fn encode_for(
+        &self,
+        files: &dyn Files,
+        aspect: f32,
+        modules: &dyn ShaderModules,
+        block: Option<Block>,
+    ) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         for Spanned { value: piece, span } in &self.0 {
             let content = match &piece.content {
@@ -61,6 +80,19 @@ impl DataPieces {
                 Content::Camera(camera) => {
                     let matrices = camera.matrices(aspect).map_err(|message| span.error(message))?;
                     matrices.iter().flat_map(|x| x.to_le_bytes()).collect()
+                }
+                Content::Struct(piece) => {
+                    let report = Diagnostics::within(files.limits());
+                    let inner = |value: TomlValue<'_>| {
+                        let pieces = Self::parse(value)?;
+                        value.report().keep(pieces.encode_for(files, aspect, modules, None))
+                    };
+                    // Only what begins a buffer is the block that a shader declares there.
+                    let block = block.filter(|_| bytes.is_empty());
+                    let context = StructContext { modules, block, piece: &inner, report: &report };
+                    let content = piece.encode(&context);
+                    report.finish()?;
+                    content.unwrap_or_default()
                 }
                 Content::Align(to) => vec![0; bytes.len().next_multiple_of(*to as usize) - bytes.len()],
             };
@@ -121,6 +153,9 @@ impl Parse for Piece {
         contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
         contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
+        if StructPiece::is_in(&table) {
+            contents.extend(StructPiece::parse(&table).map(|piece| Content::Struct(Box::new(piece))));
+        }
         let repeat = table.or("repeat", 1);
         table.finish();
         if value.report().len() > errors_before {
@@ -247,7 +282,7 @@ impl Scalar {
 /// The bytes of a float of 8 or 16 bits. It is rounded by way of f64: 53 bits are more than twice
 /// the 11 of a half, plus two, so double rounding has no effect unless the decimal lies within
 /// 2^-53 of a tie without being one.
-fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
+pub(super) fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
     let wide = f64::parse(value)?;
     let bits = format.round(wide);
     let rounded = format.value(bits);
@@ -291,7 +326,7 @@ impl Parse for ScalarBytes {
 mod tests {
     use super::*;
     use crate::scene::files::EmbeddedFiles;
-    use crate::scene::read::{Diagnostics, Document};
+    use crate::scene::read::Document;
 
     fn encode(text: &str) -> Result<Vec<u8>> {
         let document = Document::parse("t.toml", text)?;

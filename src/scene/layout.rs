@@ -170,7 +170,9 @@ impl<'a> Layout<'a> {
 
     fn each_scalar(self, offset: usize, found: &mut Vec<(usize, Self)>) {
         match self.module.ty(self.ty) {
-            Type::Bool | Type::Int { .. } | Type::Float { .. } => found.push((offset, self)),
+            Type::Bool | Type::Int { .. } | Type::Float { .. } | Type::Pointer { .. } => {
+                found.push((offset, self));
+            }
             Type::Struct { .. } => {
                 for (at, member) in self.members() {
                     member.each_scalar(offset + at, found);
@@ -223,13 +225,21 @@ impl<'a> Layout<'a> {
     /// # Errors
     /// What does not exist, in words.
     pub(crate) fn locate(self, path: &str) -> Result<(usize, Self), String> {
-        let (mut offset, mut at, mut walked) = (0, self, 0);
+        let (mut offset, mut at, mut walked) = (0usize, self, 0);
         while walked < path.len() {
             let rest = &path[walked..];
             let (found, length) = if let Some(index) = rest.strip_prefix('[') {
                 let (index, _) = index.split_once(']').ok_or_else(|| format!("`{path}` lacks a `]`"))?;
                 let number = index.parse::<usize>().map_err(|_| format!("`[{index}]` is no index"))?;
-                let part = at.parts().get(number).copied();
+                let element =
+                    |element: TypeId| (number.saturating_mul(at.stride()), Self { ty: element, ..at });
+                let part = match *self.module.ty(at.ty) {
+                    Type::RuntimeArray { element: of, .. } => Some(element(of)),
+                    Type::Array { element: of, length, .. } => {
+                        (number < array_length(self.module, length)).then(|| element(of))
+                    }
+                    _ => at.parts().get(number).copied(),
+                };
                 (part.ok_or_else(|| format!("there is no `{}[{number}]`", &path[..walked]))?, index.len() + 2)
             } else {
                 let name = rest.trim_start_matches('.');
@@ -245,7 +255,7 @@ impl<'a> Layout<'a> {
                     skipped + name.len(),
                 )
             };
-            offset += found.0;
+            offset = offset.saturating_add(found.0);
             at = found.1;
             walked += length;
         }

@@ -31,6 +31,8 @@ pub mod resources;
 mod run_limits;
 pub mod sampler;
 pub mod specialization;
+pub mod struct_data;
+pub mod struct_lookup;
 pub mod tree;
 
 pub use assemble::{Assembled, assemble, assemble_without};

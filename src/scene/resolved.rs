@@ -1,17 +1,19 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
+use crate::module::Module;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::file::RayEntry;
 use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
-use crate::scene::specialization::SpecializationValue;
+use crate::scene::specialization::{SpecializationKey, SpecializationValue};
 
 /// A scene with all files loaded.
 #[derive(Clone, Debug)]
@@ -24,6 +26,9 @@ pub struct ResolvedScene {
     pub geometry_names: Vec<Vec<Vec<String>>>,
     /// Every file with shaders, once.
     pub shaders: Vec<ShaderModule>,
+    /// Modules that are loaded already, as data is laid out by their structs: by their indices in
+    /// `shaders`, without specialization.
+    pub loaded: HashMap<usize, Arc<Module>>,
     /// The shader groups, each once.
     pub groups: Vec<ResolvedGroup>,
     /// The shader binding table.
@@ -96,8 +101,8 @@ pub struct ResolvedShader {
     pub module: usize,
     /// The entry point's name.
     pub entry: String,
-    /// `constant_id` and value of each specialization constant.
-    pub specialization: Vec<(u32, SpecializationValue)>,
+    /// The specialization constants and their values.
+    pub specialization: Vec<(SpecializationKey, SpecializationValue)>,
     /// Where the scene names it.
     pub place: Place,
 }

@@ -9,6 +9,8 @@ use crate::scene::files::Files;
 use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
+use crate::scene::struct_data::ShaderModules;
+use crate::scene::struct_lookup::Block;
 
 /// The content of one descriptor.
 #[derive(Clone, Debug, PartialEq)]
@@ -220,10 +222,16 @@ impl BufferEntry {
     /// Its bytes, padded with zeros to its size.
     ///
     /// # Errors
-    /// If the data is longer than the size, and those of [`DataPieces::encode`].
-    pub fn load(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
+    /// If the data is longer than the size, and those of [`DataPieces::encode_for`].
+    pub fn load(
+        &self,
+        files: &dyn Files,
+        aspect: f32,
+        modules: &dyn ShaderModules,
+        block: Block,
+    ) -> Result<Vec<u8>> {
         let mut bytes = match &self.data {
-            Some(data) => data.encode(files, aspect)?,
+            Some(data) => data.encode_for(files, aspect, modules, Some(block))?,
             None => Vec::new(),
         };
         if let Some(Spanned { value: size, span }) = &self.size {

@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Place, Result};
-use crate::machine::Descriptor;
 use crate::machine::sampler::Sampler;
+use crate::machine::{Binding, Descriptor};
 use crate::scene::resolve::Resolver;
+use crate::scene::resolve::modules::SceneModules;
 use crate::scene::resolved::{ResolvedBinding, ResolvedGroup};
 use crate::scene::resources::{Content, DescriptorKind, Resource};
 use crate::scene::sampler::SamplerReference;
+use crate::scene::struct_lookup::Block;
 
 impl Resolver<'_> {
     pub(super) fn bindings(
@@ -42,7 +44,8 @@ impl Resolver<'_> {
                 self.report.push(error.at(place));
                 continue;
             }
-            if let Some(resource) = self.resource(&content.content, tlas) {
+            let binding = Binding { set: content.set, binding: content.binding };
+            if let Some(resource) = self.resource(binding, &content.content, tlas) {
                 taken.entry(key).or_insert_with(|| place.clone());
                 bindings.push(ResolvedBinding {
                     name: entry.name.value.clone(),
@@ -74,10 +77,17 @@ impl Resolver<'_> {
         self.files.reserve(lists * u64::from(count) * size_of::<Descriptor>() as u64)
     }
 
-    fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
+    fn resource(
+        &self,
+        binding: Binding,
+        content: &Content,
+        tlas: &[(String, Option<Arc<Tlas>>)],
+    ) -> Option<Resource> {
         match content {
             Content::Buffer(kind, entry) => {
-                let bytes = self.report.keep(entry.load(self.files, self.aspect()))?;
+                let (modules, block) = (SceneModules { resolver: self, own: &[] }, Block::Buffer(binding));
+                let bytes = entry.load(self.files, self.aspect(), &modules, block);
+                let bytes = self.report.keep(bytes)?;
                 Some(match kind {
                     DescriptorKind::UniformBuffer => Resource::UniformBuffer(bytes),
                     _ => Resource::StorageBuffer(bytes),
