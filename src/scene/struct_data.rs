@@ -94,7 +94,7 @@ pub struct StructContext<'a> {
 impl StructPiece {
     /// Whether a table is such a piece.
     pub fn is_in(table: &Table<'_>) -> bool {
-        table.has("struct") || table.has("value")
+        table.value("struct").is_some() | table.value("value").is_some()
     }
 
     /// Reads its keys.
