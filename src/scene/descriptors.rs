@@ -8,6 +8,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::ResolvedScene;
+use crate::scene::encoding::Modules;
 use crate::scene::layout::Layout;
 use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::{DescriptorKind, Resource};
@@ -64,6 +65,7 @@ pub(super) fn mismatches<'a>(
 pub(super) fn stride_notes<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
+    modules: &dyn Modules,
 ) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for program in programs {
@@ -78,8 +80,9 @@ pub(super) fn stride_notes<'a>(
                 continue;
             };
             for bound in scene.resources.iter().filter(here) {
-                let Resource::StorageBuffer(bytes) = &bound.resource else { continue };
-                let behind = bytes.len().saturating_sub(start);
+                let Resource::StorageBuffer(data) = &bound.resource else { continue };
+                let Ok(size) = data.size(modules) else { continue };
+                let behind = (size as usize).saturating_sub(start);
                 let (whole, odd) = (behind / stride, behind % stride);
                 if odd == 0 {
                     continue;
@@ -96,7 +99,7 @@ pub(super) fn stride_notes<'a>(
                     bound.name,
                     bound.set,
                     bound.binding,
-                    bytes.len(),
+                    size,
                     slot.name,
                 );
                 if !notes.contains(&note)

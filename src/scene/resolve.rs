@@ -12,7 +12,9 @@ use crate::machine::sampler::Sampler;
 use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::module::Module;
 use crate::pipeline::DeviceProfile;
+use crate::scene::addresses;
 use crate::scene::data::{DataPieces, read_limited};
+use crate::scene::encoding::Data;
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
@@ -146,6 +148,8 @@ struct Resolver<'a> {
     modules: Vec<ShaderModule>,
     /// The modules by their paths.
     module_places: HashMap<PathBuf, usize>,
+    /// The modules by the scene's names of shaders.
+    shader_names: HashMap<String, usize>,
     groups: Vec<ResolvedGroup>,
     /// The modules that data by member name asked for, by their paths.
     loaded: RefCell<HashMap<PathBuf, Result<Arc<Module>>>>,
@@ -178,6 +182,7 @@ impl<'a> Resolver<'a> {
             own,
             modules: Vec::new(),
             module_places: HashMap::new(),
+            shader_names: HashMap::new(),
             groups: Vec::new(),
             loaded: RefCell::default(),
         };
@@ -228,21 +233,24 @@ impl<'a> Resolver<'a> {
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
         let resources = self.bindings(&tlas, !dispatches.is_empty());
-        let push_constants = self.bytes(self.push_constants.as_ref(), Block::PushConstants, &[]);
+        let push_constants = self.data(self.push_constants.as_ref(), Block::PushConstants, &[]);
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();
         }
+        let unbound = self.unbound_buffers();
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
-        Some(ResolvedScene {
+        let scene = ResolvedScene {
             path: self.own.source().path.clone(),
             geometry_names,
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
             loaded: self.loaded_modules(),
             shaders: self.modules,
+            shader_names: self.shader_names,
             groups: self.groups,
             sbt,
             resources,
+            unbound,
             dispatches,
             push_constants,
             device: self.device.unwrap_or_default(),
@@ -267,7 +275,11 @@ impl<'a> Resolver<'a> {
             document: self.own,
             notes: self.report.take_notes(),
             files: SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() },
-        })
+        };
+        if self.report.is_empty() {
+            addresses::check(&scene, self.report);
+        }
+        Some(scene)
     }
 
     /// Resolves the shader records, and with them the groups and modules.
@@ -295,8 +307,7 @@ impl<'a> Resolver<'a> {
             let shader = self.shader(&entry.shader)?;
             let own = [&entry.shader];
             let push_constants = entry.push_constants.as_ref();
-            let push_constants =
-                push_constants.map(|data| self.bytes(Some(data), Block::PushConstants, &own));
+            let push_constants = push_constants.map(|data| self.data(Some(data), Block::PushConstants, &own));
             Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
         };
         entries.iter().filter_map(dispatch).collect()
@@ -306,7 +317,7 @@ impl<'a> Resolver<'a> {
         let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
         let group = shader.map(|shader| self.group(kind(shader)));
         let own: Vec<_> = entry.shader.iter().collect();
-        let data = self.bytes(entry.record.as_ref(), Block::ShaderRecord, &own);
+        let data = self.data(entry.record.as_ref(), Block::ShaderRecord, &own);
         ResolvedRecord { name: entry.name.clone(), group, data }
     }
 
@@ -320,7 +331,7 @@ impl<'a> Resolver<'a> {
         });
         let own = [&entry.closest_hit, &entry.any_hit, &entry.intersection];
         let own: Vec<_> = own.into_iter().flatten().collect();
-        let data = self.bytes(entry.record.as_ref(), Block::ShaderRecord, &own);
+        let data = self.data(entry.record.as_ref(), Block::ShaderRecord, &own);
         ResolvedRecord { name: entry.name.clone(), group, data }
     }
 
@@ -354,11 +365,13 @@ impl<'a> Resolver<'a> {
     fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
         let file = entry.path.as_ref().or(entry.source.as_ref())?;
         let path = file.span.source.sibling(&file.value);
-        if let Some(known) = self.module_places.get(&path) {
-            return Some(*known);
+        if let Some(&known) = self.module_places.get(&path) {
+            self.shader_names.insert(name.to_string(), known);
+            return Some(known);
         }
         let module = self.report.keep(self.read_module(name, entry)?)?;
         self.module_places.insert(path, self.modules.len());
+        self.shader_names.insert(name.to_string(), self.modules.len());
         self.modules.push(module);
         Some(self.modules.len() - 1)
     }
@@ -395,13 +408,13 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// The bytes of data that shaders read through a block; `own` are the shaders that it is for,
-    /// all of the scene where none is given.
-    fn bytes(&self, data: Option<&DataPieces>, block: Block, own: &[&Spanned<String>]) -> Vec<u8> {
-        let Some(data) = data else { return Vec::new() };
+    /// The data that shaders read through a block; `own` are the shaders that it is for, all of the
+    /// scene where none is given.
+    fn data(&self, data: Option<&DataPieces>, block: Block, own: &[&Spanned<String>]) -> Data {
+        let Some(data) = data else { return Data::default() };
         let modules = SceneModules { resolver: self, own };
-        let bytes = data.encode_for(self.files, self.aspect(), &modules, Some(block));
-        self.report.keep(bytes).unwrap_or_default()
+        let data = data.resolve_for(self.files, self.aspect(), &modules, Some(block));
+        self.report.keep(data).unwrap_or_default()
     }
 
     fn aspect(&self) -> f32 {
@@ -497,7 +510,7 @@ mod tests {
         assert_eq!(scene.shaders.len(), 1);
         assert_eq!(scene.shaders[0].code, ShaderCode::SpirV(b"SPIR".to_vec()));
         let records = |list: &[ResolvedRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
-            list.iter().map(|record| (record.group, record.data.clone())).collect()
+            list.iter().map(|record| (record.group, record.data.bytes().unwrap().to_vec())).collect()
         };
         assert_eq!(records(&scene.sbt.raygen), [(Some(0), vec![])]);
         assert_eq!(records(&scene.sbt.miss), [(Some(1), vec![]), (None, vec![])]);
@@ -564,7 +577,7 @@ mod tests {
         let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
         // One texel stands for all: its red is 0.
         assert_eq!((image.shape.extent, &image.texels[..]), ([6, 2, 1], &[0; 4][..]));
-        let Resource::UniformBuffer(bytes) = &wide.resources[1].resource else { panic!() };
+        let bytes = wide.resources[1].resource.data().unwrap().bytes().unwrap();
         // Two matrices of 64 bytes, then the vector; the first scale of projection_inverse is the
         // aspect ratio, 6 / 2, times tan 45 degrees.
         assert_eq!(bytes.len(), 144);

@@ -16,6 +16,7 @@ use crate::module::Module;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
 use crate::scene::data::small_float_bytes;
+use crate::scene::encoding::{Data, LatePiece};
 use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
@@ -85,8 +86,8 @@ pub struct StructContext<'a> {
     pub modules: &'a dyn ShaderModules,
     /// The block that the data fills, if it begins one.
     pub block: Option<Block>,
-    /// The bytes of a piece of data inside a value, `{ address_of = "lights" }`.
-    pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<Vec<u8>>,
+    /// A piece of data inside a value, `{ address_of = "lights" }`.
+    pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<Data>,
     /// Where the limits stand, and mistakes go.
     pub report: &'a Diagnostics,
 }
@@ -115,8 +116,9 @@ impl StructPiece {
         Some(Self { span: table.span(), name, shader, value, rest, stride })
     }
 
-    /// The bytes of the value. Mistakes go to the report; then there are none.
-    pub fn encode(&self, context: &StructContext<'_>) -> Option<Vec<u8>> {
+    /// The bytes of the value, and the pieces that are encoded later with their places, ascending.
+    /// Mistakes go to the report; then there are none.
+    pub fn encode(&self, context: &StructContext<'_>) -> Option<(Vec<u8>, Vec<(usize, LatePiece)>)> {
         let at = |error: Error| {
             let named = self.name.as_ref().map_or(&self.span, |name| &name.span);
             if error.places().next().is_some() { error } else { error.at(named.place()) }
@@ -129,7 +131,8 @@ impl StructPiece {
         let layout = context.report.keep(self.layout(&modules, context.block).map_err(at))?;
         // The mistakes of the value are collected by themselves: the first shows the layout.
         let report = Diagnostics::within(*context.report.limits());
-        let mut writer = Writer { context, report: &report, bytes: Vec::new(), missing: Vec::new() };
+        let mut writer =
+            Writer { context, report: &report, bytes: Vec::new(), late: Vec::new(), missing: Vec::new() };
         let value = self.value.value(&report);
         let size = writer.whole(self, layout, value);
         if !self.rest && !writer.missing.is_empty() {
@@ -142,11 +145,12 @@ impl StructPiece {
             let error = self.value.span().error_with(format!("no value is given to {list}"), label);
             report.push(error);
         }
-        let mut bytes = writer.bytes;
+        let (mut bytes, mut late) = (writer.bytes, writer.late);
+        late.sort_by_key(|(at, _)| *at);
         match report.finish() {
             Ok(()) => {
                 bytes.resize(size?, 0);
-                Some(bytes)
+                Some((bytes, late))
             }
             Err(error) => {
                 let known = error.notes().first().is_some_and(|note| note.starts_with("struct "));
@@ -211,6 +215,8 @@ struct Writer<'a> {
     context: &'a StructContext<'a>,
     report: &'a Diagnostics,
     bytes: Vec<u8>,
+    /// What is encoded later, with its place.
+    late: Vec<(usize, LatePiece)>,
     /// The paths of members that the value does not have.
     missing: Vec<String>,
 }
@@ -475,12 +481,13 @@ impl Writer<'_> {
     /// A piece of data as the value of a member: an address, a file, numbers of a given type.
     fn piece(&mut self, layout: Layout<'_>, value: TomlValue<'_>, path: &str, at: usize) -> Option<()> {
         let errors_before = value.report().len();
-        let Some(bytes) = (self.context.piece)(value) else {
+        let Some(data) = (self.context.piece)(value) else {
             if value.report().len() == errors_before {
                 return self.wrong(value, format!("`{path}` cannot be read as a piece of data"));
             }
             return None;
         };
+        let (bytes, late) = data.flattened();
         let ty = layout.module.describe_type(layout.ty);
         let wrong_size =
             |size: usize| format!("`{path}` is {ty} of {size} bytes, and the piece has {}", bytes.len());
@@ -488,7 +495,7 @@ impl Writer<'_> {
             // The scalars of a piece follow each other column by column.
             let scalars = layout.scalars();
             let width = scalars.first().map_or(0, |(_, part)| part.size());
-            if scalars.len() * width != bytes.len() || width == 0 {
+            if scalars.len() * width != bytes.len() || width == 0 || !late.is_empty() {
                 return self.wrong(value, wrong_size(scalars.len() * width));
             }
             for ((offset, _), scalar) in scalars.iter().zip(bytes.chunks(width)) {
@@ -510,7 +517,9 @@ impl Writer<'_> {
             _ if bytes.len() == layout.size() => {}
             _ => return self.wrong(value, wrong_size(layout.size())),
         }
-        self.put(at, &bytes, value)
+        self.put(at, &bytes, value)?;
+        self.late.extend(late.into_iter().map(|(place, piece)| (at + place, piece)));
+        Some(())
     }
 
     fn scalar(&self, layout: Layout<'_>, value: TomlValue<'_>, path: &str) -> Option<Vec<u8>> {

@@ -68,7 +68,7 @@ impl Resolver<'_> {
         if !entry.specialization.is_empty() {
             let specialized = Arc::make_mut(&mut module);
             for (key, value) in &entry.specialization {
-                value.specialize(specialized, key)?;
+                value.specialize(specialized, key, None)?;
             }
         }
         Ok(module)
