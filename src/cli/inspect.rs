@@ -24,8 +24,9 @@ pub struct InspectArgs {
     /// A SPIR-V module, or `-` for standard input
     #[arg(value_name = "MODULE", required_unless_present = "layout")]
     module: Option<PathBuf>,
-    /// Print how structs lie in buffers: offset, size, stride, type and name of each member. Without
-    /// a name all structs that have offsets; a path such as `Params.sun` follows members and pointers
+    /// Print how structs lie in buffers: offset, size, stride, type and name of each member.
+    /// Without a name all structs that have offsets; a path such as `Params.sun` follows members
+    /// and pointers
     #[arg(long, value_name = "STRUCT", num_args = 0..=1)]
     layout: Option<Option<String>>,
     #[command(flatten)]

@@ -27,7 +27,8 @@ use crate::scene::struct_lookup::{Block, StructTable, find, find_block, layout_n
 ///     struct Sun { direction: vec3f, power: f32 }
 ///     struct Params { count: u32, sun: Sun, sizes: array<f32> }
 ///     @group(0) @binding(0) var<storage, read_write> params: Params;
-///     @compute @workgroup_size(1) fn main() { params.count = u32(params.sizes[0] + params.sun.power); }
+///     @compute @workgroup_size(1)
+///     fn main() { params.count = u32(params.sizes[0] + params.sun.power); }
 /// ";
 /// let module = Module::from_source("params.wgsl", source)?;
 /// let data = StructData::of(&module, "Params")?

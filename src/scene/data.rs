@@ -6,8 +6,8 @@
 //! data = [{ u32 = 3 }, { align = 16 }, { f32 = [0.5] }]  # pieces follow each other
 //! data = { struct = "Light", value = { power = 2 } }     # laid out by a shader's module
 //! ```
-//! Everything is little-endian, and padding is explicit but in structs: the file determines every byte that a
-//! shader's `std430`, `scalar` or `std140` layout reads.
+//! Everything is little-endian, and padding is explicit but in structs: the file determines every
+//! byte that a shader's `std430`, `scalar` or `std140` layout reads.
 
 use std::path::Path;
 
