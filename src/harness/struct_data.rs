@@ -15,7 +15,7 @@ use crate::input::InputLimit;
 use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::ty::TypeId;
-use crate::scene::struct_lookup::{Block, StructTable, find, find_block, layout_note, strides};
+use crate::scene::struct_lookup::{DataBlock, StructTable, find, find_block, layout_note, strides};
 
 /// The bytes of a struct, laid out by the `Offset`, `ArrayStride` and `MatrixStride` of a module.
 ///
@@ -78,7 +78,7 @@ impl StructData {
     /// # Errors
     /// `InvalidArgument` where it declares none.
     pub fn push_constants(module: &Arc<Module>) -> Result<Self> {
-        Self::block(module, Block::PushConstants)
+        Self::block(module, DataBlock::PushConstants)
     }
 
     /// Zeros for the data of the module's shader records.
@@ -86,7 +86,7 @@ impl StructData {
     /// # Errors
     /// `InvalidArgument` where it declares none.
     pub fn shader_record(module: &Arc<Module>) -> Result<Self> {
-        Self::block(module, Block::ShaderRecord)
+        Self::block(module, DataBlock::ShaderRecord)
     }
 
     /// Zeros for the uniform or storage buffer that the module declares at a binding.
@@ -94,10 +94,10 @@ impl StructData {
     /// # Errors
     /// `InvalidArgument` where it declares none.
     pub fn buffer(module: &Arc<Module>, set: u32, binding: u32) -> Result<Self> {
-        Self::block(module, Block::Buffer(Binding { set, binding }))
+        Self::block(module, DataBlock::Buffer(Binding { set, binding }))
     }
 
-    fn block(module: &Arc<Module>, block: Block) -> Result<Self> {
+    fn block(module: &Arc<Module>, block: DataBlock) -> Result<Self> {
         let layout = find_block(module, block)?;
         let missing = || invalid(format!("the module does not declare {}", block.describe()));
         layout.map(|layout| Self::zeros(module, layout)).ok_or_else(missing)

@@ -19,7 +19,7 @@ use crate::scene::encoding::{AddressOf, Data, LatePiece};
 use crate::scene::files::Files;
 use crate::scene::read::{Diagnostics, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
-use crate::scene::struct_lookup::Block;
+use crate::scene::struct_lookup::DataBlock;
 use crate::scene::tree::Toml;
 
 /// A sequence of pieces.
@@ -82,7 +82,7 @@ impl DataPieces {
         files: &dyn Files,
         aspect: f32,
         modules: &dyn ShaderModules,
-        block: Option<Block>,
+        block: Option<DataBlock>,
     ) -> Result<Data> {
         let mut data = Data::default();
         for Spanned { value: piece, span } in &self.0 {

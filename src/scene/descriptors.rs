@@ -12,7 +12,7 @@ use crate::scene::encoding::Modules;
 use crate::scene::layout::Layout;
 use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::{DescriptorKind, Resource};
-use crate::scene::struct_lookup::{Block, find_block};
+use crate::scene::struct_lookup::{DataBlock, find_block};
 
 /// The errors for bindings whose resources have types that the shaders do not declare.
 ///
@@ -73,7 +73,7 @@ pub(super) fn stride_notes<'a>(
         for slot in &program.slots {
             let here =
                 |one: &&ResolvedBinding| Binding { set: one.set, binding: one.binding } == slot.binding;
-            let block = find_block(module, Block::Buffer(slot.binding)).ok().flatten();
+            let block = find_block(module, DataBlock::Buffer(slot.binding)).ok().flatten();
             let Some((start, stride)) =
                 block.and_then(Layout::runtime_stride).filter(|(_, stride)| *stride > 0)
             else {

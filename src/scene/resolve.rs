@@ -27,7 +27,7 @@ use crate::scene::resolved::{
     ShaderBindingTable, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::ResourceEntry;
-use crate::scene::struct_lookup::Block;
+use crate::scene::struct_lookup::DataBlock;
 
 mod bindings;
 mod modules;
@@ -233,7 +233,7 @@ impl<'a> Resolver<'a> {
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
         let resources = self.bindings(&tlas, !dispatches.is_empty());
-        let push_constants = self.data(self.push_constants.as_ref(), Block::PushConstants, &[]);
+        let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &[]);
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();
@@ -307,7 +307,8 @@ impl<'a> Resolver<'a> {
             let shader = self.shader(&entry.shader)?;
             let own = [&entry.shader];
             let push_constants = entry.push_constants.as_ref();
-            let push_constants = push_constants.map(|data| self.data(Some(data), Block::PushConstants, &own));
+            let push_constants =
+                push_constants.map(|data| self.data(Some(data), DataBlock::PushConstants, &own));
             Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
         };
         entries.iter().filter_map(dispatch).collect()
@@ -317,7 +318,7 @@ impl<'a> Resolver<'a> {
         let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
         let group = shader.map(|shader| self.group(kind(shader)));
         let own: Vec<_> = entry.shader.iter().collect();
-        let data = self.data(entry.record.as_ref(), Block::ShaderRecord, &own);
+        let data = self.data(entry.record.as_ref(), DataBlock::ShaderRecord, &own);
         ResolvedRecord { name: entry.name.clone(), group, data }
     }
 
@@ -331,7 +332,7 @@ impl<'a> Resolver<'a> {
         });
         let own = [&entry.closest_hit, &entry.any_hit, &entry.intersection];
         let own: Vec<_> = own.into_iter().flatten().collect();
-        let data = self.data(entry.record.as_ref(), Block::ShaderRecord, &own);
+        let data = self.data(entry.record.as_ref(), DataBlock::ShaderRecord, &own);
         ResolvedRecord { name: entry.name.clone(), group, data }
     }
 
@@ -410,7 +411,7 @@ impl<'a> Resolver<'a> {
 
     /// The data that shaders read through a block; `own` are the shaders that it is for, all of the
     /// scene where none is given.
-    fn data(&self, data: Option<&DataPieces>, block: Block, own: &[&Spanned<String>]) -> Data {
+    fn data(&self, data: Option<&DataPieces>, block: DataBlock, own: &[&Spanned<String>]) -> Data {
         let Some(data) = data else { return Data::default() };
         let modules = SceneModules { resolver: self, own };
         let data = data.resolve_for(self.files, self.aspect(), &modules, Some(block));

@@ -12,7 +12,7 @@ use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::struct_data::ShaderModules;
-use crate::scene::struct_lookup::Block;
+use crate::scene::struct_lookup::DataBlock;
 
 /// The content of one descriptor.
 #[derive(Clone, Debug, PartialEq)]
@@ -256,7 +256,7 @@ impl BufferEntry {
         files: &dyn Files,
         aspect: f32,
         modules: &dyn ShaderModules,
-        block: Option<Block>,
+        block: Option<DataBlock>,
     ) -> Result<Data> {
         let mut data = match &self.data {
             Some(data) => data.resolve_for(files, aspect, modules, block)?,

@@ -21,7 +21,7 @@ use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
 };
-use crate::scene::struct_lookup::{Block, distinct, find, find_block, layout_note, name_of, strides};
+use crate::scene::struct_lookup::{DataBlock, distinct, find, find_block, layout_note, name_of, strides};
 use crate::scene::tree::Toml;
 
 /// Names of missing members that an error lists.
@@ -85,7 +85,7 @@ pub struct StructContext<'a> {
     /// Where structs are looked up.
     pub modules: &'a dyn ShaderModules,
     /// The block that the data fills, if it begins one.
-    pub block: Option<Block>,
+    pub block: Option<DataBlock>,
     /// A piece of data inside a value, `{ address_of = "lights" }`.
     pub piece: &'a dyn Fn(TomlValue<'_>) -> Option<Data>,
     /// Where the limits stand, and mistakes go.
@@ -161,7 +161,7 @@ impl StructPiece {
     }
 
     /// The layout of the value in the modules that it may be for.
-    fn layout<'m>(&self, modules: &'m [Arc<Module>], block: Option<Block>) -> Result<Layout<'m>> {
+    fn layout<'m>(&self, modules: &'m [Arc<Module>], block: Option<DataBlock>) -> Result<Layout<'m>> {
         let mut found = Vec::new();
         let mut first_error = None;
         for module in modules {
@@ -185,7 +185,7 @@ impl StructPiece {
             ([one], _) => Ok(*one),
             ([], Some(error)) => Err(error),
             ([], None) => {
-                let what = block.map_or_else(|| "a struct".to_owned(), Block::describe);
+                let what = block.map_or_else(|| "a struct".to_owned(), DataBlock::describe);
                 let message = match (modules.is_empty(), &self.shader) {
                     (true, _) => "there is no shader whose structs a value could be laid out by".to_owned(),
                     (_, Some(shader)) => {
@@ -197,7 +197,7 @@ impl StructPiece {
             }
             _ => {
                 let what = self.name.as_ref().map_or_else(
-                    || block.map_or_else(String::new, Block::describe),
+                    || block.map_or_else(String::new, DataBlock::describe),
                     |name| format!("`{}`", name.value),
                 );
                 let message =

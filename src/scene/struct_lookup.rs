@@ -33,7 +33,7 @@ const BINDING: u32 = 33;
 
 /// A variable with a layout, other than by the name of its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Block {
+pub enum DataBlock {
     /// The push constants.
     PushConstants,
     /// The data of a shader record.
@@ -107,15 +107,15 @@ fn find_named<'a>(module: &'a Module, name: &str) -> Result<Layout<'a>> {
 ///
 /// # Errors
 /// `InvalidArgument` where several variables there lie differently.
-pub fn find_block(module: &Module, block: Block) -> Result<Option<Layout<'_>>> {
+pub fn find_block(module: &Module, block: DataBlock) -> Result<Option<Layout<'_>>> {
     let number = |id, decoration| module.decorations.literal(id, decoration);
     let mut found = Vec::new();
     for variable in &module.variables {
         let (id, class) = (variable.id, variable.storage_class);
         let is_it = match block {
-            Block::PushConstants => class == storage::PUSH_CONSTANT,
-            Block::ShaderRecord => class == storage::SHADER_RECORD_BUFFER,
-            Block::Buffer(Binding { set, binding }) => {
+            DataBlock::PushConstants => class == storage::PUSH_CONSTANT,
+            DataBlock::ShaderRecord => class == storage::SHADER_RECORD_BUFFER,
+            DataBlock::Buffer(Binding { set, binding }) => {
                 matches!(class, storage::UNIFORM | storage::STORAGE_BUFFER)
                     && number(id, DESCRIPTOR_SET) == Some(set)
                     && number(id, BINDING) == Some(binding)
@@ -139,7 +139,7 @@ pub fn find_block(module: &Module, block: Block) -> Result<Option<Layout<'_>>> {
     }
 }
 
-impl Block {
+impl DataBlock {
     /// What it is, for messages.
     pub fn describe(self) -> String {
         match self {

@@ -13,7 +13,7 @@ use crate::scene::resolve::modules::SceneModules;
 use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
 use crate::scene::resources::{Content, DescriptorKind, Resource, ResourceEntry};
 use crate::scene::sampler::SamplerReference;
-use crate::scene::struct_lookup::Block;
+use crate::scene::struct_lookup::DataBlock;
 
 impl Resolver<'_> {
     pub(super) fn bindings(
@@ -117,7 +117,8 @@ impl Resolver<'_> {
     ) -> Option<Resource> {
         match content {
             Content::Buffer(kind, entry) => {
-                let (modules, block) = (SceneModules { resolver: self, own: &[] }, Block::Buffer(binding));
+                let (modules, block) =
+                    (SceneModules { resolver: self, own: &[] }, DataBlock::Buffer(binding));
                 let data = self.report.keep(entry.load(self.files, self.aspect(), &modules, Some(block)))?;
                 Some(match kind {
                     DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
