@@ -121,7 +121,12 @@ impl StructPiece {
     pub fn encode(&self, context: &StructContext<'_>) -> Option<(Vec<u8>, Vec<(usize, LatePiece)>)> {
         let at = |error: Error| {
             let named = self.name.as_ref().map_or(&self.span, |name| &name.span);
-            if error.places().next().is_some() { error } else { error.at(named.place()) }
+            if error.places().next().is_some() {
+                return error;
+            }
+            // Here the scene is at fault, not an argument.
+            let own = Error::new(ErrorKind::InvalidScene, error.message()).at(named.place());
+            error.notes().iter().fold(own, |own, note| own.note(note))
         };
         let modules = match &self.shader {
             Some(shader) => context.modules.module(shader).map(|module| vec![module]),
