@@ -104,6 +104,7 @@ pub use harness::hit::Hit;
 pub use harness::instance::Instance;
 pub use harness::scene::Scene;
 pub use harness::shader_test::ShaderTest;
+pub use harness::struct_data::StructData;
 pub use module::Module;
 pub use pipeline::Pipeline;
 pub use program::Program;

@@ -50,6 +50,7 @@ mod smoke;
 mod stability;
 #[cfg(feature = "stress")]
 mod stress;
+mod struct_data;
 mod support_table;
 mod swept_sphere_tables;
 mod test_command;

@@ -1,7 +1,7 @@
 //! `anyhit inspect`: lists what a module declares and which entry points can run.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
@@ -16,13 +16,19 @@ use crate::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
 use crate::program::{self, obstacles};
+use crate::scene::struct_lookup::{StructTable, find};
 
 /// Lists a module's entry points, interface and requirements, and what in it is unsupported.
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
     /// A SPIR-V module, or `-` for standard input
-    #[arg(value_name = "MODULE")]
-    module: PathBuf,
+    #[arg(value_name = "MODULE", required_unless_present = "layout")]
+    module: Option<PathBuf>,
+    /// Print how structs lie in buffers: offset, size, stride, type and name of each member.
+    /// Without a name all structs that have offsets; a path such as `Params.sun` follows members
+    /// and pointers
+    #[arg(long, value_name = "STRUCT", num_args = 0..=1)]
+    layout: Option<Option<String>>,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Print JSON
@@ -35,14 +41,45 @@ pub struct InspectArgs {
 /// # Errors
 /// What reading and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
-    let module = Arc::new(module_file::read(&args.module, &args.limits.limits())?);
+    // In `inspect --layout FILE` what looks like a struct's name is the module.
+    let (path, layout) = match (args.module, args.layout) {
+        (Some(path), layout) => (path, layout),
+        (None, layout) => (PathBuf::from(layout.flatten().unwrap_or_default()), Some(None)),
+    };
+    if path.as_os_str().is_empty() {
+        return Err(Error::new(ErrorKind::InvalidArgument, "a module is needed: `inspect MODULE --layout`"));
+    }
+    let module = Arc::new(module_file::read(&path, &args.limits.limits())?);
+    if let Some(name) = layout {
+        return print_layouts(&module, &path, name.as_deref(), args.json);
+    }
     let report = ModuleReport::of(&module);
     if !args.json {
-        return output::print(format_args!("{}\n{}", args.module.display(), report.text()));
+        return output::print(format_args!("{}\n{}", path.display(), report.text()));
     }
-    let json = serde_json::to_string_pretty(&report)
-        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", args.module.display())))?;
+    print_json(&report, &path)
+}
+
+fn print_json(value: &impl Serialize, path: &Path) -> Result<()> {
+    let json = serde_json::to_string_pretty(value)
+        .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
     output::print(format_args!("{json}\n"))
+}
+
+/// Prints the layout of one struct, or of all of a module.
+fn print_layouts(module: &Module, path: &Path, name: Option<&str>, json: bool) -> Result<()> {
+    let tables = match name {
+        Some(name) => vec![StructTable::of(find(module, name)?)],
+        None => StructTable::all(module),
+    };
+    if json {
+        return print_json(&tables, path);
+    }
+    if tables.is_empty() {
+        return output::print(format_args!("{}: no struct has a layout\n", path.display()));
+    }
+    let texts: Vec<String> = tables.iter().map(StructTable::text).collect();
+    output::print(format_args!("{}", texts.join("\n")))
 }
 
 /// The report on a module, which `--json` prints.

@@ -94,6 +94,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     let to_srgb = output.output == Some(Output::Linear);
     let mut assembled = scene::assemble_without(&resolved, output)?;
+    output::notes(&assembled.notes);
     let streamed = StreamedImage {
         texel: image.texels.clone(),
         ..StreamedImage::new(output.set, output.binding, image.format)

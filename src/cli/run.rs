@@ -92,6 +92,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let mut assembled = scene::assemble(&scene)?;
+    output::notes(&assembled.notes);
     match args.memory.as_deref() {
         Some("robust") => assembled.resources.policy = MemoryPolicy::Robust,
         Some(_) => assembled.resources.policy = MemoryPolicy::Trap,

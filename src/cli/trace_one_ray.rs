@@ -89,6 +89,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
+    output::notes(&session.assembled().notes);
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
         return args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);

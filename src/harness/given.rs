@@ -10,6 +10,7 @@ use crate::harness::bound::blocks;
 use crate::harness::data::Bytes;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
+use crate::harness::struct_data::StructData;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::ops::pointer::storage;
 use crate::program::Program;
@@ -41,6 +42,12 @@ impl Given {
         self.push_constants = Some(given.rust);
     }
 
+    pub fn push_constants_data(&mut self, data: &StructData) {
+        let given = data.given();
+        self.resources.push_constants = Some(Buffer::new(&given.bytes));
+        self.push_constants = Some(given.rust);
+    }
+
     /// Compares what was given with what a shader declares.
     ///
     /// # Errors
@@ -57,7 +64,11 @@ impl Given {
                 misfit(&layout(), &format!("buffer {binding} of set {set}"), rust)?;
             }
             if let Some(rust) = self.push_constants.as_ref().filter(|_| class == storage::PUSH_CONSTANT) {
-                misfit(&layout(), "the push constants", rust)?;
+                let layout = layout();
+                misfit(&layout, "the push constants", rust)?;
+                if rust.contradicts(layout) {
+                    return Err(layout.mismatch("the push constants", rust));
+                }
             }
         }
         Ok(())
@@ -125,6 +136,13 @@ macro_rules! gives_resources {
             #[must_use]
             pub fn push_constants<T: bytemuck::NoUninit + std::fmt::Debug>(mut self, constants: &T) -> Self {
                 self.given.push_constants(constants);
+                self
+            }
+
+            /// Sets the push constants to a struct that is written by the names of its members.
+            #[must_use]
+            pub fn push_constants_data(mut self, data: &crate::harness::struct_data::StructData) -> Self {
+                self.given.push_constants_data(data);
                 self
             }
         }

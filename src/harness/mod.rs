@@ -41,6 +41,7 @@ pub mod smoke;
 pub mod stability;
 #[cfg(feature = "proptest")]
 pub mod strategies;
+pub mod struct_data;
 pub mod suite;
 pub mod texels;
 pub mod trace;

@@ -142,6 +142,7 @@ pub(super) fn write(layout: Layout<'_>, bytes: &mut [u8], what: &str, value: &im
     for (scalar, (offset, part)) in scalars.iter().zip(places) {
         let bits = match (layout.module.ty(part.ty), *scalar) {
             (Type::Bool, ScalarValue::Bool(value)) => Some(u64::from(value)),
+            (Type::Pointer { .. }, ScalarValue::Uint(address)) => Some(address),
             (Type::Int { width, .. }, scalar) => scalar.as_integer(*width),
             (ty @ Type::Float { .. }, scalar) => ty.float_format().and_then(|format| scalar.as_float(format)),
             _ => None,

@@ -4,9 +4,10 @@
 //! ```toml
 //! data = { f32 = [[1, 0, 0], [0, 1, 0]] }                # nested arrays are flattened
 //! data = [{ u32 = 3 }, { align = 16 }, { f32 = [0.5] }]  # pieces follow each other
+//! data = { struct = "Light", value = { power = 2 } }     # laid out by a shader's module
 //! ```
-//! Everything is little-endian, and padding is explicit: the file determines every byte that a
-//! shader's `std430`, `scalar` or `std140` layout reads.
+//! Everything is little-endian, and padding is explicit but in structs: the file determines every
+//! byte that a shader's `std430`, `scalar` or `std140` layout reads.
 
 use std::path::Path;
 
@@ -14,8 +15,11 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
+use crate::scene::encoding::{AddressOf, Data, LatePiece};
 use crate::scene::files::Files;
-use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::read::{Diagnostics, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
+use crate::scene::struct_lookup::DataBlock;
 use crate::scene::tree::Toml;
 
 /// A sequence of pieces.
@@ -39,21 +43,91 @@ enum Content {
     File(String),
     /// `mat4 view_inverse; mat4 projection_inverse;`
     Camera(Camera),
+    /// A value by the names of a struct's members.
+    Struct(Box<StructPiece>),
+    /// What is encoded after the modules are loaded.
+    Late(LatePiece),
 }
 
 impl DataPieces {
-    /// Encodes the bytes; `aspect` is the width of the picture divided by its height, for cameras.
+    /// Encodes the bytes of data in which everything is known.
+    ///
+    /// # Errors
+    /// As [`DataPieces::resolve`], and `InvalidScene` where a piece is encoded later.
+    pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
+        let mut data = self.resolve(files, aspect)?;
+        match data.first_late() {
+            None => Ok(std::mem::take(data.tail())),
+            Some(span) => Err(span.error(
+                "an address is known only in buffers, push constants, shader records and specialization constants",
+            )),
+        }
+    }
+
+    /// Reads files and encodes what is known before modules are loaded; `aspect` is the width of
+    /// the picture divided by its height, for cameras.
     ///
     /// # Errors
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
-    pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
-        let mut bytes = Vec::new();
+    pub fn resolve(&self, files: &dyn Files, aspect: f32) -> Result<Data> {
+        self.resolve_for(files, aspect, &NoShaders, None)
+    }
+
+    /// As [`DataPieces::resolve`], for data that shaders read through a block which they declare.
+    ///
+    /// # Errors
+    /// As there, and those of structs that the shaders do not have.
+    pub fn resolve_for(
+        &self,
+        files: &dyn Files,
+        aspect: f32,
+        modules: &dyn ShaderModules,
+        block: Option<DataBlock>,
+    ) -> Result<Data> {
+        let mut data = Data::default();
         for Spanned { value: piece, span } in &self.0 {
+            if let Content::Late(late) = &piece.content {
+                // Eight bytes are an address; a greater piece is counted when its size is known.
+                let all = 8 * u64::from(piece.repeat);
+                files
+                    .limits()
+                    .check(InputLimit::BufferBytes, all, ErrorKind::InvalidScene)
+                    .and_then(|()| files.reserve(all))
+                    .map_err(|error| error.at(span.place()))?;
+                data.push_late(late.clone(), piece.repeat);
+                continue;
+            }
+            if let Content::Align(to) = piece.content {
+                for _ in 0..piece.repeat.min(1) {
+                    data.align(to);
+                }
+                continue;
+            }
+            if let Content::Struct(named) = &piece.content {
+                let report = Diagnostics::within(files.limits());
+                let inner = |value: TomlValue<'_>| {
+                    let pieces = Self::parse(value)?;
+                    value.report().keep(pieces.resolve_for(files, aspect, modules, None))
+                };
+                // Only what begins a buffer is the block that a shader declares there.
+                let block = block.filter(|_| data.is_empty());
+                let context = StructContext { modules, block, piece: &inner, report: &report };
+                let content = named.encode(&context);
+                report.finish()?;
+                let (content, late) = content.unwrap_or_default();
+                let all = content.len() as u64 * u64::from(piece.repeat);
+                grown(data.tail(), all, files).map_err(|error| error.at(span.place()))?;
+                for _ in 0..piece.repeat {
+                    data.append(&content, &late);
+                }
+                continue;
+            }
+            let bytes = data.tail();
             let content = match &piece.content {
                 Content::Bytes(content) => content.clone(),
                 Content::Zeros(count) => {
                     let all = u64::from(*count) * u64::from(piece.repeat);
-                    let size = grown(&bytes, all, files).map_err(|error| error.at(span.place()))?;
+                    let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
                     bytes.resize(size, 0);
                     continue;
                 }
@@ -62,16 +136,16 @@ impl DataPieces {
                     let matrices = camera.matrices(aspect).map_err(|message| span.error(message))?;
                     matrices.iter().flat_map(|x| x.to_le_bytes()).collect()
                 }
-                Content::Align(to) => vec![0; bytes.len().next_multiple_of(*to as usize) - bytes.len()],
+                Content::Align(_) | Content::Late(_) | Content::Struct(_) => continue,
             };
             let all = content.len() as u64 * u64::from(piece.repeat);
-            let size = grown(&bytes, all, files).map_err(|error| error.at(span.place()))?;
+            let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
             bytes.reserve_exact(size - bytes.len());
             for _ in 0..piece.repeat {
                 bytes.extend_from_slice(&content);
             }
         }
-        Ok(bytes)
+        Ok(data)
     }
 }
 
@@ -121,6 +195,10 @@ impl Parse for Piece {
         contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
         contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
+        if StructPiece::is_in(&table) {
+            contents.extend(StructPiece::parse(&table).map(|piece| Content::Struct(Box::new(piece))));
+        }
+        contents.extend(address_of(&table).map(|of| Content::Late(LatePiece::Address(of))));
         let repeat = table.or("repeat", 1);
         table.finish();
         if value.report().len() > errors_before {
@@ -134,6 +212,14 @@ impl Parse for Piece {
             Err(_) => value.wrong("several kinds of data in one piece: write an array of pieces"),
         }
     }
+}
+
+/// Reads `address_of` and, beside it alone, `offset`.
+fn address_of(table: &Table<'_>) -> Option<AddressOf> {
+    let target: Spanned<String> = table.optional("address_of")?;
+    let start = Spanned { value: 0, span: target.span.clone() };
+    let offset = table.value("offset").map_or(Some(start), Spanned::parse)?;
+    Some(AddressOf { target, offset })
 }
 
 fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
@@ -247,7 +333,7 @@ impl Scalar {
 /// The bytes of a float of 8 or 16 bits. It is rounded by way of f64: 53 bits are more than twice
 /// the 11 of a half, plus two, so double rounding has no effect unless the decimal lies within
 /// 2^-53 of a tie without being one.
-fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
+pub(super) fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
     let wide = f64::parse(value)?;
     let bits = format.round(wide);
     let rounded = format.value(bits);
@@ -274,14 +360,20 @@ impl Parse for Hex {
     }
 }
 
-/// The bytes of one scalar with its type, `{ u64 = 7 }`.
+/// One scalar with its type, `{ u64 = 7 }`, or an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ScalarBytes(pub Vec<u8>);
+pub enum ScalarPiece {
+    /// Its bytes.
+    Bytes(Vec<u8>),
+    /// A device address, 8 bytes.
+    Address(AddressOf),
+}
 
-impl Parse for ScalarBytes {
+impl Parse for ScalarPiece {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         match Piece::parse(value)?.content {
-            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self(bytes)),
+            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes)),
+            Content::Late(LatePiece::Address(of)) => Some(Self::Address(of)),
             _ => value.wrong("a specialization constant is one scalar"),
         }
     }
@@ -291,7 +383,7 @@ impl Parse for ScalarBytes {
 mod tests {
     use super::*;
     use crate::scene::files::EmbeddedFiles;
-    use crate::scene::read::{Diagnostics, Document};
+    use crate::scene::read::Document;
 
     fn encode(text: &str) -> Result<Vec<u8>> {
         let document = Document::parse("t.toml", text)?;

@@ -1,13 +1,18 @@
 //! Checks that a scene binds the descriptor types that its shaders declare.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, Place};
+use crate::input::InputLimit;
 use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::ResolvedScene;
+use crate::scene::encoding::Modules;
+use crate::scene::layout::Layout;
+use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::{DescriptorKind, Resource};
+use crate::scene::struct_lookup::{DataBlock, find_block};
 
 /// The errors for bindings whose resources have types that the shaders do not declare.
 ///
@@ -53,6 +58,65 @@ pub(super) fn mismatches<'a>(
         }
     }
     errors
+}
+
+/// Notes on storage buffers that end in a part of an element: the shader's runtime array has only
+/// those elements that fit, without a word.
+pub(super) fn stride_notes<'a>(
+    scene: &ResolvedScene,
+    programs: impl Iterator<Item = &'a Program>,
+    modules: &dyn Modules,
+) -> Vec<String> {
+    let mut notes: Vec<String> = Vec::new();
+    for program in programs {
+        let module = &*program.module;
+        for slot in &program.slots {
+            let here =
+                |one: &&ResolvedBinding| Binding { set: one.set, binding: one.binding } == slot.binding;
+            let block = find_block(module, DataBlock::Buffer(slot.binding)).ok().flatten();
+            let Some((start, stride)) =
+                block.and_then(Layout::runtime_stride).filter(|(_, stride)| *stride > 0)
+            else {
+                continue;
+            };
+            for bound in scene.resources.iter().filter(here) {
+                let Resource::StorageBuffer(data) = &bound.resource else { continue };
+                let Ok(size) = data.size(modules) else { continue };
+                let behind = (size as usize).saturating_sub(start);
+                let (whole, odd) = (behind / stride, behind % stride);
+                if odd == 0 {
+                    continue;
+                }
+                let plural = if whole == 1 { "" } else { "s" };
+                let header = match start {
+                    0 => String::new(),
+                    start => format!("{start} bytes before the array, "),
+                };
+                let note = format!(
+                    "{}the buffer `{}` (set {}, binding {}) has {} bytes: {header}{whole} element{plural} of {stride} \
+                     and {odd} left over, which no index of `{}` reaches",
+                    line_of(&bound.place),
+                    bound.name,
+                    bound.set,
+                    bound.binding,
+                    size,
+                    slot.name,
+                );
+                if !notes.contains(&note)
+                    && (notes.len() as u64) < scene.files.limits.get(InputLimit::ErrorsShown)
+                {
+                    notes.push(note);
+                }
+            }
+        }
+    }
+    notes
+}
+
+/// The file and line of a place, before a note.
+fn line_of(place: &Place) -> String {
+    let Place::Text { file, text, span } = place else { return String::new() };
+    format!("{file}:{}: ", text[..span.start].matches('\n').count() + 1)
 }
 
 /// The descriptor types of a module's variables at a binding.

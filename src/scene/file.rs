@@ -21,7 +21,7 @@ use crate::scene::read::{
     Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
 };
 use crate::scene::resources::ResourceEntry;
-use crate::scene::specialization::SpecializationValue;
+use crate::scene::specialization::{SpecializationKey, SpecializationValue};
 
 /// The version of the format that this crate reads.
 pub const VERSION: u32 = 1;
@@ -192,8 +192,8 @@ pub struct ShaderEntry {
     pub include_folders: Vec<Spanned<String>>,
     /// The entry point of references that do not name one.
     pub entry: String,
-    /// Specialization constants: `constant_id` and value.
-    pub specialization: Vec<(u32, SpecializationValue)>,
+    /// Specialization constants, each by its `constant_id` or name, and their values.
+    pub specialization: Vec<(SpecializationKey, SpecializationValue)>,
 }
 
 impl Parse for ShaderEntry {
@@ -226,21 +226,10 @@ impl Parse for ShaderEntry {
     }
 }
 
-fn specialization(value: TomlValue<'_>) -> Option<Vec<(u32, SpecializationValue)>> {
+fn specialization(value: TomlValue<'_>) -> Option<Vec<(SpecializationKey, SpecializationValue)>> {
     let table = Table::new(value)?;
-    let mut constants = Vec::new();
-    for (name, value) in table.iter() {
-        match name.value.parse() {
-            Ok(id) => constants.push((id, SpecializationValue::parse(value)?)),
-            Err(_) => {
-                let message = format!("`{}` is not a constant_id", name.value);
-                value
-                    .report()
-                    .push(name.span.error_with(message, "the number in `layout(constant_id = ...)`"));
-            }
-        }
-    }
-    Some(constants)
+    let constant = |(name, value)| Some((SpecializationKey::of(&name), SpecializationValue::parse(value)?));
+    table.iter().map(constant).collect()
 }
 
 /// A variant: other shaders for the scene, which must meet the same expectations.

@@ -6,6 +6,7 @@
 //! [`ResolvedScene`], has acceleration structures, bytes and texels, but no pipeline: the
 //! pipeline makes its own objects from it. `docs/scene.md` is the format's reference.
 
+pub mod addresses;
 pub mod assemble;
 mod build_input;
 pub mod camera;
@@ -13,12 +14,14 @@ pub mod data;
 pub mod demo;
 mod descriptors;
 mod device;
+pub mod encoding;
 pub mod file;
 pub mod files;
 pub mod generate;
 pub mod geometry;
 pub mod image;
 pub mod image_entry;
+pub mod layout;
 pub mod mesh;
 mod micromap;
 pub mod mip;
@@ -30,6 +33,8 @@ pub mod resources;
 mod run_limits;
 pub mod sampler;
 pub mod specialization;
+pub mod struct_data;
+pub mod struct_lookup;
 pub mod tree;
 
 pub use assemble::{Assembled, assemble, assemble_without};

@@ -1,28 +1,36 @@
 //! Resolves a scene's files: names become indices, files become bytes.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::input::InputLimit;
 use crate::machine::sampler::Sampler;
 use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
+use crate::module::Module;
 use crate::pipeline::DeviceProfile;
+use crate::scene::addresses;
 use crate::scene::data::{DataPieces, read_limited};
+use crate::scene::encoding::Data;
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
+use crate::scene::resolve::modules::SceneModules;
 use crate::scene::resolved::{
     ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
     ShaderBindingTable, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::ResourceEntry;
+use crate::scene::struct_lookup::DataBlock;
 
 mod bindings;
+mod modules;
 mod structures;
 
 /// The options by which a command line changes a scene.
@@ -140,7 +148,11 @@ struct Resolver<'a> {
     modules: Vec<ShaderModule>,
     /// The modules by their paths.
     module_places: HashMap<PathBuf, usize>,
+    /// The modules by the scene's names of shaders.
+    shader_names: HashMap<String, usize>,
     groups: Vec<ResolvedGroup>,
+    /// The modules that data by member name asked for, by their paths.
+    loaded: RefCell<HashMap<PathBuf, Result<Arc<Module>>>>,
 }
 
 impl<'a> Resolver<'a> {
@@ -170,7 +182,9 @@ impl<'a> Resolver<'a> {
             own,
             modules: Vec::new(),
             module_places: HashMap::new(),
+            shader_names: HashMap::new(),
             groups: Vec::new(),
+            loaded: RefCell::default(),
         };
         let mut variant = None;
         for part in parts {
@@ -219,20 +233,24 @@ impl<'a> Resolver<'a> {
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
         let resources = self.bindings(&tlas, !dispatches.is_empty());
-        let push_constants = self.bytes(self.push_constants.as_ref());
+        let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &[]);
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();
         }
+        let unbound = self.unbound_buffers();
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
-        Some(ResolvedScene {
+        let scene = ResolvedScene {
             path: self.own.source().path.clone(),
             geometry_names,
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
+            loaded: self.loaded_modules(),
             shaders: self.modules,
+            shader_names: self.shader_names,
             groups: self.groups,
             sbt,
             resources,
+            unbound,
             dispatches,
             push_constants,
             device: self.device.unwrap_or_default(),
@@ -257,7 +275,11 @@ impl<'a> Resolver<'a> {
             document: self.own,
             notes: self.report.take_notes(),
             files: SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() },
-        })
+        };
+        if self.report.is_empty() {
+            addresses::check(&scene, self.report);
+        }
+        Some(scene)
     }
 
     /// Resolves the shader records, and with them the groups and modules.
@@ -282,12 +304,12 @@ impl<'a> Resolver<'a> {
     fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
         let entries = std::mem::take(&mut self.dispatches);
         let dispatch = |entry: &DispatchEntry| {
-            let push_constants = entry.push_constants.as_ref().map(|data| self.bytes(Some(data)));
-            Some(ResolvedDispatch {
-                shader: self.shader(&entry.shader)?,
-                groups: entry.groups,
-                push_constants,
-            })
+            let shader = self.shader(&entry.shader)?;
+            let own = [&entry.shader];
+            let push_constants = entry.push_constants.as_ref();
+            let push_constants =
+                push_constants.map(|data| self.data(Some(data), DataBlock::PushConstants, &own));
+            Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
         };
         entries.iter().filter_map(dispatch).collect()
     }
@@ -295,7 +317,9 @@ impl<'a> Resolver<'a> {
     fn general(&mut self, entry: &GeneralEntry, kind: fn(ResolvedShader) -> ResolvedGroup) -> ResolvedRecord {
         let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
         let group = shader.map(|shader| self.group(kind(shader)));
-        ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+        let own: Vec<_> = entry.shader.iter().collect();
+        let data = self.data(entry.record.as_ref(), DataBlock::ShaderRecord, &own);
+        ResolvedRecord { name: entry.name.clone(), group, data }
     }
 
     fn hit(&mut self, entry: &HitEntry) -> ResolvedRecord {
@@ -306,7 +330,10 @@ impl<'a> Resolver<'a> {
         let group = some.then(|| {
             self.group(ResolvedGroup::Hit(Box::new(ResolvedHitGroup { closest_hit, any_hit, intersection })))
         });
-        ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+        let own = [&entry.closest_hit, &entry.any_hit, &entry.intersection];
+        let own: Vec<_> = own.into_iter().flatten().collect();
+        let data = self.data(entry.record.as_ref(), DataBlock::ShaderRecord, &own);
+        ResolvedRecord { name: entry.name.clone(), group, data }
     }
 
     /// The index of a group, which is added if it is new.
@@ -337,25 +364,38 @@ impl<'a> Resolver<'a> {
 
     /// The index of a file with shaders; it is read at the first use.
     fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
+        let file = entry.path.as_ref().or(entry.source.as_ref())?;
+        let path = file.span.source.sibling(&file.value);
+        if let Some(&known) = self.module_places.get(&path) {
+            self.shader_names.insert(name.to_string(), known);
+            return Some(known);
+        }
+        let module = self.report.keep(self.read_module(name, entry)?)?;
+        self.module_places.insert(path, self.modules.len());
+        self.shader_names.insert(name.to_string(), self.modules.len());
+        self.modules.push(module);
+        Some(self.modules.len() - 1)
+    }
+
+    /// Reads a file with shaders; `None` for an entry that names none, which is reported already.
+    fn read_module(&self, name: &str, entry: &ShaderEntry) -> Option<Result<ShaderModule>> {
         let (file, compiled) = match (&entry.path, &entry.source) {
             (Some(path), _) => (path, true),
             (None, Some(source)) => (source, false),
             (None, None) => return None,
         };
         let path = file.span.source.sibling(&file.value);
-        if let Some(known) = self.module_places.get(&path) {
-            return Some(*known);
-        }
         let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
-        let bytes = self.report.keep(read_limited(self.files, &file.value, &file.span, limit))?;
+        let bytes = match read_limited(self.files, &file.value, &file.span, limit) {
+            Ok(bytes) => bytes,
+            Err(error) => return Some(Err(error)),
+        };
         let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
         let code = match compiled {
             true => ShaderCode::SpirV(bytes),
             false => ShaderCode::Source(bytes, folders.collect()),
         };
-        self.module_places.insert(path.clone(), self.modules.len());
-        self.modules.push(ShaderModule { name: name.to_string(), path, code, place: file.span.place() });
-        Some(self.modules.len() - 1)
+        Some(Ok(ShaderModule { name: name.to_string(), path, code, place: file.span.place() }))
     }
 
     fn check_rays(&self) {
@@ -369,9 +409,13 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn bytes(&self, data: Option<&DataPieces>) -> Vec<u8> {
-        let bytes = data.map(|data| self.report.keep(data.encode(self.files, self.aspect())));
-        bytes.flatten().unwrap_or_default()
+    /// The data that shaders read through a block; `own` are the shaders that it is for, all of the
+    /// scene where none is given.
+    fn data(&self, data: Option<&DataPieces>, block: DataBlock, own: &[&Spanned<String>]) -> Data {
+        let Some(data) = data else { return Data::default() };
+        let modules = SceneModules { resolver: self, own };
+        let data = data.resolve_for(self.files, self.aspect(), &modules, Some(block));
+        self.report.keep(data).unwrap_or_default()
     }
 
     fn aspect(&self) -> f32 {
@@ -434,14 +478,13 @@ impl<T> ByName<T> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::accel::{GeometryData, GeometryFlags};
     use crate::machine::format::Format;
     use crate::machine::sampler::Filter;
     use crate::scene::files::EmbeddedFiles;
     use crate::scene::resources::Resource;
+    use crate::scene::specialization::SpecializationKey;
 
     fn scene(text: &str, options: &LoadOptions) -> ResolvedScene {
         let files = [
@@ -468,7 +511,7 @@ mod tests {
         assert_eq!(scene.shaders.len(), 1);
         assert_eq!(scene.shaders[0].code, ShaderCode::SpirV(b"SPIR".to_vec()));
         let records = |list: &[ResolvedRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
-            list.iter().map(|record| (record.group, record.data.clone())).collect()
+            list.iter().map(|record| (record.group, record.data.bytes().unwrap().to_vec())).collect()
         };
         assert_eq!(records(&scene.sbt.raygen), [(Some(0), vec![])]);
         assert_eq!(records(&scene.sbt.miss), [(Some(1), vec![]), (None, vec![])]);
@@ -481,7 +524,8 @@ mod tests {
         let any_hit = group.any_hit.as_ref().unwrap();
         // Without a name of its own a reference takes the shader's entry, `main`.
         assert_eq!(any_hit.entry, "main");
-        assert!(any_hit.specialization.iter().map(|(id, _)| *id).eq([3, 4]));
+        let keys: Vec<_> = any_hit.specialization.iter().map(|(key, _)| key.clone()).collect();
+        assert_eq!(keys, [SpecializationKey::Id(3), SpecializationKey::Id(4)]);
         assert_eq!(scene.max_recursion_depth, Some(2));
     }
 
@@ -534,7 +578,7 @@ mod tests {
         let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
         // One texel stands for all: its red is 0.
         assert_eq!((image.shape.extent, &image.texels[..]), ([6, 2, 1], &[0; 4][..]));
-        let Resource::UniformBuffer(bytes) = &wide.resources[1].resource else { panic!() };
+        let bytes = wide.resources[1].resource.data().unwrap().bytes().unwrap();
         // Two matrices of 64 bytes, then the vector; the first scale of projection_inverse is the
         // aspect ratio, 6 / 2, times tan 45 degrees.
         assert_eq!(bytes.len(), 144);

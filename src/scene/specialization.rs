@@ -4,9 +4,73 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
-use crate::scene::data::ScalarBytes;
-use crate::scene::read::{Parse, TomlValue, integer};
+use crate::scene::data::ScalarPiece;
+use crate::scene::encoding::{AddressOf, Encoding};
+use crate::scene::read::{Parse, Spanned, TomlValue, integer, list_of, nearest};
 use crate::scene::tree::Toml;
+
+/// Which specialization constant a value is for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SpecializationKey {
+    /// Its `constant_id`.
+    Id(u32),
+    /// Its name in the source (`OpName`), and where the scene gives it.
+    Name(String, Place),
+}
+
+impl SpecializationKey {
+    /// The key in a scene: a number or a name.
+    pub fn of(key: &Spanned<String>) -> Self {
+        match key.value.parse() {
+            Ok(id) => Self::Id(id),
+            Err(_) => Self::Name(key.value.clone(), key.span.place()),
+        }
+    }
+
+    /// The `constant_id` that it means in a module.
+    ///
+    /// # Errors
+    /// `InvalidScene` where no specialization constant has the name, or several have it.
+    pub fn id(&self, module: &Module) -> Result<u32> {
+        let (name, place) = match self {
+            Self::Id(id) => return Ok(*id),
+            Self::Name(name, place) => (name, place),
+        };
+        let named = |wanted: Option<&str>| {
+            let known = module.constants.iter().filter(|constant| constant.specializable);
+            let known = known.filter_map(|constant| Some((constant.spec_id?, module.name(constant.id)?)));
+            let mut known: Vec<_> =
+                known.filter(|(_, name)| wanted.is_none_or(|wanted| *name == wanted)).collect();
+            known.sort_unstable();
+            known.dedup();
+            known
+        };
+        let wrong = |message: String, label: String| {
+            Error::new(ErrorKind::InvalidScene, message).at_with(place.clone(), label)
+        };
+        match named(Some(name))[..] {
+            [(id, _)] => Ok(id),
+            [] => {
+                let known = named(None);
+                let near = nearest(name, known.iter().map(|(_, name)| *name));
+                let label = near.map_or_else(String::new, |near| format!("did you mean `{near}`?"));
+                let error = wrong(format!("the module has no specialization constant named `{name}`"), label);
+                let list: Vec<_> = known.iter().map(|(id, name)| format!("{name} ({id})")).collect();
+                Err(error.note(match list.is_empty() {
+                    true => {
+                        "none of its specialization constants has a name: give the `constant_id`".to_owned()
+                    }
+                    false => format!("there are: {}", list_of(list.iter().map(String::as_str))),
+                }))
+            }
+            ref several => {
+                let ids: Vec<_> = several.iter().map(|(id, _)| id.to_string()).collect();
+                let message = format!("several specialization constants are named `{name}`");
+                Err(wrong(message, format!("give one of their ids: {}", ids.join(", "))))
+            }
+        }
+    }
+}
 
 /// The value of a specialization constant: `true`, `7`, `0.5`, or with its type `{ u64 = 7 }`.
 ///
@@ -25,6 +89,7 @@ enum LiteralValue {
     Float(String),
     /// The value's bytes, little-endian.
     Bytes(Vec<u8>),
+    Address(AddressOf),
 }
 
 impl Parse for SpecializationValue {
@@ -38,7 +103,10 @@ impl Parse for SpecializationValue {
                 "i64 or u64",
             )?),
             Toml::Float(text) => LiteralValue::Float(text.clone()),
-            Toml::Table(_) => LiteralValue::Bytes(ScalarBytes::parse(value)?.0),
+            Toml::Table(_) => match ScalarPiece::parse(value)? {
+                ScalarPiece::Bytes(bytes) => LiteralValue::Bytes(bytes),
+                ScalarPiece::Address(of) => LiteralValue::Address(of),
+            },
             _ => return value.expected("a number or Boolean"),
         };
         Some(Self { literal, place: value.span().place() })
@@ -51,18 +119,43 @@ impl SpecializationValue {
     /// # Errors
     /// `InvalidArgument` where the module has no such constant, `InvalidScene` where the value is
     /// none of its type.
-    pub fn specialize(&self, module: &mut Module, constant: u32) -> Result<()> {
+    pub fn specialize(
+        &self,
+        module: &mut Module,
+        key: &SpecializationKey,
+        encoding: Option<&Encoding<'_>>,
+    ) -> Result<()> {
+        let constant = key.id(module)?;
+        let address = match (&self.literal, encoding) {
+            (LiteralValue::Address(of), Some(encoding)) => {
+                Some(LiteralValue::Bytes(encoding.address(of)?.to_le_bytes().to_vec()))
+            }
+            // Before addresses are given the constant keeps its default.
+            (LiteralValue::Address(_), None) => return Ok(()),
+            _ => None,
+        };
+        let literal = address.as_ref().unwrap_or(&self.literal);
         let bits = match module.specialization_type(constant) {
             Some(ty) => {
                 let wrong = |why: String| {
                     let message = format!("{why}; constant {constant} is {}", module.describe_type(ty));
                     Error::new(ErrorKind::InvalidScene, message).at(self.place.clone())
                 };
-                self.literal.bits(module.ty(ty)).map_err(wrong)?
+                literal.bits(module.ty(ty)).map_err(wrong)?
             }
             None => 0,
         };
         module.specialize(constant, bits).map_err(|error| error.at(self.place.clone()))
+    }
+}
+
+impl SpecializationValue {
+    /// What the value is the address of.
+    pub fn target(&self) -> Option<&AddressOf> {
+        match &self.literal {
+            LiteralValue::Address(of) => Some(of),
+            _ => None,
+        }
     }
 }
 
@@ -97,6 +190,7 @@ impl LiteralValue {
             (Self::Integer(number), _) => Err(format!("{number} is neither true nor false")),
             (Self::Float(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
             (Self::Float(text), _) => Err(format!("{text} is no whole number")),
+            (Self::Address(_), _) => Err("an address is not known yet".into()),
         }
     }
 }

@@ -13,7 +13,7 @@ use clap::Args;
 use crate::cli::module_file;
 use crate::cli::run::dump::invalid;
 use crate::compile::{self, Language};
-use crate::error::{ErrorKind, Result};
+use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
@@ -23,6 +23,7 @@ use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::Program;
 use crate::scene::image::{declared_format, format_name};
+use crate::scene::specialization::SpecializationKey;
 use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
 
 /// The arguments that a bare module needs and a scene file holds itself.
@@ -37,7 +38,7 @@ pub struct Arguments {
     /// Push constants, written as in a scene file: "u32 = 3" or "[{ u32 = 3 }, { f32 = [1, 2] }]"
     #[arg(long, value_name = "DATA")]
     push: Option<String>,
-    /// The value of a specialization constant
+    /// The value of a specialization constant, by its `constant_id` or its name
     #[arg(long, value_name = "ID=VALUE")]
     spec: Vec<String>,
     /// The content of a buffer: a size in bytes, data as in a scene file, or a file [default:
@@ -193,10 +194,16 @@ impl Arguments {
         let mut specialization = Vec::new();
         let mut module = module;
         for text in &self.spec {
-            let parts =
-                text.split_once('=').and_then(|(id, value)| Some((id.trim().parse::<u32>().ok()?, value)));
-            let Some((id, value)) = parts else {
-                return Err(invalid(format!("`--spec {text}`: ID=VALUE is needed")));
+            let parts = text.split_once('=').filter(|(key, _)| !key.trim().is_empty());
+            let Some((key, value)) = parts else {
+                return Err(invalid(format!("`--spec {text}`: ID=VALUE or NAME=VALUE is needed")));
+            };
+            let id = match key.trim().parse() {
+                Ok(id) => id,
+                Err(_) => {
+                    let place = Place::File(path.to_owned());
+                    SpecializationKey::Name(key.trim().to_owned(), place).id(&module)?
+                }
             };
             specialization.push(format!("{id} = {}", value.trim()));
             // Sizes of arrays and workgroups depend on it; the scene checks all other values.

@@ -34,6 +34,9 @@ impl ShaderTest {
         if let Some((ty, ..)) = blocks.find(|block| block.1 == storage::SHADER_RECORD_BUFFER) {
             let layout = Layout::new(&self.program.module, ty, Rules::Explicit);
             misfit(&layout, "the shader record", &given.rust)?;
+            if given.rust.contradicts(layout) {
+                return Err(layout.mismatch("the shader record", &given.rust));
+            }
         }
         let data = Buffer::new(&given.bytes);
         Ok(Some(ShaderRecord { offset: 0, size: data.size(), data }))

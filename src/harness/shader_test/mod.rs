@@ -20,6 +20,7 @@ use crate::harness::hit::Hit;
 use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn};
 use crate::harness::scalars::{ScalarValue, Scalars, builtin_words};
 use crate::harness::shader_outcome::ReportedHit;
+use crate::harness::struct_data::StructData;
 use crate::machine::Buffer;
 use crate::module::Module;
 use crate::module::interface::Stage;
@@ -178,6 +179,12 @@ impl ShaderTest {
     #[must_use]
     pub fn shader_record<T: NoUninit + Debug>(self, record: &T) -> Self {
         Self { record: Some(Bytes::of(record)), ..self }
+    }
+
+    /// The data of the shader record, written by the names of its members.
+    #[must_use]
+    pub fn shader_record_data(self, record: &StructData) -> Self {
+        Self { record: Some(record.given()), ..self }
     }
 
     /// Answers the traces that the shader makes, in place of a scene: the closure sees ray and

@@ -248,7 +248,7 @@ impl Suite {
             finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
         }
         let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
-        let notes = [&loaded.scene.notes[..], &loaded.expectations.notes].concat();
+        let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
         Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed, notes }
     }
 }

@@ -5,12 +5,15 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Place, Result};
-use crate::machine::Descriptor;
 use crate::machine::sampler::Sampler;
+use crate::machine::{Binding, Descriptor};
+use crate::scene::addresses::AddressChoice;
 use crate::scene::resolve::Resolver;
-use crate::scene::resolved::{ResolvedBinding, ResolvedGroup};
-use crate::scene::resources::{Content, DescriptorKind, Resource};
+use crate::scene::resolve::modules::SceneModules;
+use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
+use crate::scene::resources::{Content, DescriptorKind, Resource, ResourceEntry};
 use crate::scene::sampler::SamplerReference;
+use crate::scene::struct_lookup::DataBlock;
 
 impl Resolver<'_> {
     pub(super) fn bindings(
@@ -24,6 +27,9 @@ impl Resolver<'_> {
         let mut lengths: HashMap<[u32; 2], u32> = HashMap::new();
         for entry in &self.resource_entries.entries {
             let Some(content) = &entry.content else { continue };
+            if matches!(content.content, Content::Buffer(DescriptorKind::Unbound, _)) {
+                continue;
+            }
             let place = entry.name.span.place();
             let key = [content.set, content.binding, content.element];
             if let Some(other) = taken.get(&key) {
@@ -42,7 +48,8 @@ impl Resolver<'_> {
                 self.report.push(error.at(place));
                 continue;
             }
-            if let Some(resource) = self.resource(&content.content, tlas) {
+            let binding = Binding { set: content.set, binding: content.binding };
+            if let Some(resource) = self.resource(binding, &content.content, tlas) {
                 taken.entry(key).or_insert_with(|| place.clone());
                 bindings.push(ResolvedBinding {
                     name: entry.name.value.clone(),
@@ -50,6 +57,10 @@ impl Resolver<'_> {
                     binding: content.binding,
                     element: content.element,
                     resource,
+                    address: match &content.content {
+                        Content::Buffer(_, buffer) => buffer.address.clone(),
+                        _ => AddressChoice::Unsaid,
+                    },
                     output: content.output,
                     place,
                 });
@@ -57,6 +68,30 @@ impl Resolver<'_> {
         }
         bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
         bindings
+    }
+
+    /// The buffers that no descriptor refers to, sorted by name.
+    pub(super) fn unbound_buffers(&self) -> Vec<UnboundBuffer> {
+        let mut buffers = Vec::new();
+        for entry in &self.resource_entries.entries {
+            let Some(ResourceEntry { content: Content::Buffer(DescriptorKind::Unbound, buffer), .. }) =
+                &entry.content
+            else {
+                continue;
+            };
+            let modules = SceneModules { resolver: self, own: &[] };
+            let data = buffer.load(self.files, self.aspect(), &modules, None);
+            if let Some(data) = self.report.keep(data) {
+                buffers.push(UnboundBuffer {
+                    name: entry.name.value.clone(),
+                    data,
+                    address: buffer.address.clone(),
+                    place: entry.name.span.place(),
+                });
+            }
+        }
+        buffers.sort_by(|a, b| a.name.cmp(&b.name));
+        buffers
     }
 
     /// Counts descriptors of an array, those included that nothing is bound to: every element in
@@ -74,13 +109,20 @@ impl Resolver<'_> {
         self.files.reserve(lists * u64::from(count) * size_of::<Descriptor>() as u64)
     }
 
-    fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
+    fn resource(
+        &self,
+        binding: Binding,
+        content: &Content,
+        tlas: &[(String, Option<Arc<Tlas>>)],
+    ) -> Option<Resource> {
         match content {
             Content::Buffer(kind, entry) => {
-                let bytes = self.report.keep(entry.load(self.files, self.aspect()))?;
+                let (modules, block) =
+                    (SceneModules { resolver: self, own: &[] }, DataBlock::Buffer(binding));
+                let data = self.report.keep(entry.load(self.files, self.aspect(), &modules, Some(block)))?;
                 Some(match kind {
-                    DescriptorKind::UniformBuffer => Resource::UniformBuffer(bytes),
-                    _ => Resource::StorageBuffer(bytes),
+                    DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
+                    _ => Resource::StorageBuffer(data),
                 })
             }
             Content::Image(kind, entry) => {

@@ -1,0 +1,203 @@
+//! Bytes of a struct as a shader declares it, written by the names of its members.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use bytemuck::NoUninit;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::data::Bytes;
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::rust_layout::RustLayout;
+use crate::harness::scalars::{self, Scalars};
+use crate::harness::value::Value;
+use crate::input::InputLimit;
+use crate::machine::Binding;
+use crate::module::Module;
+use crate::module::ty::TypeId;
+use crate::scene::struct_lookup::{DataBlock, StructTable, find, find_block, layout_note, strides};
+
+/// The bytes of a struct, laid out by the `Offset`, `ArrayStride` and `MatrixStride` of a module.
+///
+/// ```
+/// use anyhit::{ErrorKind, Module, StructData};
+///
+/// # fn main() -> anyhit::Result<()> {
+/// let source = "
+///     struct Sun { direction: vec3f, power: f32 }
+///     struct Params { count: u32, sun: Sun, sizes: array<f32> }
+///     @group(0) @binding(0) var<storage, read_write> params: Params;
+///     @compute @workgroup_size(1)
+///     fn main() { params.count = u32(params.sizes[0] + params.sun.power); }
+/// ";
+/// let module = Module::from_source("params.wgsl", source)?;
+/// let data = StructData::of(&module, "Params")?
+///     .set("count", 3)?
+///     .set("sun.direction", [0.0, 1.0, 0.0])?
+///     .set("sun.power", 2.5)?
+///     .set("sizes[1]", 9.0)?;
+/// // `count` at 0, `sun` at 16, `sizes` at 32: two elements, as the second one is set.
+/// assert_eq!(data.bytes().len(), 40);
+/// assert_eq!(data.bytes()[36..], 9.0_f32.to_le_bytes());
+/// assert_eq!(data.value()["sun"]["power"].f32(), 2.5);
+///
+/// // A plain Rust type is compared with the shader's, and the error shows both.
+/// #[derive(Clone, Copy, Debug, bytemuck::NoUninit)]
+/// #[repr(C)]
+/// struct Sun {
+///     direction: [f32; 3],
+///     power: u32,
+/// }
+/// let sun = Sun { direction: [0.0; 3], power: 1 };
+/// let error = StructData::of(&module, "Sun")?.write(&sun).unwrap_err();
+/// assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+/// assert!(error.message().contains("the scalars of `Sun` are not those of the shader's"));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct StructData {
+    module: Arc<Module>,
+    ty: TypeId,
+    bytes: Vec<u8>,
+}
+
+impl StructData {
+    /// Zeros for the struct with a name, `SceneInfo`, or a path, `Params.sun`, which goes through
+    /// arrays and pointers.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the module has no such struct with a layout, or several: it lists
+    /// them.
+    pub fn of(module: &Arc<Module>, name: &str) -> Result<Self> {
+        Ok(Self::zeros(module, find(module, name)?))
+    }
+
+    /// Zeros for the module's push constants.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where it declares none.
+    pub fn push_constants(module: &Arc<Module>) -> Result<Self> {
+        Self::block(module, DataBlock::PushConstants)
+    }
+
+    /// Zeros for the data of the module's shader records.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where it declares none.
+    pub fn shader_record(module: &Arc<Module>) -> Result<Self> {
+        Self::block(module, DataBlock::ShaderRecord)
+    }
+
+    /// Zeros for the uniform or storage buffer that the module declares at a binding.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where it declares none.
+    pub fn buffer(module: &Arc<Module>, set: u32, binding: u32) -> Result<Self> {
+        Self::block(module, DataBlock::Buffer(Binding { set, binding }))
+    }
+
+    fn block(module: &Arc<Module>, block: DataBlock) -> Result<Self> {
+        let layout = find_block(module, block)?;
+        let missing = || invalid(format!("the module does not declare {}", block.describe()));
+        layout.map(|layout| Self::zeros(module, layout)).ok_or_else(missing)
+    }
+
+    fn zeros(module: &Arc<Module>, layout: Layout<'_>) -> Self {
+        let stride = match (layout.runtime_stride(), &strides(layout)[..]) {
+            (None, &[stride]) => stride as usize,
+            _ => 0,
+        };
+        // A module may claim any size: one beyond the limit is left empty, and `set` refuses it.
+        let size = layout.size().max(stride);
+        let most = module.limits.get(InputLimit::BufferBytes);
+        let bytes = vec![0; if size as u64 <= most { size } else { 0 }];
+        Self { module: module.clone(), ty: layout.ty, bytes }
+    }
+
+    fn layout(&self) -> Layout<'_> {
+        Layout::new(&self.module, self.ty, Rules::Explicit)
+    }
+
+    /// Sets a member by its path: `set("lights[1].position", [0.0, 1.0, 0.0])`. A pointer takes an
+    /// address, a `u64`. A runtime array at the end grows to the element that is set.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where there is no such member, or it has another type: it shows the
+    /// layout.
+    pub fn set(mut self, path: &str, value: impl Scalars) -> Result<Self> {
+        let module = self.module.clone();
+        let layout = Layout::new(&module, self.ty, Rules::Explicit);
+        let name = module.describe_type(self.ty);
+        let shown = |error: Error| error.note(layout_note(layout));
+        let located = layout.locate(path).map_err(|wrong| shown(invalid(format!("{name}: {wrong}"))));
+        let (offset, member) = located?;
+        let mut end = offset.saturating_add(member.size());
+        if let Some((start, stride)) = layout.runtime_stride().filter(|(start, _)| end > *start) {
+            end = start.saturating_add((end - start).div_ceil(stride.max(1)).saturating_mul(stride));
+        }
+        self.module.limits.check(InputLimit::BufferBytes, end as u64, ErrorKind::InvalidArgument)?;
+        if self.bytes.len() < end {
+            self.bytes.resize(end, 0);
+        }
+        scalars::write(member, &mut self.bytes[offset..], &format!("`{path}` of {name}"), &value)
+            .map_err(shown)?;
+        Ok(self)
+    }
+
+    /// Overwrites all of it with a plain Rust value, whose size and kinds of scalars must be the
+    /// struct's.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with both layouts side by side.
+    pub fn write<T: NoUninit + Debug>(mut self, value: &T) -> Result<Self> {
+        let given = Bytes::of(value);
+        self.compare(&given.rust)?;
+        self.bytes = given.bytes;
+        Ok(self)
+    }
+
+    /// # Errors
+    /// `InvalidArgument` where a Rust type is no layout of this struct.
+    fn compare(&self, rust: &RustLayout) -> Result<()> {
+        let layout = self.layout();
+        let size = layout.size();
+        // Rust's type may be padded at its end, as an element of an array is.
+        let strides = strides(layout);
+        let fits = match layout.runtime_stride() {
+            Some((start, stride)) => rust.size >= start && (rust.size - start).is_multiple_of(stride.max(1)),
+            None => {
+                rust.size == size || strides.contains(&(rust.size as u32)) || {
+                    strides.is_empty() && (size..size + 16).contains(&rust.size)
+                }
+            }
+        };
+        if fits && !rust.contradicts(layout) { Ok(()) } else { Err(layout.mismatch("the struct", rust)) }
+    }
+
+    /// The bytes, little-endian; padding is zero.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The value by the names of its members: `data.value()["sun"]["power"].f32()`.
+    pub fn value(&self) -> Value {
+        self.layout().read(&self.bytes)
+    }
+
+    /// Offset, size, stride, type and name of each member as text, as `anyhit inspect --layout`
+    /// prints it.
+    pub fn describe(&self) -> String {
+        StructTable::of(self.layout()).text()
+    }
+
+    /// Its bytes with a name for errors.
+    pub(super) fn given(&self) -> Bytes {
+        let name = self.module.describe_type(self.ty);
+        Bytes { rust: RustLayout::untold(name, self.bytes.len()), bytes: self.bytes.clone() }
+    }
+}
+
+fn invalid(message: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidArgument, message)
+}
