@@ -105,15 +105,16 @@ where
                 let word = |at: u32| u64::from(batch.registers[operands.plus(at)].0[lane]);
                 word(0) | word(1) << 32
             };
-            let trap = match check(&trace.rays.get(lane), flags) {
-                _ if let Err(code) = register => Some((code, handle())),
+            let checked = register.map(|_| check(&trace.rays.get(lane), flags));
+            let trap = match checked {
+                Err(code) => Some((code, handle())),
                 _ if !found.contains(lane) => Some((TrapCode::AccelerationStructureMissing, handle())),
                 _ if trace.depth > self.pipeline.max_recursion => {
                     Some((TrapCode::RecursionTooDeep, handle()))
                 }
                 _ if is_full => Some((TrapCode::StackOverflow, handle())),
-                Err(broken) => Some((TrapCode::InvalidTrace, broken as u64)),
-                Ok(()) => None,
+                Ok(Err(broken)) => Some((TrapCode::InvalidTrace, broken as u64)),
+                Ok(Ok(())) => None,
             };
             match trap {
                 None => lanes = lanes | Mask::lane(lane),
