@@ -7,6 +7,7 @@
 
 mod support;
 
+mod addresses;
 mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;
