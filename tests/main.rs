@@ -9,6 +9,7 @@ mod support;
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod action;
+mod addresses;
 mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;

@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use crate::accel::{HitKind, Tlas};
 use crate::debug::transcript::{Flags, ShaderLabel, TranscriptLine};
+use crate::debug::values::TypedValue;
 use crate::error::Place;
 use crate::geometry::Surface;
+use crate::machine::DeviceMemory;
 use crate::pipeline::{Group, Pipeline, Shader};
 use crate::program::Program;
 use crate::scene::ResolvedScene;
@@ -101,17 +103,32 @@ pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> 
 pub struct Names<'a> {
     scene: Option<&'a ResolvedScene>,
     pipeline: &'a Pipeline,
+    memory: Option<&'a DeviceMemory>,
 }
 
 impl<'a> Names<'a> {
+    /// These names with those of the buffers that device addresses lead to.
+    #[must_use]
+    pub fn with_memory(self, memory: &'a DeviceMemory) -> Self {
+        Self { memory: Some(memory), ..self }
+    }
+
+    /// A value whose addresses are told by the names of buffers.
+    pub fn value(&self, value: TypedValue) -> TypedValue {
+        match self.memory {
+            Some(memory) => value.with_places(memory),
+            None => value,
+        }
+    }
+
     /// The names of a scene and of the pipeline that was assembled from it.
     pub fn new(scene: &'a ResolvedScene, pipeline: &'a Pipeline) -> Self {
-        Self { scene: Some(scene), pipeline }
+        Self { scene: Some(scene), pipeline, memory: None }
     }
 
     /// The names of a pipeline without a scene file: only entry points have names.
     pub fn unnamed(pipeline: &'a Pipeline) -> Self {
-        Self { scene: None, pipeline }
+        Self { scene: None, pipeline, memory: None }
     }
 
     /// The file that a shader comes from.

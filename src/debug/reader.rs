@@ -73,7 +73,10 @@ impl<'a> EventReader<'a> {
             .find_map(|class| program.interface_registers(class))
             .map(|registers| registers.ty);
         let attribute = program.interface_registers(storage::HIT_ATTRIBUTE).map(|registers| registers.ty);
-        let of = |ty: Option<TypeId>, words: &[u32]| Some(TypedValue::of_type(&program.module, ty?, words));
+        let names = self.names;
+        let of = |ty: Option<TypeId>, words: &[u32]| {
+            Some(names.value(TypedValue::of_type(&program.module, ty?, words)))
+        };
         let steps = self.steps(Some(program));
         let (exit, after) = match self.events.next() {
             Some(Event::Leave { exit, payload, .. }) => (exit, payload),
@@ -159,8 +162,9 @@ impl<'a> EventReader<'a> {
                 }
                 Event::Traced { payload: after } => {
                     let ty = self.payload_type(caller, ran, after.len());
+                    let names = self.names;
                     let of = |words: &[u32]| {
-                        ty.map(|(program, ty)| TypedValue::of_type(&program.module, ty, words))
+                        ty.map(|(program, ty)| names.value(TypedValue::of_type(&program.module, ty, words)))
                     };
                     trace.payload_before = of(&payload);
                     trace.payload_after = of(&after);

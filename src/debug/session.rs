@@ -72,7 +72,8 @@ impl Session {
             Err(error) => return Err(error),
         };
         let printed = self.assembled.resources.printed.as_ref().map_or_else(Vec::new, |all| all.take());
-        let names = Names::new(&self.scene, &self.assembled.pipeline);
+        let names =
+            Names::new(&self.scene, &self.assembled.pipeline).with_memory(&self.assembled.resources.memory);
         let root = EventReader::new(&self.assembled.pipeline, names, events).root();
         let Some(root) = root else {
             return Err(Error::new(ErrorKind::InvalidScene, "the ray generation record is a null handle"));

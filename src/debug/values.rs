@@ -5,10 +5,12 @@ use std::fmt;
 use half::f16;
 use serde::ser::{Serialize, Serializer};
 
+use crate::machine::DeviceMemory;
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::builtin::{Builtin, ValueShape};
+use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 
 /// The number of elements that text shows of a list.
@@ -37,6 +39,8 @@ pub enum ValueContent {
     Uint(u64),
     /// A float.
     Float(FloatValue),
+    /// A pointer to device memory.
+    Address(AddressValue),
     /// The components of a vector, the columns of a matrix, the elements of an array.
     List(Vec<ValueContent>),
     /// A struct.
@@ -68,7 +72,38 @@ pub enum FloatValue {
     Small(FloatFormat, f32),
 }
 
+/// A device address: `materials + 0x40` where it lies in a buffer with a name, else a number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AddressValue {
+    /// The address.
+    pub address: u64,
+    /// The place in words, where there are some.
+    pub place: Option<String>,
+}
+
+impl fmt::Display for AddressValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.place {
+            Some(place) => f.write_str(place),
+            None => write!(f, "{:#x}", self.address),
+        }
+    }
+}
+
+impl Serialize for AddressValue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 impl TypedValue {
+    /// The value with the names of the buffers that its addresses lie in.
+    #[must_use]
+    pub fn with_places(mut self, memory: &DeviceMemory) -> Self {
+        self.content.find_places(memory);
+        self
+    }
+
     /// A value of a module's type from its words (see [`crate::pipeline::Event`]); missing words
     /// are 0.
     pub fn of_type(module: &Module, ty: TypeId, words: &[u32]) -> Self {
@@ -119,6 +154,17 @@ impl TypedValue {
 }
 
 impl ValueContent {
+    fn find_places(&mut self, memory: &DeviceMemory) {
+        match self {
+            Self::Address(value) => value.place = memory.describe(value.address),
+            Self::List(items) => items.iter_mut().for_each(|item| item.find_places(memory)),
+            Self::Members(members) => {
+                members.iter_mut().for_each(|member| member.value.content.find_places(memory));
+            }
+            Self::Bool(_) | Self::Int(_) | Self::Uint(_) | Self::Float(_) => {}
+        }
+    }
+
     /// A float of 32 bits.
     pub fn f32(value: f32) -> Self {
         Self::Float(FloatValue::F32(value))
@@ -147,6 +193,7 @@ impl fmt::Display for ValueContent {
             Self::Int(value) => write!(f, "{value}"),
             Self::Uint(value) => write!(f, "{value}"),
             Self::Float(value) => write!(f, "{value}"),
+            Self::Address(value) => write!(f, "{value}"),
             Self::List(items) => {
                 f.write_str("(")?;
                 for (at, item) in items.iter().take(MAX_ELEMENTS).enumerate() {
@@ -291,6 +338,10 @@ fn content(module: &Module, ty: TypeId, words: &mut WordReader<'_>) -> ValueCont
             };
             ValueContent::Members(members.iter().enumerate().map(member).collect())
         }
+        Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
+            let address = u64::from(next()) | u64::from(next()) << 32;
+            ValueContent::Address(AddressValue { address, place: None })
+        }
         _ => ValueContent::Uint(next().into()),
     }
 }
@@ -320,6 +371,21 @@ fn vec3s(words: &[u32]) -> ValueContent {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_address_is_told_by_the_buffer_it_lies_in() {
+        let mut memory = DeviceMemory::default();
+        memory.add_buffer_at(0x2_0000_0000, &crate::machine::Buffer::zeroed(64), Some("materials")).unwrap();
+        let text = |address| {
+            let content = ValueContent::Address(AddressValue { address, place: None });
+            let members =
+                vec![ValueMember { name: "m".into(), value: TypedValue { ty: "p".into(), content } }];
+            let value = TypedValue { ty: "S".into(), content: ValueContent::Members(members) };
+            value.with_places(&memory).to_string()
+        };
+        assert_eq!(text(0x2_0000_0010), "S { m: p materials + 0x10 }");
+        assert_eq!(text(0x2_0000_0041), "S { m: p 0x200000041 }");
+    }
 
     fn text(value: f32) -> String {
         FloatValue::F32(value).to_string()

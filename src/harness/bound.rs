@@ -27,6 +27,14 @@ impl Bound {
         }
     }
 
+    pub fn read_buffer_at<T: AnyBitPattern>(&self, address: u64) -> Result<Vec<T>> {
+        let found = self.resources.memory.buffer(address);
+        let (buffer, offset) = found
+            .filter(|(buffer, offset)| *offset <= buffer.size())
+            .ok_or_else(|| invalid(format!("no buffer lies at address {address:#x}")))?;
+        rows(&buffer.bytes()[offset as usize..])
+    }
+
     pub fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
         let bytes = self.buffer_bytes(set, binding)?;
         let place = Some(Binding { set, binding });
@@ -75,6 +83,14 @@ macro_rules! reads_what_is_bound {
             /// `InvalidArgument` where no buffer is bound there.
             pub fn buffer_bytes(&self, set: u32, binding: u32) -> Result<Vec<u8>> {
                 self.bound.buffer_bytes(set, binding)
+            }
+
+            /// The buffer at a device address as a row of a plain Rust type, from that address on.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where no buffer lies there, or its size is no multiple.
+            pub fn read_buffer_at<T: bytemuck::AnyBitPattern>(&self, address: u64) -> Result<Vec<T>> {
+                self.bound.read_buffer_at(address)
             }
 
             /// The texels of an image.

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 
 use bytemuck::NoUninit;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::blocks;
 use crate::harness::data::Bytes;
 use crate::harness::layout::{Layout, Rules};
@@ -21,6 +21,8 @@ pub(super) struct Given {
     pub resources: Resources,
     buffers: Vec<(Binding, RustLayout)>,
     push_constants: Option<RustLayout>,
+    /// Why a buffer cannot lie at the address that it was given.
+    mistake: Option<Error>,
 }
 
 impl Given {
@@ -28,6 +30,13 @@ impl Given {
         let bytes: &[u8] = bytemuck::cast_slice(elements);
         self.descriptor(set, binding, Descriptor::Buffer(Buffer::new(bytes)));
         self.buffers.push((Binding { set, binding }, RustLayout::opaque::<[T]>(bytes.len())));
+    }
+
+    pub fn buffer_at<T: NoUninit>(&mut self, address: u64, elements: &[T]) {
+        let buffer = Buffer::new(bytemuck::cast_slice(elements));
+        if let Err(message) = self.resources.memory.add_buffer_at(address, &buffer, None) {
+            self.mistake.get_or_insert(Error::new(ErrorKind::InvalidArgument, message));
+        }
     }
 
     pub fn descriptor(&mut self, set: u32, binding: u32, descriptor: Descriptor) {
@@ -53,6 +62,9 @@ impl Given {
     /// # Errors
     /// `InvalidArgument` with both layouts.
     pub fn check(&self, program: &Program) -> Result<()> {
+        if let Some(mistake) = &self.mistake {
+            return Err(mistake.clone());
+        }
         if self.buffers.is_empty() && self.push_constants.is_none() {
             return Ok(());
         }
@@ -93,6 +105,15 @@ macro_rules! gives_resources {
             #[must_use]
             pub fn buffer<T: bytemuck::NoUninit>(mut self, set: u32, binding: u32, elements: &[T]) -> Self {
                 self.given.buffer(set, binding, elements);
+                self
+            }
+
+            /// Puts a buffer with these elements at a device address, for shaders that reach it by
+            /// pointers; it is bound nowhere. The address is a multiple of 16, at least `0x10000`
+            /// and lies in no other buffer, which is an error of the run.
+            #[must_use]
+            pub fn buffer_at<T: bytemuck::NoUninit>(mut self, address: u64, elements: &[T]) -> Self {
+                self.given.buffer_at(address, elements);
                 self
             }
 

@@ -5,13 +5,63 @@
 use crate::error::{Error, ErrorKind};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::value::Value;
-use crate::module::ty::Type;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::scene::layout::shorten;
 
 pub use crate::scene::layout::{Layout, Rules};
 
 impl Layout<'_> {
+    /// The device addresses in a value's bytes, each with the type that it points to and the stride
+    /// of such elements; those of the first parts, where there are very many.
+    pub(super) fn addresses(self, bytes: &[u8]) -> Vec<(u64, TypeId, Option<usize>)> {
+        let mut found = Vec::new();
+        self.collect_addresses(bytes, &mut 4096, &mut found);
+        found
+    }
+
+    fn collect_addresses(
+        self,
+        bytes: &[u8],
+        budget: &mut usize,
+        found: &mut Vec<(u64, TypeId, Option<usize>)>,
+    ) {
+        let Some(left) = budget.checked_sub(1) else { return };
+        *budget = left;
+        match *self.module.ty(self.ty) {
+            Type::Pointer {
+                storage_class: storage::PHYSICAL_STORAGE_BUFFER,
+                pointee: Some(pointee),
+                stride,
+            } => {
+                if let Some(&address) = bytes.first_chunk() {
+                    found.push((u64::from_le_bytes(address), pointee, stride.map(|stride| stride as usize)));
+                }
+            }
+            Type::Struct { .. } => {
+                for (offset, part) in self.members() {
+                    part.collect_addresses(bytes.get(offset..).unwrap_or_default(), budget, found);
+                }
+            }
+            Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
+                let part = Self { ty: element, ..self };
+                let stride = self.stride().max(1);
+                let count = match *self.module.ty(self.ty) {
+                    Type::Array { length, .. } => array_length(self.module, length),
+                    _ => usize::MAX,
+                };
+                for element in bytes.chunks(stride).take(count) {
+                    if *budget == 0 {
+                        break;
+                    }
+                    part.collect_addresses(element, budget, found);
+                }
+            }
+            _ => {}
+        }
+    }
+
     /// Reads a value; parts that the bytes do not reach are left out of arrays and are zero
     /// elsewhere.
     ///
@@ -49,6 +99,10 @@ impl Layout<'_> {
                 Value::scalar(name, whole, &kind)
             }
             ty @ Type::Float { .. } => Value::float(name, whole, ty.float_format()),
+            // A device address.
+            Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
+                Value::scalar(name, whole, "u64")
+            }
             Type::Vector { component, count } => {
                 let part = self.part(*component);
                 Value::list(name, whole, list(*count as usize, part.size(), part, budget))

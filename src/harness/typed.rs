@@ -1,12 +1,19 @@
 //! The content of buffers by the types that shaders declare.
 
+use std::collections::{HashSet, VecDeque};
+use std::sync::Arc;
+
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::value::Value;
-use crate::machine::Binding;
+use crate::machine::{Binding, Buffer, Descriptor};
+use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::Assembled;
+
+/// The most elements of a buffer in which further pointers are searched.
+const ELEMENTS: usize = 64;
 
 /// A buffer's content by the type of the first shader that uses it; `None` where no shader declares
 /// it.
@@ -14,13 +21,72 @@ pub fn typed(assembled: &Assembled, binding: Binding, bytes: &[u8]) -> Option<Va
     programs(assembled).find_map(|program| {
         let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(binding);
         let (.., ty) = bound(program).into_iter().find(of_binding)?;
-        let mut ty = ty?;
-        while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = program.module.ty(ty) {
-            ty = *element;
-        }
+        let ty = block(&program.module, ty?);
         let block = matches!(program.module.ty(ty), Type::Struct { .. });
         block.then(|| Layout::new(&program.module, ty, Rules::Explicit).read(bytes))
     })
+}
+
+/// The content of a buffer at a device address by the type of the first pointer to its beginning:
+/// in what shaders bind, their push constants, and the buffers to which pointers there lead. `None`
+/// where no pointer leads to it.
+pub fn pointed(assembled: &Assembled, address: u64) -> Option<Value> {
+    let resources = &assembled.resources;
+    let mut seen: HashSet<(u64, usize, TypeId)> = HashSet::new();
+    let mut open: VecDeque<(usize, TypeId, Vec<u8>)> = VecDeque::new();
+    for (at, program) in programs(assembled).enumerate() {
+        for (class, binding, ty) in bound(program) {
+            let Some(ty) = ty else { continue };
+            let mut buffers: Vec<Arc<Buffer>> = Vec::new();
+            if class == storage::PUSH_CONSTANT {
+                buffers.extend(resources.push_constants.clone());
+                buffers.extend(assembled.dispatches.iter().filter_map(|one| one.push_constants.clone()));
+            }
+            let descriptors = binding.and_then(|binding| resources.descriptors.get(&binding));
+            buffers.extend(descriptors.into_iter().flatten().filter_map(|descriptor| match descriptor {
+                Descriptor::Buffer(buffer) => Some(buffer.clone()),
+                _ => None,
+            }));
+            let block = block(&program.module, ty);
+            open.extend(buffers.iter().map(|buffer| (at, block, buffer.bytes())));
+        }
+    }
+    let programs: Vec<&Program> = programs(assembled).collect();
+    while let Some((at, ty, bytes)) = open.pop_front() {
+        let layout = Layout::new(&programs[at].module, ty, Rules::Explicit);
+        for (target, pointee, stride) in layout.addresses(&bytes) {
+            let Some((buffer, offset)) = resources.memory.buffer(target) else { continue };
+            if offset >= buffer.size() || !seen.insert((target, at, pointee)) {
+                continue;
+            }
+            let bytes = buffer.bytes().split_off(offset as usize);
+            let layout = Layout::new(&programs[at].module, pointee, Rules::Explicit);
+            // A pointer to one element leads to as many as the buffer holds.
+            let stride = stride.unwrap_or(layout.size()).max(1);
+            let count = if layout.runtime_stride().is_some() { 1 } else { (bytes.len() / stride).max(1) };
+            if target == address {
+                let elements = (0..count).map(|index| layout.read(&bytes[index * stride..])).collect();
+                return Some(match count {
+                    1 => layout.read(&bytes),
+                    _ => Value::list(programs[at].module.describe_type(pointee), &bytes, elements),
+                });
+            }
+            open.extend(
+                (0..count.min(ELEMENTS)).map(|at_index| {
+                    (at, pointee, bytes.get(at_index * stride..).unwrap_or_default().to_vec())
+                }),
+            );
+        }
+    }
+    None
+}
+
+/// The type of the elements of an array of descriptors.
+fn block(module: &Module, mut ty: TypeId) -> TypeId {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
+        ty = *element;
+    }
+    ty
 }
 
 /// The shaders of a scene.

@@ -42,8 +42,9 @@ pub struct Arguments {
     #[arg(long, value_name = "ID=VALUE")]
     spec: Vec<String>,
     /// The content of a buffer: a size in bytes, data as in a scene file, or a file [default:
-    /// zeros, and an element of a runtime array for each invocation]
-    #[arg(long, value_name = "[SET,]BINDING=SIZE|DATA|FILE")]
+    /// zeros, and an element of a runtime array for each invocation]. `NAME@ADDRESS=...` puts one
+    /// that is bound nowhere at a device address, `NAME@=...` at an automatic one
+    #[arg(long, value_name = "[SET,]BINDING|NAME@[ADDRESS]=SIZE|DATA|FILE")]
     buffer: Vec<String>,
     /// An image: a size, with a format, or a file [default: a texel of a storage image for each
     /// invocation]
@@ -235,10 +236,21 @@ impl Arguments {
             let _ = writeln!(text, "[pipeline]\nsubgroup_size = {size}");
         }
         let _ = writeln!(text, "[[dispatch]]\nshader = \"main\"\ngroups = {groups:?}");
+        let (addressed, bound): (Vec<_>, Vec<_>) =
+            self.buffer.iter().map(|text| (text, addressed(text))).partition(|(_, found)| found.is_some());
+        let bound: Vec<String> = bound.into_iter().map(|(text, _)| text.clone()).collect();
         let (buffers, images) =
-            (ResourceArgument::list("buffer", &self.buffer)?, ResourceArgument::list("image", &self.image)?);
+            (ResourceArgument::list("buffer", &bound)?, ResourceArgument::list("image", &self.image)?);
         let variables = module.interface_of(entry);
         let mut names = HashSet::new();
+        for (name, address, value) in addressed.into_iter().filter_map(|(_, found)| found) {
+            if !names.insert(name.to_owned()) {
+                return Err(invalid(format!("two buffers are named `{name}`")));
+            }
+            let address = if address.is_empty() { "true" } else { address };
+            let _ = writeln!(text, "[resources.{}]\ntype = \"buffer\"\naddress = {address}", quoted(name));
+            content(&mut text, value);
+        }
         for variable in &variables {
             if let Some((set, binding)) = variable.descriptor_set.zip(variable.binding) {
                 let binding = Binding { set, binding };
@@ -309,6 +321,25 @@ fn quoted(text: &str) -> String {
 fn data(text: &str) -> String {
     let text = text.trim();
     if text.starts_with(['{', '[']) { text.to_owned() } else { format!("{{ {text} }}") }
+}
+
+/// Adds the content of a buffer: a size, data or a file.
+fn content(text: &mut String, value: &str) {
+    // Writing to a string does not fail.
+    let _ = match value {
+        size if size.bytes().all(|byte| byte.is_ascii_digit()) => writeln!(text, "size = {size}"),
+        pieces if pieces.starts_with(['{', '[']) || pieces.contains('=') => {
+            writeln!(text, "data = {}", data(pieces))
+        }
+        file => writeln!(text, "data = {{ file = {} }}", quoted(file)),
+    };
+}
+
+/// Parses `NAME@[ADDRESS]=...`: name, address and content.
+fn addressed(text: &str) -> Option<(&str, &str, &str)> {
+    let (at, value) = text.split_once('=')?;
+    let (name, address) = at.split_once('@')?;
+    Some((name.trim(), address.trim(), value.trim()))
 }
 
 fn push_constant_size(module: &Module, entry: &EntryPoint) -> Option<u64> {
@@ -397,14 +428,8 @@ fn resource(
             let storage = variable.storage_class == storage::STORAGE_BUFFER || *buffer_block;
             let kind = if storage { "storage_buffer" } else { "uniform_buffer" };
             let _ = writeln!(text, "type = \"{kind}\"");
-            let _ = match buffer {
-                Some(value) if value.bytes().all(|byte| byte.is_ascii_digit()) => {
-                    writeln!(text, "size = {value}")
-                }
-                Some(value) if value.starts_with(['{', '[']) || value.contains('=') => {
-                    writeln!(text, "data = {}", data(&value))
-                }
-                Some(file) => writeln!(text, "data = {{ file = {} }}", quoted(&file)),
+            match buffer {
+                Some(value) => content(text, &value),
                 None => {
                     let runtime = members.last().and_then(|last| match module.ty(last.ty) {
                         Type::RuntimeArray { stride, .. } => {
@@ -418,9 +443,9 @@ fn resource(
                             "`{name}`: give its size with --buffer {set},{number}=SIZE"
                         )));
                     };
-                    writeln!(text, "size = {size}")
+                    let _ = writeln!(text, "size = {size}");
                 }
-            };
+            }
         }
         Type::Image(image_type) => return image_table(text, module, *image_type, &name, image, false),
         Type::SampledImage(inner) => match module.ty(*inner) {

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::typed::{bound, programs, typed};
+use crate::harness::typed::{bound, pointed, programs, typed};
 use crate::harness::value::Value;
 use crate::machine::image::Image;
-use crate::machine::{Binding, Buffer, Descriptor, Resources};
+use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
 use crate::ops::pointer::storage;
 use crate::scene::resources::Resource;
 use crate::scene::{Assembled, ResolvedScene, resolved};
@@ -42,7 +42,8 @@ pub enum FoundResource {
 #[derive(Clone, Debug)]
 pub struct FoundDump {
     name: String,
-    binding: Binding,
+    /// `None` for a buffer that is bound nowhere.
+    binding: Option<Binding>,
     element: u32,
     format: Format,
     unless_zero: bool,
@@ -103,10 +104,22 @@ impl Dump {
 
     /// Finds the resource to print.
     pub fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<FoundDump> {
+        let unbound = scene.unbound.iter().any(|one| one.name == self.what);
+        if let Some((_, buffer)) = resources.memory.named_buffer(&self.what).filter(|_| unbound) {
+            return Ok(FoundDump {
+                name: self.what.clone(),
+                binding: None,
+                element: 0,
+                format: self.format,
+                unless_zero: self.unless_zero,
+                found: FoundResource::Buffer(buffer.clone()),
+            });
+        }
         let (binding, element, found) = descriptor(&self.what, scene, resources)?;
         let place = (binding.set, binding.binding, element);
         let named = scene.resources.iter().find(|one| (one.set, one.binding, one.element) == place);
         let name = named.map_or_else(String::new, |one| one.name.clone());
+        let binding = Some(binding);
         Ok(FoundDump { name, binding, element, format: self.format, unless_zero: self.unless_zero, found })
     }
 }
@@ -148,10 +161,24 @@ pub fn descriptor(
 impl FoundDump {
     /// The text.
     pub fn text(&self, assembled: &Assembled) -> Result<String> {
-        let Binding { set, binding } = self.binding;
-        let name = if self.name.is_empty() { String::new() } else { format!(" `{}`", self.name) };
-        let element = if self.element > 0 { format!(", element {}", self.element) } else { String::new() };
-        let title = format!("set {set}, binding {binding}{element}{name}");
+        let memory = &assembled.resources.memory;
+        let address = match &self.found {
+            FoundResource::Buffer(buffer) => memory.address_of(buffer),
+            FoundResource::Image(_) => None,
+        };
+        let typed = |bytes: &[u8]| {
+            let declared = self.binding.and_then(|binding| typed(assembled, binding, bytes));
+            declared.or_else(|| pointed(assembled, address?))
+        };
+        let title = match self.binding {
+            Some(Binding { set, binding }) => {
+                let name = if self.name.is_empty() { String::new() } else { format!(" `{}`", self.name) };
+                let element =
+                    if self.element > 0 { format!(", element {}", self.element) } else { String::new() };
+                format!("set {set}, binding {binding}{element}{name}")
+            }
+            None => format!("`{}` at {:#x}", self.name, address.unwrap_or(0)),
+        };
         let bytes = match &self.found {
             FoundResource::Buffer(buffer) => buffer.bytes(),
             FoundResource::Image(image) => image.bytes(),
@@ -169,10 +196,14 @@ impl FoundDump {
         if self.format == Format::Json {
             let value = match image {
                 Some(image) => json!(texels(image)),
-                None => typed(assembled, self.binding, &bytes)
-                    .map_or_else(|| json!(bytes), |value| json_of(&value)),
+                None => typed(&bytes).map_or_else(|| json!(bytes), |value| json_of(&value)),
             };
-            let mut json = json!({ "set": set, "binding": binding, "name": self.name, "value": value });
+            let mut json = match self.binding {
+                Some(Binding { set, binding }) => json!({ "set": set, "binding": binding }),
+                None => json!({ "address": address }),
+            };
+            json["name"] = json!(self.name);
+            json["value"] = value;
             if self.element > 0 {
                 json["element"] = json!(self.element);
             }
@@ -190,8 +221,8 @@ impl FoundDump {
             }
             return Ok(text);
         }
-        Ok(match typed(assembled, self.binding, &bytes) {
-            Some(value) => format!("{title}:{}", lines(&value)),
+        Ok(match typed(&bytes) {
+            Some(value) => format!("{title}:{}", lines(&value, memory)),
             None => format!("{title}: no shader tells its type: {} bytes\n{}", bytes.len(), hex(&bytes)),
         })
     }
@@ -214,8 +245,12 @@ fn texels(image: &Image) -> Vec<[f64; 4]> {
 }
 
 /// A member a line, an element of an array of structs a line.
-fn lines(value: &Value) -> String {
+fn lines(value: &Value, memory: &DeviceMemory) -> String {
+    let words = |value: &Value| words(value, memory);
     let mut text = String::from("\n");
+    for (at, element) in value.elements().iter().enumerate() {
+        let _ = writeln!(text, "  [{at}] = {}", words(element));
+    }
     for (name, member) in value.fields() {
         let elements = member.elements();
         let nested = elements.iter().any(|element| element.fields().next().is_some());
@@ -231,7 +266,14 @@ fn lines(value: &Value) -> String {
 }
 
 /// A value on one line, all of it.
-fn words(value: &Value) -> String {
+fn words(value: &Value, memory: &DeviceMemory) -> String {
+    let words = |value: &Value| words(value, memory);
+    if value.ty().starts_with("pointer ")
+        && let Some(&address) = value.bytes().first_chunk()
+    {
+        let address = u64::from_le_bytes(address);
+        return memory.describe(address).unwrap_or_else(|| format!("{address:#x}"));
+    }
     let fields: Vec<_> = value.fields().map(|(name, field)| format!("{name}: {}", words(field))).collect();
     if !fields.is_empty() {
         return format!("{{ {} }}", fields.join(", "));
@@ -239,7 +281,7 @@ fn words(value: &Value) -> String {
     if value.elements().is_empty() {
         return scalar(value);
     }
-    let elements: Vec<_> = value.elements().iter().map(words).collect();
+    let elements: Vec<_> = value.elements().iter().map(|element| words(element)).collect();
     format!("[{}]", elements.join(", "))
 }
 

@@ -1,0 +1,160 @@
+//! Device addresses in scenes: `tests/addresses/nodes.comp` follows a list of nodes from a push
+//! constant, writes behind the fifth one and asks a ray query of a structure by its address.
+
+use std::path::Path;
+
+use anyhit::scene::{DiskFiles, LoadOptions, assemble, load_text};
+use anyhit::{Error, Result};
+
+const HEAD: &str = "version = 1\nshaders.main = 'tests/addresses/nodes.spv'\n\
+    [geometry.g]\ntype = 'triangles'\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nopaque = true\n\
+    [[instance]]\ngeometry = 'g'\n[[dispatch]]\nshader = 'main'\n\
+    [resources.out]\ntype = 'storage_buffer'\nbinding = 0\nsize = 24\n";
+
+/// Three nodes in a cycle, of which the second and third share a buffer.
+const NODES: &str = "[resources.first]\ntype = 'buffer'\ndata = [{ u32 = [3, 0] }, { address_of = 'rest', offset = 16 }]\n\
+    [resources.rest]\ntype = 'buffer'\ndata = [{ u32 = [5, 0] }, { address_of = 'first' }, \
+    { u32 = [4, 0] }, { address_of = 'rest' }]\n";
+
+const PUSH: &str = "push_constants = [{ address_of = 'first' }, { address_of = 'main' }]\n";
+
+fn scene(text: &str) -> Result<anyhit::scene::Assembled> {
+    let scene = load_text(Path::new("s.toml"), text, &DiskFiles, &LoadOptions::default())?;
+    assemble(&scene)
+}
+
+fn words(text: &str) -> Result<(Vec<u32>, anyhit::scene::Assembled)> {
+    let assembled = scene(text)?;
+    assembled.run::<64>(&assembled.resources, &|_| ())?;
+    let bytes = assembled.resources.buffer(0, 0).expect("the output").bytes();
+    let words = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap()));
+    Ok((words.collect(), assembled))
+}
+
+/// A push constant comes before the first table.
+fn text(push: &str, more: &str) -> String {
+    HEAD.replacen("version = 1\n", &format!("version = 1\n{push}"), 1) + more
+}
+
+fn error(push: &str, more: &str) -> Error {
+    scene(&text(push, more)).expect_err(more)
+}
+
+#[test]
+fn addresses_lead_from_push_constants_through_a_cycle() {
+    let (words, assembled) = words(&text(PUSH, NODES)).unwrap();
+    // 3 -> 4 -> 5 -> 3 -> 4 -> 5, which is then overwritten; the query hits a triangle (1).
+    assert_eq!(words, [3, 4, 5, 3, 4, 1]);
+    // Sorted by name: `first`, `rest`; one region of 4 GiB each. `out` needs none.
+    let memory = &assembled.resources.memory;
+    assert_eq!(memory.named_buffer("first").map(|(base, _)| base), Some(0x1_0000_0000));
+    let (base, rest) = memory.named_buffer("rest").unwrap();
+    assert_eq!((base, rest.bytes()[0]), (0x2_0000_0000, 77));
+    assert_eq!(memory.describe(base + 16).as_deref(), Some("rest + 0x10"));
+    assert!(memory.named_buffer("out").is_none());
+}
+
+#[test]
+fn automatic_addresses_do_not_follow_the_order_of_the_file() {
+    let (rest, first) = (NODES.find("[resources.rest]").unwrap(), NODES);
+    let turned = format!("{}{}", &first[rest..], &first[..rest]);
+    let turned = words(&text(PUSH, &turned)).unwrap();
+    assert_eq!(turned.0, [3, 4, 5, 3, 4, 1]);
+    let base = turned.1.resources.memory.named_buffer("first").map(|(base, _)| base);
+    assert_eq!(base, Some(0x1_0000_0000));
+}
+
+#[test]
+fn a_given_address_is_kept_and_automatic_ones_avoid_it() {
+    let nodes = NODES.replacen("type = 'buffer'", "type = 'buffer'\naddress = 0x1_0000_0040", 1);
+    let (words, assembled) = words(&text(PUSH, &nodes)).unwrap();
+    assert_eq!(words, [3, 4, 5, 3, 4, 1]);
+    let base = |name| assembled.resources.memory.named_buffer(name).map(|(base, _)| base);
+    assert_eq!((base("first"), base("rest")), (Some(0x1_0000_0040), Some(0x2_0000_0000)));
+}
+
+#[test]
+fn a_trap_names_the_nearest_buffer() {
+    // 0x100028 is 24 bytes past the end of 16 bytes at 0x100000.
+    let push = "push_constants = [{ address_of = 'first' }, { address_of = 'main' }]\n";
+    let nodes = "[resources.first]\ntype = 'buffer'\naddress = 0x10_0000\n\
+        data = [{ u32 = [3, 0] }, { u64 = 0x100028 }]\n";
+    let error = words(&text(push, nodes)).unwrap_err();
+    let wanted = "24 bytes behind the end of the nearest buffer, `first` at 0x100000, which has 16 bytes";
+    assert!(error.render().contains(wanted), "{}", error.render());
+}
+
+#[test]
+fn mistakes_are_shown_at_their_places() {
+    let buffer = |keys: &str| format!("[resources.b]\ntype = 'buffer'\nsize = 32\n{keys}\n");
+    let push = |keys: &str| format!("push_constants = [{{ address_of = {keys} }}]\n");
+    let image = "[resources.picture]\ntype = 'storage_image'\nbinding = 5\nsize = [1, 1]\n";
+    let other = "[resources.c]\ntype = 'buffer'\nsize = 32\naddress = 0x20010\n";
+    for (push, more, wanted) in [
+        (
+            push("'firts'"),
+            "[resources.first]\ntype = 'buffer'\nsize = 4\n".to_owned(),
+            "did you mean `first`?",
+        ),
+        (push("'picture'"), image.to_owned(), "`picture` is an image: only buffers and"),
+        (push("'b'"), buffer("address = false"), "`b` has no address: it says `address = false`"),
+        (push("'b', offset = 33"), buffer(""), "offset 33 is past the end of `b`, which has 32 bytes"),
+        (push("'main', offset = 8"), String::new(), "an acceleration structure has no parts"),
+        (String::new(), buffer("address = 0x20008"), "no multiple of 16"),
+        (String::new(), buffer("address = 64"), "too near to the null pointer"),
+        (String::new(), buffer("address = 0x20000") + other, "`c`, 32 bytes at 0x20010, overlaps `b`"),
+        (String::new(), buffer("binding = 3"), "is bound nowhere and has no `binding`"),
+        (
+            String::new(),
+            "[resources.i]\ntype = 'uniform_texel_buffer'\nbinding = 4\ndata = { address_of = 'out' }\n"
+                .to_owned(),
+            "an address is known only in buffers",
+        ),
+    ] {
+        let found = error(&push, &more).render();
+        assert!(found.contains(wanted) && found.contains("s.toml:"), "{wanted}: {found}");
+    }
+    let overlap = error("", &(buffer("address = 0x20000") + other)).render();
+    assert!(overlap.contains("the other one"), "{overlap}");
+}
+
+#[test]
+fn the_command_line_gives_buffers_addresses() {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "tests/addresses/nodes.spv", "--buffer", "0=24"])
+        .args(["--push", "[{ address_of = 'first' }, { u64 = 0 }]"])
+        .args(["--buffer", "first@0x2_0000_0040=[{ u32 = [3, 0] }, { address_of = 'first' }]"])
+        .args(["--dump", "0", "--dump", "first"])
+        .output()
+        .expect("the command starts");
+    let out = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{out}{}", String::from_utf8_lossy(&output.stderr));
+    // A null structure is missed. The buffer has the type of the pointer to it.
+    assert!(out.contains("found = [3, 3, 3, 3, 3, 0]"), "{out}");
+    assert!(out.contains("`first` at 0x200000040:\n  value = 77\n  pad = 0\n  next = first\n"), "{out}");
+}
+
+#[test]
+fn rust_gives_buffers_addresses() {
+    use anyhit::{Instance, Ray, Scene};
+    let scene = || Scene::new([Instance::sphere([0.0; 3], 0.5)]).unwrap();
+    let given = scene().buffer_at(0x2_0000_0000, &[3_u32, 4]);
+    let (buffer, offset) = given.resources().memory.buffer(0x2_0000_0004).unwrap();
+    assert_eq!((buffer.load(offset, 32), offset), (Some(4), 4));
+    // What cannot be given is an error of the run.
+    let shader = |file| {
+        let module = anyhit::Module::open(format!("spirv-fixtures/pass/sphere/closest-hit/{file}"))?;
+        anyhit::Program::of(&module, "main")
+    };
+    let mut builder = anyhit::Pipeline::builder();
+    builder
+        .hit([shader("main.rchit.spv").unwrap()])
+        .unwrap()
+        .miss(shader("main.rmiss.spv").unwrap())
+        .unwrap();
+    let pipeline = builder.build().unwrap();
+    let twice = given.buffer_at(0x2_0000_0000, &[5_u32]);
+    let error = pipeline.trace(&twice, Ray::new([0.75, 0.0, 4.0], [0.0, 0.0, -1.0])).unwrap_err();
+    assert!(error.message().contains("4 bytes at 0x200000000 overlap another buffer"), "{error}");
+}
