@@ -17,6 +17,7 @@ use crate::scene::data::DataPieces;
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::models::ModelEntry;
 use crate::scene::read::{
     Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
 };
@@ -35,6 +36,8 @@ pub struct SceneFile {
     pub include: Vec<Spanned<String>>,
     /// `[geometry.NAME]`
     pub geometry: Vec<Entry<GeometryEntry>>,
+    /// `[[model]]`
+    pub models: Vec<ModelEntry>,
     /// `[[instance]]`
     pub instances: Vec<InstanceEntry>,
     /// `[shaders.NAME]`
@@ -87,6 +90,7 @@ impl SceneFile {
         let file = Self {
             include: root.optional::<OneOrMore<_>>("include").map_or(Vec::new(), |paths| paths.0),
             geometry: entries(&root, "geometry"),
+            models: root.or("model", Vec::new()),
             instances: root.or("instance", Vec::new()),
             shaders: entries(&root, "shaders"),
             device: root.optional("device"),

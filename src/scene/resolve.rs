@@ -15,6 +15,7 @@ use crate::scene::file::{
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
 use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
 use crate::scene::resolved::{
     ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
@@ -125,6 +126,10 @@ struct Resolver<'a> {
     report: &'a Diagnostics,
     options: LoadOptions,
     geometry: ByName<GeometryEntry>,
+    models: Vec<ModelEntry>,
+    open_models: OpenModels,
+    /// The names that models give to their geometries and meshes.
+    mesh_names: HashMap<String, MeshSelection>,
     instances: Vec<InstanceEntry>,
     shader_entries: ByName<ShaderEntry>,
     samplers: ByName<Sampler>,
@@ -156,6 +161,9 @@ impl<'a> Resolver<'a> {
             report,
             options: *options,
             geometry: ByName::default(),
+            models: Vec::new(),
+            open_models: OpenModels::default(),
+            mesh_names: HashMap::new(),
             instances: Vec::new(),
             shader_entries: ByName::default(),
             samplers: ByName::default(),
@@ -181,6 +189,7 @@ impl<'a> Resolver<'a> {
             all.samplers.merge(part.samplers);
             all.resource_entries.merge(part.resources);
             all.instances.extend(part.instances);
+            all.models.extend(part.models);
             all.device = part.device.or(all.device);
             all.pipeline = part.pipeline.or(all.pipeline);
             all.push_constants = part.push_constants.or(all.push_constants);
@@ -215,6 +224,7 @@ impl<'a> Resolver<'a> {
             self.report.push(Error::new(ErrorKind::InvalidArgument, message));
             return None;
         }
+        self.expand_models();
         let tlas = self.structures();
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
