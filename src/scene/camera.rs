@@ -12,10 +12,9 @@
 use glam::{DMat4, DVec4};
 
 use crate::error::Result;
-use crate::scene::files::Files;
+use crate::scene::data::DataSources;
 use crate::scene::geometry::parse_transform;
 use crate::scene::mesh::material::Projection;
-use crate::scene::models::OpenModels;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of};
 
 /// A camera as a scene writes it: by its numbers, or one of a mesh file.
@@ -61,21 +60,21 @@ impl Parse for CameraEntry {
 }
 
 impl CameraEntry {
-    /// The matrices of the camera; `aspect` is that of the launch.
+    /// The matrices of the camera.
     ///
     /// # Errors
     /// Says what is wrong with the camera or its file.
-    pub fn view(&self, span: &Span, files: &dyn Files, models: &OpenModels, aspect: f32) -> Result<View> {
+    pub fn view(&self, span: &Span, sources: &DataSources<'_>) -> Result<View> {
         match self {
-            Self::LookAt(camera) => camera.view(aspect).map_err(|message| span.error(message)),
-            Self::File(entry) => entry.view(files, models, aspect),
+            Self::LookAt(camera) => camera.view(sources.aspect).map_err(|message| span.error(message)),
+            Self::File(entry) => entry.view(sources),
         }
     }
 }
 
 impl FileCameraEntry {
-    fn view(&self, files: &dyn Files, models: &OpenModels, aspect: f32) -> Result<View> {
-        let model = models.open(&self.file, files)?;
+    fn view(&self, sources: &DataSources<'_>) -> Result<View> {
+        let model = sources.models.open(&self.file, sources.files)?;
         let names = || list_of(model.cameras.iter().map(|camera| camera.name.as_str()));
         let found = match (&self.name, &model.cameras[..]) {
             (Some(name), cameras) => {
@@ -108,7 +107,7 @@ impl FileCameraEntry {
         if let Projection::Perspective { aspect: given, .. } = &mut projection {
             *given = self.aspect.map(f64::from).or(*given);
         }
-        let view = View::new(view_inverse, &projection, f64::from(aspect));
+        let view = View::new(view_inverse, &projection, f64::from(sources.aspect));
         view.map_err(|message| self.file.span.error(message))
     }
 }
@@ -270,24 +269,13 @@ impl CameraPiece {
         Some(Self { camera, matrices, rows: rows != transposed })
     }
 
-    /// How many bytes it has.
-    pub fn size(&self) -> u64 {
-        64 * self.matrices.len() as u64
-    }
-
     /// Its bytes.
     ///
     /// # Errors
     /// As [`CameraEntry::view`].
-    pub fn encode(
-        &self,
-        span: &Span,
-        files: &dyn Files,
-        models: &OpenModels,
-        aspect: f32,
-    ) -> Result<Vec<u8>> {
-        let view = self.camera.view(span, files, models, aspect)?;
-        let mut bytes = Vec::new();
+    pub fn encode(&self, span: &Span, sources: &DataSources<'_>) -> Result<Vec<u8>> {
+        let view = self.camera.view(span, sources)?;
+        let mut bytes = Vec::with_capacity(64 * self.matrices.len());
         for name in &self.matrices {
             let matrix = view.matrix(*name);
             let matrix = if self.rows { matrix.transpose() } else { matrix };

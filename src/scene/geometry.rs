@@ -254,7 +254,11 @@ impl MeshEntry {
     }
 
     /// The file, and which of its parts are taken, each with the transform of its node.
-    fn open(&self, files: &dyn Files, models: &OpenModels) -> Result<(Arc<Model>, Vec<(usize, glam::DMat4)>)> {
+    fn open(
+        &self,
+        files: &dyn Files,
+        models: &OpenModels,
+    ) -> Result<(Arc<Model>, Vec<(usize, glam::DMat4)>)> {
         let model = models.open_as(self.format, &self.file, files)?;
         let key = Self::key(self.format);
         let at = |error: Error| error.at_with(self.file.span.place(), "named here");
@@ -280,7 +284,8 @@ impl MeshEntry {
                 Some(name) => format!("`{}`", name.value),
                 None => "the file".to_string(),
             };
-            let error = self.file.span.error(format!("{what} has {count} primitives, and a geometry takes one"));
+            let error =
+                self.file.span.error(format!("{what} has {count} primitives, and a geometry takes one"));
             return Err(error.note(format!("there are: {}", model.contents())).note(format!(
                 "say which by `{key}` and `primitive`, take all by `merge = true`, or make a geometry of each \
                  by `[[model]]`"

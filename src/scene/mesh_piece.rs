@@ -3,14 +3,12 @@
 
 use std::collections::HashMap;
 
-use crate::error::{Error, ErrorKind, Result};
-use crate::input::InputLimit;
-use crate::scene::files::Files;
+use crate::error::{Error, Result};
 use crate::scene::geometry::InstanceEntry;
-use crate::scene::mesh::material::{Material, Slot};
+use crate::scene::mesh::material::{Material, Slot, Texture};
 use crate::scene::mesh::model::{Model, Part};
 use crate::scene::models::MeshSelection;
-use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, list_of, nearest};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, nearest};
 
 /// A piece that comes from meshes.
 #[derive(Clone, Debug)]
@@ -118,11 +116,8 @@ enum TableName {
 
 impl Named for TableName {
     const WHAT: &'static str = "table of a mesh";
-    const NAMES: &'static [(&'static str, Self)] = &[
-        ("instances", Self::Instances),
-        ("geometries", Self::Geometries),
-        ("materials", Self::Materials),
-    ];
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("instances", Self::Instances), ("geometries", Self::Geometries), ("materials", Self::Materials)];
 }
 
 /// Writes the enum of a table's columns from a row each: name, bytes.
@@ -165,8 +160,14 @@ columns! {
 }
 
 impl InstanceColumn {
-    const DEFAULT: &'static [Self] =
-        &[Self::ObjectToWorld, Self::WorldToObject, Self::Mesh, Self::Geometry, Self::GeometryCount, Self::Material];
+    const DEFAULT: &'static [Self] = &[
+        Self::ObjectToWorld,
+        Self::WorldToObject,
+        Self::Mesh,
+        Self::Geometry,
+        Self::GeometryCount,
+        Self::Material,
+    ];
 }
 
 columns! {
@@ -242,11 +243,83 @@ impl MaterialColumn {
 /// What stands in a table for something that is not there.
 const NOTHING: u32 = u32::MAX;
 
+/// A texture of a mesh, `{ mesh = "floor", texture = "base_color" }`.
+#[derive(Clone, Debug)]
+pub struct TextureReference {
+    mesh: Spanned<String>,
+    texture: TextureChoice,
+    /// The span of its table.
+    pub span: Span,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum TextureChoice {
+    /// That of the geometry's material.
+    Slot(Slot),
+    /// By its number in the file.
+    Number(u32),
+}
+
+impl Parse for TextureReference {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let mesh = table.required("mesh");
+        let base_color = TextureChoice::Slot(Slot::BaseColor);
+        let texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
+            Some(_) => Slot::parse(value).map(TextureChoice::Slot),
+            None => u32::parse(value).map(TextureChoice::Number),
+        });
+        table.finish();
+        Some(Self { mesh: mesh?, texture: texture?, span: value.span() })
+    }
+}
+
+impl TextureReference {
+    /// The texture, and whether its texels of 8 bits are colours, where that is known.
+    ///
+    /// # Errors
+    /// `InvalidScene` where there is none, or the mesh has several.
+    pub fn find<'m>(&self, meshes: &SceneMeshes<'m>) -> Result<(&'m Texture, Option<bool>)> {
+        let MeshSelection { model, parts, .. } = meshes.find(&self.mesh)?;
+        let slot = match self.texture {
+            TextureChoice::Slot(slot) => slot,
+            TextureChoice::Number(number) => {
+                let count = model.textures.len();
+                let message = || format!("texture {number} of {count}, which count from 0");
+                let texture =
+                    model.textures.get(number as usize).ok_or_else(|| self.span.error(message()))?;
+                return Ok((texture, None));
+            }
+        };
+        let mut found = parts.iter().map(|part| model.texture(*part, slot));
+        let first = found.next().flatten();
+        if found.any(|other| other != first) {
+            let message =
+                format!("the geometries of `{}` have several textures `{}`", self.mesh.value, slot.name());
+            let names = parts.iter().map(|part| model.parts[*part].name.as_str());
+            let error = self.mesh.span.error(message);
+            return Err(error.note(format!("name one of its geometries: {}", list_of(names))));
+        }
+        let Some(texture) = first else {
+            let names = Slot::NAMES
+                .iter()
+                .filter(|(_, slot)| parts.first().is_some_and(|part| model.texture(*part, *slot).is_some()));
+            let names = list_of(names.map(|(name, _)| *name));
+            let error = self.span.error(format!("`{}` has no texture `{}`", self.mesh.value, slot.name()));
+            return Err(match names.is_empty() {
+                true => error.note("its material has no texture"),
+                false => error.note(format!("its material has: {names}")),
+            });
+        };
+        Ok((texture, Some(slot.is_color())))
+    }
+}
+
 /// What the pieces of a scene may name: meshes, and the instances of its acceleration structures.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneMeshes<'a> {
     /// The meshes by their names.
-    pub names: &'a HashMap<String, MeshSelection>,
+    pub names: &'a HashMap<String, Result<MeshSelection>>,
     /// All instances.
     pub instances: &'a [InstanceEntry],
 }
@@ -257,7 +330,8 @@ impl<'m> SceneMeshes<'m> {
     /// # Errors
     /// `InvalidScene` that lists the names if there is none.
     pub fn find(&self, name: &Spanned<String>) -> Result<&'m MeshSelection> {
-        self.names.get(&name.value).ok_or_else(|| {
+        let found = self.names.get(&name.value).map(|found| found.as_ref().map_err(Clone::clone));
+        found.unwrap_or_else(|| {
             let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
             names.sort_unstable();
             let label = match nearest(&name.value, names.iter().copied()) {
@@ -265,7 +339,10 @@ impl<'m> SceneMeshes<'m> {
                 None => "a mesh is a geometry with a file, or one of a `[[model]]`".to_string(),
             };
             let error = name.span.error_with(format!("no mesh is named `{}`", name.value), label);
-            if names.is_empty() { error } else { error.note(format!("there are: {}", list_of(names.into_iter()))) }
+            Err(match names.is_empty() {
+                true => error,
+                false => error.note(format!("there are: {}", list_of(names.into_iter()))),
+            })
         })
     }
 }
@@ -321,7 +398,13 @@ impl MeshPiece {
     fn row(&self) -> u64 {
         match &self.content {
             MeshContent::Vertices { formats, .. } => formats.iter().map(|format| format.size()).sum(),
-            MeshContent::Indices { is_short } => if *is_short { 2 } else { 4 },
+            MeshContent::Indices { is_short } => {
+                if *is_short {
+                    2
+                } else {
+                    4
+                }
+            }
             MeshContent::Instances { columns, .. } => columns.iter().map(|column| column.size()).sum(),
             MeshContent::Geometries(columns) => columns.iter().map(|column| column.size()).sum(),
             MeshContent::Materials(columns) | MeshContent::OwnMaterials(columns) => {
@@ -354,7 +437,9 @@ impl MeshPiece {
             MeshContent::Indices { .. } => 3 * sum(|part| part.triangles),
             MeshContent::Instances { tlas, .. } => instances(meshes, selection, tlas).count() as u64,
             MeshContent::Geometries(_) | MeshContent::OwnMaterials(_) => sum(|_| 1),
-            MeshContent::Materials(_) => selection.map_or(0, |selection| selection.model.materials.len() as u64),
+            MeshContent::Materials(_) => {
+                selection.map_or(0, |selection| selection.model.materials.len() as u64)
+            }
         };
         let row = self.stride.map_or(self.row(), u64::from);
         Ok(rows.saturating_mul(row))
@@ -365,18 +450,9 @@ impl MeshPiece {
     /// # Errors
     /// `InvalidScene` where no mesh has its name or the mesh lacks an attribute; `InvalidMesh` where
     /// the file is broken.
-    pub fn encode(
-        &self,
-        span: &Span,
-        meshes: &SceneMeshes<'_>,
-        files: &dyn Files,
-        bytes: &mut Vec<u8>,
-    ) -> Result<()> {
-        let size = self.size(meshes)?;
-        let checked = files.limits().check(InputLimit::BufferBytes, size, ErrorKind::InvalidScene);
-        checked.map_err(|error| error.at(span.place()))?;
-        bytes.reserve_exact(size as usize);
-        let mut rows = Rows { bytes, row: self.row() as usize, stride: self.stride.map(|stride| stride as usize) };
+    pub fn encode(&self, span: &Span, meshes: &SceneMeshes<'_>, bytes: &mut Vec<u8>) -> Result<()> {
+        let mut rows =
+            Rows { bytes, row: self.row() as usize, stride: self.stride.map(|stride| stride as usize) };
         let selection = self.selection(meshes)?;
         if let MeshContent::Instances { columns, tlas } = &self.content {
             let places = places(meshes);
@@ -393,7 +469,8 @@ impl MeshPiece {
         match &self.content {
             MeshContent::Vertices { attributes, formats, missing } => {
                 for part in parts {
-                    vertex_rows(model, *part, attributes, formats, missing.as_deref(), &mut rows).map_err(named)?;
+                    vertex_rows(model, *part, attributes, formats, missing.as_deref(), &mut rows)
+                        .map_err(named)?;
                 }
             }
             MeshContent::Indices { is_short } => {
@@ -560,7 +637,7 @@ struct PlaceInFile {
 /// The place of each geometry that is one part of a file.
 fn places<'m>(meshes: &SceneMeshes<'m>) -> HashMap<&'m str, PlaceInFile> {
     let mut places = HashMap::new();
-    for selection in meshes.names.values() {
+    for selection in meshes.names.values().flatten() {
         let [part] = selection.parts[..] else { continue };
         let found = &selection.model.parts[part];
         let place =

@@ -22,8 +22,8 @@ pub mod geometry;
 pub mod image;
 pub mod image_entry;
 pub mod mesh;
-mod micromap;
 pub mod mesh_piece;
+mod micromap;
 pub mod mip;
 pub mod models;
 pub mod random;
@@ -42,6 +42,8 @@ pub use resolve::{LoadOptions, load, load_bytes, load_text};
 pub use resolved::ResolvedScene;
 pub use run_limits::RunLimits;
 
+#[cfg(test)]
+mod mesh_tests;
 #[cfg(test)]
 mod mistakes;
 mod motion;

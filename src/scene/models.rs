@@ -205,7 +205,7 @@ pub struct Expanded {
     /// An instance of each node.
     pub instances: Vec<InstanceEntry>,
     /// The names of geometries, meshes and models.
-    pub names: HashMap<String, MeshSelection>,
+    pub names: HashMap<String, Result<MeshSelection>>,
 }
 
 impl Expanded {
@@ -246,8 +246,12 @@ impl Expanded {
                 if keys.no_duplicate_any_hit == Some(true) {
                     flags |= GeometryFlags::NO_DUPLICATE_ANY_HIT.0;
                 }
-                let content =
-                    GeometryEntry::of_part(entry.file.span.clone(), GeometryFlags(flags), model.clone(), part);
+                let content = GeometryEntry::of_part(
+                    entry.file.span.clone(),
+                    GeometryFlags(flags),
+                    model.clone(),
+                    part,
+                );
                 self.geometries.push(Entry { name: whole(&name), content: Some(content) });
                 self.select(name.clone(), &model, vec![part], &full);
                 list.push(whole(&name));
@@ -267,9 +271,13 @@ impl Expanded {
             return;
         }
         if model.nodes.is_empty() {
-            report.push(entry.file.span.error("no node of the file's scene has a mesh").note(
-                "`instances = false` makes geometries alone, and `[[instance]]` places them",
-            ));
+            report.push(
+                entry
+                    .file
+                    .span
+                    .error("no node of the file's scene has a mesh")
+                    .note("`instances = false` makes geometries alone, and `[[instance]]` places them"),
+            );
         }
         let own = entry.transform.map(|rows| matrix_of(&rows));
         for (at, node) in (0..).zip(&model.nodes) {
@@ -310,7 +318,8 @@ impl Expanded {
         full: &dyn Fn(usize) -> String,
     ) {
         let geometries = parts.iter().map(|part| full(*part)).collect();
-        self.names.insert(name, MeshSelection { model: model.clone(), parts, merged: false, geometries });
+        let selection = MeshSelection { model: model.clone(), parts, merged: false, geometries };
+        self.names.insert(name, Ok(selection));
     }
 }
 

@@ -10,13 +10,14 @@ use crate::machine::sampler::Sampler;
 use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::pipeline::DeviceProfile;
 use crate::scene::addresses;
-use crate::scene::data::{DataPieces, read_limited};
+use crate::scene::data::{DataPieces, DataSources, read_limited};
 use crate::scene::encoding::Data;
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
 use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
 use crate::scene::resolved::{
@@ -131,7 +132,7 @@ struct Resolver<'a> {
     models: Vec<ModelEntry>,
     open_models: OpenModels,
     /// The names that models give to their geometries and meshes.
-    mesh_names: HashMap<String, MeshSelection>,
+    mesh_names: HashMap<String, Result<MeshSelection>>,
     instances: Vec<InstanceEntry>,
     shader_entries: ByName<ShaderEntry>,
     samplers: ByName<Sampler>,
@@ -394,12 +395,18 @@ impl<'a> Resolver<'a> {
     }
 
     fn data(&self, data: Option<&DataPieces>) -> Data {
-        let data = data.map(|data| self.report.keep(data.resolve(self.files, self.aspect())));
+        let data = data.map(|data| self.report.keep(data.resolve(&self.sources())));
         data.flatten().unwrap_or_default()
     }
 
-    fn aspect(&self) -> f32 {
-        self.launch[0] as f32 / self.launch[1] as f32
+    /// What data may name.
+    fn sources(&self) -> DataSources<'_> {
+        DataSources {
+            files: self.files,
+            aspect: self.launch[0] as f32 / self.launch[1] as f32,
+            models: &self.open_models,
+            meshes: Some(SceneMeshes { names: &self.mesh_names, instances: &self.instances }),
+        }
     }
 
     /// Finds the entry with a name; reports an error if there is none.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhit::error::{Error, ErrorKind, Result};
 use anyhit::harness::expect::Expectations;
 use anyhit::harness::smoke::{self, SmokeOptions};
-use anyhit::input::{InputLimit, InputLimits};
+use anyhit::input::InputLimit;
 use anyhit::machine::{Bindings, Mask, Resources, Stop};
 use anyhit::module::ty::TypeId;
 use anyhit::program::lower;

@@ -68,7 +68,9 @@ impl GltfFile {
             let vertices = primitive.get(&Semantic::Positions).map_or(0, |positions| positions.count());
             let count = accessor.count();
             if count != vertices {
-                return Err(invalid(format!("attribute `{name}` has {count} elements for {vertices} vertices")));
+                return Err(invalid(format!(
+                    "attribute `{name}` has {count} elements for {vertices} vertices"
+                )));
             }
             self.numbers(&accessor)
         })
@@ -164,7 +166,11 @@ impl GltfFile {
         }
     }
 
-    fn elements<T: Item + Copy>(&self, accessor: &Accessor<'_>, number: impl Fn(T) -> f32) -> Result<Numbers> {
+    fn elements<T: Item + Copy>(
+        &self,
+        accessor: &Accessor<'_>,
+        number: impl Fn(T) -> f32,
+    ) -> Result<Numbers> {
         let components = accessor.dimensions().multiplicity();
         let mut values = Vec::with_capacity(components * accessor.count());
         match components {
@@ -210,7 +216,8 @@ impl GltfFile {
                 let buffer = self.buffers.get(view.buffer().index());
                 let end = view.offset().checked_add(view.length());
                 let bytes = buffer.zip(end).and_then(|(bytes, end)| bytes.get(view.offset()..end));
-                let bytes = bytes.ok_or_else(|| invalid(format!("image {} is beyond its buffer", image.index())));
+                let bytes =
+                    bytes.ok_or_else(|| invalid(format!("image {} is beyond its buffer", image.index())));
                 Ok(PictureSource::Bytes(bytes?.into()))
             }
             gltf::image::Source::Uri { uri, .. } => match uri.strip_prefix("data:") {
@@ -337,12 +344,7 @@ fn json_values(text: &[u8]) -> u64 {
 
 /// The content of every buffer: the binary chunk, a data URI or a file beside this one. Several of
 /// one file share it.
-fn buffers(
-    path: &Path,
-    file: &Gltf,
-    blob: Option<Vec<u8>>,
-    files: &dyn Files,
-) -> Result<Vec<Arc<Vec<u8>>>> {
+fn buffers(path: &Path, file: &Gltf, blob: Option<Vec<u8>>, files: &dyn Files) -> Result<Vec<Arc<Vec<u8>>>> {
     let blob = blob.map(Arc::new);
     let mut named: HashMap<PathBuf, Arc<Vec<u8>>> = HashMap::new();
     let mut all = Vec::new();
@@ -396,8 +398,7 @@ fn list_of_dimensions(dimensions: &[Dimensions]) -> String {
 }
 
 fn data_uri(data: &str) -> Result<Vec<u8>> {
-    let (_, digits) =
-        data.split_once(";base64,").ok_or_else(|| invalid("a data URI that is not base64"))?;
+    let (_, digits) = data.split_once(";base64,").ok_or_else(|| invalid("a data URI that is not base64"))?;
     base64(digits).ok_or_else(|| invalid("a data URI with broken base64"))
 }
 

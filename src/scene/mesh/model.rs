@@ -200,10 +200,10 @@ impl Model {
     /// # Errors
     /// As [`Model::triangles`]; also where all together are beyond a limit, or none is there.
     pub fn merged(&self, parts: &[(usize, glam::DMat4)], limits: &InputLimits) -> Result<Mesh> {
-        let count = |of: fn(&Part) -> usize| parts.iter().map(|(part, _)| of(&self.parts[*part]) as u64).sum();
-        let check = |limit, count| {
-            limits.check(limit, count, ErrorKind::InvalidMesh).map_err(|error| self.at(error))
-        };
+        let count =
+            |of: fn(&Part) -> usize| parts.iter().map(|(part, _)| of(&self.parts[*part]) as u64).sum();
+        let check =
+            |limit, count| limits.check(limit, count, ErrorKind::InvalidMesh).map_err(|error| self.at(error));
         check(InputLimit::MeshVertices, count(|part| part.vertices))?;
         check(InputLimit::MeshTriangles, count(|part| part.triangles))?;
         let mut all = Mesh::default();

@@ -200,7 +200,8 @@ fn materials(
         for (slot, file) in maps.into_iter().chain([(Slot::Emissive, &emissive)]) {
             let Some(file) = file else { continue };
             // Options such as `-bm 0.2` stand before the name.
-            let name = file.rsplit_once(' ').filter(|_| file.starts_with('-')).map_or(&**file, |(_, name)| name);
+            let name =
+                file.rsplit_once(' ').filter(|_| file.starts_with('-')).map_or(&**file, |(_, name)| name);
             let picture = library.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
             let texture = *places.entry(picture).or_insert_with_key(|picture| {
                 let picture = PictureSource::File(picture.clone());
@@ -389,9 +390,7 @@ mod tests {
         for (limit, most) in
             [(InputLimit::MeshVertices, 4), (InputLimit::MeshTriangles, 2), (InputLimit::MeshValues, 1)]
         {
-            let read = |most| {
-                open(QUAD, &[], InputLimits::default().with(limit, most))
-            };
+            let read = |most| open(QUAD, &[], InputLimits::default().with(limit, most));
             assert!(read(most).is_ok());
             let error = read(most - 1).unwrap_err();
             assert!(error.to_string().contains(&format!("`{}` of {}", limit.name(), most - 1)), "{error}");
@@ -406,7 +405,8 @@ mod tests {
         usemtl brick\nf 1/1/1 2/2/1 3/3/1\nusemtl glass\nf 2/2/2 4/1/2 3/3/2\n\
         o roof\nusemtl brick\nf 1 2 4\n";
 
-    const LIBRARY: &[u8] = b"newmtl brick\nKd 0.5 0.25 0.125\nd 0.75\nNi 1.25\nNs 8\nKs 0.1 0.2 0.3\nKe 1 2 3\n\
+    const LIBRARY: &[u8] =
+        b"newmtl brick\nKd 0.5 0.25 0.125\nd 0.75\nNi 1.25\nNs 8\nKs 0.1 0.2 0.3\nKe 1 2 3\n\
         illum 2\nmap_Kd pictures/brick.png\nmap_Bump -bm 0.2 bump.png\nnewmtl unused\nKd 1 0 0\n";
 
     #[test]

@@ -76,7 +76,7 @@ impl Resolver<'_> {
             else {
                 continue;
             };
-            if let Some(data) = self.report.keep(buffer.load(self.files, self.aspect())) {
+            if let Some(data) = self.report.keep(buffer.load(&self.sources())) {
                 buffers.push(UnboundBuffer {
                     name: entry.name.value.clone(),
                     data,
@@ -107,7 +107,7 @@ impl Resolver<'_> {
     fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
         match content {
             Content::Buffer(kind, entry) => {
-                let data = self.report.keep(entry.load(self.files, self.aspect()))?;
+                let data = self.report.keep(entry.load(&self.sources()))?;
                 Some(match kind {
                     DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
                     _ => Resource::StorageBuffer(data),
@@ -119,7 +119,7 @@ impl Resolver<'_> {
                     Some(reference) => self.sampler(reference),
                 };
                 let streams = self.options.streams && *kind == DescriptorKind::StorageImage;
-                let image = self.report.keep(entry.load(self.files, self.launch, streams))?;
+                let image = self.report.keep(entry.load(&self.sources(), self.launch, streams))?;
                 Some(match kind {
                     DescriptorKind::SampledImage => Resource::SampledImage(image),
                     DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer => {
@@ -146,6 +146,11 @@ impl Resolver<'_> {
     fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
         match reference {
             SamplerReference::Inline(sampler) => Some(*sampler),
+            SamplerReference::Mesh(texture) => {
+                let sources = self.sources();
+                let meshes = sources.meshes.as_ref()?;
+                self.report.keep(texture.find(meshes)).map(|(texture, _)| texture.sampler)
+            }
             SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
         }
     }

@@ -32,6 +32,13 @@ impl Resolver<'_> {
         self.geometry.merge(expanded.geometries);
         self.instances.extend(expanded.instances);
         self.mesh_names = expanded.names;
+        for entry in &self.geometry.entries {
+            let name = &entry.name.value;
+            let content = entry.content.as_ref();
+            let selection =
+                content.and_then(|content| content.selection(name, self.files, &self.open_models));
+            self.mesh_names.extend(selection.map(|selection| (name.clone(), selection)));
+        }
     }
 
     /// Builds a BLAS for every list of geometries, and a TLAS for every name. A name without a

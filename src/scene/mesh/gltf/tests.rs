@@ -160,7 +160,7 @@ fn headers_of_binary_files_are_checked() {
     // Shorter than its own header: the crate subtracts 12.
     for (length, chunk) in [(0, 4), (11, 4), (19, 4), (25, 4), (u32::MAX, 4), (24, 5), (24, u32::MAX)] {
         let bytes = header(length, chunk);
-            let error = Model::open(MeshFormat::Gltf, Path::new("m.glb"), bytes, &EmbeddedFiles(&[]));
+        let error = Model::open(MeshFormat::Gltf, Path::new("m.glb"), bytes, &EmbeddedFiles(&[]));
         assert!(error.unwrap_err().message().starts_with("not glTF: "), "{length} {chunk}");
     }
     assert!(json(b"glTF").is_err());
