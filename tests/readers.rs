@@ -8,11 +8,11 @@ use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use anyhit::error::ErrorKind;
+use anyhit::error::{Error, ErrorKind};
 use anyhit::input::{InputLimit, InputLimits};
 use anyhit::recording::Recording;
 use anyhit::scene::image::Picture;
-use anyhit::scene::mesh::{gltf, obj};
+use anyhit::scene::mesh::model::{MeshFormat, Model};
 use anyhit::scene::{EmbeddedFiles, LoadOptions, load};
 use image::ImageFormat;
 
@@ -186,7 +186,7 @@ fn mend_glb(bytes: &mut [u8]) {
 fn damaged_gltf_files_are_read_or_refused() {
     let data = gltf_buffer();
     let files = [("a.bin", data.as_slice())];
-    let read = |bytes: &[u8]| gltf::read(Path::new("m.gltf"), bytes, None, &EmbeddedFiles(&files)).map(drop);
+    let read = |bytes: &[u8]| read_mesh(MeshFormat::Gltf, "m.gltf", bytes, &files);
     let text = gltf_text(r#""uri":"a.bin","#);
     survives("glTF", text.as_bytes(), true, MESH, &|_| (), &read);
     survives("GLB", &glb(), true, MESH, &mend_glb, &read);
@@ -196,9 +196,18 @@ fn damaged_gltf_files_are_read_or_refused() {
 fn damaged_obj_files_are_read_or_refused() {
     let text = "mtllib a.mtl\no quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvn 0 0 1\nusemtl a\n\
         f 1/1/1 2/1/1 3//1 -1\ng other\nv 5 5 5\nf -1 1 2\nl 1 2\np 1\nf 1 2 3 4 5\n";
-    let limits = InputLimits::default();
-    let read = |bytes: &[u8]| obj::read(Path::new("m.obj"), bytes, None, &limits).map(drop);
+    let read = |bytes: &[u8]| read_mesh(MeshFormat::Obj, "m.obj", bytes, &[]);
     survives("OBJ", text.as_bytes(), true, MESH, &|_| (), &read);
+}
+
+/// Opens a mesh file and decodes all that it carries.
+fn read_mesh(format: MeshFormat, name: &str, bytes: &[u8], files: &[(&str, &[u8])]) -> Result<(), Error> {
+    let model = Model::open(format, Path::new(name), bytes.to_vec(), &EmbeddedFiles(files))?;
+    for (at, part) in model.parts.iter().enumerate() {
+        model.triangles(at)?;
+        part.attributes.iter().try_for_each(|name| model.attribute(at, name).map(drop))?;
+    }
+    Ok(())
 }
 
 /// Pictures as the crate writes them, of 24 x 16 texels.

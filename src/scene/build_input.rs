@@ -9,8 +9,9 @@ use crate::accel::build_input::{
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::scene::data::DataPieces;
+use crate::scene::data::{DataPieces, DataSources};
 use crate::scene::files::Files;
+use crate::scene::models::OpenModels;
 use crate::scene::read::{Named, Span, Table};
 
 /// The buffers of one geometry, as a scene writes them.
@@ -150,8 +151,11 @@ impl BuildEntry {
 
     fn load_with(&self, vertices: &DataPieces, files: &dyn Files) -> Result<GeometryData> {
         let at_table = |error: Error| self.span.error(error.message());
-        let bytes = |buffer: &Buffer| buffer.data.encode(files, 1.0);
-        let vertices = vertices.encode(files, 1.0)?;
+        // A buffer of a build is no attribute of a mesh: those are geometries already.
+        let models = OpenModels::default();
+        let sources = DataSources::files(files, &models);
+        let bytes = |buffer: &Buffer| buffer.data.encode(&sources);
+        let vertices = vertices.encode(&sources)?;
         let vertices = Strided { bytes: &vertices, stride: self.vertices.stride };
         if let Kind::Aabbs = self.kind {
             self.reserve(aabbs_size(vertices, self.range).map_err(at_table)?, files)?;

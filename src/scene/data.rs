@@ -14,9 +14,11 @@ use std::path::Path;
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
-use crate::scene::camera::Camera;
+use crate::scene::camera::CameraPiece;
 use crate::scene::encoding::{AddressOf, Data, LatePiece};
 use crate::scene::files::Files;
+use crate::scene::mesh_piece::{MeshPiece, SceneMeshes};
+use crate::scene::models::OpenModels;
 use crate::scene::read::{Diagnostics, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
 use crate::scene::struct_lookup::DataBlock;
@@ -41,12 +43,34 @@ enum Content {
     Align(u32),
     /// The whole content of a file.
     File(String),
-    /// `mat4 view_inverse; mat4 projection_inverse;`
-    Camera(Camera),
+    /// Matrices of a camera.
+    Camera(Box<CameraPiece>),
+    /// Attributes, indices or tables of a mesh.
+    Mesh(Box<MeshPiece>),
     /// A value by the names of a struct's members.
     Struct(Box<StructPiece>),
     /// What is encoded after the modules are loaded.
     Late(LatePiece),
+}
+
+/// What data may name before modules are loaded.
+#[derive(Clone, Copy)]
+pub struct DataSources<'a> {
+    /// Files beside the scene.
+    pub files: &'a dyn Files,
+    /// The width of the picture divided by its height, for cameras.
+    pub aspect: f32,
+    /// The mesh files of the scene.
+    pub models: &'a OpenModels,
+    /// Its meshes and instances; `None` where they are not known yet.
+    pub meshes: Option<SceneMeshes<'a>>,
+}
+
+impl<'a> DataSources<'a> {
+    /// Files alone, without meshes.
+    pub fn files(files: &'a dyn Files, models: &'a OpenModels) -> Self {
+        Self { files, aspect: 1.0, models, meshes: None }
+    }
 }
 
 impl DataPieces {
@@ -54,8 +78,8 @@ impl DataPieces {
     ///
     /// # Errors
     /// As [`DataPieces::resolve`], and `InvalidScene` where a piece is encoded later.
-    pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
-        let mut data = self.resolve(files, aspect)?;
+    pub fn encode(&self, sources: &DataSources<'_>) -> Result<Vec<u8>> {
+        let mut data = self.resolve(sources)?;
         match data.first_late() {
             None => Ok(std::mem::take(data.tail())),
             Some(span) => Err(span.error(
@@ -64,13 +88,12 @@ impl DataPieces {
         }
     }
 
-    /// Reads files and encodes what is known before modules are loaded; `aspect` is the width of
-    /// the picture divided by its height, for cameras.
+    /// Reads files and encodes what is known before modules are loaded.
     ///
     /// # Errors
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
-    pub fn resolve(&self, files: &dyn Files, aspect: f32) -> Result<Data> {
-        self.resolve_for(files, aspect, &NoShaders, None)
+    pub fn resolve(&self, sources: &DataSources<'_>) -> Result<Data> {
+        self.resolve_for(sources, &NoShaders, None)
     }
 
     /// As [`DataPieces::resolve`], for data that shaders read through a block which they declare.
@@ -79,11 +102,11 @@ impl DataPieces {
     /// As there, and those of structs that the shaders do not have.
     pub fn resolve_for(
         &self,
-        files: &dyn Files,
-        aspect: f32,
+        sources: &DataSources<'_>,
         modules: &dyn ShaderModules,
         block: Option<DataBlock>,
     ) -> Result<Data> {
+        let files = sources.files;
         let mut data = Data::default();
         for Spanned { value: piece, span } in &self.0 {
             if let Content::Late(late) = &piece.content {
@@ -107,7 +130,7 @@ impl DataPieces {
                 let report = Diagnostics::within(files.limits());
                 let inner = |value: TomlValue<'_>| {
                     let pieces = Self::parse(value)?;
-                    value.report().keep(pieces.resolve_for(files, aspect, modules, None))
+                    value.report().keep(pieces.resolve_for(sources, modules, None))
                 };
                 // Only what begins a buffer is the block that a shader declares there.
                 let block = block.filter(|_| data.is_empty());
@@ -132,9 +155,25 @@ impl DataPieces {
                     continue;
                 }
                 Content::File(path) => read(files, path, span)?,
-                Content::Camera(camera) => {
-                    let matrices = camera.matrices(aspect).map_err(|message| span.error(message))?;
-                    matrices.iter().flat_map(|x| x.to_le_bytes()).collect()
+                Content::Camera(camera) => camera.encode(span, sources)?,
+                Content::Mesh(mesh) => {
+                    let Some(meshes) = &sources.meshes else {
+                        return Err(span.error(
+                            "what a mesh carries cannot stand here: only in data of resources, \
+                                               push constants and shader records",
+                        ));
+                    };
+                    let all = mesh.size(meshes)?.saturating_mul(piece.repeat.into());
+                    grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
+                    let start = bytes.len();
+                    bytes.reserve_exact(all as usize);
+                    mesh.encode(span, meshes, bytes)?;
+                    let end = bytes.len();
+                    match piece.repeat {
+                        0 => bytes.truncate(start),
+                        repeat => (1..repeat).for_each(|_| bytes.extend_from_within(start..end)),
+                    }
+                    continue;
                 }
                 Content::Align(_) | Content::Late(_) | Content::Struct(_) => continue,
             };
@@ -194,10 +233,11 @@ impl Parse for Piece {
         contents.extend(table.optional::<u32>("zeros").map(Content::Zeros));
         contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
-        contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
         if StructPiece::is_in(&table) {
             contents.extend(StructPiece::parse(&table).map(|piece| Content::Struct(Box::new(piece))));
         }
+        contents.extend(CameraPiece::parse(&table).map(|piece| Content::Camera(Box::new(piece))));
+        contents.extend(MeshPiece::parse(&table).map(|piece| Content::Mesh(Box::new(piece))));
         contents.extend(address_of(&table).map(|of| Content::Late(LatePiece::Address(of))));
         let repeat = table.or("repeat", 1);
         table.finish();
@@ -392,7 +432,8 @@ mod tests {
         let data: Option<DataPieces> = table.required("x");
         table.finish();
         report.finish()?;
-        data.unwrap().encode(&EmbeddedFiles(&[("b.bin", &[9, 8, 7])]), 1.0)
+        let files = EmbeddedFiles(&[("b.bin", &[9, 8, 7])]);
+        data.unwrap().encode(&DataSources::files(&files, &OpenModels::default()))
     }
 
     #[test]

@@ -13,10 +13,11 @@ use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check_callable_depth};
-use crate::scene::data::DataPieces;
+use crate::scene::data::{DataPieces, DataSources};
 use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::models::{ModelEntry, OpenModels};
 use crate::scene::read::{
     Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
 };
@@ -35,6 +36,8 @@ pub struct SceneFile {
     pub include: Vec<Spanned<String>>,
     /// `[geometry.NAME]`
     pub geometry: Vec<Entry<GeometryEntry>>,
+    /// `[[model]]`
+    pub models: Vec<ModelEntry>,
     /// `[[instance]]`
     pub instances: Vec<InstanceEntry>,
     /// `[shaders.NAME]`
@@ -87,6 +90,7 @@ impl SceneFile {
         let file = Self {
             include: root.optional::<OneOrMore<_>>("include").map_or(Vec::new(), |paths| paths.0),
             geometry: entries(&root, "geometry"),
+            models: root.or("model", Vec::new()),
             instances: root.or("instance", Vec::new()),
             shaders: entries(&root, "shaders"),
             device: root.optional("device"),
@@ -524,7 +528,7 @@ impl Parse for RayEntry {
 /// Reads a ray's payload: data in whole words.
 fn payload(value: TomlValue<'_>) -> Option<Vec<u32>> {
     let data = DataPieces::parse(value)?;
-    let bytes = match data.encode(&EmbeddedFiles(&[]), 1.0) {
+    let bytes = match data.encode(&DataSources::files(&EmbeddedFiles(&[]), &OpenModels::default())) {
         Ok(bytes) => bytes,
         Err(_) => return value.wrong("the payload of a ray is given in place: `{ f32 = [1, 2] }`"),
     };

@@ -1,18 +1,20 @@
 //! `[geometry.NAME]` and `[[instance]]` of a scene file.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use crate::accel::{
     Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, OpacityMicromap,
     TlasInstance,
 };
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::build_input::BuildEntry;
-use crate::scene::data::read;
 use crate::scene::files::Files;
 use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
-use crate::scene::mesh::{Mesh, gltf, obj};
+use crate::scene::mesh::Mesh;
+use crate::scene::mesh::model::{MeshFormat, Model};
 use crate::scene::micromap::opacity_micromap;
+use crate::scene::models::{MeshSelection, OpenModels};
 use crate::scene::motion::motion;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
@@ -34,8 +36,9 @@ pub struct GeometryEntry {
 enum Shape {
     Inline(GeometryData),
     Build(Box<BuildEntry>),
-    Obj { file: Spanned<String>, object: Option<String>, transform: Option<[[f32; 4]; 3]> },
-    Gltf { file: Spanned<String>, mesh: Option<String>, transform: Option<[[f32; 4]; 3]> },
+    Mesh(Box<MeshEntry>),
+    /// A part of a model, with its number.
+    Part(Arc<Model>, usize),
     Grass(Grass),
     SphereScatter(SphereScatter),
     Chains(Chains),
@@ -110,14 +113,8 @@ impl Parse for GeometryEntry {
             Kind::Aabbs => aabbs(&table),
             Kind::Spheres => spheres(&table),
             Kind::LinearSweptSpheres => linear_swept_spheres(&table),
-            Kind::Obj => {
-                let (object, transform) = (table.optional("object"), parse_transform(&table));
-                table.required("file").map(|file| Shape::Obj { file, object, transform })
-            }
-            Kind::Gltf => {
-                let (mesh, transform) = (table.optional("mesh"), parse_transform(&table));
-                table.required("file").map(|file| Shape::Gltf { file, mesh, transform })
-            }
+            Kind::Obj => MeshEntry::parse(&table, MeshFormat::Obj),
+            Kind::Gltf => MeshEntry::parse(&table, MeshFormat::Gltf),
             Kind::Grass => Grass::parse(&table).map(Shape::Grass),
             Kind::SphereScatter => SphereScatter::parse(&table).map(Shape::SphereScatter),
             Kind::Chains => Chains::parse(&table).map(Shape::Chains),
@@ -136,7 +133,7 @@ impl GeometryEntry {
     ///
     /// # Errors
     /// `Io` or `InvalidMesh` about its file.
-    pub fn load(&self, files: &dyn Files) -> Result<Geometry> {
+    pub fn load(&self, files: &dyn Files, models: &OpenModels) -> Result<Geometry> {
         // A vertex with what belongs to it takes about 32 bytes a primitive.
         let made = self.generated().saturating_mul(32);
         files.reserve(made).map_err(|error| error.at(self.span.place()))?;
@@ -148,7 +145,7 @@ impl GeometryEntry {
             opacity_micromap: self.opacity_micromap.clone(),
             cluster_id: self.cluster_id,
             vertices_t1,
-            ..Geometry::new(self.data(files)?, self.flags)
+            ..Geometry::new(self.data(files, models)?, self.flags)
         })
     }
 
@@ -165,26 +162,51 @@ impl GeometryEntry {
         }
     }
 
-    fn data(&self, files: &dyn Files) -> Result<GeometryData> {
-        let triangles = |mesh: Mesh, transform: Option<[[f32; 4]; 3]>| GeometryData::Triangles {
-            vertices: mesh.vertices,
-            indices: Some(mesh.indices),
-            transform,
-        };
+    /// A geometry of a part of a model.
+    pub(crate) fn of_part(span: Span, flags: GeometryFlags, model: Arc<Model>, part: usize) -> Self {
+        let shape = Shape::Part(model, part);
+        Self { span, flags, opacity_micromap: None, cluster_id: None, vertices_t1: None, shape }
+    }
+
+    /// Whether it is a part of a model.
+    pub(crate) fn is_part(&self) -> bool {
+        matches!(self.shape, Shape::Part(..))
+    }
+
+    /// What it takes of a mesh file, as one geometry of this name; `None` if it has no file.
+    pub(crate) fn selection(
+        &self,
+        name: &str,
+        files: &dyn Files,
+        models: &OpenModels,
+    ) -> Option<Result<MeshSelection>> {
+        let Shape::Mesh(entry) = &self.shape else { return None };
+        Some(entry.open(files, models).and_then(|(model, placed)| {
+            let is_placed = placed.iter().any(|(_, transform)| *transform != glam::DMat4::IDENTITY);
+            if is_placed {
+                let message = format!("`{name}` is transformed by nodes, and its attributes are not");
+                let error = entry.file.span.error(message);
+                return Err(error.note("`mesh` takes one without its nodes, and `[[model]]` makes instances"));
+            }
+            let parts = placed.iter().map(|(part, _)| *part).collect();
+            let geometries = HashSet::from([name.to_string()]);
+            Ok(MeshSelection { model, parts, merged: true, geometries })
+        }))
+    }
+
+    fn data(&self, files: &dyn Files, models: &OpenModels) -> Result<GeometryData> {
         Ok(match &self.shape {
             Shape::Inline(data) => data.clone(),
             Shape::Build(entry) => entry.load(files)?,
-            Shape::Obj { file, object, transform } => {
-                let path = file.span.source.sibling(&file.value);
-                let bytes = read(files, &file.value, &file.span)?;
-                let mesh = obj::read(&path, &bytes, object.as_deref(), &files.limits());
-                triangles(mesh.map_err(|error| error.at_with(file.span.place(), "named here"))?, *transform)
+            Shape::Mesh(entry) => {
+                let (model, placed) = entry.open(files, models)?;
+                let mesh = model.merged(&placed, &files.limits());
+                let mesh = mesh.map_err(|error| error.at_with(entry.file.span.place(), "named here"))?;
+                triangles_of(mesh, entry.transform)
             }
-            Shape::Gltf { file, mesh, transform } => {
-                let path = file.span.source.sibling(&file.value);
-                let bytes = read(files, &file.value, &file.span)?;
-                let mesh = gltf::read(&path, &bytes, mesh.as_deref(), files);
-                triangles(mesh.map_err(|error| error.at_with(file.span.place(), "named here"))?, *transform)
+            Shape::Part(model, part) => {
+                let mesh = model.triangles(*part);
+                triangles_of(mesh.map_err(|error| error.at_with(self.span.place(), "named here"))?, None)
             }
             Shape::Grass(grass) => grass.generate(),
             Shape::SphereScatter(scatter) => scatter.generate(),
@@ -192,6 +214,84 @@ impl GeometryEntry {
             Shape::Hair(hair) => hair.generate(),
             Shape::Ground(ground) => ground.generate(),
         })
+    }
+}
+
+fn triangles_of(mesh: Mesh, transform: Option<[[f32; 4]; 3]>) -> GeometryData {
+    GeometryData::Triangles { vertices: mesh.vertices, indices: Some(mesh.indices), transform }
+}
+
+/// What a geometry takes of a mesh file.
+#[derive(Clone, Debug)]
+struct MeshEntry {
+    format: MeshFormat,
+    file: Spanned<String>,
+    /// The mesh or object.
+    name: Option<Spanned<String>>,
+    primitive: Option<Spanned<u32>>,
+    merge: bool,
+    transform: Option<[[f32; 4]; 3]>,
+}
+
+impl MeshEntry {
+    fn parse(table: &Table<'_>, format: MeshFormat) -> Option<Shape> {
+        let name = table.optional(Self::key(format));
+        let (primitive, merge) = (table.optional::<Spanned<u32>>("primitive"), table.or("merge", false));
+        let transform = parse_transform(table);
+        let file = table.required("file")?;
+        if let (Some(primitive), true) = (&primitive, merge) {
+            table.report().push(primitive.span.error("either one `primitive`, or all of them by `merge`"));
+            return None;
+        }
+        Some(Shape::Mesh(Box::new(Self { format, file, name, primitive, merge, transform })))
+    }
+
+    fn key(format: MeshFormat) -> &'static str {
+        match format {
+            MeshFormat::Obj => "object",
+            MeshFormat::Gltf => "mesh",
+        }
+    }
+
+    /// The file, and which of its parts are taken, each with the transform of its node.
+    fn open(
+        &self,
+        files: &dyn Files,
+        models: &OpenModels,
+    ) -> Result<(Arc<Model>, Vec<(usize, glam::DMat4)>)> {
+        let model = models.open_as(self.format, &self.file, files)?;
+        let key = Self::key(self.format);
+        let at = |error: Error| error.at_with(self.file.span.place(), "named here");
+        let mut placed = match &self.name {
+            None => model.placed(&files.limits()).map_err(at)?,
+            Some(name) => {
+                let parts = model.parts_named(&name.value, key).map_err(at)?;
+                parts.into_iter().map(|part| (part, glam::DMat4::IDENTITY)).collect()
+            }
+        };
+        let count = placed.len();
+        if let Some(Spanned { value: primitive, span }) = &self.primitive {
+            if self.name.is_none() && model.meshes.len() > 1 {
+                let message = format!("`primitive` counts those of one {key}, and the file has several");
+                return Err(span.error(message).note(format!("there are: {}", model.contents())));
+            }
+            let Some(one) = placed.get(*primitive as usize) else {
+                return Err(span.error(format!("primitive {primitive} of {count}, which count from 0")));
+            };
+            placed = vec![*one];
+        } else if count > 1 && !self.merge {
+            let what = match &self.name {
+                Some(name) => format!("`{}`", name.value),
+                None => "the file".to_string(),
+            };
+            let error =
+                self.file.span.error(format!("{what} has {count} primitives, and a geometry takes one"));
+            return Err(error.note(format!("there are: {}", model.contents())).note(format!(
+                "say which by `{key}` and `primitive`, take all by `merge = true`, or make a geometry of each \
+                 by `[[model]]`"
+            )));
+        }
+        Ok((model, placed))
     }
 }
 
@@ -345,7 +445,7 @@ pub struct InstanceEntry {
     /// The span of its table.
     pub span: Span,
     /// The geometries of its BLAS.
-    pub geometry: Vec<Spanned<String>>,
+    pub geometry: Arc<[Spanned<String>]>,
     /// The name of its TLAS.
     pub tlas: String,
     /// Object to world.
@@ -388,19 +488,18 @@ impl Parse for InstanceEntry {
         let custom_index = bits24(&table, "custom_index");
         let mask = table.or("mask", 0xff);
         let sbt_offset = bits24(&table, "sbt_offset");
-        let flags = table.optional::<OneOrMore<InstanceFlag>>("flags");
-        let flags = flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0));
+        let flags = instance_flags(&table);
         table.finish();
         let entry = Self {
             span: value.span(),
-            geometry: geometry?.0,
+            geometry: geometry?.0.into(),
             tlas,
             transform,
             motion,
             custom_index: custom_index?,
             mask,
             sbt_offset: sbt_offset?,
-            flags: InstanceFlags(flags),
+            flags,
         };
         Some(entry)
     }
@@ -421,7 +520,14 @@ impl InstanceEntry {
     }
 }
 
-fn bits24(table: &Table<'_>, key: &'static str) -> Option<u32> {
+/// Reads `flags`.
+pub(super) fn instance_flags(table: &Table<'_>) -> InstanceFlags {
+    let flags = table.optional::<OneOrMore<InstanceFlag>>("flags");
+    InstanceFlags(flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0)))
+}
+
+/// Reads a number of 24 bits; without the key it is 0.
+pub(super) fn bits24(table: &Table<'_>, key: &'static str) -> Option<u32> {
     let Some(value) = table.value(key) else { return Some(0) };
     let number = u32::parse(value)?;
     if number >= 1 << 24 {

@@ -1,16 +1,21 @@
 //! Images and texel buffers as a scene writes them: from files, typed data or one colour.
 
+use std::path::Path;
+
 use crate::error::{ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::format::Format;
 use crate::machine::image::{Dimension, ImageShape};
-use crate::scene::data::{DataPieces, read};
+use crate::scene::data::{DataPieces, DataSources, read};
 use crate::scene::files::Files;
 use crate::scene::image::{Picture, texel_bytes};
+use crate::scene::mesh::material::PictureSource;
+use crate::scene::mesh_piece::TextureReference;
 use crate::scene::mip;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::resources::DescriptorKind;
 use crate::scene::sampler::SamplerReference;
+use crate::scene::tree::Toml;
 
 /// An image's content.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,11 +78,27 @@ impl Parse for Levels {
     }
 }
 
+/// A picture: a file, or a texture of a mesh.
+#[derive(Clone, Debug)]
+enum PictureEntry {
+    File(Spanned<String>),
+    Texture(TextureReference),
+}
+
+impl Parse for PictureEntry {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        if matches!(value.toml(), Toml::Table(_)) {
+            return TextureReference::parse(value).map(Self::Texture);
+        }
+        Spanned::parse(value).map(Self::File)
+    }
+}
+
 /// An image as a scene writes it.
 #[derive(Clone, Debug)]
 pub struct ImageEntry {
     span: Span,
-    files: Vec<Spanned<String>>,
+    files: Vec<PictureEntry>,
     data: Option<DataPieces>,
     format: Option<Format>,
     dimension: Dimension,
@@ -113,7 +134,7 @@ impl ImageEntry {
         };
         if !buffer {
             entry.files =
-                table.optional::<OneOrMore<Spanned<String>>>("file").map_or(Vec::new(), |files| files.0);
+                table.optional::<OneOrMore<PictureEntry>>("file").map_or(Vec::new(), |files| files.0);
             entry.dimension = table.or("dimension", Dimension::D2);
             let arrayed = entry.dimension.is_arrayed() && !entry.files.is_empty();
             let least = if entry.dimension.is_cube() { 6 } else { 1 };
@@ -151,14 +172,15 @@ impl ImageEntry {
     ///
     /// # Errors
     /// `Io` or `InvalidImage` about its files; `InvalidScene` where sizes do not fit.
-    pub fn load(&self, files: &dyn Files, launch: [u32; 3], streams: bool) -> Result<ImageContent> {
-        let pictures = self.pictures(files)?;
+    pub fn load(&self, sources: &DataSources<'_>, launch: [u32; 3], streams: bool) -> Result<ImageContent> {
+        let files = sources.files;
+        let pictures = self.pictures(sources)?;
         let format = match pictures.first() {
             Some((picture, _)) => picture.format,
             None => self.format.unwrap_or(Format::RGBA32F),
         };
         let data = match &self.data {
-            Some(data) => Some(data.encode(files, launch[0] as f32 / launch[1] as f32)?),
+            Some(data) => Some(data.encode(sources)?),
             None => None,
         };
         let mut extent = self.extent.unwrap_or(launch);
@@ -220,18 +242,45 @@ impl ImageEntry {
         self.with_levels(format, shape, texels)
     }
 
-    fn pictures(&self, files: &dyn Files) -> Result<Vec<(Picture, &Span)>> {
+    fn pictures(&self, sources: &DataSources<'_>) -> Result<Vec<(Picture, &Span)>> {
         let mut pictures = Vec::new();
-        for file in &self.files {
-            let bytes = read(files, &file.value, &file.span)?;
-            let path = file.span.source.sibling(&file.value);
-            let picture = Picture::decode_within(&path, &bytes, self.format, &files.limits());
-            let picture = picture.map_err(|error| error.at_with(file.span.place(), "named here"))?;
+        for entry in &self.files {
+            let (picture, span) = match entry {
+                PictureEntry::File(file) => {
+                    let bytes = read(sources.files, &file.value, &file.span)?;
+                    let path = file.span.source.sibling(&file.value);
+                    (self.decode(&path, &bytes, sources.files), &file.span)
+                }
+                PictureEntry::Texture(texture) => (self.texture(texture, sources), &texture.span),
+            };
+            let picture = picture.map_err(|error| error.at_with(span.place(), "named here"))?;
             // Many names of one file are many pictures.
-            files.reserve(picture.texels.len() as u64).map_err(|error| error.at(file.span.place()))?;
-            pictures.push((picture, &file.span));
+            sources.files.reserve(picture.texels.len() as u64).map_err(|error| error.at(span.place()))?;
+            pictures.push((picture, span));
         }
         Ok(pictures)
+    }
+
+    fn decode(&self, path: &Path, bytes: &[u8], files: &dyn Files) -> Result<Picture> {
+        Picture::decode_within(path, bytes, self.format, &files.limits())
+    }
+
+    fn texture(&self, reference: &TextureReference, sources: &DataSources<'_>) -> Result<Picture> {
+        let Some(meshes) = &sources.meshes else {
+            return Err(reference.span.error("textures of meshes cannot stand here"));
+        };
+        let (texture, is_color) = reference.find(meshes)?;
+        let mut picture = match &texture.picture {
+            PictureSource::File(path) => self.decode(path, &sources.files.read(path)?, sources.files),
+            PictureSource::Bytes(bytes) => {
+                self.decode(Path::new("a texture of the mesh"), bytes, sources.files)
+            }
+        }?;
+        // Numbers that are no colours are not encoded as sRGB.
+        if is_color == Some(false) && self.format.is_none() {
+            picture.format = Format { srgb: false, ..picture.format };
+        }
+        Ok(picture)
     }
 
     /// Makes the content from texels of all levels, or of level 0, from which the other levels are
@@ -285,8 +334,6 @@ fn fill(table: &Table<'_>) -> [f64; 4] {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
     use crate::error::Error;
     use crate::input::InputLimits;

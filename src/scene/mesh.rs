@@ -1,7 +1,11 @@
-//! Triangles from OBJ and glTF files.
+//! Triangles from OBJ and glTF files, with what belongs to them: normals, texture coordinates,
+//! materials, textures, nodes and cameras.
 
 pub mod gltf;
+pub mod material;
+pub mod model;
 pub mod obj;
+mod uri;
 
 /// Triangles with shared vertices.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -23,8 +23,10 @@ pub mod image;
 pub mod image_entry;
 pub mod layout;
 pub mod mesh;
+pub mod mesh_piece;
 mod micromap;
 pub mod mip;
+pub mod models;
 pub mod random;
 pub mod read;
 pub mod resolve;
@@ -43,6 +45,8 @@ pub use resolve::{LoadOptions, load, load_bytes, load_text};
 pub use resolved::ResolvedScene;
 pub use run_limits::RunLimits;
 
+#[cfg(test)]
+mod mesh_tests;
 #[cfg(test)]
 mod mistakes;
 mod motion;

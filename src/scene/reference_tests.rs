@@ -36,6 +36,8 @@ fn every_key_is_described() {
         "[[instance]]\nrotate = { zzz = 1 }".into(),
         "[[instance]]\nmotion = { zzz = 1 }".into(),
         "[[instance]]\nsrt = [{ zzz = 1 }, { }]".into(),
+        "[[model]]\nzzz = 1".into(),
+        "[[model]]\nfile = 'a.obj'\n[model.meshes.a]\nzzz = 1".into(),
         "[shaders.s]\nzzz = 1".into(),
         "[pipeline]\nzzz = 1".into(),
         "[pipeline]\nhit = [{ zzz = 1 }]".into(),
@@ -43,6 +45,9 @@ fn every_key_is_described() {
         "[samplers.s]\nzzz = 1".into(),
         "push_constants = { zzz = 1 }".into(),
         "push_constants = { camera = { zzz = 1 } }".into(),
+        "push_constants = { camera = { file = 'a.gltf', zzz = 1 } }".into(),
+        "push_constants = { mesh = 'a', attribute = 'normal', zzz = 1 }".into(),
+        "push_constants = { mesh = 'a', table = 'instances', zzz = 1 }".into(),
         "[[ray]]\nzzz = 1".into(),
         "[[ray]]\npixel = [0, 0]\nzzz = 1".into(),
     ];

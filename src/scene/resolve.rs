@@ -13,13 +13,15 @@ use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::module::Module;
 use crate::pipeline::DeviceProfile;
 use crate::scene::addresses;
-use crate::scene::data::{DataPieces, read_limited};
+use crate::scene::data::{DataPieces, DataSources, read_limited};
 use crate::scene::encoding::Data;
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::mesh_piece::SceneMeshes;
+use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
 use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
 use crate::scene::resolve::modules::SceneModules;
 use crate::scene::resolved::{
@@ -133,6 +135,10 @@ struct Resolver<'a> {
     report: &'a Diagnostics,
     options: LoadOptions,
     geometry: ByName<GeometryEntry>,
+    models: Vec<ModelEntry>,
+    open_models: OpenModels,
+    /// The names that models give to their geometries and meshes.
+    mesh_names: HashMap<String, Result<MeshSelection>>,
     instances: Vec<InstanceEntry>,
     shader_entries: ByName<ShaderEntry>,
     samplers: ByName<Sampler>,
@@ -168,6 +174,9 @@ impl<'a> Resolver<'a> {
             report,
             options: *options,
             geometry: ByName::default(),
+            models: Vec::new(),
+            open_models: OpenModels::default(),
+            mesh_names: HashMap::new(),
             instances: Vec::new(),
             shader_entries: ByName::default(),
             samplers: ByName::default(),
@@ -195,6 +204,7 @@ impl<'a> Resolver<'a> {
             all.samplers.merge(part.samplers);
             all.resource_entries.merge(part.resources);
             all.instances.extend(part.instances);
+            all.models.extend(part.models);
             all.device = part.device.or(all.device);
             all.pipeline = part.pipeline.or(all.pipeline);
             all.push_constants = part.push_constants.or(all.push_constants);
@@ -229,6 +239,7 @@ impl<'a> Resolver<'a> {
             self.report.push(Error::new(ErrorKind::InvalidArgument, message));
             return None;
         }
+        self.expand_models();
         let tlas = self.structures();
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
@@ -414,12 +425,18 @@ impl<'a> Resolver<'a> {
     fn data(&self, data: Option<&DataPieces>, block: DataBlock, own: &[&Spanned<String>]) -> Data {
         let Some(data) = data else { return Data::default() };
         let modules = SceneModules { resolver: self, own };
-        let data = data.resolve_for(self.files, self.aspect(), &modules, Some(block));
+        let data = data.resolve_for(&self.sources(), &modules, Some(block));
         self.report.keep(data).unwrap_or_default()
     }
 
-    fn aspect(&self) -> f32 {
-        self.launch[0] as f32 / self.launch[1] as f32
+    /// What data may name.
+    fn sources(&self) -> DataSources<'_> {
+        DataSources {
+            files: self.files,
+            aspect: self.launch[0] as f32 / self.launch[1] as f32,
+            models: &self.open_models,
+            meshes: Some(SceneMeshes { names: &self.mesh_names, instances: &self.instances }),
+        }
     }
 
     /// Finds the entry with a name; reports an error if there is none.

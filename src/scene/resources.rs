@@ -5,9 +5,8 @@ use crate::input::InputLimit;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
 use crate::scene::addresses::AddressChoice;
-use crate::scene::data::DataPieces;
+use crate::scene::data::{DataPieces, DataSources};
 use crate::scene::encoding::Data;
-use crate::scene::files::Files;
 use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
@@ -253,13 +252,13 @@ impl BufferEntry {
     /// If the data is longer than the size, and those of [`DataPieces::resolve_for`].
     pub fn load(
         &self,
-        files: &dyn Files,
-        aspect: f32,
+        sources: &DataSources<'_>,
         modules: &dyn ShaderModules,
         block: Option<DataBlock>,
     ) -> Result<Data> {
+        let files = sources.files;
         let mut data = match &self.data {
-            Some(data) => data.resolve_for(files, aspect, modules, block)?,
+            Some(data) => data.resolve_for(sources, modules, block)?,
             None => Data::default(),
         };
         let Some(Spanned { value: size, span }) = &self.size else { return Ok(data) };

@@ -1,6 +1,7 @@
 //! `[samplers.NAME]`: samplers as a scene writes them.
 
 use crate::machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode, Sampler};
+use crate::scene::mesh_piece::TextureReference;
 use crate::scene::read::{Named, OneOrMore, Parse, Spanned, Table, TomlValue};
 
 /// A sampler by name or by its keys.
@@ -10,12 +11,17 @@ pub enum SamplerReference {
     Named(Spanned<String>),
     /// A sampler with its keys, in place.
     Inline(Sampler),
+    /// That of a texture of a mesh.
+    Mesh(TextureReference),
 }
 
 impl Parse for SamplerReference {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         if value.text().is_some() {
             return Spanned::parse(value).map(Self::Named);
+        }
+        if Table::new(value)?.has("mesh") {
+            return TextureReference::parse(value).map(Self::Mesh);
         }
         Sampler::parse(value).map(Self::Inline)
     }

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use anyhit::error::{Error, ErrorKind, Result};
 use anyhit::harness::expect::Expectations;
 use anyhit::harness::smoke::{self, SmokeOptions};
-use anyhit::input::{InputLimit, InputLimits};
+use anyhit::input::InputLimit;
 use anyhit::machine::{Bindings, Mask, Resources, Stop};
 use anyhit::module::ty::TypeId;
 use anyhit::program::lower;
 use anyhit::recording::{Recording, compare};
 use anyhit::scene::image::Picture;
-use anyhit::scene::mesh::{gltf, obj};
+use anyhit::scene::mesh::model::{MeshFormat, Model};
 use anyhit::scene::{DiskFiles, Files, LoadOptions, assemble, load_text};
 use anyhit::{interp, module};
 
@@ -163,13 +163,14 @@ pub fn scene(bytes: &[u8]) -> bool {
 
 /// Reads a glTF or GLB file.
 pub fn gltf(bytes: &[u8]) -> bool {
-    gltf::read(Path::new("mesh.gltf"), bytes, None, &Repository)
-        .map_or_else(|error| refused(&error), |_| true)
+    let read = Model::open(MeshFormat::Gltf, Path::new("mesh.gltf"), bytes.to_vec(), &Repository);
+    read.and_then(|model| (0..model.parts.len()).try_for_each(|part| model.triangles(part).map(drop)))
+        .map_or_else(|error| refused(&error), |()| true)
 }
 
 /// Reads an OBJ file.
 pub fn obj(bytes: &[u8]) -> bool {
-    let read = obj::read(Path::new("mesh.obj"), bytes, None, &InputLimits::default());
+    let read = Model::open(MeshFormat::Obj, Path::new("mesh.obj"), bytes.to_vec(), &Repository);
     read.map_or_else(|error| refused(&error), |_| true)
 }
 

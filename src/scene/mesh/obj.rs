@@ -1,35 +1,88 @@
-//! Wavefront OBJ, read by `tobj`. Polygons are cut into fans around their first vertex; points,
-//! lines, normals, texture coordinates and materials are left out.
+//! Wavefront OBJ, read by `tobj`. Polygons are cut into fans around their first vertex; points and
+//! lines are left out. Materials are those of the .mtl files that it names.
 
-use std::path::Path;
+use std::cell::Cell;
+use std::collections::{HashMap, HashSet};
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use tobj::{LoadError, LoadOptions};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
+use crate::machine::sampler::Sampler;
+use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
-use crate::scene::read::list_of;
+use crate::scene::mesh::material::{Material, PictureSource, Slot, Texture};
+use crate::scene::mesh::model::{Listed, ListedPart, ModelNode, Numbers};
 
-/// The triangles of all objects, or of the one with the given name.
-///
-/// # Errors
-/// `InvalidMesh` that points at the line for a broken file; also where no object has that name, no
-/// triangle is left, or the file is beyond a limit.
-pub fn read(path: &Path, bytes: &[u8], object: Option<&str>, limits: &InputLimits) -> Result<Mesh> {
-    let read = contained("tobj", ErrorKind::InvalidMesh, || decode(path, bytes, object, limits));
-    read.map_err(|error| error.or_at(Place::File(path.to_path_buf())))
+/// An open file: its groups, in the order of the model's parts.
+#[derive(Debug)]
+pub struct ObjFile {
+    groups: Vec<tobj::Mesh>,
 }
+
+impl ObjFile {
+    /// Opens a file and lists what is in it.
+    ///
+    /// # Errors
+    /// `InvalidMesh` that points at the line for a broken file; also where no triangle is left, or
+    /// the file is beyond a limit.
+    pub(super) fn open(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, Self)> {
+        let open = contained("tobj", ErrorKind::InvalidMesh, || decode(path, bytes, files));
+        open.map_err(|error| error.or_at(Place::File(path.to_path_buf())))
+    }
+
+    /// The triangles of a group.
+    pub(super) fn triangles(&self, group: usize) -> Mesh {
+        let mesh = &self.groups[group];
+        let vertices = mesh.positions.as_chunks::<3>().0.to_vec();
+        Mesh { vertices, indices: mesh.indices.clone() }
+    }
+
+    /// The numbers of an attribute of a group.
+    pub(super) fn attribute(&self, group: usize, name: &str) -> Numbers {
+        let (values, components) = numbers(&self.groups[group], name);
+        Numbers { components, values: values.to_vec() }
+    }
+}
+
+fn numbers<'m>(mesh: &'m tobj::Mesh, name: &str) -> (&'m [f32], usize) {
+    match name {
+        "normal" => (&mesh.normals, 3),
+        "texcoord_0" => (&mesh.texcoords, 2),
+        "color_0" => (&mesh.vertex_color, 3),
+        _ => (&mesh.positions, 3),
+    }
+}
+
+const ATTRIBUTES: [&str; 4] = ["position", "normal", "texcoord_0", "color_0"];
 
 fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidMesh, message)
 }
 
-fn decode(path: &Path, bytes: &[u8], object: Option<&str>, limits: &InputLimits) -> Result<Mesh> {
-    check_counts(bytes, limits)?;
-    let options =
-        LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    // Materials do not matter here, and a missing .mtl must not stop the mesh.
-    let loaded = tobj::load_obj_buf(&mut &bytes[..], &options, |_| Err(LoadError::OpenFileFailed));
+fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFile)> {
+    check_counts(bytes, &files.limits())?;
+    let options = LoadOptions {
+        triangulate: true,
+        single_index: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
+    // Groups are those of the names that the file uses; what an .mtl file says of them comes later,
+    // and a missing one does not stop the mesh.
+    let Names { used, libraries } = Names::of(bytes);
+    let first = Cell::new(true);
+    let loader = |_: &Path| match first.replace(false) {
+        true => Ok((
+            used.iter().map(|name| tobj::Material { name: name.clone(), ..Default::default() }).collect(),
+            used.iter().cloned().zip(0..).collect::<HashMap<_, _>>().into_iter().collect(),
+        )),
+        false => Err(LoadError::OpenFileFailed),
+    };
+    let loaded = tobj::load_obj_buf(&mut (&b"mtllib names\n"[..]).chain(bytes), &options, loader);
     let models = match loaded {
         Ok((models, _)) => models,
         Err(error) => {
@@ -40,23 +93,156 @@ fn decode(path: &Path, bytes: &[u8], object: Option<&str>, limits: &InputLimits)
             });
         }
     };
-    let mut mesh = Mesh::default();
-    for model in models.iter().filter(|model| object.is_none_or(|name| model.name == name)) {
-        let base = mesh.vertices.len() as u32;
-        mesh.vertices.extend(model.mesh.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        mesh.indices.extend(model.mesh.indices.iter().map(|index| base + index));
+    let (materials, textures) = materials(path, &used, &libraries, files)?;
+    let mut objects: Vec<(String, Vec<tobj::Mesh>)> = Vec::new();
+    let mut places: HashMap<String, usize> = HashMap::new();
+    for model in models.into_iter().filter(|model| !model.mesh.indices.is_empty()) {
+        let at = *places.entry(model.name.clone()).or_insert_with(|| {
+            objects.push((model.name, Vec::new()));
+            objects.len() - 1
+        });
+        objects[at].1.push(model.mesh);
     }
-    if !mesh.indices.is_empty() {
-        return Ok(mesh);
+    if objects.is_empty() {
+        return Err(invalid("the file has no triangles"));
     }
-    Err(match object {
-        None => invalid("the file has no triangles"),
-        Some(name) => {
-            let names = list_of(models.iter().map(|model| model.name.as_str()));
-            invalid(format!("no object `{name}` with triangles"))
-                .note(format!("the objects here are: {names}"))
+    let mut groups = Vec::new();
+    let mut meshes = Vec::new();
+    for (name, of_object) in objects {
+        meshes.push((Some(name), of_object.iter().map(listed).collect()));
+        groups.extend(of_object);
+    }
+    let node = |mesh| ModelNode { name: None, mesh, world: glam::DMat4::IDENTITY };
+    let nodes = (0..meshes.len()).map(node).collect();
+    Ok((Listed { meshes, nodes, materials, textures, cameras: Vec::new() }, ObjFile { groups }))
+}
+
+fn listed(mesh: &tobj::Mesh) -> ListedPart {
+    let vertices = mesh.positions.len() / 3;
+    // Where some vertices lack a normal, the list of normals is shorter.
+    let is_whole = |name: &&str| {
+        let (values, components) = numbers(mesh, name);
+        values.len() == components * vertices
+    };
+    let attributes = ATTRIBUTES.iter().filter(|name| is_whole(name)).map(|name| (*name).to_string());
+    ListedPart {
+        material: mesh.material_id,
+        vertices,
+        triangles: mesh.indices.len() / 3,
+        attributes: attributes.collect(),
+    }
+}
+
+/// The names that a file uses.
+struct Names {
+    /// Its materials, in the order of their first use.
+    used: Vec<String>,
+    /// Its .mtl files.
+    libraries: Vec<String>,
+}
+
+impl Names {
+    fn of(bytes: &[u8]) -> Self {
+        let (mut used, mut libraries, mut known) = (Vec::new(), Vec::new(), HashSet::new());
+        for line in bytes.split(|byte| *byte == b'\n') {
+            let Some((word, rest)) = split_word(line.trim_ascii()) else { continue };
+            let Ok(name) = std::str::from_utf8(rest.trim_ascii()) else { continue };
+            match word {
+                b"usemtl" if known.insert(name.to_string()) => used.push(name.to_string()),
+                b"mtllib" if !libraries.iter().any(|known| known == name) => libraries.push(name.to_string()),
+                _ => {}
+            }
         }
-    })
+        Self { used, libraries }
+    }
+}
+
+/// The materials that a file uses, of its .mtl files; one that none of them has is the default, as
+/// is each where a file is missing.
+fn materials(
+    path: &Path,
+    used: &[String],
+    libraries: &[String],
+    files: &dyn Files,
+) -> Result<(Vec<Material>, Vec<Texture>)> {
+    let mut found: HashMap<String, (PathBuf, tobj::Material)> = HashMap::new();
+    for library in libraries {
+        let library = path.parent().unwrap_or(Path::new("")).join(library);
+        let text = match files.read(&library) {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::Io => continue,
+            Err(error) => return Err(error.at(Place::File(path.to_path_buf()))),
+        };
+        let read = tobj::load_mtl_buf(&mut &text[..]);
+        let (materials, _) = read.map_err(|error| {
+            invalid(format!("not a material library: {error}")).at(Place::File(library.clone()))
+        })?;
+        for material in materials {
+            found.entry(material.name.clone()).or_insert((library.clone(), material));
+        }
+    }
+    let mut textures = Vec::new();
+    let mut places: HashMap<PathBuf, usize> = HashMap::new();
+    let mut all = Vec::new();
+    for name in used {
+        let Some((library, given)) = found.get(name) else {
+            all.push(Material { name: name.clone(), metallic: 0.0, ..Material::default() });
+            continue;
+        };
+        let mut material = material_of(given);
+        let maps = [
+            (Slot::BaseColor, &given.diffuse_texture),
+            (Slot::Normal, &given.normal_texture),
+            (Slot::Specular, &given.specular_texture),
+            (Slot::Alpha, &given.dissolve_texture),
+        ];
+        let emissive = given.unknown_param.get("map_Ke").cloned();
+        for (slot, file) in maps.into_iter().chain([(Slot::Emissive, &emissive)]) {
+            let Some(file) = file else { continue };
+            // Options such as `-bm 0.2` stand before the name.
+            let name =
+                file.rsplit_once(' ').filter(|_| file.starts_with('-')).map_or(&**file, |(_, name)| name);
+            let picture = library.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
+            let texture = *places.entry(picture).or_insert_with_key(|picture| {
+                let picture = PictureSource::File(picture.clone());
+                textures.push(Texture { picture, sampler: Sampler::default() });
+                textures.len() - 1
+            });
+            material.textures[slot as usize] = Some(texture);
+        }
+        all.push(material);
+    }
+    Ok((all, textures))
+}
+
+fn material_of(given: &tobj::Material) -> Material {
+    let [red, green, blue] = given.diffuse.unwrap_or([1.0; 3]);
+    let default = Material::default();
+    let unknown = |key: &str| given.unknown_param.get(key);
+    let number = |key: &str| unknown(key).and_then(|text| text.trim().parse::<f32>().ok());
+    let emissive = unknown("Ke").and_then(|text| {
+        let numbers: Option<Vec<f32>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+        <[f32; 3]>::try_from(numbers?).ok()
+    });
+    Material {
+        name: given.name.clone(),
+        base_color: [red, green, blue, given.dissolve.unwrap_or(1.0)],
+        metallic: number("Pm").unwrap_or(0.0),
+        roughness: number("Pr").unwrap_or(default.roughness),
+        emissive: given.emissive.or(emissive).unwrap_or_default(),
+        ior: given.optical_density.unwrap_or(default.ior),
+        ambient: given.ambient.unwrap_or_default(),
+        specular: given.specular.unwrap_or_default(),
+        shininess: given.shininess.unwrap_or_default(),
+        illumination: given.illumination_model.unwrap_or_default().into(),
+        ..default
+    }
+}
+
+/// A line's first word, and what follows.
+fn split_word(line: &[u8]) -> Option<(&[u8], &[u8])> {
+    let at = line.iter().position(u8::is_ascii_whitespace)?;
+    Some((&line[..at], &line[at..]))
 }
 
 /// Counts what the file makes, before tobj allocates it: vertices, triangles of its polygons, and
@@ -122,8 +308,37 @@ fn is_corner(corner: &str, counts: [i64; 3]) -> bool {
 mod tests {
     use super::*;
 
+    use crate::scene::files::EmbeddedFiles;
+    use crate::scene::mesh::model::{MeshFormat, Model};
+
+    struct Limited<'a>(EmbeddedFiles<'a>, InputLimits);
+
+    impl Files for Limited<'_> {
+        fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+            self.0.read_limited(path, limit)
+        }
+
+        fn limits(&self) -> InputLimits {
+            self.1
+        }
+    }
+
+    fn open(text: &str, files: &[(&str, &[u8])], limits: InputLimits) -> Result<Model> {
+        let files = Limited(EmbeddedFiles(files), limits);
+        Model::open(MeshFormat::Obj, Path::new("a/m.obj"), text.as_bytes().to_vec(), &files)
+    }
+
     fn load(text: &str, object: Option<&str>) -> Result<Mesh> {
-        read(Path::new("m.obj"), text.as_bytes(), object, &InputLimits::default())
+        let limits = InputLimits::default();
+        let model = open(text, &[], limits)?;
+        let parts = match object {
+            None => model.placed(&limits)?,
+            Some(name) => {
+                let parts = model.parts_named(name, "object")?;
+                parts.into_iter().map(|part| (part, glam::DMat4::IDENTITY)).collect()
+            }
+        };
+        model.merged(&parts, &limits)
     }
 
     const QUAD: &str = "o quad\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nf 1 2 3 4\n";
@@ -165,7 +380,8 @@ mod tests {
     #[test]
     fn a_file_without_triangles_is_refused() {
         assert_eq!(load("v 0 0 0\n", None).unwrap_err().message(), "the file has no triangles");
-        assert!(read(Path::new("m.obj"), &[0xff, 0xfe, 0], None, &InputLimits::default()).is_err());
+        let files = EmbeddedFiles(&[]);
+        assert!(Model::open(MeshFormat::Obj, Path::new("m.obj"), vec![0xff, 0xfe, 0], &files).is_err());
     }
 
     #[test]
@@ -174,14 +390,75 @@ mod tests {
         for (limit, most) in
             [(InputLimit::MeshVertices, 4), (InputLimit::MeshTriangles, 2), (InputLimit::MeshValues, 1)]
         {
-            let read = |most| {
-                let limits = InputLimits::default().with(limit, most);
-                read(Path::new("m.obj"), QUAD.as_bytes(), None, &limits)
-            };
+            let read = |most| open(QUAD, &[], InputLimits::default().with(limit, most));
             assert!(read(most).is_ok());
             let error = read(most - 1).unwrap_err();
             assert!(error.to_string().contains(&format!("`{}` of {}", limit.name(), most - 1)), "{error}");
             assert!(error.to_string().contains("m.obj"), "{error}");
         }
+    }
+
+    /// Two objects; the first has two materials, of which the .mtl file has one. The corners of the
+    /// first triangle share positions with the second, but not its normals.
+    const HOUSE: &str = "mtllib house.mtl\no house\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n\
+        vt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nvn 0 0 -1\n\
+        usemtl brick\nf 1/1/1 2/2/1 3/3/1\nusemtl glass\nf 2/2/2 4/1/2 3/3/2\n\
+        o roof\nusemtl brick\nf 1 2 4\n";
+
+    const LIBRARY: &[u8] =
+        b"newmtl brick\nKd 0.5 0.25 0.125\nd 0.75\nNi 1.25\nNs 8\nKs 0.1 0.2 0.3\nKe 1 2 3\n\
+        illum 2\nmap_Kd pictures/brick.png\nmap_Bump -bm 0.2 bump.png\nnewmtl unused\nKd 1 0 0\n";
+
+    #[test]
+    fn groups_of_objects_and_materials_are_parts() {
+        let model = open(HOUSE, &[("a/house.mtl", LIBRARY)], InputLimits::default()).unwrap();
+        let names: Vec<&str> = model.parts.iter().map(|part| part.name.as_str()).collect();
+        assert_eq!(names, ["house.0", "house.1", "roof"]);
+        assert_eq!(model.contents(), "house (2 primitives), roof");
+        let materials: Vec<usize> = model.parts.iter().map(|part| part.material).collect();
+        assert_eq!(materials, [0, 1, 0]);
+        assert_eq!(model.parts[0].attributes, ["position", "normal", "texcoord_0"]);
+        assert_eq!(model.parts[2].attributes, ["position"]);
+        let wanted = Material {
+            name: "brick".into(),
+            base_color: [0.5, 0.25, 0.125, 0.75],
+            metallic: 0.0,
+            ior: 1.25,
+            shininess: 8.0,
+            specular: [0.1, 0.2, 0.3],
+            emissive: [1.0, 2.0, 3.0],
+            illumination: 2,
+            textures: [Some(0), None, Some(1), None, None, None, None],
+            ..Material::default()
+        };
+        assert_eq!(model.materials[0], wanted);
+        // The .mtl file has no `glass`.
+        let glass = Material { name: "glass".into(), metallic: 0.0, ..Material::default() };
+        assert_eq!(model.materials[1..], [glass]);
+        let files = ["a/pictures/brick.png", "a/bump.png"].map(|file| PictureSource::File(file.into()));
+        assert!(model.textures.iter().map(|texture| &texture.picture).eq(&files));
+        let texture = model.texture(0, Slot::BaseColor).unwrap();
+        assert_eq!(texture.picture, PictureSource::File("a/pictures/brick.png".into()));
+        assert_eq!(model.texture(1, Slot::BaseColor), None);
+    }
+
+    #[test]
+    fn attributes_have_one_element_a_vertex() {
+        let model = open(HOUSE, &[], InputLimits::default()).unwrap();
+        let normals = model.attribute(1, "normal").unwrap();
+        assert_eq!(normals, Numbers { components: 3, values: [0.0, 0.0, -1.0].repeat(3) });
+        let coordinates = model.attribute(0, "texcoord_0").unwrap();
+        assert_eq!(coordinates, Numbers { components: 2, values: vec![0., 0., 1., 0., 0., 1.] });
+        let mesh = model.triangles(1).unwrap();
+        assert_eq!(mesh.vertices, [[1., 0., 0.], [1., 1., 0.], [0., 1., 0.]]);
+        assert_eq!(mesh.indices, [0, 1, 2]);
+    }
+
+    #[test]
+    fn a_broken_library_is_named() {
+        let library: &[u8] = b"newmtl brick\nKd red\n";
+        let error = open(HOUSE, &[("a/house.mtl", library)], InputLimits::default()).unwrap_err();
+        assert!(error.message().starts_with("not a material library"), "{error}");
+        assert!(error.to_string().contains("a/house.mtl"), "{error}");
     }
 }

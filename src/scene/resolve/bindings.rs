@@ -80,7 +80,7 @@ impl Resolver<'_> {
                 continue;
             };
             let modules = SceneModules { resolver: self, own: &[] };
-            let data = buffer.load(self.files, self.aspect(), &modules, None);
+            let data = buffer.load(&self.sources(), &modules, None);
             if let Some(data) = self.report.keep(data) {
                 buffers.push(UnboundBuffer {
                     name: entry.name.value.clone(),
@@ -119,7 +119,7 @@ impl Resolver<'_> {
             Content::Buffer(kind, entry) => {
                 let (modules, block) =
                     (SceneModules { resolver: self, own: &[] }, DataBlock::Buffer(binding));
-                let data = self.report.keep(entry.load(self.files, self.aspect(), &modules, Some(block)))?;
+                let data = self.report.keep(entry.load(&self.sources(), &modules, Some(block)))?;
                 Some(match kind {
                     DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
                     _ => Resource::StorageBuffer(data),
@@ -131,7 +131,7 @@ impl Resolver<'_> {
                     Some(reference) => self.sampler(reference),
                 };
                 let streams = self.options.streams && *kind == DescriptorKind::StorageImage;
-                let image = self.report.keep(entry.load(self.files, self.launch, streams))?;
+                let image = self.report.keep(entry.load(&self.sources(), self.launch, streams))?;
                 Some(match kind {
                     DescriptorKind::SampledImage => Resource::SampledImage(image),
                     DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer => {
@@ -158,6 +158,11 @@ impl Resolver<'_> {
     fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
         match reference {
             SamplerReference::Inline(sampler) => Some(*sampler),
+            SamplerReference::Mesh(texture) => {
+                let sources = self.sources();
+                let meshes = sources.meshes.as_ref()?;
+                self.report.keep(texture.find(meshes)).map(|(texture, _)| texture.sampler)
+            }
             SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
         }
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::{Blas, Geometry, Tlas, TlasInstance};
 use crate::scene::geometry::InstanceEntry;
+use crate::scene::models::Expanded;
 use crate::scene::read::Span;
 use crate::scene::resolve::Resolver;
 
@@ -21,6 +22,25 @@ struct SpannedInstance<'a> {
 }
 
 impl Resolver<'_> {
+    /// Makes geometries and instances of models: instances after those that the scene lists.
+    pub(super) fn expand_models(&mut self) {
+        let mut expanded = Expanded::default();
+        let is_taken = |name: &str| self.geometry.get(name).is_some();
+        for entry in &self.models {
+            expanded.add(entry, &self.open_models, self.files, self.report, &is_taken);
+        }
+        self.geometry.merge(expanded.geometries);
+        self.instances.extend(expanded.instances);
+        self.mesh_names = expanded.names;
+        for entry in &self.geometry.entries {
+            let name = &entry.name.value;
+            let content = entry.content.as_ref();
+            let selection =
+                content.and_then(|content| content.selection(name, self.files, &self.open_models));
+            self.mesh_names.extend(selection.map(|selection| (name.clone(), selection)));
+        }
+    }
+
     /// Builds a BLAS for every list of geometries, and a TLAS for every name. A name without a
     /// structure is in the list, too, so that its error is not reported as an unknown name.
     pub(super) fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
@@ -45,8 +65,10 @@ impl Resolver<'_> {
         }
         // Geometries without instances are loaded to report their errors.
         for entry in &self.geometry.entries {
-            if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str())) {
-                self.report.keep(content.load(self.files));
+            if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str()))
+                && !content.is_part()
+            {
+                self.report.keep(content.load(self.files, &self.open_models));
             }
         }
         let build = |members: TlasMembers<'_>| {
@@ -88,10 +110,10 @@ impl Resolver<'_> {
         loaded: &mut HashMap<&'s str, Option<Geometry>>,
     ) -> Option<Arc<Blas>> {
         let mut geometries = Vec::new();
-        for name in &entry.geometry {
+        for name in entry.geometry.iter() {
             let geometry = loaded.entry(name.value.as_str()).or_insert_with(|| {
                 let found = self.find(&self.geometry, name, "geometry")?;
-                self.report.keep(found.load(self.files))
+                self.report.keep(found.load(self.files, &self.open_models))
             });
             // Each list holds its geometries by itself.
             let count = geometry.as_ref().map_or(0, |geometry| geometry.data.primitive_count());
@@ -108,7 +130,7 @@ impl Resolver<'_> {
         };
         // The error of a BLAS has no span either; each wrong geometry is reported once.
         let before = self.report.len();
-        for name in &entry.geometry {
+        for name in entry.geometry.iter() {
             let Some(geometry) = loaded.get_mut(name.value.as_str()) else { continue };
             let single = geometry.clone().map(|geometry| Blas::new(vec![geometry]));
             let (Some(Err(error)), Some(found)) = (single, self.find(&self.geometry, name, "geometry"))

@@ -1,0 +1,509 @@
+//! Pieces of data that come from meshes: attributes of vertices, indices, and tables of instances,
+//! geometries and materials.
+
+mod tables;
+
+use std::collections::HashMap;
+
+use crate::error::{Error, Result};
+use crate::scene::geometry::InstanceEntry;
+use crate::scene::mesh::material::{Slot, Texture};
+use crate::scene::mesh::model::{Model, Part};
+use crate::scene::mesh_piece::tables::{
+    GeometryColumn, InstanceColumn, MaterialColumn, geometry, instance, material, places,
+};
+use crate::scene::models::MeshSelection;
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, nearest};
+
+/// A piece that comes from meshes.
+#[derive(Clone, Debug)]
+pub struct MeshPiece {
+    mesh: Option<Spanned<String>>,
+    content: MeshContent,
+    /// Bytes from one row to the next, where they are not packed.
+    stride: Option<u32>,
+}
+
+#[derive(Clone, Debug)]
+enum MeshContent {
+    /// A row of each vertex.
+    Vertices { attributes: Vec<Spanned<String>>, formats: Vec<AttributeFormat>, missing: Option<Vec<f32>> },
+    /// Three indices a triangle, of two bytes each or of four.
+    Indices { is_short: bool },
+    /// A row of each instance of an acceleration structure that has one of the geometries.
+    Instances { columns: Vec<InstanceColumn>, tlas: String },
+    /// A row of each geometry.
+    Geometries(Vec<GeometryColumn>),
+    /// A row of each material of the file.
+    Materials(Vec<MaterialColumn>),
+    /// A row of each geometry: its own material's.
+    OwnMaterials(Vec<MaterialColumn>),
+}
+
+/// How an attribute is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum AttributeFormat {
+    F32(usize),
+    /// Bytes that stand for fractions of 255.
+    Unorm8x4,
+    /// Bytes that stand for fractions of 127.
+    Snorm8x4,
+    U16,
+    U32,
+    U16x4,
+    U32x4,
+}
+
+impl Named for AttributeFormat {
+    const WHAT: &'static str = "format of an attribute";
+    const NAMES: &'static [(&'static str, Self)] = &[
+        ("f32x2", Self::F32(2)),
+        ("f32x3", Self::F32(3)),
+        ("f32x4", Self::F32(4)),
+        ("f32", Self::F32(1)),
+        ("u8x4", Self::Unorm8x4),
+        ("unorm8x4", Self::Unorm8x4),
+        ("snorm8x4", Self::Snorm8x4),
+        ("u16", Self::U16),
+        ("u32", Self::U32),
+        ("u16x4", Self::U16x4),
+        ("u32x4", Self::U32x4),
+    ];
+}
+
+impl AttributeFormat {
+    /// The format of an attribute that a scene does not say.
+    fn of(attribute: &str) -> Self {
+        match attribute.split_once('_').map_or(attribute, |(kind, _)| kind) {
+            "texcoord" => Self::F32(2),
+            "tangent" | "color" | "weights" => Self::F32(4),
+            "joints" => Self::U16x4,
+            _ => Self::F32(3),
+        }
+    }
+
+    fn size(self) -> u64 {
+        match self {
+            Self::F32(components) => 4 * components as u64,
+            Self::Unorm8x4 | Self::Snorm8x4 | Self::U32 => 4,
+            Self::U16 => 2,
+            Self::U16x4 => 8,
+            Self::U32x4 => 16,
+        }
+    }
+
+    /// Components that are missing are 0, and the fourth 1 (Vulkan, "Vertex Input Extraction").
+    fn encode(self, given: &[f32], bytes: &mut Vec<u8>) {
+        let mut all = [0.0, 0.0, 0.0, 1.0];
+        all[..given.len()].copy_from_slice(given);
+        match self {
+            Self::F32(components) => all[..components].iter().for_each(|x| bytes.extend(x.to_le_bytes())),
+            Self::Unorm8x4 => bytes.extend(all.map(|x| (x.clamp(0.0, 1.0) * 255.0).round_ties_even() as u8)),
+            Self::Snorm8x4 => {
+                let byte = |x: f32| (x.clamp(-1.0, 1.0) * 127.0).round_ties_even() as i8;
+                bytes.extend(all.map(|x| byte(x).to_le_bytes()[0]));
+            }
+            Self::U16 => bytes.extend((all[0] as u16).to_le_bytes()),
+            Self::U32 => bytes.extend((all[0] as u32).to_le_bytes()),
+            Self::U16x4 => all.iter().for_each(|x| bytes.extend((*x as u16).to_le_bytes())),
+            Self::U32x4 => all.iter().for_each(|x| bytes.extend((*x as u32).to_le_bytes())),
+        }
+    }
+}
+
+/// The tables.
+#[derive(Clone, Copy)]
+enum TableName {
+    Instances,
+    Geometries,
+    Materials,
+}
+
+impl Named for TableName {
+    const WHAT: &'static str = "table of a mesh";
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("instances", Self::Instances), ("geometries", Self::Geometries), ("materials", Self::Materials)];
+}
+
+/// A texture of a mesh, `{ mesh = "floor", texture = "base_color" }`.
+#[derive(Clone, Debug)]
+pub struct TextureReference {
+    mesh: Spanned<String>,
+    texture: TextureChoice,
+    /// The span of its table.
+    pub span: Span,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum TextureChoice {
+    /// That of the geometry's material.
+    Slot(Slot),
+    /// By its number in the file.
+    Number(u32),
+}
+
+impl Parse for TextureReference {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let mesh = table.required("mesh");
+        let base_color = TextureChoice::Slot(Slot::BaseColor);
+        let texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
+            Some(_) => Slot::parse(value).map(TextureChoice::Slot),
+            None => u32::parse(value).map(TextureChoice::Number),
+        });
+        table.finish();
+        Some(Self { mesh: mesh?, texture: texture?, span: value.span() })
+    }
+}
+
+impl TextureReference {
+    /// The texture, and whether its texels of 8 bits are colours, where that is known.
+    ///
+    /// # Errors
+    /// `InvalidScene` where there is none, or the mesh has several.
+    pub fn find<'m>(&self, meshes: &SceneMeshes<'m>) -> Result<(&'m Texture, Option<bool>)> {
+        let MeshSelection { model, parts, .. } = meshes.find(&self.mesh)?;
+        let slot = match self.texture {
+            TextureChoice::Slot(slot) => slot,
+            TextureChoice::Number(number) => {
+                let count = model.textures.len();
+                let message = || format!("texture {number} of {count}, which count from 0");
+                let texture =
+                    model.textures.get(number as usize).ok_or_else(|| self.span.error(message()))?;
+                return Ok((texture, None));
+            }
+        };
+        let mut found = parts.iter().map(|part| model.texture(*part, slot));
+        let first = found.next().flatten();
+        if found.any(|other| other != first) {
+            let message =
+                format!("the geometries of `{}` have several textures `{}`", self.mesh.value, slot.name());
+            let names = parts.iter().map(|part| model.parts[*part].name.as_str());
+            let error = self.mesh.span.error(message);
+            return Err(error.note(format!("name one of its geometries: {}", list_of(names))));
+        }
+        let Some(texture) = first else {
+            let names = Slot::NAMES
+                .iter()
+                .filter(|(_, slot)| parts.first().is_some_and(|part| model.texture(*part, *slot).is_some()));
+            let names = list_of(names.map(|(name, _)| *name));
+            let error = self.span.error(format!("`{}` has no texture `{}`", self.mesh.value, slot.name()));
+            return Err(match names.is_empty() {
+                true => error.note("its material has no texture"),
+                false => error.note(format!("its material has: {names}")),
+            });
+        };
+        Ok((texture, Some(slot.is_color())))
+    }
+}
+
+/// What the pieces of a scene may name: meshes, and the instances of its acceleration structures.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneMeshes<'a> {
+    /// The meshes by their names.
+    pub names: &'a HashMap<String, Result<MeshSelection>>,
+    /// All instances.
+    pub instances: &'a [InstanceEntry],
+}
+
+impl<'m> SceneMeshes<'m> {
+    /// The mesh of a name.
+    ///
+    /// # Errors
+    /// `InvalidScene` that lists the names if there is none.
+    pub fn find(&self, name: &Spanned<String>) -> Result<&'m MeshSelection> {
+        let found = self.names.get(&name.value).map(|found| found.as_ref().map_err(Clone::clone));
+        found.unwrap_or_else(|| {
+            let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
+            names.sort_unstable();
+            let label = match nearest(&name.value, names.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "a mesh is a geometry with a file, or one of a `[[model]]`".to_string(),
+            };
+            let error = name.span.error_with(format!("no mesh is named `{}`", name.value), label);
+            Err(match names.is_empty() {
+                true => error,
+                false => error.note(format!("there are: {}", list_of(names.into_iter()))),
+            })
+        })
+    }
+}
+
+impl MeshPiece {
+    /// Reads the keys of a piece from meshes; `None` where it has none of them.
+    pub fn parse(table: &Table<'_>) -> Option<Self> {
+        let mesh = table.optional::<Spanned<String>>("mesh");
+        let attributes = table.optional::<OneOrMore<Spanned<String>>>("attribute");
+        let name = table.optional::<TableName>("table");
+        let material = table.optional::<OneOrMore<MaterialColumn>>("material");
+        if !["mesh", "attribute", "table", "material"].iter().any(|key| table.has(key)) {
+            return None;
+        }
+        let stride = table.optional::<u32>("stride");
+        let wrong = |message: &str| {
+            table.report().push(table.span().error(message));
+            None
+        };
+        let content = match (attributes, name, material) {
+            (Some(attributes), None, None) => vertices(table, attributes.0)?,
+            (None, Some(TableName::Instances), None) => MeshContent::Instances {
+                columns: columns(table, InstanceColumn::DEFAULT),
+                tlas: table.or("tlas", "main".to_string()),
+            },
+            (None, Some(TableName::Geometries), None) => {
+                MeshContent::Geometries(columns(table, GeometryColumn::DEFAULT))
+            }
+            (None, Some(TableName::Materials), None) => {
+                MeshContent::Materials(columns(table, MaterialColumn::DEFAULT))
+            }
+            (None, None, Some(columns)) => MeshContent::OwnMaterials(columns.0),
+            // A mistake in one of them is reported already.
+            (None, None, None) if ["attribute", "table", "material"].iter().any(|key| table.has(key)) => {
+                return None;
+            }
+            _ => {
+                return wrong("of a mesh one of `attribute`, `table` and `material` is needed");
+            }
+        };
+        if mesh.is_none() && !matches!(content, MeshContent::Instances { .. }) {
+            return wrong("`mesh` is missing: the name of a geometry or model, or of a mesh of one");
+        }
+        let piece = Self { mesh, content, stride };
+        let row = piece.row();
+        if stride.is_some_and(|stride| u64::from(stride) < row) {
+            return wrong(&format!("the `stride` is less than the {row} bytes of a row"));
+        }
+        Some(piece)
+    }
+
+    /// The bytes of a row without those that fill it up to the stride.
+    fn row(&self) -> u64 {
+        match &self.content {
+            MeshContent::Vertices { formats, .. } => formats.iter().map(|format| format.size()).sum(),
+            MeshContent::Indices { is_short } => {
+                if *is_short {
+                    2
+                } else {
+                    4
+                }
+            }
+            MeshContent::Instances { columns, .. } => columns.iter().map(|column| column.size()).sum(),
+            MeshContent::Geometries(columns) => columns.iter().map(|column| column.size()).sum(),
+            MeshContent::Materials(columns) | MeshContent::OwnMaterials(columns) => {
+                columns.iter().map(|column| column.size()).sum()
+            }
+        }
+    }
+
+    fn selection<'m>(&self, meshes: &SceneMeshes<'m>) -> Result<Option<&'m MeshSelection>> {
+        match &self.mesh {
+            None => Ok(None),
+            Some(name) => meshes.find(name).map(Some),
+        }
+    }
+
+    /// How many bytes it has.
+    ///
+    /// # Errors
+    /// `InvalidScene` where no mesh has its name.
+    pub fn size(&self, meshes: &SceneMeshes<'_>) -> Result<u64> {
+        let selection = self.selection(meshes)?;
+        let sum = |of: fn(&Part) -> usize| match selection {
+            None => 0,
+            Some(MeshSelection { model, parts, .. }) => {
+                parts.iter().map(|part| of(&model.parts[*part]) as u64).sum()
+            }
+        };
+        let rows = match &self.content {
+            MeshContent::Vertices { .. } => sum(|part| part.vertices),
+            MeshContent::Indices { .. } => 3 * sum(|part| part.triangles),
+            MeshContent::Instances { tlas, .. } => instances(meshes, selection, tlas).count() as u64,
+            MeshContent::Geometries(_) | MeshContent::OwnMaterials(_) => sum(|_| 1),
+            MeshContent::Materials(_) => {
+                selection.map_or(0, |selection| selection.model.materials.len() as u64)
+            }
+        };
+        let row = self.stride.map_or(self.row(), u64::from);
+        Ok(rows.saturating_mul(row))
+    }
+
+    /// Appends its bytes.
+    ///
+    /// # Errors
+    /// `InvalidScene` where no mesh has its name or the mesh lacks an attribute;
+    /// `InvalidMesh` for a broken file.
+    pub fn encode(&self, span: &Span, meshes: &SceneMeshes<'_>, bytes: &mut Vec<u8>) -> Result<()> {
+        let mut rows =
+            Rows { bytes, row: self.row() as usize, stride: self.stride.map(|stride| stride as usize) };
+        let selection = self.selection(meshes)?;
+        if let MeshContent::Instances { columns, tlas } = &self.content {
+            let places = places(meshes);
+            for entry in instances(meshes, selection, tlas) {
+                rows.push(|bytes| instance(entry, columns, &places, bytes));
+            }
+            return Ok(());
+        }
+        let Some(MeshSelection { model, parts, merged, .. }) = selection else { return Ok(()) };
+        let named = |error: Error| match &self.mesh {
+            Some(name) => error.at_with(name.span.place(), "named here"),
+            None => error,
+        };
+        match &self.content {
+            MeshContent::Vertices { attributes, formats, missing } => {
+                for part in parts {
+                    vertex_rows(model, *part, attributes, formats, missing.as_deref(), &mut rows)
+                        .map_err(named)?;
+                }
+            }
+            MeshContent::Indices { is_short } => {
+                let mut base = 0;
+                for part in parts {
+                    let indices = model.triangles(*part).map_err(named)?.indices;
+                    for index in indices {
+                        let index = index + base;
+                        match (is_short, u16::try_from(index)) {
+                            (false, _) => rows.push(|bytes| bytes.extend(index.to_le_bytes())),
+                            (true, Ok(short)) => rows.push(|bytes| bytes.extend(short.to_le_bytes())),
+                            (true, Err(_)) => {
+                                return Err(span.error(format!("index {index} does not fit into `u16`")));
+                            }
+                        }
+                    }
+                    if *merged {
+                        base += model.parts[*part].vertices as u32;
+                    }
+                }
+            }
+            MeshContent::Geometries(columns) => {
+                let mut at = [0; 2];
+                for part in parts.iter().map(|part| &model.parts[*part]) {
+                    rows.push(|bytes| geometry(part, columns, at, bytes));
+                    at = [at[0] + part.vertices, at[1] + part.triangles];
+                }
+            }
+            MeshContent::Materials(columns) => {
+                model.materials.iter().for_each(|one| rows.push(|bytes| material(one, columns, bytes)));
+            }
+            MeshContent::OwnMaterials(columns) => {
+                let of_part = |part: &usize| &model.materials[model.parts[*part].material];
+                parts.iter().map(of_part).for_each(|one| rows.push(|bytes| material(one, columns, bytes)));
+            }
+            MeshContent::Instances { .. } => {}
+        }
+        Ok(())
+    }
+}
+
+fn columns<T: Named>(table: &Table<'_>, default: &[T]) -> Vec<T> {
+    table.optional::<OneOrMore<T>>("columns").map_or_else(|| default.to_vec(), |columns| columns.0)
+}
+
+fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<MeshContent> {
+    let formats = table.optional::<Spanned<OneOrMore<AttributeFormat>>>("format");
+    if table.has("format") && formats.is_none() {
+        return None;
+    }
+    let missing = table.optional::<Spanned<OneOrMore<f32>>>("missing");
+    if let Some(missing) = missing.as_ref().filter(|missing| missing.value.0.len() > 4) {
+        table.report().push(missing.span.error("an attribute has at most four numbers"));
+        return None;
+    }
+    for attribute in &mut attributes {
+        if matches!(attribute.value.as_str(), "texcoord" | "color" | "joints" | "weights") {
+            attribute.value += "_0";
+        }
+    }
+    if let [only] = &attributes[..]
+        && only.value == "index"
+    {
+        let is_short = match formats.as_ref().map(|formats| (&formats.value.0[..], &formats.span)) {
+            None | Some(([AttributeFormat::U32], _)) => false,
+            Some(([AttributeFormat::U16], _)) => true,
+            Some((_, span)) => {
+                table.report().push(span.error("the format of indices is `u16` or `u32`"));
+                return None;
+            }
+        };
+        return Some(MeshContent::Indices { is_short });
+    }
+    let formats = match formats {
+        None => attributes.iter().map(|attribute| AttributeFormat::of(&attribute.value)).collect(),
+        Some(Spanned { value: OneOrMore(formats), span }) => {
+            if formats.len() != attributes.len() {
+                let message = format!("{} formats for {} attributes", formats.len(), attributes.len());
+                table.report().push(span.error(message));
+                return None;
+            }
+            formats
+        }
+    };
+    Some(MeshContent::Vertices { attributes, formats, missing: missing.map(|missing| missing.value.0) })
+}
+
+/// Rows of one size.
+struct Rows<'b> {
+    bytes: &'b mut Vec<u8>,
+    row: usize,
+    stride: Option<usize>,
+}
+
+impl Rows<'_> {
+    fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
+        write(self.bytes);
+        if let Some(stride) = self.stride {
+            let end = self.bytes.len() + stride - self.row;
+            self.bytes.resize(end, 0);
+        }
+    }
+}
+
+fn vertex_rows(
+    model: &Model,
+    part: usize,
+    attributes: &[Spanned<String>],
+    formats: &[AttributeFormat],
+    missing: Option<&[f32]>,
+    rows: &mut Rows<'_>,
+) -> Result<()> {
+    let known = &model.parts[part];
+    let mut numbers = Vec::new();
+    for attribute in attributes {
+        numbers.push(match (known.attributes.contains(&attribute.value), missing) {
+            (true, _) => Some(model.attribute(part, &attribute.value)?),
+            (false, Some(_)) => None,
+            (false, None) => {
+                let message = format!("`{}` has no attribute `{}`", known.name, attribute.value);
+                let names = known.attributes.iter().map(String::as_str).chain(["index"]);
+                let error = attribute.span.error(message).note(format!("it has: {}", list_of(names)));
+                return Err(error.note("`missing = [0, 0, 1]` stands in place of one that is not there"));
+            }
+        });
+    }
+    for vertex in 0..known.vertices {
+        rows.push(|bytes| {
+            for (numbers, format) in numbers.iter().zip(formats) {
+                match numbers {
+                    Some(numbers) => {
+                        let first = vertex * numbers.components;
+                        format.encode(&numbers.values[first..first + numbers.components], bytes);
+                    }
+                    None => format.encode(missing.unwrap_or_default(), bytes),
+                }
+            }
+        });
+    }
+    Ok(())
+}
+
+/// The instances of an acceleration structure that have one of the geometries of a selection.
+fn instances<'m>(
+    meshes: &SceneMeshes<'m>,
+    selection: Option<&'m MeshSelection>,
+    tlas: &'m str,
+) -> impl Iterator<Item = &'m InstanceEntry> {
+    let of_selection = move |entry: &&InstanceEntry| match selection {
+        None => true,
+        Some(selection) => entry.geometry.iter().any(|name| selection.geometries.contains(&name.value)),
+    };
+    meshes.instances.iter().filter(move |entry| entry.tlas == tlas).filter(of_selection)
+}
