@@ -389,7 +389,7 @@ fn old_names_are_accepted_and_noted() {
     assert_eq!(err, notes.concat());
 
     let (code, out, err) = run(&["run", path]);
-    assert_eq!((code, out.as_str()), (Some(2), ""));
+    assert_eq!((code, out.as_str()), (Some(3), ""));
     assert!(err.starts_with(&notes[0]) && err.contains("ran out of fuel"), "{err}");
 
     let module = "spirv-fixtures/fail/control-flow/endless-loop/main.rgen.spv";

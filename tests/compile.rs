@@ -146,7 +146,7 @@ fn a_named_glslang_is_used_and_must_exist() {
         command.output().unwrap()
     };
     let output = run("no-such-glslang");
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.status.code(), Some(4));
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("GLSLANG names no program: `no-such-glslang`"), "{said}");
     let installed = std::process::Command::new("glslangValidator").arg("--version").output();
