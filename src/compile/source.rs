@@ -264,7 +264,8 @@ impl Source {
                 if let Err(error) = read_regular(&path, self.root.as_ref(), limit, &self.limits) {
                     let message = format!("{includer} includes what may not be read: {}", error.message());
                     let refused = Error::new(ErrorKind::InvalidSource, message);
-                    let refused = if error.class() == ErrorClass::Limit { refused.of_limit() } else { refused };
+                    let refused =
+                        if error.class() == ErrorClass::Limit { refused.of_limit() } else { refused };
                     return Err(error.notes().iter().fold(refused, |refused, note| refused.note(note)));
                 }
             }

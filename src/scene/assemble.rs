@@ -241,7 +241,7 @@ fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
-        ShaderCode::Source(bytes, folders) => {
+        ShaderCode::Source(bytes, folders, flags) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include other files.
@@ -254,6 +254,7 @@ fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
             };
             let options =
                 compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
+            let options = flags.over(&options);
             let source = source.include_folders(folders).confined(files.limits, files.root.clone());
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;

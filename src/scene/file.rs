@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::compile::Language;
+use crate::compile::{CompilerFlags, Language};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
@@ -190,6 +190,8 @@ pub struct ShaderEntry {
     pub source: Option<Spanned<String>>,
     /// Folders where included files are searched, after the source's own.
     pub include_folders: Vec<Spanned<String>>,
+    /// Flags of the compiler of the source.
+    pub compiler_flags: CompilerFlags,
     /// The entry point of references that do not name one.
     pub entry: String,
     /// Specialization constants: `constant_id` and value.
@@ -207,6 +209,7 @@ impl Parse for ShaderEntry {
                 path,
                 source,
                 include_folders: Vec::new(),
+                compiler_flags: CompilerFlags::default(),
                 entry: "main".into(),
                 specialization: Vec::new(),
             });
@@ -215,15 +218,45 @@ impl Parse for ShaderEntry {
         let path = table.optional("path");
         let source = table.optional("source");
         let include_folders = table.or("include_folders", Vec::new());
+        let compiler_flags = compiler_flags(&table, source.as_ref());
         let entry = table.or("entry", "main".to_string());
         let specialization = table.value("specialization").map_or(Some(Vec::new()), specialization);
         table.finish();
         if !table.has("path") && !table.has("source") {
             return value.wrong("a shader needs the `path` of its .spv file, or its `source`");
         }
-        let specialization = specialization?;
-        Some(Self { span: value.span(), path, source, include_folders, entry, specialization })
+        let (specialization, compiler_flags) = (specialization?, compiler_flags?);
+        Some(Self {
+            span: value.span(),
+            path,
+            source,
+            include_folders,
+            compiler_flags,
+            entry,
+            specialization,
+        })
     }
+}
+
+/// Reads the flags of the compiler of a source; the source's extension says which one that is.
+fn compiler_flags(table: &Table<'_>, source: Option<&Spanned<String>>) -> Option<CompilerFlags> {
+    let Some(value) = table.value("compiler_flags") else { return Some(CompilerFlags::default()) };
+    let flags = <OneOrMore<Spanned<String>>>::parse(value)?.0;
+    let Some(source) = source else {
+        return value.wrong("`compiler_flags` are for a `source`: a module is compiled already");
+    };
+    // Of a source in no known language this is told where it is compiled.
+    let Some(language) = Language::of(Path::new(&source.value)) else {
+        return Some(CompilerFlags::default());
+    };
+    let words: Vec<&str> = flags.iter().map(|flag| flag.value.as_str()).collect();
+    let refused = match CompilerFlags::parse(language, &words) {
+        Ok(flags) => return Some(flags),
+        Err(refused) => refused,
+    };
+    let span = flags.get(refused.at).map_or_else(|| value.span(), |flag| flag.span.clone());
+    table.report().push(span.error(refused.message).note(refused.note));
+    None
 }
 
 fn specialization(value: TomlValue<'_>) -> Option<Vec<(u32, SpecializationValue)>> {

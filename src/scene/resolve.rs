@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::compile::CompilerFlags;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::input::InputLimit;
@@ -138,8 +139,8 @@ struct Resolver<'a> {
     rays: Vec<RayEntry>,
     own: Document,
     modules: Vec<ShaderModule>,
-    /// The modules by their paths.
-    module_places: HashMap<PathBuf, usize>,
+    /// The modules by their paths, and by what they are compiled with.
+    module_places: HashMap<(PathBuf, Vec<PathBuf>, CompilerFlags), usize>,
     groups: Vec<ResolvedGroup>,
 }
 
@@ -343,17 +344,21 @@ impl<'a> Resolver<'a> {
             (None, None) => return None,
         };
         let path = file.span.source.sibling(&file.value);
-        if let Some(known) = self.module_places.get(&path) {
+        let sibling = |folder: &str| file.span.source.sibling(folder);
+        let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
+        let of_flags = entry.compiler_flags.include_folders().iter().map(|folder| sibling(folder));
+        let folders: Vec<PathBuf> = folders.chain(of_flags).collect();
+        let key = (path.clone(), folders.clone(), entry.compiler_flags.clone());
+        if let Some(known) = self.module_places.get(&key) {
             return Some(*known);
         }
         let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
         let bytes = self.report.keep(read_limited(self.files, &file.value, &file.span, limit))?;
-        let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
         let code = match compiled {
             true => ShaderCode::SpirV(bytes),
-            false => ShaderCode::Source(bytes, folders.collect()),
+            false => ShaderCode::Source(bytes, folders, entry.compiler_flags.clone()),
         };
-        self.module_places.insert(path.clone(), self.modules.len());
+        self.module_places.insert(key, self.modules.len());
         self.modules.push(ShaderModule { name: name.to_string(), path, code, place: file.span.place() });
         Some(self.modules.len() - 1)
     }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+use crate::compile::CompilerFlags;
 use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::pipeline::{DeviceProfile, PipelineFlags};
@@ -85,8 +86,9 @@ pub struct ShaderModule {
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
-    /// Source text that must be compiled first, and folders where included files are searched.
-    Source(Vec<u8>, Vec<PathBuf>),
+    /// Source text that must be compiled first, folders where included files are searched, and
+    /// flags for the compiler.
+    Source(Vec<u8>, Vec<PathBuf>, CompilerFlags),
 }
 
 /// One entry point with its specialization.
