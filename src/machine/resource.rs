@@ -266,6 +266,7 @@ impl Resources {
                 *descriptor = Descriptor::AccelerationStructure(new.clone());
             }
         }
+        self.memory.replace_structure(old, new);
     }
 
     /// The buffer at a binding's first array element.

@@ -288,6 +288,8 @@ pub enum AccessFault {
         size: u64,
         /// Slot and array element, where a descriptor leads to it, too.
         handle: Option<u32>,
+        /// The scene's name for it.
+        name: Option<Arc<str>>,
     },
     /// Bytes of a buffer.
     Buffer {
@@ -319,8 +321,9 @@ impl AccessFault {
 
     /// A device address; `None` where no buffer has one.
     pub fn address(address: u64, bindings: &Bindings) -> Option<Self> {
-        let (start, buffer) = bindings.memory.nearest_buffer(address)?;
-        Some(Self::Address { start, size: buffer.size(), handle: bindings.handle_of(buffer) })
+        let (start, buffer, name) = bindings.memory.nearest_buffer(address)?;
+        let handle = bindings.handle_of(buffer);
+        Some(Self::Address { start, size: buffer.size(), handle, name: name.cloned() })
     }
 }
 

@@ -387,9 +387,15 @@ impl Program {
 
     /// Describes where a device address is relative to the nearest buffer.
     fn describe_address(&self, fault_value: u64, accessed: &AccessFault) -> Option<String> {
-        let AccessFault::Address { start, size, handle } = *accessed else { return None };
-        let name = handle.and_then(|handle| self.describe_descriptor(handle));
-        let name = name.map_or_else(String::new, |name| format!(" {name}"));
+        let AccessFault::Address { start, size, handle, name } = accessed else { return None };
+        let (start, size) = (*start, *size);
+        let bound = handle.and_then(|handle| self.describe_descriptor(handle));
+        let name = match (name, bound) {
+            (Some(name), None) => format!(" `{name}`"),
+            (Some(name), Some(bound)) => format!(" `{name}`, bound as {bound},"),
+            (None, Some(bound)) => format!(" {bound}"),
+            (None, None) => String::new(),
+        };
         let position =
             match (fault_value.checked_sub(start), fault_value.checked_sub(start.saturating_add(size))) {
                 (None, _) => format!("{} bytes before the nearest buffer,", start - fault_value),

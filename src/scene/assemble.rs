@@ -1,7 +1,8 @@
 //! Makes a pipeline and its resources from a resolved scene.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,9 +17,12 @@ use crate::module::{self, Module};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
+use crate::scene::addresses::Addresses;
 use crate::scene::descriptors;
+use crate::scene::encoding::{Encoding, Modules};
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
+use crate::scene::read::Spanned;
 use crate::scene::resolved::{
     self, ResolvedGroup, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
 };
@@ -141,10 +145,14 @@ pub fn assemble_without(scene: &ResolvedScene, excluded: &resolved::ResolvedBind
 
 fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) -> Result<Assembled> {
     let mut errors = Vec::new();
-    let mut shaders = Shaders { scene, modules: HashMap::new(), programs: Vec::new() };
+    // Every module is loaded before addresses are given, and those before shaders are specialized.
+    let modules = SceneModules { scene, loaded: RefCell::default() };
+    let addresses = Addresses::assign(scene, &modules, &mut errors);
+    let encoding = Encoding { modules: &modules, addresses: &addresses };
+    let mut shaders = Shaders { scene, modules: &modules, encoding, programs: Vec::new() };
     let pipeline = pipeline(&mut shaders, &mut errors);
     let dispatches = dispatches(&mut shaders, &mut errors);
-    let resources = resources(scene, excluded, &mut errors);
+    let resources = resources(scene, excluded, encoding, &mut errors);
     let pipeline = match pipeline {
         // A pipeline that lacks a shader fails for that reason, which is already reported.
         Err(error) if errors.is_empty() => {
@@ -189,31 +197,51 @@ fn deduplicate(errors: Vec<Error>, most: u64) -> Error {
     Error::first_of(distinct, most)
 }
 
-/// The shaders of a scene; each module is loaded and each entry point lowered once.
+/// The modules of a scene; each is loaded once.
+struct SceneModules<'a> {
+    scene: &'a ResolvedScene,
+    loaded: RefCell<HashMap<usize, Result<Arc<Module>>>>,
+}
+
+impl SceneModules<'_> {
+    fn load(&self, index: usize) -> Result<Arc<Module>> {
+        let shader = &self.scene.shaders[index];
+        let read = || read(shader, &self.scene.files).map(Arc::new);
+        self.loaded.borrow_mut().entry(index).or_insert_with(read).clone()
+    }
+}
+
+impl Modules for SceneModules<'_> {
+    fn module(&self, shader: &Spanned<String>) -> Result<Arc<Module>> {
+        match self.scene.shader_names.get(&shader.value) {
+            Some(&index) => self.load(index),
+            None => {
+                Err(shader.span.error(format!("no shader that the scene uses is named `{}`", shader.value)))
+            }
+        }
+    }
+}
+
+/// The shaders of a scene; each entry point is lowered once.
 struct Shaders<'a> {
     scene: &'a ResolvedScene,
-    modules: HashMap<usize, Result<Arc<Module>>>,
+    modules: &'a SceneModules<'a>,
+    encoding: Encoding<'a>,
     programs: Vec<(&'a ResolvedShader, Stage, Arc<Program>)>,
 }
 
 impl<'a> Shaders<'a> {
-    fn module(&mut self, index: usize) -> Result<Arc<Module>> {
-        let shader = &self.scene.shaders[index];
-        let files = &self.scene.files;
-        self.modules.entry(index).or_insert_with(|| read(shader, files).map(Arc::new)).clone()
-    }
-
     fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
         if let Some((.., program)) =
             self.programs.iter().find(|(known, of, _)| *known == shader && *of == stage)
         {
             return Ok(program.clone());
         }
-        let mut module = self.module(shader.module)?;
+        let mut module = self.modules.load(shader.module)?;
         if !shader.specialization.is_empty() {
             let specialized = Arc::make_mut(&mut module);
             for (id, value) in &shader.specialization {
-                value.specialize(specialized, *id)?;
+                value.specialize(specialized, *id, &self.encoding)?;
             }
         }
         let entry =
@@ -287,7 +315,9 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     if let Some(size) = shaders.scene.subgroup_size {
         compute = compute.subgroup_size(size).map_err(at)?;
     }
-    let push_constants = one.push_constants.as_deref().map(Buffer::new);
+    let push_constants =
+        one.push_constants.as_ref().map(|data| data.encode(&shaders.encoding)).transpose()?;
+    let push_constants = push_constants.as_deref().map(Buffer::new);
     Ok(Dispatch { compute, groups: one.groups, push_constants })
 }
 
@@ -320,16 +350,25 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
             None => None,
         });
     }
-    let record = |record: &ResolvedRecord| -> Option<Record> {
+    let encoding = shaders.encoding;
+    let mut record = |record: &ResolvedRecord| -> Option<Record> {
         let group = groups.get(record.group?).copied().flatten()?;
-        let data = &record.data;
-        Some(if data.is_empty() { Record::new(group) } else { Record::with_data(group, data) })
+        if record.data.is_empty() {
+            return Some(Record::new(group));
+        }
+        match record.data.encode(&encoding) {
+            Ok(data) => Some(Record::with_data(group, &data)),
+            Err(error) => {
+                errors.push(error);
+                None
+            }
+        }
     };
     *builder.sbt() = Sbt {
-        ray_generation: scene.sbt.raygen.first().and_then(record),
-        miss: scene.sbt.miss.iter().map(record).collect(),
-        hit: scene.sbt.hit.iter().map(record).collect(),
-        callable: scene.sbt.callable.iter().map(record).collect(),
+        ray_generation: scene.sbt.raygen.first().and_then(&mut record),
+        miss: scene.sbt.miss.iter().map(&mut record).collect(),
+        hit: scene.sbt.hit.iter().map(&mut record).collect(),
+        callable: scene.sbt.callable.iter().map(&mut record).collect(),
     };
     builder.device(scene.device.clone()).flags(scene.pipeline_flags);
     if let Some(depth) = scene.max_recursion_depth {
@@ -351,7 +390,20 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     builder.build()
 }
 
-fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &mut Vec<Error>) -> Resources {
+fn resources(
+    scene: &ResolvedScene,
+    excluded: Option<(u32, u32, u32)>,
+    encoding: Encoding<'_>,
+    errors: &mut Vec<Error>,
+) -> Resources {
+    // The buffers that have addresses, by name.
+    let mut addressed: BTreeMap<&str, Arc<Buffer>> = BTreeMap::new();
+    for buffer in &scene.unbound {
+        match buffer.data.encode(&encoding) {
+            Ok(bytes) => drop(addressed.insert(&buffer.name, Buffer::new(&bytes))),
+            Err(error) => errors.push(error),
+        }
+    }
     let mut resources =
         Resources { policy: scene.memory, printed_bytes: scene.printed_bytes, ..Resources::default() };
     let is_excluded = |one: &resolved::ResolvedBinding| excluded == Some((one.set, one.binding, one.element));
@@ -367,8 +419,24 @@ fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &
                     "VUID-VkWriteDescriptorSetAccelerationStructureKHR-pAccelerationStructures-03580",
                 )
                 .map(|()| Descriptor::AccelerationStructure(Tlas::empty().clone())),
-            Resource::StorageBuffer(bytes) | Resource::UniformBuffer(bytes) => {
-                Ok(Descriptor::Buffer(Buffer::new(bytes)))
+            Resource::StorageBuffer(data) | Resource::UniformBuffer(data) => {
+                let buffer = match data.bytes() {
+                    Some(bytes) => Ok(Buffer::new(bytes)),
+                    None => data.encode(&encoding).map(|bytes| Buffer::new(&bytes)),
+                };
+                match buffer {
+                    Ok(buffer) => {
+                        if encoding.addresses.of_name(&binding.name).is_some() {
+                            addressed.insert(&binding.name, buffer.clone());
+                        }
+                        Ok(Descriptor::Buffer(buffer))
+                    }
+                    // It has a place of its own.
+                    Err(error) => {
+                        errors.push(error);
+                        continue;
+                    }
+                }
             }
             Resource::StorageImage(image) | Resource::SampledImage(image) | Resource::TexelBuffer(image) => {
                 self::image(image, &scene.files.limits).map(Descriptor::Image)
@@ -391,8 +459,12 @@ fn resources(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>, errors: &
         }
     }
     if !scene.push_constants.is_empty() {
-        resources.push_constants = Some(Buffer::new(&scene.push_constants));
+        match scene.push_constants.encode(&encoding) {
+            Ok(bytes) => resources.push_constants = Some(Buffer::new(&bytes)),
+            Err(error) => errors.push(error),
+        }
     }
+    resources.memory = encoding.addresses.memory(&addressed);
     resources
 }
 

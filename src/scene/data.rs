@@ -14,6 +14,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::Camera;
+use crate::scene::encoding::{AddressOf, Data, LatePiece};
 use crate::scene::files::Files;
 use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
@@ -39,21 +40,56 @@ enum Content {
     File(String),
     /// `mat4 view_inverse; mat4 projection_inverse;`
     Camera(Camera),
+    /// What is encoded after the modules are loaded.
+    Late(LatePiece),
 }
 
 impl DataPieces {
-    /// Encodes the bytes; `aspect` is the width of the picture divided by its height, for cameras.
+    /// Encodes the bytes of data in which everything is known.
+    ///
+    /// # Errors
+    /// As [`DataPieces::resolve`], and `InvalidScene` where a piece is encoded later.
+    pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
+        let mut data = self.resolve(files, aspect)?;
+        match data.first_late() {
+            None => Ok(std::mem::take(data.tail())),
+            Some(span) => Err(span.error(
+                "an address is known only in buffers, push constants, shader records and specialization constants",
+            )),
+        }
+    }
+
+    /// Reads files and encodes what is known before modules are loaded; `aspect` is the width of
+    /// the picture divided by its height, for cameras.
     ///
     /// # Errors
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
-    pub fn encode(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
-        let mut bytes = Vec::new();
+    pub fn resolve(&self, files: &dyn Files, aspect: f32) -> Result<Data> {
+        let mut data = Data::default();
         for Spanned { value: piece, span } in &self.0 {
+            if let Content::Late(late) = &piece.content {
+                // Eight bytes are an address; a greater piece is counted when its size is known.
+                let all = 8 * u64::from(piece.repeat);
+                files
+                    .limits()
+                    .check(InputLimit::BufferBytes, all, ErrorKind::InvalidScene)
+                    .and_then(|()| files.reserve(all))
+                    .map_err(|error| error.at(span.place()))?;
+                data.push_late(late.clone(), piece.repeat);
+                continue;
+            }
+            if let Content::Align(to) = piece.content {
+                for _ in 0..piece.repeat.min(1) {
+                    data.align(to);
+                }
+                continue;
+            }
+            let bytes = data.tail();
             let content = match &piece.content {
                 Content::Bytes(content) => content.clone(),
                 Content::Zeros(count) => {
                     let all = u64::from(*count) * u64::from(piece.repeat);
-                    let size = grown(&bytes, all, files).map_err(|error| error.at(span.place()))?;
+                    let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
                     bytes.resize(size, 0);
                     continue;
                 }
@@ -62,16 +98,16 @@ impl DataPieces {
                     let matrices = camera.matrices(aspect).map_err(|message| span.error(message))?;
                     matrices.iter().flat_map(|x| x.to_le_bytes()).collect()
                 }
-                Content::Align(to) => vec![0; bytes.len().next_multiple_of(*to as usize) - bytes.len()],
+                Content::Align(_) | Content::Late(_) => continue,
             };
             let all = content.len() as u64 * u64::from(piece.repeat);
-            let size = grown(&bytes, all, files).map_err(|error| error.at(span.place()))?;
+            let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
             bytes.reserve_exact(size - bytes.len());
             for _ in 0..piece.repeat {
                 bytes.extend_from_slice(&content);
             }
         }
-        Ok(bytes)
+        Ok(data)
     }
 }
 
@@ -121,6 +157,7 @@ impl Parse for Piece {
         contents.extend(table.optional::<Spanned<u32>>("align").and_then(|to| align(&table, &to)));
         contents.extend(table.optional::<String>("file").map(Content::File));
         contents.extend(table.optional::<Camera>("camera").map(Content::Camera));
+        contents.extend(address_of(&table).map(|of| Content::Late(LatePiece::Address(of))));
         let repeat = table.or("repeat", 1);
         table.finish();
         if value.report().len() > errors_before {
@@ -134,6 +171,14 @@ impl Parse for Piece {
             Err(_) => value.wrong("several kinds of data in one piece: write an array of pieces"),
         }
     }
+}
+
+/// Reads `address_of` and, beside it alone, `offset`.
+fn address_of(table: &Table<'_>) -> Option<AddressOf> {
+    let target: Spanned<String> = table.optional("address_of")?;
+    let start = Spanned { value: 0, span: target.span.clone() };
+    let offset = table.value("offset").map_or(Some(start), Spanned::parse)?;
+    Some(AddressOf { target, offset })
 }
 
 fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
@@ -274,14 +319,20 @@ impl Parse for Hex {
     }
 }
 
-/// The bytes of one scalar with its type, `{ u64 = 7 }`.
+/// One scalar with its type, `{ u64 = 7 }`, or an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ScalarBytes(pub Vec<u8>);
+pub enum ScalarPiece {
+    /// Its bytes.
+    Bytes(Vec<u8>),
+    /// A device address, 8 bytes.
+    Address(AddressOf),
+}
 
-impl Parse for ScalarBytes {
+impl Parse for ScalarPiece {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         match Piece::parse(value)?.content {
-            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self(bytes)),
+            Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes)),
+            Content::Late(LatePiece::Address(of)) => Some(Self::Address(of)),
             _ => value.wrong("a specialization constant is one scalar"),
         }
     }

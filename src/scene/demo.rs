@@ -48,7 +48,6 @@ mod tests {
     use crate::scene::DiskFiles;
     use crate::scene::file::RayEntry;
     use crate::scene::resolved::{ResolvedGroup, ResolvedShader, ShaderCode};
-    use crate::scene::resources::Resource;
 
     fn slang() -> ResolvedScene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/swept-spheres-slang.toml");
@@ -78,7 +77,7 @@ mod tests {
         let offsets: Vec<u32> = instances.iter().map(|instance| instance.sbt_record_offset).collect();
         assert_eq!(offsets, [0, 1, 2, 3]);
         // view_inverse, projection_inverse and the sun: 64 + 64 + 16 bytes of std140.
-        let Resource::UniformBuffer(camera) = &scene.resources[2].resource else { panic!() };
+        let camera = scene.resources[2].resource.data().unwrap().bytes().unwrap();
         assert_eq!(camera.len(), 144);
     }
 
@@ -123,7 +122,7 @@ mod tests {
     /// The instance that the ray through the centre of a pixel hits first, by the arithmetic of
     /// the ray-generation shader in f32.
     fn seen(scene: &ResolvedScene, [x, y]: [u32; 2]) -> Option<u32> {
-        let Resource::UniformBuffer(bytes) = &scene.resources[2].resource else { panic!() };
+        let bytes = scene.resources[2].resource.data().unwrap().bytes().unwrap();
         let m: Vec<f32> = bytes.chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
         let times = |m: &[f32], v: [f32; 4]| -> [f32; 4] {
             std::array::from_fn(|row| (0..4).map(|column| m[4 * column + row] * v[column]).sum())

@@ -6,6 +6,7 @@
 //! [`ResolvedScene`], has acceleration structures, bytes and texels, but no pipeline: the
 //! pipeline makes its own objects from it. `docs/scene.md` is the format's reference.
 
+pub mod addresses;
 pub mod assemble;
 mod build_input;
 pub mod camera;
@@ -13,6 +14,7 @@ pub mod data;
 pub mod demo;
 mod descriptors;
 mod device;
+pub mod encoding;
 pub mod file;
 pub mod files;
 pub mod generate;

@@ -10,7 +10,9 @@ use crate::input::InputLimit;
 use crate::machine::sampler::Sampler;
 use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::pipeline::DeviceProfile;
+use crate::scene::addresses;
 use crate::scene::data::{DataPieces, read_limited};
+use crate::scene::encoding::Data;
 use crate::scene::file::{
     DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
@@ -141,6 +143,8 @@ struct Resolver<'a> {
     modules: Vec<ShaderModule>,
     /// The modules by their paths, and by what they are compiled with.
     module_places: HashMap<(PathBuf, Vec<PathBuf>, CompilerFlags), usize>,
+    /// The modules by the scene's names of shaders.
+    shader_names: HashMap<String, usize>,
     groups: Vec<ResolvedGroup>,
 }
 
@@ -171,6 +175,7 @@ impl<'a> Resolver<'a> {
             own,
             modules: Vec::new(),
             module_places: HashMap::new(),
+            shader_names: HashMap::new(),
             groups: Vec::new(),
         };
         let mut variant = None;
@@ -220,20 +225,23 @@ impl<'a> Resolver<'a> {
         let sbt = self.binding_table();
         let dispatches = self.dispatches();
         let resources = self.bindings(&tlas, !dispatches.is_empty());
-        let push_constants = self.bytes(self.push_constants.as_ref());
+        let push_constants = self.data(self.push_constants.as_ref());
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();
         }
+        let unbound = self.unbound_buffers();
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
-        Some(ResolvedScene {
+        let scene = ResolvedScene {
             path: self.own.source().path.clone(),
             geometry_names,
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
             shaders: self.modules,
+            shader_names: self.shader_names,
             groups: self.groups,
             sbt,
             resources,
+            unbound,
             dispatches,
             push_constants,
             device: self.device.unwrap_or_default(),
@@ -258,7 +266,11 @@ impl<'a> Resolver<'a> {
             document: self.own,
             notes: self.report.take_notes(),
             files: SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() },
-        })
+        };
+        if self.report.is_empty() {
+            addresses::check(&scene, self.report);
+        }
+        Some(scene)
     }
 
     /// Resolves the shader records, and with them the groups and modules.
@@ -283,7 +295,7 @@ impl<'a> Resolver<'a> {
     fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
         let entries = std::mem::take(&mut self.dispatches);
         let dispatch = |entry: &DispatchEntry| {
-            let push_constants = entry.push_constants.as_ref().map(|data| self.bytes(Some(data)));
+            let push_constants = entry.push_constants.as_ref().map(|data| self.data(Some(data)));
             Some(ResolvedDispatch {
                 shader: self.shader(&entry.shader)?,
                 groups: entry.groups,
@@ -296,7 +308,7 @@ impl<'a> Resolver<'a> {
     fn general(&mut self, entry: &GeneralEntry, kind: fn(ResolvedShader) -> ResolvedGroup) -> ResolvedRecord {
         let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
         let group = shader.map(|shader| self.group(kind(shader)));
-        ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+        ResolvedRecord { name: entry.name.clone(), group, data: self.data(entry.record.as_ref()) }
     }
 
     fn hit(&mut self, entry: &HitEntry) -> ResolvedRecord {
@@ -307,7 +319,7 @@ impl<'a> Resolver<'a> {
         let group = some.then(|| {
             self.group(ResolvedGroup::Hit(Box::new(ResolvedHitGroup { closest_hit, any_hit, intersection })))
         });
-        ResolvedRecord { name: entry.name.clone(), group, data: self.bytes(entry.record.as_ref()) }
+        ResolvedRecord { name: entry.name.clone(), group, data: self.data(entry.record.as_ref()) }
     }
 
     /// The index of a group, which is added if it is new.
@@ -349,8 +361,9 @@ impl<'a> Resolver<'a> {
         let of_flags = entry.compiler_flags.include_folders().iter().map(|folder| sibling(folder));
         let folders: Vec<PathBuf> = folders.chain(of_flags).collect();
         let key = (path.clone(), folders.clone(), entry.compiler_flags.clone());
-        if let Some(known) = self.module_places.get(&key) {
-            return Some(*known);
+        if let Some(&known) = self.module_places.get(&key) {
+            self.shader_names.insert(name.to_string(), known);
+            return Some(known);
         }
         let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
         let bytes = self.report.keep(read_limited(self.files, &file.value, &file.span, limit))?;
@@ -359,6 +372,7 @@ impl<'a> Resolver<'a> {
             false => ShaderCode::Source(bytes, folders, entry.compiler_flags.clone()),
         };
         self.module_places.insert(key, self.modules.len());
+        self.shader_names.insert(name.to_string(), self.modules.len());
         self.modules.push(ShaderModule { name: name.to_string(), path, code, place: file.span.place() });
         Some(self.modules.len() - 1)
     }
@@ -374,9 +388,9 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn bytes(&self, data: Option<&DataPieces>) -> Vec<u8> {
-        let bytes = data.map(|data| self.report.keep(data.encode(self.files, self.aspect())));
-        bytes.flatten().unwrap_or_default()
+    fn data(&self, data: Option<&DataPieces>) -> Data {
+        let data = data.map(|data| self.report.keep(data.resolve(self.files, self.aspect())));
+        data.flatten().unwrap_or_default()
     }
 
     fn aspect(&self) -> f32 {
@@ -473,7 +487,7 @@ mod tests {
         assert_eq!(scene.shaders.len(), 1);
         assert_eq!(scene.shaders[0].code, ShaderCode::SpirV(b"SPIR".to_vec()));
         let records = |list: &[ResolvedRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
-            list.iter().map(|record| (record.group, record.data.clone())).collect()
+            list.iter().map(|record| (record.group, record.data.bytes().unwrap().to_vec())).collect()
         };
         assert_eq!(records(&scene.sbt.raygen), [(Some(0), vec![])]);
         assert_eq!(records(&scene.sbt.miss), [(Some(1), vec![]), (None, vec![])]);
@@ -539,7 +553,7 @@ mod tests {
         let Resource::StorageImage(image) = &wide.resources[0].resource else { panic!() };
         // One texel stands for all: its red is 0.
         assert_eq!((image.shape.extent, &image.texels[..]), ([6, 2, 1], &[0; 4][..]));
-        let Resource::UniformBuffer(bytes) = &wide.resources[1].resource else { panic!() };
+        let bytes = wide.resources[1].resource.data().unwrap().bytes().unwrap();
         // Two matrices of 64 bytes, then the vector; the first scale of projection_inverse is the
         // aspect ratio, 6 / 2, times tan 45 degrees.
         assert_eq!(bytes.len(), 144);

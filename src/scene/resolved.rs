@@ -1,5 +1,6 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -8,6 +9,8 @@ use crate::compile::CompilerFlags;
 use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::pipeline::{DeviceProfile, PipelineFlags};
+use crate::scene::addresses::AddressChoice;
+use crate::scene::encoding::{AddressOf, Data};
 use crate::scene::file::RayEntry;
 use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
@@ -25,16 +28,20 @@ pub struct ResolvedScene {
     pub geometry_names: Vec<Vec<Vec<String>>>,
     /// Every file with shaders, once.
     pub shaders: Vec<ShaderModule>,
+    /// Indices into `shaders` by the scene's names.
+    pub shader_names: HashMap<String, usize>,
     /// The shader groups, each once.
     pub groups: Vec<ResolvedGroup>,
     /// The shader binding table.
     pub sbt: ShaderBindingTable,
     /// The contents of the descriptor sets, sorted by set, binding and element.
     pub resources: Vec<ResolvedBinding>,
+    /// Buffers that no descriptor refers to, in the order of their names.
+    pub unbound: Vec<UnboundBuffer>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
     /// The push constants' bytes.
-    pub push_constants: Vec<u8>,
+    pub push_constants: Data,
     /// The device that the scene is for.
     pub device: DeviceProfile,
     /// The pipeline's flags.
@@ -120,7 +127,7 @@ pub struct ResolvedDispatch {
     /// The number of workgroups along x, y and z.
     pub groups: [u32; 3],
     /// The bytes of its own push constants; `None` for the scene's.
-    pub push_constants: Option<Vec<u8>>,
+    pub push_constants: Option<Data>,
 }
 
 /// A shader group.
@@ -134,6 +141,19 @@ pub enum ResolvedGroup {
     Callable(ResolvedShader),
     /// A hit group.
     Hit(Box<ResolvedHitGroup>),
+}
+
+impl ResolvedGroup {
+    /// Its shaders.
+    pub fn shaders(&self) -> impl Iterator<Item = &ResolvedShader> {
+        let shaders = match self {
+            Self::RayGeneration(shader) | Self::Miss(shader) | Self::Callable(shader) => {
+                [Some(shader), None, None]
+            }
+            Self::Hit(hit) => [hit.closest_hit.as_ref(), hit.any_hit.as_ref(), hit.intersection.as_ref()],
+        };
+        shaders.into_iter().flatten()
+    }
 }
 
 /// A hit group; procedural where it has an intersection shader.
@@ -155,7 +175,7 @@ pub struct ResolvedRecord {
     /// Index into [`ResolvedScene::groups`]; `None` is a null handle.
     pub group: Option<usize>,
     /// The data after the handle (`ShaderRecordBufferKHR` at offset 0).
-    pub data: Vec<u8>,
+    pub data: Data,
 }
 
 /// The shader records by kind, each in its table's order.
@@ -184,13 +204,47 @@ pub struct ResolvedBinding {
     pub element: u32,
     /// Its content.
     pub resource: Resource,
+    /// Of a buffer: what it says of its device address.
+    pub address: AddressChoice,
     /// Marks the image that a render saves, and how.
     pub output: Option<Output>,
     /// Where the scene describes it.
     pub place: Place,
 }
 
+/// A buffer that shaders reach by its address alone.
+#[derive(Clone, Debug)]
+pub struct UnboundBuffer {
+    /// The scene's name for it.
+    pub name: String,
+    /// Its content.
+    pub data: Data,
+    /// What it says of its device address.
+    pub address: AddressChoice,
+    /// Where the scene describes it.
+    pub place: Place,
+}
+
 impl ResolvedScene {
+    /// Everything whose address is written somewhere.
+    pub fn address_targets(&self) -> Vec<&AddressOf> {
+        let mut targets = Vec::new();
+        let mut data = vec![&self.push_constants];
+        data.extend(self.dispatches.iter().filter_map(|dispatch| dispatch.push_constants.as_ref()));
+        data.extend(self.unbound.iter().map(|buffer| &buffer.data));
+        data.extend(self.resources.iter().filter_map(|binding| binding.resource.data()));
+        let ShaderBindingTable { raygen, miss, hit, callable } = &self.sbt;
+        data.extend([raygen, miss, hit, callable].into_iter().flatten().map(|record| &record.data));
+        for data in data {
+            data.targets(&mut |of| targets.push(of));
+        }
+        let groups = self.groups.iter().flat_map(ResolvedGroup::shaders);
+        let shaders = groups.chain(self.dispatches.iter().map(|dispatch| &dispatch.shader));
+        let values = shaders.flat_map(|shader| &shader.specialization);
+        targets.extend(values.filter_map(|(_, value)| value.target()));
+        targets
+    }
+
     /// The picture that a render saves: the storage image marked as output, or the only one.
     pub fn output(&self) -> Option<&ResolvedBinding> {
         let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));

@@ -4,7 +4,9 @@ use crate::error::{ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
+use crate::scene::addresses::AddressChoice;
 use crate::scene::data::DataPieces;
+use crate::scene::encoding::Data;
 use crate::scene::files::Files;
 use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
@@ -14,9 +16,9 @@ use crate::scene::sampler::SamplerReference;
 #[derive(Clone, Debug, PartialEq)]
 pub enum Resource {
     /// `VK_DESCRIPTOR_TYPE_STORAGE_BUFFER`
-    StorageBuffer(Vec<u8>),
+    StorageBuffer(Data),
     /// `VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER`
-    UniformBuffer(Vec<u8>),
+    UniformBuffer(Data),
     /// `VK_DESCRIPTOR_TYPE_STORAGE_IMAGE`
     StorageImage(ImageContent),
     /// `VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE`
@@ -33,6 +35,16 @@ pub enum Resource {
     NullBuffer,
     /// A null acceleration structure.
     NullAccelerationStructure,
+}
+
+impl Resource {
+    /// The data of a buffer.
+    pub fn data(&self) -> Option<&Data> {
+        match self {
+            Self::StorageBuffer(data) | Self::UniformBuffer(data) => Some(data),
+            _ => None,
+        }
+    }
 }
 
 /// How the picture of a render is saved.
@@ -114,6 +126,8 @@ pub enum DescriptorKind {
     CombinedImageSampler,
     /// A TLAS.
     AccelerationStructure,
+    /// No descriptor: a buffer that shaders reach by its address alone.
+    Unbound,
 }
 
 impl Named for DescriptorKind {
@@ -128,6 +142,7 @@ impl Named for DescriptorKind {
         ("sampler", Self::Sampler),
         ("combined_image_sampler", Self::CombinedImageSampler),
         ("acceleration_structure", Self::AccelerationStructure),
+        ("buffer", Self::Unbound),
     ];
 }
 
@@ -138,9 +153,19 @@ impl Parse for ResourceEntry {
             return value.wrong("a resource needs its `type`: `storage_buffer`, `storage_image`, ...");
         };
         let kind = DescriptorKind::parse(kind)?;
-        let set = table.or("set", 0);
-        let binding = table.required("binding");
-        let element = element(&table);
+        let unbound = kind == DescriptorKind::Unbound;
+        for key in ["set", "binding", "element"].into_iter().filter(|key| unbound && table.has(key)) {
+            let found = table.value(key);
+            found.and_then(|found| {
+                found.wrong::<()>(format!(
+                    "a `buffer` is bound nowhere and has no `{key}`: that of a descriptor is a `storage_buffer`"
+                ))
+            });
+        }
+        let (set, binding, element) = match unbound {
+            true => (0, Some(0), 0),
+            false => (table.or("set", 0), table.required("binding"), element(&table)),
+        };
         let output = match kind {
             DescriptorKind::StorageImage => table.optional::<OutputKey>("output").and_then(|marked| marked.0),
             _ => None,
@@ -157,7 +182,7 @@ impl Parse for ResourceEntry {
         }
         let content = match kind {
             _ if nullable && table.or("null", false) => Some(Content::Null(kind)),
-            DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer => {
+            DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer | DescriptorKind::Unbound => {
                 BufferEntry::parse(&table).map(|entry| Content::Buffer(kind, entry))
             }
             DescriptorKind::StorageImage
@@ -198,11 +223,14 @@ fn element(table: &Table<'_>) -> u32 {
 pub struct BufferEntry {
     data: Option<DataPieces>,
     size: Option<Spanned<u64>>,
+    /// What it says of its device address.
+    pub address: AddressChoice,
 }
 
 impl BufferEntry {
     fn parse(table: &Table<'_>) -> Option<Self> {
         let (data, size) = (table.optional("data"), table.optional::<Spanned<u64>>("size"));
+        let address = table.or("address", AddressChoice::Unsaid);
         if let Some(Spanned { value, span }) = &size {
             let limits = table.report().limits();
             if let Err(error) = limits.check(InputLimit::BufferBytes, *value, ErrorKind::InvalidScene) {
@@ -214,28 +242,32 @@ impl BufferEntry {
             table.report().push(table.span().error("a buffer needs `data`, or its `size` in bytes"));
             return None;
         }
-        Some(Self { data, size })
+        Some(Self { data, size, address })
     }
 
-    /// Its bytes, padded with zeros to its size.
+    /// Its data, padded with zeros to its size.
     ///
     /// # Errors
-    /// If the data is longer than the size, and those of [`DataPieces::encode`].
-    pub fn load(&self, files: &dyn Files, aspect: f32) -> Result<Vec<u8>> {
-        let mut bytes = match &self.data {
-            Some(data) => data.encode(files, aspect)?,
-            None => Vec::new(),
+    /// If the data is longer than the size, and those of [`DataPieces::resolve`].
+    pub fn load(&self, files: &dyn Files, aspect: f32) -> Result<Data> {
+        let mut data = match &self.data {
+            Some(data) => data.resolve(files, aspect)?,
+            None => Data::default(),
         };
-        if let Some(Spanned { value: size, span }) = &self.size {
-            if bytes.len() as u64 > *size {
-                let message = format!("the data has {} bytes, more than the `size` of {size}", bytes.len());
-                return Err(span.error(message));
-            }
-            let more = size - bytes.len() as u64;
-            files.reserve(more).map_err(|error| error.at(span.place()))?;
-            bytes.reserve_exact(more as usize);
-            bytes.resize(*size as usize, 0);
+        let Some(Spanned { value: size, span }) = &self.size else { return Ok(data) };
+        let Some(found) = data.bytes().map(|bytes| bytes.len() as u64) else {
+            files.reserve(*size).map_err(|error| error.at(span.place()))?;
+            data.pad_to(*size, span.place());
+            return Ok(data);
+        };
+        if found > *size {
+            return Err(span.error(format!("the data has {found} bytes, more than the `size` of {size}")));
         }
-        Ok(bytes)
+        let more = size - found;
+        files.reserve(more).map_err(|error| error.at(span.place()))?;
+        let bytes = data.tail();
+        bytes.reserve_exact(more as usize);
+        bytes.resize(*size as usize, 0);
+        Ok(data)
     }
 }

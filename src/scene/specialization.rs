@@ -4,7 +4,8 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
-use crate::scene::data::ScalarBytes;
+use crate::scene::data::ScalarPiece;
+use crate::scene::encoding::{AddressOf, Encoding};
 use crate::scene::read::{Parse, TomlValue, integer};
 use crate::scene::tree::Toml;
 
@@ -25,6 +26,7 @@ enum LiteralValue {
     Float(String),
     /// The value's bytes, little-endian.
     Bytes(Vec<u8>),
+    Address(AddressOf),
 }
 
 impl Parse for SpecializationValue {
@@ -38,7 +40,10 @@ impl Parse for SpecializationValue {
                 "i64 or u64",
             )?),
             Toml::Float(text) => LiteralValue::Float(text.clone()),
-            Toml::Table(_) => LiteralValue::Bytes(ScalarBytes::parse(value)?.0),
+            Toml::Table(_) => match ScalarPiece::parse(value)? {
+                ScalarPiece::Bytes(bytes) => LiteralValue::Bytes(bytes),
+                ScalarPiece::Address(of) => LiteralValue::Address(of),
+            },
             _ => return value.expected("a number or Boolean"),
         };
         Some(Self { literal, place: value.span().place() })
@@ -51,18 +56,35 @@ impl SpecializationValue {
     /// # Errors
     /// `InvalidArgument` where the module has no such constant, `InvalidScene` where the value is
     /// none of its type.
-    pub fn specialize(&self, module: &mut Module, constant: u32) -> Result<()> {
+    pub fn specialize(&self, module: &mut Module, constant: u32, encoding: &Encoding<'_>) -> Result<()> {
+        let address = match &self.literal {
+            LiteralValue::Address(of) => {
+                Some(LiteralValue::Bytes(encoding.address(of)?.to_le_bytes().to_vec()))
+            }
+            _ => None,
+        };
+        let literal = address.as_ref().unwrap_or(&self.literal);
         let bits = match module.specialization_type(constant) {
             Some(ty) => {
                 let wrong = |why: String| {
                     let message = format!("{why}; constant {constant} is {}", module.describe_type(ty));
                     Error::new(ErrorKind::InvalidScene, message).at(self.place.clone())
                 };
-                self.literal.bits(module.ty(ty)).map_err(wrong)?
+                literal.bits(module.ty(ty)).map_err(wrong)?
             }
             None => 0,
         };
         module.specialize(constant, bits).map_err(|error| error.at(self.place.clone()))
+    }
+}
+
+impl SpecializationValue {
+    /// What the value is the address of.
+    pub fn target(&self) -> Option<&AddressOf> {
+        match &self.literal {
+            LiteralValue::Address(of) => Some(of),
+            _ => None,
+        }
     }
 }
 
@@ -97,6 +119,7 @@ impl LiteralValue {
             (Self::Integer(number), _) => Err(format!("{number} is neither true nor false")),
             (Self::Float(text), Type::Bool) => Err(format!("{text} is neither true nor false")),
             (Self::Float(text), _) => Err(format!("{text} is no whole number")),
+            (Self::Address(_), _) => Err("an address is not known yet".into()),
         }
     }
 }

@@ -7,9 +7,10 @@ use crate::accel::Tlas;
 use crate::error::{Place, Result};
 use crate::machine::Descriptor;
 use crate::machine::sampler::Sampler;
+use crate::scene::addresses::AddressChoice;
 use crate::scene::resolve::Resolver;
-use crate::scene::resolved::{ResolvedBinding, ResolvedGroup};
-use crate::scene::resources::{Content, DescriptorKind, Resource};
+use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
+use crate::scene::resources::{Content, DescriptorKind, Resource, ResourceEntry};
 use crate::scene::sampler::SamplerReference;
 
 impl Resolver<'_> {
@@ -24,6 +25,9 @@ impl Resolver<'_> {
         let mut lengths: HashMap<[u32; 2], u32> = HashMap::new();
         for entry in &self.resource_entries.entries {
             let Some(content) = &entry.content else { continue };
+            if matches!(content.content, Content::Buffer(DescriptorKind::Unbound, _)) {
+                continue;
+            }
             let place = entry.name.span.place();
             let key = [content.set, content.binding, content.element];
             if let Some(other) = taken.get(&key) {
@@ -50,6 +54,10 @@ impl Resolver<'_> {
                     binding: content.binding,
                     element: content.element,
                     resource,
+                    address: match &content.content {
+                        Content::Buffer(_, buffer) => buffer.address.clone(),
+                        _ => AddressChoice::Unsaid,
+                    },
                     output: content.output,
                     place,
                 });
@@ -57,6 +65,28 @@ impl Resolver<'_> {
         }
         bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
         bindings
+    }
+
+    /// The buffers that no descriptor refers to, sorted by name.
+    pub(super) fn unbound_buffers(&self) -> Vec<UnboundBuffer> {
+        let mut buffers = Vec::new();
+        for entry in &self.resource_entries.entries {
+            let Some(ResourceEntry { content: Content::Buffer(DescriptorKind::Unbound, buffer), .. }) =
+                &entry.content
+            else {
+                continue;
+            };
+            if let Some(data) = self.report.keep(buffer.load(self.files, self.aspect())) {
+                buffers.push(UnboundBuffer {
+                    name: entry.name.value.clone(),
+                    data,
+                    address: buffer.address.clone(),
+                    place: entry.name.span.place(),
+                });
+            }
+        }
+        buffers.sort_by(|a, b| a.name.cmp(&b.name));
+        buffers
     }
 
     /// Counts descriptors of an array, those included that nothing is bound to: every element in
@@ -77,10 +107,10 @@ impl Resolver<'_> {
     fn resource(&self, content: &Content, tlas: &[(String, Option<Arc<Tlas>>)]) -> Option<Resource> {
         match content {
             Content::Buffer(kind, entry) => {
-                let bytes = self.report.keep(entry.load(self.files, self.aspect()))?;
+                let data = self.report.keep(entry.load(self.files, self.aspect()))?;
                 Some(match kind {
-                    DescriptorKind::UniformBuffer => Resource::UniformBuffer(bytes),
-                    _ => Resource::StorageBuffer(bytes),
+                    DescriptorKind::UniformBuffer => Resource::UniformBuffer(data),
+                    _ => Resource::StorageBuffer(data),
                 })
             }
             Content::Image(kind, entry) => {
