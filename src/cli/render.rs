@@ -124,6 +124,11 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
     let outcome = match &bands {
+        None if assembled.is_frame() => match args.lanes.as_str() {
+            "1" => assembled.run::<1>(&assembled.resources, &on_progress),
+            "128" => assembled.run::<128>(&assembled.resources, &on_progress),
+            _ => assembled.run::<64>(&assembled.resources, &on_progress),
+        },
         None => match args.lanes.as_str() {
             "1" => launch.run::<1>(size, &on_progress),
             "128" => launch.run::<128>(size, &on_progress),
@@ -183,6 +188,8 @@ fn split_into_bands<'a>(
     let kind = args.output.as_deref().and_then(PictureKind::of).unwrap_or(PictureKind::Png);
     let reason = if kind != PictureKind::Png {
         "only a PNG is written in bands"
+    } else if assembled.is_frame() {
+        "the scene has passes"
     } else if args.stability.is_requested() {
         "--shadow and --perturb run the launch again on it"
     } else if image.shape != ImageShape::plane(width, height) {

@@ -51,6 +51,8 @@ pub struct SceneFile {
     pub push_constants: Option<DataPieces>,
     /// `[[dispatch]]`
     pub dispatches: Vec<DispatchEntry>,
+    /// `[[pass]]`
+    pub passes: Vec<Spanned<PassEntry>>,
     /// `precision`
     pub precision: Option<Precision>,
     /// `launch`
@@ -95,6 +97,7 @@ impl SceneFile {
             resources: entries(&root, "resources"),
             push_constants: root.optional("push_constants"),
             dispatches: root.or("dispatch", Vec::new()),
+            passes: root.or("pass", Vec::new()),
             precision: root.optional("precision"),
             launch: launch(&root),
             rays: root.or("ray", Vec::new()),
@@ -176,6 +179,42 @@ impl Parse for DispatchEntry {
         let push_constants = table.optional("push_constants");
         table.finish();
         Some(Self { shader: shader?, groups: groups?, push_constants })
+    }
+}
+
+/// One pass of a frame.
+#[derive(Clone, Debug)]
+pub enum PassEntry {
+    /// A launch of the pipeline from one of its ray generation shaders.
+    Launch {
+        /// The name of the shader's record in `[pipeline]`, or of its shader.
+        raygen: Spanned<String>,
+        /// The size of the launch; the scene's where there is none.
+        size: Option<[u32; 3]>,
+        /// Push constants of its own, in place of the scene's.
+        push_constants: Option<DataPieces>,
+    },
+    /// A dispatch of a compute shader.
+    Dispatch(DispatchEntry),
+}
+
+impl Parse for PassEntry {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        match (table.has("raygen"), table.has("shader")) {
+            (true, false) => {}
+            (false, true) => return DispatchEntry::parse(value).map(Self::Dispatch),
+            _ => {
+                return value.wrong(
+                    "a pass is a launch from a `raygen` of the pipeline, or a dispatch of a compute `shader`",
+                );
+            }
+        }
+        let raygen = table.required("raygen");
+        let size = launch(&table);
+        let push_constants = table.optional("push_constants");
+        table.finish();
+        Some(Self::Launch { raygen: raygen?, size: size.map(|size| size.value), push_constants })
     }
 }
 

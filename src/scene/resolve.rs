@@ -14,14 +14,14 @@ use crate::scene::addresses;
 use crate::scene::data::{DataPieces, read_limited};
 use crate::scene::encoding::Data;
 use crate::scene::file::{
-    DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
+    DispatchEntry, Entry, GeneralEntry, HitEntry, PassEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
 use crate::scene::resolved::{
-    ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
-    ShaderBindingTable, ShaderCode, ShaderModule,
+    ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedPass, ResolvedRecord, ResolvedScene,
+    ResolvedShader, ShaderBindingTable, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::ResourceEntry;
 
@@ -136,6 +136,7 @@ struct Resolver<'a> {
     pipeline: Option<PipelineEntry>,
     push_constants: Option<DataPieces>,
     dispatches: Vec<DispatchEntry>,
+    passes: Vec<Spanned<PassEntry>>,
     precision: Precision,
     launch: [u32; 3],
     rays: Vec<RayEntry>,
@@ -169,6 +170,7 @@ impl<'a> Resolver<'a> {
             pipeline: None,
             push_constants: None,
             dispatches: Vec::new(),
+            passes: Vec::new(),
             precision: Precision::default(),
             launch: [1; 3],
             rays: Vec::new(),
@@ -194,6 +196,9 @@ impl<'a> Resolver<'a> {
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
             if !part.dispatches.is_empty() {
                 all.dispatches = part.dispatches;
+            }
+            if !part.passes.is_empty() {
+                all.passes = part.passes;
             }
             if !part.rays.is_empty() {
                 all.rays = part.rays;
@@ -223,7 +228,8 @@ impl<'a> Resolver<'a> {
         }
         let tlas = self.structures();
         let sbt = self.binding_table();
-        let dispatches = self.dispatches();
+        let mut dispatches = self.dispatches();
+        let passes = self.passes(&mut dispatches);
         let resources = self.bindings(&tlas, !dispatches.is_empty());
         let push_constants = self.data(self.push_constants.as_ref());
         // With `--size`, pixels of the scene's rays may be outside the launch.
@@ -243,6 +249,7 @@ impl<'a> Resolver<'a> {
             resources,
             unbound,
             dispatches,
+            passes,
             push_constants,
             device: self.device.unwrap_or_default(),
             pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
@@ -294,15 +301,59 @@ impl<'a> Resolver<'a> {
 
     fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
         let entries = std::mem::take(&mut self.dispatches);
-        let dispatch = |entry: &DispatchEntry| {
-            let push_constants = entry.push_constants.as_ref().map(|data| self.data(Some(data)));
-            Some(ResolvedDispatch {
-                shader: self.shader(&entry.shader)?,
-                groups: entry.groups,
-                push_constants,
-            })
-        };
-        entries.iter().filter_map(dispatch).collect()
+        entries.iter().filter_map(|entry| self.dispatch(entry)).collect()
+    }
+
+    fn dispatch(&mut self, entry: &DispatchEntry) -> Option<ResolvedDispatch> {
+        let push_constants = entry.push_constants.as_ref().map(|data| self.data(Some(data)));
+        Some(ResolvedDispatch { shader: self.shader(&entry.shader)?, groups: entry.groups, push_constants })
+    }
+
+    /// Resolves the passes of `[[pass]]`; their dispatches are the scene's.
+    fn passes(&mut self, dispatches: &mut Vec<ResolvedDispatch>) -> Vec<ResolvedPass> {
+        let entries = std::mem::take(&mut self.passes);
+        if let (Some(pass), false) = (entries.first(), dispatches.is_empty()) {
+            let message =
+                "`[[pass]]` lists all launches and dispatches in order: there is no `[[dispatch]]` beside it";
+            self.report.push(pass.span.error(message));
+        }
+        let mut passes = Vec::new();
+        for entry in &entries {
+            match &entry.value {
+                PassEntry::Launch { raygen, size, push_constants } => {
+                    let Some(index) = self.raygen_record(raygen) else { continue };
+                    let push_constants = push_constants.as_ref().map(|data| self.data(Some(data)));
+                    let size = size.unwrap_or(self.launch);
+                    passes.push(ResolvedPass::Launch { raygen: index, size, push_constants });
+                }
+                PassEntry::Dispatch(entry) => {
+                    let Some(dispatch) = self.dispatch(entry) else { continue };
+                    passes.push(ResolvedPass::Dispatch(dispatches.len()));
+                    dispatches.push(dispatch);
+                }
+            }
+        }
+        passes
+    }
+
+    /// The index of the ray generation record with a name, or with a shader of that name.
+    fn raygen_record(&self, wanted: &Spanned<String>) -> Option<usize> {
+        let records = self.pipeline.as_ref().map_or(&[][..], |pipeline| &pipeline.raygen[..]);
+        let shader = |record: &GeneralEntry| record.shader.as_ref().map(|shader| shader.value.clone());
+        let named = records.iter().position(|record| record.name.as_ref() == Some(&wanted.value));
+        let found = named
+            .or_else(|| records.iter().position(|record| shader(record).as_ref() == Some(&wanted.value)));
+        if found.is_none() {
+            let names: Vec<String> =
+                records.iter().filter_map(|record| record.name.clone().or_else(|| shader(record))).collect();
+            let error =
+                wanted.span.error(format!("the pipeline has no `raygen` of the name `{}`", wanted.value));
+            self.report.push(match names.is_empty() {
+                true => error,
+                false => error.note(format!("there are: {}", list_of(names.iter().map(String::as_str)))),
+            });
+        }
+        found
     }
 
     fn general(&mut self, entry: &GeneralEntry, kind: fn(ResolvedShader) -> ResolvedGroup) -> ResolvedRecord {
@@ -473,6 +524,38 @@ mod tests {
             ("a/shared/m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         ];
         load(Path::new("a/s.toml"), &EmbeddedFiles(&files), options).unwrap()
+    }
+
+    #[test]
+    fn passes_are_in_order_and_name_records_or_shaders() {
+        let text = "version = 1\nlaunch = [3, 2]\n[shaders.all]\npath = 'all.spv'\n\
+            [pipeline]\nraygen = ['all:first', { name = 'second', shader = 'all:other' }]\n\
+            [[pass]]\nraygen = 'second'\nlaunch = 5\n[[pass]]\nshader = 'all:sum'\ngroups = 4\n\
+            [[pass]]\nraygen = 'all:first'\n";
+        let scene = scene(text, &LoadOptions::default());
+        let launch = |raygen, size| ResolvedPass::Launch { raygen, size, push_constants: None };
+        assert_eq!(scene.passes, [launch(1, [5, 1, 1]), ResolvedPass::Dispatch(0), launch(0, [3, 2, 1])]);
+        assert_eq!((scene.dispatches.len(), scene.dispatches[0].groups), (1, [4, 1, 1]));
+    }
+
+    #[test]
+    fn a_pass_says_what_is_wrong_with_it() {
+        let head = "version = 1\n[shaders.all]\npath = 'all.spv'\n[pipeline]\nraygen = 'all:first'\n";
+        for (more, told) in [
+            ("[[pass]]\nlaunch = 1\n", "a pass is a launch from a `raygen` of the pipeline, or a dispatch"),
+            ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` of the name `all:fist`"),
+            ("[[pass]]\nraygen = 'x'\n", "there are: all:first"),
+            (
+                "[[pass]]\nraygen = 'all:first'\n[[dispatch]]\nshader = 'all'\n",
+                "there is no `[[dispatch]]` beside it",
+            ),
+        ] {
+            let text = format!("{head}{more}");
+            let files = [("s.toml", text.as_bytes()), ("all.spv", &b"SPIR"[..])];
+            let error = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default());
+            let error = error.unwrap_err().render();
+            assert!(error.contains(told), "{more}: {error}");
+        }
     }
 
     #[test]
