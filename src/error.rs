@@ -67,10 +67,45 @@ impl ErrorKind {
             | Self::Io => return None,
         })
     }
+}
 
-    /// The exit code of the command line: 1 for a failed expectation, 2 for an error.
+/// The class of an error, for machines: what `--json` says and the exit code tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorClass {
+    /// An expectation did not hold.
+    Expectation,
+    /// A shader trapped, running out of fuel or time included.
+    Trap,
+    /// A gap of this crate, this build or this machine.
+    Unsupported,
+    /// What was read exceeds a limit of [`InputLimits`](crate::input::InputLimits).
+    Limit,
+    /// Any other error: a mistake in an input, or what the operating system refused.
+    Other,
+}
+
+impl ErrorClass {
+    /// The name in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Expectation => "expectation",
+            Self::Trap => "trap",
+            Self::Unsupported => "unsupported",
+            Self::Limit => "limit",
+            Self::Other => "error",
+        }
+    }
+
+    /// The exit code of the command line.
     pub fn exit_code(self) -> u8 {
-        if self == Self::Expectation { 1 } else { 2 }
+        match self {
+            Self::Expectation => 1,
+            Self::Other => 2,
+            Self::Trap => 3,
+            Self::Unsupported => 4,
+            Self::Limit => 5,
+        }
     }
 }
 
@@ -115,6 +150,8 @@ struct ErrorData {
     others: Vec<Error>,
     /// How many more there were, which nothing keeps.
     not_shown: usize,
+    /// Whether a limit of what is read is exceeded.
+    is_limit: bool,
 }
 
 impl Clone for Error {
@@ -134,6 +171,7 @@ impl Error {
             notes: Vec::new(),
             others: Vec::new(),
             not_shown: 0,
+            is_limit: false,
         }))
     }
 
@@ -210,6 +248,33 @@ impl Error {
     /// Whose mistake it is.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
+    }
+
+    /// Says that a limit of what is read is exceeded.
+    #[must_use]
+    pub(crate) fn of_limit(mut self) -> Self {
+        self.0.is_limit = true;
+        self
+    }
+
+    /// Takes kind and class of the error that this one tells of.
+    #[must_use]
+    pub(crate) fn classed_as(mut self, cause: &Self) -> Self {
+        (self.0.kind, self.0.is_limit) = (cause.0.kind, cause.0.is_limit);
+        self
+    }
+
+    /// The class, which the exit code tells; that of the first of several errors.
+    pub fn class(&self) -> ErrorClass {
+        match self.0.kind {
+            _ if self.0.is_limit => ErrorClass::Limit,
+            ErrorKind::Expectation => ErrorClass::Expectation,
+            ErrorKind::Trap => ErrorClass::Trap,
+            ErrorKind::UnsupportedModule | ErrorKind::UnsupportedFile | ErrorKind::UnsupportedTool => {
+                ErrorClass::Unsupported
+            }
+            _ => ErrorClass::Other,
+        }
     }
 
     /// The one-line message, without places and notes.
@@ -361,6 +426,26 @@ mod tests {
         }
         let gap = Error::new(ErrorKind::UnsupportedModule, "no such capability").render();
         assert!(gap.contains("help: the module is valid: this is a gap of anyhit"), "{gap}");
+    }
+
+    #[test]
+    fn classes_have_names_and_exit_codes() {
+        let class = |kind| Error::new(kind, "x").class();
+        for (class, name, code) in [
+            (class(ErrorKind::Expectation), "expectation", 1),
+            (class(ErrorKind::InvalidScene), "error", 2),
+            (class(ErrorKind::Io), "error", 2),
+            (class(ErrorKind::Trap), "trap", 3),
+            (class(ErrorKind::UnsupportedModule), "unsupported", 4),
+            (class(ErrorKind::UnsupportedFile), "unsupported", 4),
+            (class(ErrorKind::UnsupportedTool), "unsupported", 4),
+            (Error::new(ErrorKind::InvalidScene, "x").of_limit().class(), "limit", 5),
+        ] {
+            assert_eq!((class.name(), class.exit_code()), (name, code));
+        }
+        let limit = Error::new(ErrorKind::InvalidModule, "cause").of_limit();
+        let told = Error::new(ErrorKind::InvalidArgument, "a test could not run").classed_as(&limit);
+        assert_eq!((told.kind(), told.class()), (ErrorKind::InvalidModule, ErrorClass::Limit));
     }
 
     #[test]

@@ -403,7 +403,7 @@ fn the_command_streams_what_it_renders() {
 fn the_command_says_why_it_cannot_stream() {
     let files = Files::new([16_384, 16_384], "id.yx");
     let (code, _, err, _) = files.anyhit(&["render", "scene.toml"]);
-    assert_eq!(code, Some(2));
+    assert_eq!(code, Some(5));
     // 16384 * 16384 * 16 bytes.
     assert!(
         err.contains("[16384, 16384, 1] texels in 1 layers are too many for an image: 4294967296 bytes"),
@@ -426,7 +426,7 @@ fn a_picture_that_fails_leaves_the_old_one() {
     let files = Files::new([2048, 4200], "vec2u(select(id.x, 9999u, id.y == 2100u), id.y)");
     std::fs::write(files.folder.path().join("out.png"), "the old one").expect("a writable folder");
     let (code, _, err, _) = files.anyhit(&["render", "scene.toml"]);
-    assert_eq!(code, Some(2));
+    assert_eq!(code, Some(3));
     assert!(err.contains("launch id (0, 2100, 0)"), "{err}");
     assert_eq!(files.bytes("out.png"), b"the old one");
     assert_eq!(files.names(), ["main.wgsl", "out.png", "scene.toml"]);

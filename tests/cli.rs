@@ -243,14 +243,50 @@ fn run_says_what_is_wrong_with_its_arguments() {
 }
 
 #[test]
-fn a_picture_is_refused_another_extension_than_png() {
+fn a_picture_is_written_as_its_extension_says() {
     let folder = tempfile::tempdir().expect("a folder");
-    for (name, is_written) in [("out.exr", false), ("out.bmp", false), ("out.PNG", true), ("picture", true)] {
+    let exr = if cfg!(feature = "exr") { (0, "") } else { (4, "neither reads nor writes OpenEXR") };
+    let refused = "a picture is written as .png, .exr or .raw, and `";
+    for (name, (wanted, told), head) in [
+        ("out.exr", exr, &b"\x76\x2f\x31\x01"[..]),
+        ("out.bmp", (2, refused), b""),
+        ("out.PNG", (0, ""), b"\x89PNG"),
+        ("picture", (0, "the picture is"), b"\x89PNG"),
+        ("out.raw", (0, ""), b""),
+    ] {
         let path = folder.path().join(name);
         let (code, _, err) = run(&["render", "--size", "2x2", "-o", path.to_str().expect("text")]);
-        assert_eq!((code == Some(0), path.exists()), (is_written, is_written), "{name}: {err}");
-        assert_eq!(err.contains("a picture is written as PNG"), !is_written, "{name}: {err}");
+        assert_eq!((code, path.exists()), (Some(wanted), wanted == 0), "{name}: {err}");
+        assert!(err.contains(told) || wanted == 0, "{name}: {err}");
+        assert!(wanted != 0 || std::fs::read(&path).expect("it is there").starts_with(head), "{name}");
     }
+    // Two by two texels of the demo's image, as `--dump` and `--save` write them, too.
+    let raw = std::fs::read(folder.path().join("out.raw")).expect("it is there");
+    assert!(raw.len() % 4 == 0 && [16, 32, 64].contains(&raw.len()), "{}", raw.len());
+}
+
+#[test]
+fn a_dump_into_a_file_holds_the_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let sums = folder.path().join("sums.bin");
+    let sums = sums.to_str().expect("text");
+    let (code, out, err) = run(&[
+        "run",
+        "spirv-fixtures/pass/compute/print/main.comp.spv",
+        "--push",
+        "f32 = 8",
+        "--dump",
+        &format!("1={sums}"),
+    ]);
+    assert_eq!(code, Some(0), "{err}");
+    assert!(!out.contains("halves"), "{out}");
+    // [0, 4] and [0.5, 4], as the typed dump of the same run shows.
+    let wanted: Vec<u8> = [0.0_f32, 4.0, 0.5, 4.0].iter().flat_map(|number| number.to_le_bytes()).collect();
+    assert_eq!(std::fs::read(sums).expect("the dump"), wanted);
+    let refused = format!("1={}", folder.path().join("no/such/folder/a.bin").display());
+    let (code, _, err) = run(&["run", "spirv-fixtures/pass/compute/print/main.comp.spv", "--dump", &refused]);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("a.bin"), "{err}");
 }
 
 /// A folder with a scene of one WGSL module, `main`.
@@ -389,7 +425,7 @@ fn old_names_are_accepted_and_noted() {
     assert_eq!(err, notes.concat());
 
     let (code, out, err) = run(&["run", path]);
-    assert_eq!((code, out.as_str()), (Some(2), ""));
+    assert_eq!((code, out.as_str()), (Some(3), ""));
     assert!(err.starts_with(&notes[0]) && err.contains("ran out of fuel"), "{err}");
 
     let module = "spirv-fixtures/fail/control-flow/endless-loop/main.rgen.spv";

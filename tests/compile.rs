@@ -146,7 +146,7 @@ fn a_named_glslang_is_used_and_must_exist() {
         command.output().unwrap()
     };
     let output = run("no-such-glslang");
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.status.code(), Some(4));
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("GLSLANG names no program: `no-such-glslang`"), "{said}");
     let installed = std::process::Command::new("glslangValidator").arg("--version").output();
@@ -327,4 +327,110 @@ fn slang_includes_from_other_folders() {
     let text = SLANG_MISS.replace("float3(1, 2, 3)", "colour_of_sky()");
     folder.write("a.slang", &format!("#include \"sky.slangh\"\n{text}"));
     includes_from(&folder, "a.slang", "sky.slangh", "float3 colour_of_sky() { return float3(1.0); }\n");
+}
+
+/// A `slangc` that writes its arguments down and gives a module, whatever its source says.
+#[cfg(unix)]
+fn stand_in_for_slangc(folder: &Folder) -> std::path::PathBuf {
+    use std::os::unix::fs::PermissionsExt;
+    let module =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv");
+    let script = format!(
+        "#!/bin/sh\nprintf '%s\\n' \"$@\" >> '{}/arguments'\nwhile [ $# -gt 0 ]; do [ \"$1\" = -o ] && cp '{}' \"$2\"; shift; done\n",
+        folder.0.display(),
+        module.display()
+    );
+    folder.write("slangc", &script);
+    let path = folder.0.join("slangc");
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    path
+}
+
+/// The compiler flags of a scene's Slang source, and what `anyhit run` says: code, errors, arguments.
+#[cfg(unix)]
+fn run_with_flags(name: &str, shader: &str) -> (Option<i32>, String, Vec<String>) {
+    let folder = Folder::new(name);
+    let slangc = stand_in_for_slangc(&folder);
+    folder.write("a.slang", "// the stand-in does not read it");
+    folder.write(
+        "scene.toml",
+        &format!(
+            "version = 1\n{shader}[[dispatch]]\nshader = 'a'\n\
+             [resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 4096\n\
+             [resources.b]\ntype = 'storage_buffer'\nbinding = 1\nsize = 4096\n\
+             [resources.c]\ntype = 'storage_buffer'\nbinding = 2\nsize = 4096\n"
+        ),
+    );
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.args(["run", "scene.toml"]).current_dir(&folder.0);
+    let output = command.env("SLANGC", slangc).env("ANYHIT_CACHE", "off").output().unwrap();
+    let arguments = std::fs::read_to_string(folder.0.join("arguments")).unwrap_or_default();
+    let err = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), err, arguments.lines().map(str::to_owned).collect())
+}
+
+#[test]
+#[cfg(unix)]
+fn flags_of_a_scene_reach_slangc() {
+    let (code, err, arguments) = run_with_flags(
+        "flags",
+        "[shaders.a]\nsource = 'a.slang'\n\
+         compiler_flags = ['-force-glsl-scalar-layout', '-DSPHERES=3', '-O0', '-Icommon', '-capability', 'spvRayQueryKHR']\n",
+    );
+    assert_eq!(code, Some(0), "{err}");
+    let has = |wanted: &[&str]| arguments.windows(wanted.len()).any(|some| some == wanted);
+    for wanted in [
+        &["-I", "common"][..],
+        &["-DSPHERES=3", "-force-glsl-scalar-layout", "-capability", "spvRayQueryKHR"],
+        &["-O0"],
+    ] {
+        assert!(has(wanted), "{wanted:?} in {arguments:?}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_flag_that_writes_files_is_refused_where_it_stands() {
+    let shader = "[shaders.a]\nsource = 'a.slang'\ncompiler_flags = ['-O0', '-o', 'a.txt']\n";
+    let (code, err, arguments) = run_with_flags("refused-flags", shader);
+    assert_eq!((code, arguments.len()), (Some(2), 0));
+    assert!(
+        err.contains("slangc is not given the flag `-o` here") && err.contains("scene.toml:4:25"),
+        "{err}"
+    );
+    assert!(err.contains("of a Slang source the flags are: -D NAME[=VALUE], -I FOLDER"), "{err}");
+    let shader = "[shaders.a]\npath = 'a.spv'\ncompiler_flags = '-O0'\n";
+    let (code, err, _) = run_with_flags("module-flags", shader);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("`compiler_flags` are for a `source`: a module is compiled already"), "{err}");
+}
+
+/// One source, compiled twice with other definitions: each dispatch runs its own.
+#[test]
+#[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
+fn glsl_is_compiled_once_for_each_list_of_flags() {
+    let folder = Folder::new("glsl-flags");
+    folder.write(
+        "a.comp",
+        "#version 460\nlayout(set = 0, binding = 0) buffer Out { uint values[]; };\n\
+         void main() { values[AT] = VALUE; }\n",
+    );
+    let shader = |name: &str, at: u32, value: u32| {
+        format!(
+            "[shaders.{name}]\nsource = 'a.comp'\ncompiler_flags = ['-D', 'AT={at}', '-DVALUE={value}u']\n"
+        )
+    };
+    let expect = "[[expect.buffer]]\nname = 'out'\nu32 = [7, 9]\n";
+    folder.write(
+        "scene.toml",
+        &format!(
+            "version = 1\n{}{}[[dispatch]]\nshader = 'a'\n[[dispatch]]\nshader = 'b'\n\
+             [resources.out]\ntype = 'storage_buffer'\nbinding = 0\nsize = 8\n{expect}",
+            shader("a", 0, 7),
+            shader("b", 1, 9)
+        ),
+    );
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    let output = command.arg("test").arg(&folder.0).env("ANYHIT_CACHE", "off").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
 }

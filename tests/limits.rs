@@ -110,7 +110,7 @@ fn limits_are_keys_of_a_scene() {
     ] {
         let scene = scene("keys.toml", "8", keys);
         let (code, text) = run(&["run", scene.to_str().expect("a path in UTF-8")]);
-        assert_eq!(code, Some(2), "{text}");
+        assert_eq!(code, Some(3), "{text}");
         assert_all(&text, &[told, "[pipeline]"]);
     }
     for (keys, told) in [
@@ -294,7 +294,7 @@ mod wgsl {
         assert_eq!(code, Some(1), "{text}");
         assert_all(&text, &["ran out of fuel"]);
         let (code, text) = run(&["run", path, "--fuel", "1000000"]);
-        assert_eq!(code, Some(2), "{text}");
+        assert_eq!(code, Some(3), "{text}");
         assert_all(&text, &["fuel = 1000000 "]);
     }
 }

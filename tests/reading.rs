@@ -130,7 +130,7 @@ fn what_never_ends_is_read_up_to_a_limit() {
         (vec!["trace-one-ray", "/dev/zero"], "`scene-bytes` of 16777216"),
     ] {
         let ran = run(&root(), &arguments);
-        assert_eq!(ran.code, Some(2), "{arguments:?}");
+        assert_eq!(ran.code, Some(5), "{arguments:?}");
         assert!(ran.err.contains(limit), "{arguments:?}: {}", ran.err);
         assert!(ran.err.contains("--limit"), "{}", ran.err);
     }
@@ -309,7 +309,7 @@ fn thousands_of_mistakes_are_counted_and_few_shown() {
 #[test]
 fn limits_are_set_by_name() {
     let ran = run(&root(), &["inspect", MODULE, "--limit", "module-bytes=16"]);
-    assert_eq!(ran.code, Some(2));
+    assert_eq!(ran.code, Some(5));
     assert!(ran.err.contains("more bytes of a module than the limit `module-bytes` of 16"), "{}", ran.err);
     let ran = run(&root(), &["inspect", MODULE, "--limit", "module_bites=16"]);
     assert_eq!(ran.code, Some(2));

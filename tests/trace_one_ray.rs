@@ -285,9 +285,9 @@ fn the_demo_runs_from_any_folder() {
 }
 
 #[test]
-fn a_trap_is_told_with_its_line_and_ends_with_code_2() {
+fn a_trap_is_told_with_its_line_and_ends_with_code_3() {
     let output = run(&["tests/trace-one-ray/trap.toml", "--pixel", "5,0"]);
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.status.code(), Some(3));
     let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(stdout.contains("TRAPPED: a buffer is accessed outside its range at "), "{stdout}");
     assert!(stderr.contains("main.rgen:11"), "{stderr}");

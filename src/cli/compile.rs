@@ -64,7 +64,7 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
         Some("0") => Optimize::Off,
         Some(_) => Optimize::High,
     };
-    let options = CompileOptions { debug, optimize };
+    let options = CompileOptions { debug, optimize, ..CompileOptions::default() };
     let limits = args.limits.limits();
     let mut errors = Vec::new();
     for path in &args.sources {

@@ -2,7 +2,8 @@
 //!
 //! A command is a struct of arguments and a function `run`; its results go to standard output
 //! through `output`, and [`main`] prints the error that it returns. Exit codes: 0 fine, 1 an
-//! expectation failed, 2 an error (clap's own for an invalid command line).
+//! expectation failed, 3 a trap, 4 something unsupported, 5 a limit, 2 all other errors (clap's own
+//! for an invalid command line).
 
 #[cfg(feature = "stress")]
 pub mod check_math;
@@ -68,7 +69,8 @@ commands! {
 
 /// Runs ray-tracing shaders on the CPU, exactly.
 ///
-/// Exit codes: 0 fine, 1 an expectation failed, 2 an error.
+/// Exit codes: 0 fine, 1 an expectation failed, 3 a shader trapped, 4 something is not supported,
+/// 5 a limit is exceeded, 2 any other error.
 #[derive(Parser)]
 #[command(name = "anyhit", version, arg_required_else_help = true)]
 struct CommandLine {
@@ -96,7 +98,7 @@ pub fn main() -> ExitCode {
     };
     let Err(error) = run else { return ExitCode::SUCCESS };
     output::report(&error);
-    ExitCode::from(error.kind().exit_code())
+    ExitCode::from(error.class().exit_code())
 }
 
 /// The command line as clap defines it, so that documents can be checked against it.

@@ -9,6 +9,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 
 use crate::error::{Error, Result};
 use crate::machine::Printed;
+use crate::scene::image::PictureKind;
 
 /// Prints to standard output, control characters as [`visible`] shows them.
 ///
@@ -51,17 +52,17 @@ pub fn renamed_flag(old: &str, new: &str) {
     hint(format_args!("note: `{old}` is now called `{new}`; the old name still works"));
 }
 
-/// The file that a picture is written to. Pictures are PNG, so another extension is refused.
+/// The file that a picture is written to. Its extension says as what; another one than those that
+/// are known is refused, and `.exr` where this build cannot write it.
 ///
 /// # Errors
-/// A message, if the extension is not `png`.
+/// A message, if the extension is not `png`, `exr` or `raw`.
 pub fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
-    match path.extension() {
-        Some(extension) if !extension.eq_ignore_ascii_case("png") => {
-            Err(format!("a picture is written as PNG, and `{}` says otherwise", path.display()))
-        }
-        _ => Ok(path),
+    if PictureKind::of(&path).is_none() {
+        let name = path.display();
+        return Err(format!("a picture is written as .png, .exr or .raw, and `{name}` says otherwise"));
     }
+    Ok(path)
 }
 
 /// [`picture_file`] for an argument.

@@ -16,7 +16,7 @@ use crate::harness::stability::deep_copy;
 use crate::machine::image::ImageShape;
 use crate::machine::{Binding, Descriptor, LaunchLimits};
 use crate::pipeline::{Band, BandedLaunch, StreamedImage};
-use crate::scene::image::{stream_png, write_png};
+use crate::scene::image::{PictureKind, stream_png, write_picture};
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
 use crate::scene::{self, Assembled, LoadOptions, ResolvedScene, resolved};
@@ -32,7 +32,7 @@ pub struct RenderArgs {
     /// swept-spheres demo]
     scene: Option<PathBuf>,
 
-    /// The PNG file to write [default: out.png]
+    /// The file to write, .png, .exr (feature `exr`) or .raw (the texels' bytes) [default: out.png]
     #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
     output: Option<PathBuf>,
 
@@ -78,6 +78,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
         let message = "`--json` is for --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
+    if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
+        kind.check()?;
+    }
     let options =
         LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
     let begin = Instant::now();
@@ -122,6 +125,11 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
     let outcome = match &bands {
+        None if assembled.is_frame() => match args.lanes.as_str() {
+            "1" => assembled.run::<1>(&assembled.resources, &on_progress),
+            "128" => assembled.run::<128>(&assembled.resources, &on_progress),
+            _ => assembled.run::<64>(&assembled.resources, &on_progress),
+        },
         None => match args.lanes.as_str() {
             "1" => launch.run::<1>(size, &on_progress),
             "128" => launch.run::<128>(size, &on_progress),
@@ -142,7 +150,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let launch_stats = outcome?;
 
     if let Some(image) = &whole_image {
-        write_png(&file, image, to_srgb)?;
+        write_picture(&file, image, to_srgb)?;
     }
     if args.output.is_none() {
         output::hint(format_args!("the picture is in {}", file.display()));
@@ -178,7 +186,12 @@ fn split_into_bands<'a>(
     streamed: &'a StreamedImage,
 ) -> Result<BandedLaunch<'a>, String> {
     let [width, height, _] = assembled.size;
-    let reason = if args.stability.is_requested() {
+    let kind = args.output.as_deref().and_then(PictureKind::of).unwrap_or(PictureKind::Png);
+    let reason = if kind != PictureKind::Png {
+        "only a PNG is written in bands"
+    } else if assembled.is_frame() {
+        "the scene has passes"
+    } else if args.stability.is_requested() {
         "--shadow and --perturb run the launch again on it"
     } else if image.shape != ImageShape::plane(width, height) {
         "it is no plane as wide and high as the launch, of one level and sample"

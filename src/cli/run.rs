@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use clap::Args;
 
+use crate::atomic_file;
 use crate::cli::input::{SceneFileArgs, name_of};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
@@ -17,7 +18,7 @@ use crate::error::Result;
 use crate::geometry::Precision;
 use crate::input::{InputLimit, is_stream, read_argument};
 use crate::machine::{LaunchLimits, MemoryPolicy};
-use crate::scene::image::write_png;
+use crate::scene::image::{PictureKind, write_picture};
 use crate::scene::{self, LoadOptions};
 
 /// Runs a scene's launch and dispatches, or the compute shader of a bare module.
@@ -33,10 +34,11 @@ pub struct RunArgs {
     #[command(flatten)]
     bare_module: bare_module::Arguments,
     /// Print a buffer or an image afterwards: its name in the scene, or its binding; typed (the
-    /// default), hex or json
-    #[arg(long, value_name = "WHAT[=FORMAT]")]
+    /// default), hex or json; or write its bytes to a file, whose name has a dot or a slash
+    #[arg(long, value_name = "WHAT[=FORMAT|=FILE]")]
     dump: Vec<String>,
-    /// Save an image afterwards: its name in the scene, or its binding
+    /// Save an image afterwards: its name in the scene, or its binding; as .png, .exr (feature
+    /// `exr`) or .raw (the texels' bytes)
     #[arg(long, value_name = "WHAT=FILE.png")]
     save: Vec<String>,
     /// What an access outside its buffer or image does: a trap, or Vulkan's robust result [default:
@@ -130,10 +132,13 @@ pub fn run(args: RunArgs) -> Result<()> {
         output::hint(dump::hint(&scene));
     }
     for one in shown {
-        output::print(one.text(&assembled)?)?;
+        match one.file() {
+            Some(path) => atomic_file::write(path, one.bytes())?,
+            None => output::print(one.text(&assembled)?)?,
+        }
     }
     for (path, image) in saved {
-        write_png(&path, &image, false)?;
+        write_picture(&path, &image, false)?;
     }
     let launch_stats = outcome?;
     if args.stats {
@@ -172,7 +177,10 @@ fn saved_image(
     };
     match dump::descriptor(what, scene, resources)?.2 {
         dump::FoundResource::Image(image) => match output::picture_file(path.into()) {
-            Ok(path) => Ok((path, image)),
+            Ok(path) => {
+                PictureKind::of(&path).map_or(Ok(()), PictureKind::check)?;
+                Ok((path, image))
+            }
             Err(why) => Err(dump::invalid(format!("`--save {text}`: {why}"))),
         },
         dump::FoundResource::Buffer(_) => Err(dump::invalid(format!("`--save {text}`: this is a buffer"))),

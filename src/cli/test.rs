@@ -200,7 +200,7 @@ fn verdict(report: &SuiteReport) -> Result<()> {
         match &finished.outcome {
             Outcome::Broken(error) => {
                 let message = "a test could not run";
-                return Err(Error::new(error.kind(), message));
+                return Err(Error::new(error.kind(), message).classed_as(error));
             }
             Outcome::Failed(_) => failed += 1,
             _ => {}

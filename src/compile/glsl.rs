@@ -35,8 +35,9 @@ fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> R
     };
     let text = ShaderSource::from(source.text().as_ref());
     let mut includes = Includes { source };
-    let defines: Option<&[(&str, Option<&str>)]> = None;
-    let input = ShaderInput::new(&text, stage, &settings, defines, Some(&mut includes))
+    let defines = options.flags.defines.iter().map(|(name, value)| (name.as_str(), value.as_deref()));
+    let defines: Vec<(&str, Option<&str>)> = defines.collect();
+    let input = ShaderInput::new(&text, stage, &settings, Some(&defines[..]), Some(&mut includes))
         .map_err(|error| failed(source, &error))?;
     let shader = compiler.create_shader(input).map_err(|error| failed(source, &error))?;
     let words = match options.debug {

@@ -58,6 +58,7 @@ pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOpti
         argument.push(folder);
         command.arg(argument);
     }
+    command.args(options.flags.define_arguments());
     let result = workspace.run(command.arg("-o").arg(workspace.output()).arg(source.name()))?;
     let printed = printed(&result);
     if result.status.success() {

@@ -21,6 +21,7 @@
 pub mod cache;
 mod external;
 pub mod fixtures;
+mod flags;
 mod glslang_tool;
 mod message;
 mod open;
@@ -35,6 +36,7 @@ mod glslang_debug;
 mod wgsl;
 
 pub use cache::compile_once;
+pub use flags::{CompilerFlags, RefusedFlag};
 pub use source::{EXTENSIONS as SOURCE_EXTENSIONS, Language, Source, SourceStage, content_hash};
 
 use crate::error::{Error, ErrorKind, Result};
@@ -47,10 +49,12 @@ pub struct CompileOptions {
     /// Whether the compiler optimises. Only `slangc` does; glslang is built without its optimiser,
     /// and naga has none.
     pub optimize: Optimize,
+    /// Definitions, and flags that an outside compiler is given as they are.
+    pub flags: CompilerFlags,
 }
 
 /// The debug information about its source that a module holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DebugInfoLevel {
     /// Names, as the compiler gives them by default, and no lines.
     #[default]
@@ -63,7 +67,7 @@ pub enum DebugInfoLevel {
 }
 
 /// Whether the compiler optimises.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Optimize {
     /// The compiler's default.
     #[default]
@@ -157,7 +161,14 @@ mod tests {
     #[test]
     fn flags_become_options() {
         let options = CompileOptions::from_flags(["-gVS", "-O0"]).unwrap();
-        assert_eq!(options, CompileOptions { debug: DebugInfoLevel::Full, optimize: Optimize::Off });
+        assert_eq!(
+            options,
+            CompileOptions {
+                debug: DebugInfoLevel::Full,
+                optimize: Optimize::Off,
+                ..CompileOptions::default()
+            }
+        );
         let error = CompileOptions::from_flags(["-O3"]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.message().contains("-O3"), "{error}");

@@ -9,8 +9,9 @@ use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::module::{Module, load, load_with};
 
 /// How a source is compiled by default: with line numbers, so that traps can name them.
-const OPTIONS: CompileOptions =
-    CompileOptions { debug: DebugInfoLevel::Lines, optimize: super::Optimize::Default };
+fn options() -> CompileOptions {
+    CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() }
+}
 
 impl Module {
     /// Opens a module: a file of SPIR-V, or a source in GLSL, WGSL, Slang or HLSL by its extension,
@@ -49,7 +50,7 @@ impl Module {
                 .check(InputLimit::SourceBytes, bytes.len() as u64, ErrorKind::InvalidArgument)
                 .map_err(|error| error.context(path.display()))?;
             let source = Source::from_bytes(path, bytes)?.confined(*limits, root.cloned());
-            return Self::compile(&source, &OPTIONS);
+            return Self::compile(&source, &options());
         }
         let module = load_with(&bytes, *limits).map_err(|error| {
             let error = error.at(Place::File(path.to_path_buf()));
@@ -85,7 +86,7 @@ impl Module {
     /// # Errors
     /// As [`Module::open`].
     pub fn from_source(name: &str, text: &str) -> Result<Arc<Self>> {
-        Self::compile(&Source::from_text(name, text)?, &OPTIONS)
+        Self::compile(&Source::from_text(name, text)?, &options())
     }
 
     /// A module from a source and options, within the source's limits; compiled
@@ -133,9 +134,9 @@ mod tests {
     #[test]
     fn what_is_compiled_keeps_to_the_limits_of_its_source() {
         let source = Source::from_text("sky.wgsl", SKY).unwrap();
-        assert!(Module::compile(&source, &OPTIONS).is_ok());
+        assert!(Module::compile(&source, &options()).is_ok());
         let source = source.confined(limits(InputLimit::ModuleIds, 3), None);
-        let error = Module::compile(&source, &OPTIONS).unwrap_err();
+        let error = Module::compile(&source, &options()).unwrap_err();
         assert!(error.message().contains("the limit `module-ids` of 3"), "{error}");
     }
 }

@@ -21,6 +21,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
         for folder in &folders {
             command.arg("-I").arg(folder);
         }
+        command.args(options.flags.define_arguments()).args(&options.flags.passed);
         if options.debug != DebugInfoLevel::Names {
             command.arg("-g2");
         }

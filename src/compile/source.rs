@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use hmac_sha256::Hash as Sha256;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorClass, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits, RootFolder, is_stream, read_argument, read_regular};
 
 /// The extensions that are known.
@@ -264,6 +264,8 @@ impl Source {
                 if let Err(error) = read_regular(&path, self.root.as_ref(), limit, &self.limits) {
                     let message = format!("{includer} includes what may not be read: {}", error.message());
                     let refused = Error::new(ErrorKind::InvalidSource, message);
+                    let refused =
+                        if error.class() == ErrorClass::Limit { refused.of_limit() } else { refused };
                     return Err(error.notes().iter().fold(refused, |refused, note| refused.note(note)));
                 }
             }

@@ -94,6 +94,7 @@ impl Session {
             counts: run_counts(&stats),
             trap: trap.as_ref().map(|error| TrapReport {
                 message: error.message().to_owned(),
+                class: error.class().name(),
                 notes: error.notes().to_vec(),
                 report: error.render(),
             }),

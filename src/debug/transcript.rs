@@ -64,6 +64,8 @@ pub struct RunCounts {
 pub struct TrapReport {
     /// The message, one line.
     pub message: String,
+    /// The class of the error, as the exit code tells it: `trap`.
+    pub class: &'static str,
     /// Notes: the shader, the values and the callers.
     pub notes: Vec<String>,
     /// The whole report as the terminal shows it.

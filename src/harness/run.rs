@@ -20,6 +20,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Shader, Stats};
 use crate::program::Program;
+use crate::scene::assemble::Pass;
 use crate::scene::file::RayEntry;
 use crate::scene::resources::Output;
 use crate::scene::{Assembled, ResolvedScene};
@@ -55,19 +56,25 @@ pub fn rays(
 /// Runs a scene as [`run`] does and records the coverage of its launch and dispatches.
 pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &mut Recorder) -> Observed {
     launch(scene, assembled, |resources| {
-        let launches = assembled.pipeline.sbt.ray_generation.is_some();
         let mut stats = Stats::default();
-        if launches {
-            let (mut sink, counts) = recorder.parts();
-            let launch = Launch { pipeline: &assembled.pipeline, resources };
-            stats = launch.run_observed(assembled.size, &mut |event| sink.event(&event), counts)?;
-        }
-        for (at, dispatch) in assembled.dispatches.iter().enumerate() {
-            let (mut sink, counts) = recorder.dispatch(at);
-            let resources = dispatch.resources(resources);
-            let on_event = &mut |event: Event| sink.event(&event);
-            stats =
-                stats.plus(&dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)?);
+        for pass in &assembled.passes {
+            let more = match pass {
+                Pass::Launch(pass) => {
+                    let (mut sink, counts) = recorder.parts();
+                    let (pipeline, resources) =
+                        (pass.pipeline(&assembled.pipeline), pass.resources(resources));
+                    let launch = Launch { pipeline: &pipeline, resources: &resources };
+                    launch.run_observed(pass.size, &mut |event| sink.event(&event), counts)?
+                }
+                Pass::Dispatch(at) => {
+                    let (mut sink, counts) = recorder.dispatch(*at);
+                    let dispatch = &assembled.dispatches[*at];
+                    let resources = dispatch.resources(resources);
+                    let on_event = &mut |event: Event| sink.event(&event);
+                    dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)?
+                }
+            };
+            stats = stats.plus(&more);
         }
         Ok(stats)
     })
@@ -80,7 +87,7 @@ fn launch(
 ) -> Observed {
     let resources = fresh_resources(&assembled.resources);
     let mut observed = Observed::default();
-    if assembled.pipeline.sbt.ray_generation.is_some() || !assembled.dispatches.is_empty() {
+    if !assembled.passes.is_empty() {
         match run(&resources) {
             Ok(stats) => observed.stats = Some(stats),
             Err(trap) => observed.trap = Some(trap),

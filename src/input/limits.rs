@@ -182,7 +182,7 @@ impl InputLimits {
             Some(found) => format!("{found} {unit} are more than the limit `{name}` of {most}"),
             None => format!("more {unit} than the limit `{name}` of {most}"),
         };
-        let error = Error::new(kind, message);
+        let error = Error::new(kind, message).of_limit();
         if most >= limit.ceiling() {
             return error.note(format!("`{name}` is as high as it can be set"));
         }

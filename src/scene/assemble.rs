@@ -24,7 +24,8 @@ use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::read::Spanned;
 use crate::scene::resolved::{
-    self, ResolvedGroup, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode, ShaderModule,
+    self, ResolvedGroup, ResolvedPass, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode,
+    ShaderModule,
 };
 use crate::scene::resources::Resource;
 
@@ -41,6 +42,51 @@ pub struct Assembled {
     pub dispatches: Vec<Dispatch>,
     /// Notes for the scene's author, a line each: buffers that end in a part of an element.
     pub notes: Vec<String>,
+    /// What [`Assembled::run`] runs, in order.
+    pub passes: Vec<Pass>,
+}
+
+/// One pass of a frame.
+#[derive(Clone, Debug)]
+pub enum Pass {
+    /// A launch of the scene's pipeline.
+    Launch(LaunchPass),
+    /// The dispatch with this index in [`Assembled::dispatches`].
+    Dispatch(usize),
+}
+
+/// A launch of the scene's pipeline.
+#[derive(Clone, Debug)]
+pub struct LaunchPass {
+    /// The record of the ray generation shader; `None` for that of the pipeline.
+    pub record: Option<Record>,
+    /// Width, height and depth.
+    pub size: [u32; 3],
+    /// Push constants of its own, in place of the scene's.
+    pub push_constants: Option<Arc<Buffer>>,
+}
+
+impl LaunchPass {
+    /// The pipeline with the record that is launched.
+    pub fn pipeline<'a>(&self, pipeline: &'a Pipeline) -> Cow<'a, Pipeline> {
+        let Some(record) = &self.record else { return Cow::Borrowed(pipeline) };
+        let mut own = pipeline.clone();
+        own.sbt.ray_generation = Some(record.clone());
+        Cow::Owned(own)
+    }
+
+    /// These resources with the push constants of the launch.
+    pub fn resources<'a>(&self, resources: &'a Resources) -> Cow<'a, Resources> {
+        with_push_constants(resources, &self.push_constants)
+    }
+}
+
+/// These resources with other push constants, if there are any.
+fn with_push_constants<'a>(resources: &'a Resources, own: &Option<Arc<Buffer>>) -> Cow<'a, Resources> {
+    match own {
+        None => Cow::Borrowed(resources),
+        own => Cow::Owned(Resources { push_constants: own.clone(), ..resources.clone() }),
+    }
 }
 
 /// A dispatch of a compute shader.
@@ -57,14 +103,17 @@ pub struct Dispatch {
 impl Dispatch {
     /// These resources with the push constants of the dispatch.
     pub fn resources<'a>(&self, resources: &'a Resources) -> Cow<'a, Resources> {
-        match &self.push_constants {
-            None => Cow::Borrowed(resources),
-            own => Cow::Owned(Resources { push_constants: own.clone(), ..resources.clone() }),
-        }
+        with_push_constants(resources, &self.push_constants)
     }
 }
 
 impl Assembled {
+    /// Whether it is more than one launch of the pipeline, or a launch that is not its first.
+    pub fn is_frame(&self) -> bool {
+        let own = |pass: &Pass| matches!(pass, Pass::Launch(LaunchPass { record: None, .. }));
+        self.passes.iter().any(|pass| matches!(pass, Pass::Launch(_)) && !own(pass))
+    }
+
     /// Returns the scene with programs that are not optimised; see [`Program::unoptimized`].
     ///
     /// # Errors
@@ -86,13 +135,16 @@ impl Assembled {
     /// than 2^64 the greatest number.
     pub fn invocations(&self) -> u64 {
         let count = |sides: [u32; 3]| sides.iter().fold(1, |all: u64, &side| all.saturating_mul(side.into()));
-        let launch = if self.pipeline.sbt.ray_generation.is_some() { count(self.size) } else { 0 };
         let dispatch = |one: &Dispatch| count(one.groups).saturating_mul(count(one.compute.workgroup_size()));
-        self.dispatches.iter().map(dispatch).fold(launch, u64::saturating_add)
+        let pass = |pass: &Pass| match pass {
+            Pass::Launch(launch) => count(launch.size),
+            Pass::Dispatch(index) => dispatch(&self.dispatches[*index]),
+        };
+        self.passes.iter().map(pass).fold(0, u64::saturating_add)
     }
 
-    /// Runs the scene on these resources, W lanes at a time: the ray generation shader, where there
-    /// is one, then each dispatch; `done` receives how many more invocations have ended.
+    /// Runs the passes of the scene on these resources, W lanes at a time; `done` receives how many
+    /// more invocations have ended.
     ///
     /// # Errors
     /// The first trap, as [`Launch::run`] and [`Compute::run`] report it.
@@ -101,29 +153,19 @@ impl Assembled {
         LaneKernel: Width<W>,
     {
         let mut stats = Stats::default();
-        if self.pipeline.sbt.ray_generation.is_some() {
-            let launch = Launch { pipeline: &self.pipeline, resources };
-            stats = launch.run::<W>(self.size, done)?;
-        }
-        Ok(stats.plus(&self.dispatch::<W>(resources, done)?))
-    }
-
-    /// Runs the dispatches alone.
-    ///
-    /// # Errors
-    /// As [`Compute::run`] reports the first trap.
-    pub fn dispatch<const W: usize>(
-        &self,
-        resources: &Resources,
-        done: &(dyn Fn(u64) + Sync),
-    ) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
-        let mut stats = Stats::default();
-        for dispatch in &self.dispatches {
-            let resources = dispatch.resources(resources);
-            stats = stats.plus(&dispatch.compute.run::<W>(&resources, dispatch.groups, done)?);
+        for pass in &self.passes {
+            let more = match pass {
+                Pass::Launch(launch) => {
+                    let (pipeline, resources) =
+                        (launch.pipeline(&self.pipeline), launch.resources(resources));
+                    Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size, done)?
+                }
+                Pass::Dispatch(index) => {
+                    let dispatch = &self.dispatches[*index];
+                    dispatch.compute.run::<W>(&dispatch.resources(resources), dispatch.groups, done)?
+                }
+            };
+            stats = stats.plus(&more);
         }
         Ok(stats)
     }
@@ -152,7 +194,11 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
     let addresses = Addresses::assign(scene, &modules, &mut errors);
     let encoding = Encoding { modules: &modules, addresses: &addresses };
     let mut shaders = Shaders { scene, modules: &modules, encoding, programs: Vec::new() };
-    let pipeline = pipeline(&mut shaders, &mut errors);
+    let built = pipeline(&mut shaders, &mut errors);
+    let (pipeline, raygen) = match built {
+        Ok((pipeline, raygen)) => (Ok(pipeline), raygen),
+        Err(error) => (Err(error), Vec::new()),
+    };
     let dispatches = dispatches(&mut shaders, &mut errors);
     let resources = resources(scene, excluded, encoding, &mut errors);
     let pipeline = match pipeline {
@@ -181,7 +227,34 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
     };
     let notes =
         descriptors::stride_notes(scene, shaders.programs.iter().map(|(.., program)| &**program), &modules);
-    Ok(Assembled { pipeline, resources, size: scene.launch, dispatches, notes })
+    let passes = passes(scene, &pipeline, &raygen, dispatches.len(), encoding)?;
+    Ok(Assembled { pipeline, resources, size: scene.launch, dispatches, notes, passes })
+}
+
+/// What the scene runs, in order: what `[[pass]]` lists, else the launch and then the dispatches.
+fn passes(
+    scene: &ResolvedScene,
+    pipeline: &Pipeline,
+    raygen: &[Option<Record>],
+    dispatches: usize,
+    encoding: Encoding<'_>,
+) -> Result<Vec<Pass>> {
+    let pass = |pass: &ResolvedPass| {
+        Ok(match pass {
+            ResolvedPass::Dispatch(index) => Pass::Dispatch(*index),
+            ResolvedPass::Launch { raygen: index, size, push_constants } => {
+                let data = push_constants.as_ref().map(|data| data.encode(&encoding)).transpose()?;
+                let push_constants = data.as_deref().map(Buffer::new);
+                Pass::Launch(LaunchPass { record: raygen[*index].clone(), size: *size, push_constants })
+            }
+        })
+    };
+    if !scene.passes.is_empty() {
+        return scene.passes.iter().map(pass).collect();
+    }
+    let own = LaunchPass { record: None, size: scene.launch, push_constants: None };
+    let launch = pipeline.sbt.ray_generation.is_some().then_some(Pass::Launch(own));
+    Ok(launch.into_iter().chain((0..dispatches).map(Pass::Dispatch)).collect())
 }
 
 /// Removes duplicate errors, as several groups may name one shader. A missing tool is reported only
@@ -277,7 +350,7 @@ pub(super) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> 
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
-        ShaderCode::Source(bytes, folders) => {
+        ShaderCode::Source(bytes, folders, flags) => {
             let name = shader.path.display().to_string();
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include other files.
@@ -290,6 +363,7 @@ pub(super) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> 
             };
             let options =
                 compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
+            let options = flags.over(&options);
             let source = source.include_folders(folders).confined(files.limits, files.root.clone());
             let spirv =
                 compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
@@ -328,7 +402,8 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     Ok(Dispatch { compute, groups: one.groups, push_constants })
 }
 
-fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeline> {
+/// The pipeline, and all its ray generation records.
+fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<(Pipeline, Vec<Option<Record>>)> {
     let scene = shaders.scene;
     let mut builder = Pipeline::builder();
     let mut groups = Vec::new();
@@ -371,8 +446,9 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
             }
         }
     };
+    let raygen: Vec<Option<Record>> = scene.sbt.raygen.iter().map(&mut record).collect();
     *builder.sbt() = Sbt {
-        ray_generation: scene.sbt.raygen.first().and_then(&mut record),
+        ray_generation: raygen.first().cloned().flatten(),
         miss: scene.sbt.miss.iter().map(&mut record).collect(),
         hit: scene.sbt.hit.iter().map(&mut record).collect(),
         callable: scene.sbt.callable.iter().map(&mut record).collect(),
@@ -394,7 +470,7 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<Pipeli
     if let Some(size) = scene.subgroup_size {
         builder.subgroup_size(size);
     }
-    builder.build()
+    Ok((builder.build()?, raygen))
 }
 
 fn resources(

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::compile::Language;
+use crate::compile::{CompilerFlags, Language};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
@@ -54,6 +54,8 @@ pub struct SceneFile {
     pub push_constants: Option<DataPieces>,
     /// `[[dispatch]]`
     pub dispatches: Vec<DispatchEntry>,
+    /// `[[pass]]`
+    pub passes: Vec<Spanned<PassEntry>>,
     /// `precision`
     pub precision: Option<Precision>,
     /// `launch`
@@ -99,6 +101,7 @@ impl SceneFile {
             resources: entries(&root, "resources"),
             push_constants: root.optional("push_constants"),
             dispatches: root.or("dispatch", Vec::new()),
+            passes: root.or("pass", Vec::new()),
             precision: root.optional("precision"),
             launch: launch(&root),
             rays: root.or("ray", Vec::new()),
@@ -183,6 +186,42 @@ impl Parse for DispatchEntry {
     }
 }
 
+/// One pass of a frame.
+#[derive(Clone, Debug)]
+pub enum PassEntry {
+    /// A launch of the pipeline from one of its ray generation shaders.
+    Launch {
+        /// The name of the shader's record in `[pipeline]`, or of its shader.
+        raygen: Spanned<String>,
+        /// The size of the launch; the scene's where there is none.
+        size: Option<[u32; 3]>,
+        /// Push constants of its own, in place of the scene's.
+        push_constants: Option<DataPieces>,
+    },
+    /// A dispatch of a compute shader.
+    Dispatch(DispatchEntry),
+}
+
+impl Parse for PassEntry {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        match (table.has("raygen"), table.has("shader")) {
+            (true, false) => {}
+            (false, true) => return DispatchEntry::parse(value).map(Self::Dispatch),
+            _ => {
+                return value.wrong(
+                    "a pass is a launch from a `raygen` of the pipeline, or a dispatch of a compute `shader`",
+                );
+            }
+        }
+        let raygen = table.required("raygen");
+        let size = launch(&table);
+        let push_constants = table.optional("push_constants");
+        table.finish();
+        Some(Self::Launch { raygen: raygen?, size: size.map(|size| size.value), push_constants })
+    }
+}
+
 /// A file with shaders.
 #[derive(Clone, Debug)]
 pub struct ShaderEntry {
@@ -194,6 +233,8 @@ pub struct ShaderEntry {
     pub source: Option<Spanned<String>>,
     /// Folders where included files are searched, after the source's own.
     pub include_folders: Vec<Spanned<String>>,
+    /// Flags of the compiler of the source.
+    pub compiler_flags: CompilerFlags,
     /// The entry point of references that do not name one.
     pub entry: String,
     /// Specialization constants, each by its `constant_id` or name, and their values.
@@ -211,6 +252,7 @@ impl Parse for ShaderEntry {
                 path,
                 source,
                 include_folders: Vec::new(),
+                compiler_flags: CompilerFlags::default(),
                 entry: "main".into(),
                 specialization: Vec::new(),
             });
@@ -219,15 +261,45 @@ impl Parse for ShaderEntry {
         let path = table.optional("path");
         let source = table.optional("source");
         let include_folders = table.or("include_folders", Vec::new());
+        let compiler_flags = compiler_flags(&table, source.as_ref());
         let entry = table.or("entry", "main".to_string());
         let specialization = table.value("specialization").map_or(Some(Vec::new()), specialization);
         table.finish();
         if !table.has("path") && !table.has("source") {
             return value.wrong("a shader needs the `path` of its .spv file, or its `source`");
         }
-        let specialization = specialization?;
-        Some(Self { span: value.span(), path, source, include_folders, entry, specialization })
+        let (specialization, compiler_flags) = (specialization?, compiler_flags?);
+        Some(Self {
+            span: value.span(),
+            path,
+            source,
+            include_folders,
+            compiler_flags,
+            entry,
+            specialization,
+        })
     }
+}
+
+/// Reads the flags of the compiler of a source; the source's extension says which one that is.
+fn compiler_flags(table: &Table<'_>, source: Option<&Spanned<String>>) -> Option<CompilerFlags> {
+    let Some(value) = table.value("compiler_flags") else { return Some(CompilerFlags::default()) };
+    let flags = <OneOrMore<Spanned<String>>>::parse(value)?.0;
+    let Some(source) = source else {
+        return value.wrong("`compiler_flags` are for a `source`: a module is compiled already");
+    };
+    // Of a source in no known language this is told where it is compiled.
+    let Some(language) = Language::of(Path::new(&source.value)) else {
+        return Some(CompilerFlags::default());
+    };
+    let words: Vec<&str> = flags.iter().map(|flag| flag.value.as_str()).collect();
+    let refused = match CompilerFlags::parse(language, &words) {
+        Ok(flags) => return Some(flags),
+        Err(refused) => refused,
+    };
+    let span = flags.get(refused.at).map_or_else(|| value.span(), |flag| flag.span.clone());
+    table.report().push(span.error(refused.message).note(refused.note));
+    None
 }
 
 fn specialization(value: TomlValue<'_>) -> Option<Vec<(SpecializationKey, SpecializationValue)>> {

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::atomic_file::AtomicFile;
+use crate::atomic_file::{self, AtomicFile};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine;
 use crate::machine::format::{Class, Component, Format};
@@ -189,6 +189,48 @@ impl Rgba8 {
         let failed = |error: std::io::Error| invalid(error.to_string());
         png(self.extent, &mut bytes, &failed, |to| to.write_all(&self.pixels).map_err(failed))?;
         Ok(bytes)
+    }
+}
+
+/// What a picture is saved as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureKind {
+    /// Eight bits a channel.
+    Png,
+    /// OpenEXR, of 32-bit floats.
+    Exr,
+    /// The bytes of the texels as the image holds them, rows from the top, without any header.
+    Raw,
+}
+
+impl PictureKind {
+    /// What a file's extension says; PNG where it has none, `None` for another one.
+    pub fn of(path: &Path) -> Option<Self> {
+        let Some(extension) = path.extension() else { return Some(Self::Png) };
+        let kinds = [("png", Self::Png), ("exr", Self::Exr), ("raw", Self::Raw)];
+        kinds.into_iter().find(|(name, _)| extension.eq_ignore_ascii_case(name)).map(|(_, kind)| kind)
+    }
+
+    /// Refuses what this build cannot write, before anything is computed.
+    ///
+    /// # Errors
+    /// `UnsupportedTool` for an EXR without the feature `exr`.
+    pub fn check(self) -> Result<()> {
+        if self == Self::Exr { exr_support() } else { Ok(()) }
+    }
+}
+
+/// Writes the first layer and slice of an image's level 0 as what the file's extension says, a PNG
+/// as [`write_png`] does. Numbers of an EXR and bytes of a raw picture are those of the image: only
+/// a PNG is encoded as sRGB.
+///
+/// # Errors
+/// As [`write_png`], [`Picture::encode_exr`], and `Io`.
+pub fn write_picture(path: &Path, image: &machine::image::Image, to_srgb: bool) -> Result<()> {
+    match PictureKind::of(path).unwrap_or(PictureKind::Png) {
+        PictureKind::Png => write_png(path, image, to_srgb),
+        PictureKind::Exr => atomic_file::write(path, Picture::of(image).encode_exr()?),
+        PictureKind::Raw => atomic_file::write(path, Picture::of(image).texels),
     }
 }
 

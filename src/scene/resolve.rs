@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::compile::CompilerFlags;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::input::InputLimit;
@@ -16,17 +17,17 @@ use crate::scene::addresses;
 use crate::scene::data::{DataPieces, DataSources, read_limited};
 use crate::scene::encoding::Data;
 use crate::scene::file::{
-    DispatchEntry, Entry, GeneralEntry, HitEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
+    DispatchEntry, Entry, GeneralEntry, HitEntry, PassEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
 };
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
 use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
-use crate::scene::resolve::modules::SceneModules;
+use crate::scene::resolve::modules::{ModuleKey, SceneModules};
 use crate::scene::resolved::{
-    ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedRecord, ResolvedScene, ResolvedShader,
-    ShaderBindingTable, ShaderCode, ShaderModule,
+    ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedPass, ResolvedRecord, ResolvedScene,
+    ResolvedShader, ShaderBindingTable, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::ResourceEntry;
 use crate::scene::struct_lookup::DataBlock;
@@ -147,18 +148,19 @@ struct Resolver<'a> {
     pipeline: Option<PipelineEntry>,
     push_constants: Option<DataPieces>,
     dispatches: Vec<DispatchEntry>,
+    passes: Vec<Spanned<PassEntry>>,
     precision: Precision,
     launch: [u32; 3],
     rays: Vec<RayEntry>,
     own: Document,
     modules: Vec<ShaderModule>,
-    /// The modules by their paths.
-    module_places: HashMap<PathBuf, usize>,
+    /// The modules by their paths, and by what they are compiled with.
+    module_places: HashMap<ModuleKey, usize>,
     /// The modules by the scene's names of shaders.
     shader_names: HashMap<String, usize>,
     groups: Vec<ResolvedGroup>,
     /// The modules that data by member name asked for, by their paths.
-    loaded: RefCell<HashMap<PathBuf, Result<Arc<Module>>>>,
+    loaded: RefCell<HashMap<ModuleKey, Result<Arc<Module>>>>,
 }
 
 impl<'a> Resolver<'a> {
@@ -185,6 +187,7 @@ impl<'a> Resolver<'a> {
             pipeline: None,
             push_constants: None,
             dispatches: Vec::new(),
+            passes: Vec::new(),
             precision: Precision::default(),
             launch: [1; 3],
             rays: Vec::new(),
@@ -212,6 +215,9 @@ impl<'a> Resolver<'a> {
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
             if !part.dispatches.is_empty() {
                 all.dispatches = part.dispatches;
+            }
+            if !part.passes.is_empty() {
+                all.passes = part.passes;
             }
             if !part.rays.is_empty() {
                 all.rays = part.rays;
@@ -242,7 +248,8 @@ impl<'a> Resolver<'a> {
         self.expand_models();
         let tlas = self.structures();
         let sbt = self.binding_table();
-        let dispatches = self.dispatches();
+        let mut dispatches = self.dispatches();
+        let passes = self.passes(&mut dispatches);
         let resources = self.bindings(&tlas, !dispatches.is_empty());
         let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &[]);
         // With `--size`, pixels of the scene's rays may be outside the launch.
@@ -263,6 +270,7 @@ impl<'a> Resolver<'a> {
             resources,
             unbound,
             dispatches,
+            passes,
             push_constants,
             device: self.device.unwrap_or_default(),
             pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
@@ -314,15 +322,64 @@ impl<'a> Resolver<'a> {
 
     fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
         let entries = std::mem::take(&mut self.dispatches);
-        let dispatch = |entry: &DispatchEntry| {
-            let shader = self.shader(&entry.shader)?;
-            let own = [&entry.shader];
-            let push_constants = entry.push_constants.as_ref();
-            let push_constants =
-                push_constants.map(|data| self.data(Some(data), DataBlock::PushConstants, &own));
-            Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
-        };
-        entries.iter().filter_map(dispatch).collect()
+        entries.iter().filter_map(|entry| self.dispatch(entry)).collect()
+    }
+
+    fn dispatch(&mut self, entry: &DispatchEntry) -> Option<ResolvedDispatch> {
+        let shader = self.shader(&entry.shader)?;
+        let own = [&entry.shader];
+        let push_constants = entry.push_constants.as_ref();
+        let push_constants = push_constants.map(|data| self.data(Some(data), DataBlock::PushConstants, &own));
+        Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
+    }
+
+    /// Resolves the passes of `[[pass]]`; their dispatches are the scene's.
+    fn passes(&mut self, dispatches: &mut Vec<ResolvedDispatch>) -> Vec<ResolvedPass> {
+        let entries = std::mem::take(&mut self.passes);
+        if let (Some(pass), false) = (entries.first(), dispatches.is_empty()) {
+            let message =
+                "`[[pass]]` lists all launches and dispatches in order: there is no `[[dispatch]]` beside it";
+            self.report.push(pass.span.error(message));
+        }
+        let mut passes = Vec::new();
+        for entry in &entries {
+            match &entry.value {
+                PassEntry::Launch { raygen, size, push_constants } => {
+                    let Some(index) = self.raygen_record(raygen) else { continue };
+                    let push_constants = push_constants
+                        .as_ref()
+                        .map(|data| self.data(Some(data), DataBlock::PushConstants, &[]));
+                    let size = size.unwrap_or(self.launch);
+                    passes.push(ResolvedPass::Launch { raygen: index, size, push_constants });
+                }
+                PassEntry::Dispatch(entry) => {
+                    let Some(dispatch) = self.dispatch(entry) else { continue };
+                    passes.push(ResolvedPass::Dispatch(dispatches.len()));
+                    dispatches.push(dispatch);
+                }
+            }
+        }
+        passes
+    }
+
+    /// The index of the ray generation record with a name, or with a shader of that name.
+    fn raygen_record(&self, wanted: &Spanned<String>) -> Option<usize> {
+        let records = self.pipeline.as_ref().map_or(&[][..], |pipeline| &pipeline.raygen[..]);
+        let shader = |record: &GeneralEntry| record.shader.as_ref().map(|shader| shader.value.clone());
+        let named = records.iter().position(|record| record.name.as_ref() == Some(&wanted.value));
+        let found = named
+            .or_else(|| records.iter().position(|record| shader(record).as_ref() == Some(&wanted.value)));
+        if found.is_none() {
+            let names: Vec<String> =
+                records.iter().filter_map(|record| record.name.clone().or_else(|| shader(record))).collect();
+            let error =
+                wanted.span.error(format!("the pipeline has no `raygen` of the name `{}`", wanted.value));
+            self.report.push(match names.is_empty() {
+                true => error,
+                false => error.note(format!("there are: {}", list_of(names.iter().map(String::as_str)))),
+            });
+        }
+        found
     }
 
     fn general(&mut self, entry: &GeneralEntry, kind: fn(ResolvedShader) -> ResolvedGroup) -> ResolvedRecord {
@@ -375,14 +432,13 @@ impl<'a> Resolver<'a> {
 
     /// The index of a file with shaders; it is read at the first use.
     fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
-        let file = entry.path.as_ref().or(entry.source.as_ref())?;
-        let path = file.span.source.sibling(&file.value);
-        if let Some(&known) = self.module_places.get(&path) {
+        let key = ModuleKey::of(entry)?;
+        if let Some(&known) = self.module_places.get(&key) {
             self.shader_names.insert(name.to_string(), known);
             return Some(known);
         }
         let module = self.report.keep(self.read_module(name, entry)?)?;
-        self.module_places.insert(path, self.modules.len());
+        self.module_places.insert(key, self.modules.len());
         self.shader_names.insert(name.to_string(), self.modules.len());
         self.modules.push(module);
         Some(self.modules.len() - 1)
@@ -395,18 +451,17 @@ impl<'a> Resolver<'a> {
             (None, Some(source)) => (source, false),
             (None, None) => return None,
         };
-        let path = file.span.source.sibling(&file.value);
+        let key = ModuleKey::of(entry)?;
         let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
         let bytes = match read_limited(self.files, &file.value, &file.span, limit) {
             Ok(bytes) => bytes,
             Err(error) => return Some(Err(error)),
         };
-        let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
         let code = match compiled {
             true => ShaderCode::SpirV(bytes),
-            false => ShaderCode::Source(bytes, folders.collect()),
+            false => ShaderCode::Source(bytes, key.include_folders, key.flags),
         };
-        Some(Ok(ShaderModule { name: name.to_string(), path, code, place: file.span.place() }))
+        Some(Ok(ShaderModule { name: name.to_string(), path: key.path, code, place: file.span.place() }))
     }
 
     fn check_rays(&self) {
@@ -514,6 +569,38 @@ mod tests {
             ("a/shared/m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         ];
         load(Path::new("a/s.toml"), &EmbeddedFiles(&files), options).unwrap()
+    }
+
+    #[test]
+    fn passes_are_in_order_and_name_records_or_shaders() {
+        let text = "version = 1\nlaunch = [3, 2]\n[shaders.all]\npath = 'all.spv'\n\
+            [pipeline]\nraygen = ['all:first', { name = 'second', shader = 'all:other' }]\n\
+            [[pass]]\nraygen = 'second'\nlaunch = 5\n[[pass]]\nshader = 'all:sum'\ngroups = 4\n\
+            [[pass]]\nraygen = 'all:first'\n";
+        let scene = scene(text, &LoadOptions::default());
+        let launch = |raygen, size| ResolvedPass::Launch { raygen, size, push_constants: None };
+        assert_eq!(scene.passes, [launch(1, [5, 1, 1]), ResolvedPass::Dispatch(0), launch(0, [3, 2, 1])]);
+        assert_eq!((scene.dispatches.len(), scene.dispatches[0].groups), (1, [4, 1, 1]));
+    }
+
+    #[test]
+    fn a_pass_says_what_is_wrong_with_it() {
+        let head = "version = 1\n[shaders.all]\npath = 'all.spv'\n[pipeline]\nraygen = 'all:first'\n";
+        for (more, told) in [
+            ("[[pass]]\nlaunch = 1\n", "a pass is a launch from a `raygen` of the pipeline, or a dispatch"),
+            ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` of the name `all:fist`"),
+            ("[[pass]]\nraygen = 'x'\n", "there are: all:first"),
+            (
+                "[[pass]]\nraygen = 'all:first'\n[[dispatch]]\nshader = 'all'\n",
+                "there is no `[[dispatch]]` beside it",
+            ),
+        ] {
+            let text = format!("{head}{more}");
+            let files = [("s.toml", text.as_bytes()), ("all.spv", &b"SPIR"[..])];
+            let error = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default());
+            let error = error.unwrap_err().render();
+            assert!(error.contains(told), "{more}: {error}");
+        }
     }
 
     #[test]

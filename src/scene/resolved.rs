@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+use crate::compile::CompilerFlags;
 use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::module::Module;
@@ -43,6 +44,8 @@ pub struct ResolvedScene {
     pub unbound: Vec<UnboundBuffer>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
+    /// What `[[pass]]` lists, in order; without it the launch and the dispatches are the passes.
+    pub passes: Vec<ResolvedPass>,
     /// The push constants' bytes.
     pub push_constants: Data,
     /// The device that the scene is for.
@@ -96,8 +99,9 @@ pub struct ShaderModule {
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
-    /// Source text that must be compiled first, and folders where included files are searched.
-    Source(Vec<u8>, Vec<PathBuf>),
+    /// Source text that must be compiled first, folders where included files are searched, and
+    /// flags for the compiler.
+    Source(Vec<u8>, Vec<PathBuf>, CompilerFlags),
 }
 
 /// One entry point with its specialization.
@@ -130,6 +134,22 @@ pub struct ResolvedDispatch {
     pub groups: [u32; 3],
     /// The bytes of its own push constants; `None` for the scene's.
     pub push_constants: Option<Data>,
+}
+
+/// One pass of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ResolvedPass {
+    /// A launch of the pipeline.
+    Launch {
+        /// Index of the ray generation record.
+        raygen: usize,
+        /// Width, height and depth.
+        size: [u32; 3],
+        /// Its own push constants; `None` for the scene's.
+        push_constants: Option<Data>,
+    },
+    /// The dispatch with this index in [`ResolvedScene::dispatches`].
+    Dispatch(usize),
 }
 
 /// A shader group.

@@ -1,6 +1,7 @@
 //! `--dump`: prints buffers by the types of the shader that uses them, images texel by texel.
 
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::json;
@@ -14,12 +15,14 @@ use crate::ops::pointer::storage;
 use crate::scene::resources::Resource;
 use crate::scene::{Assembled, ResolvedScene, resolved};
 
-/// How a resource is printed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How a resource is shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Format {
     Typed,
     Hex,
     Json,
+    /// Its bytes, in a file.
+    File(PathBuf),
 }
 
 /// A resource to print, as `--dump` names it.
@@ -70,14 +73,17 @@ pub fn hint(scene: &ResolvedScene) -> String {
 }
 
 impl Dump {
-    /// `WHAT[=FORMAT]`
+    /// `WHAT[=FORMAT]` or `WHAT=FILE`
     pub fn parse(text: &str) -> Result<Self> {
         let (what, format) = match text.split_once('=') {
             None | Some((_, "typed")) => (text.split('=').next().unwrap_or(text), Format::Typed),
             Some((what, "hex")) => (what, Format::Hex),
             Some((what, "json")) => (what, Format::Json),
+            // A misspelt format is no file.
+            Some((what, file)) if file.contains(['.', '/', '\\']) => (what, Format::File(file.into())),
             Some((_, other)) => {
-                return Err(invalid(format!("`--dump {text}`: `{other}` is none of typed, hex and json")));
+                let error = invalid(format!("`--dump {text}`: `{other}` is none of typed, hex and json"));
+                return Err(error.note("the name of a file to write has a dot or a slash"));
             }
         };
         Ok(Self { what: what.to_owned(), format, unless_zero: false })
@@ -119,8 +125,15 @@ impl Dump {
         let place = (binding.set, binding.binding, element);
         let named = scene.resources.iter().find(|one| (one.set, one.binding, one.element) == place);
         let name = named.map_or_else(String::new, |one| one.name.clone());
-        let binding = Some(binding);
-        Ok(FoundDump { name, binding, element, format: self.format, unless_zero: self.unless_zero, found })
+        Ok(FoundDump {
+            name,
+            binding: Some(binding),
+            binding,
+            element,
+            format: self.format.clone(),
+            unless_zero: self.unless_zero,
+            found,
+        })
     }
 }
 
@@ -159,6 +172,22 @@ pub fn descriptor(
 }
 
 impl FoundDump {
+    /// The file that is to receive the bytes, if it is not to be printed.
+    pub fn file(&self) -> Option<&Path> {
+        match &self.format {
+            Format::File(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    /// All bytes of the resource.
+    pub fn bytes(&self) -> Vec<u8> {
+        match &self.found {
+            FoundResource::Buffer(buffer) => buffer.bytes(),
+            FoundResource::Image(image) => image.bytes(),
+        }
+    }
+
     /// The text.
     pub fn text(&self, assembled: &Assembled) -> Result<String> {
         let memory = &assembled.resources.memory;
@@ -179,10 +208,7 @@ impl FoundDump {
             }
             None => format!("`{}` at {:#x}", self.name, address.unwrap_or(0)),
         };
-        let bytes = match &self.found {
-            FoundResource::Buffer(buffer) => buffer.bytes(),
-            FoundResource::Image(image) => image.bytes(),
-        };
+        let bytes = self.bytes();
         if self.unless_zero && bytes.iter().all(|&byte| byte == 0) {
             return Ok(String::new());
         }

@@ -71,6 +71,10 @@ pub(super) fn run<P: Probe>(
     make_probe: &(impl Fn(u64) -> P + Sync),
     collect: &mut dyn FnMut(P),
 ) -> Result<()> {
+    if assembled.is_frame() {
+        let message = "watching the invocations of a scene whose `[[pass]]` launch the pipeline";
+        return Err(Error::new(ErrorKind::UnsupportedModule, message));
+    }
     let pipeline = &assembled.pipeline;
     let mut number = 0;
     if pipeline.sbt.ray_generation.is_some() {

@@ -204,8 +204,11 @@ impl Instability {
                 })
             })
             .collect();
-        let traps: Vec<Value> =
-            self.traps.iter().map(|(run, trap)| json!({ "run": run, "trap": trap.render() })).collect();
+        let traps: Vec<Value> = self
+            .traps
+            .iter()
+            .map(|(run, trap)| json!({ "run": run, "trap": trap.render(), "class": trap.class().name() }))
+            .collect();
         json!({
             "runs": self.perturbation.runs,
             "seed": self.perturbation.seed,

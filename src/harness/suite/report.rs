@@ -275,6 +275,7 @@ fn test_json(finished: &Finished) -> Value {
         let place = place(error).map(|(file, line)| json!({ "file": file, "line": line }));
         json!({
             "message": error.message(),
+            "class": error.class().name(),
             "at": place,
             "notes": error.notes(),
             "report": error.render(),

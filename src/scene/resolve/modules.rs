@@ -1,9 +1,10 @@
 //! The modules whose structs lay out a scene's data, loaded when data asks for them.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::compile::CompilerFlags;
 use crate::error::Result;
 use crate::module::Module;
 use crate::scene::assemble;
@@ -43,25 +44,48 @@ impl ShaderModules for SceneModules<'_, '_> {
         }
         let resolver = self.resolver;
         let used = |entry: &&ShaderEntry| {
-            let file = entry.path.as_ref().or(entry.source.as_ref());
-            file.is_some_and(|file| {
-                resolver.module_places.contains_key(&file.span.source.sibling(&file.value))
-            })
+            ModuleKey::of(entry).is_some_and(|key| resolver.module_places.contains_key(&key))
         };
         let entries = resolver.shader_entries.entries.iter().filter_map(|entry| entry.content.as_ref());
         entries.filter(used).map(|entry| resolver.loaded_module("shader", entry)).collect()
     }
 }
 
+/// What a module is made from: two shaders with the same are entry points of one module.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct ModuleKey {
+    /// The file.
+    pub path: PathBuf,
+    /// Where its includes are searched.
+    pub include_folders: Vec<PathBuf>,
+    /// The flags that it is compiled with.
+    pub flags: CompilerFlags,
+}
+
+impl ModuleKey {
+    /// Of a shader's entry; `None` where it names no file, which is reported already.
+    pub fn of(entry: &ShaderEntry) -> Option<Self> {
+        let file = entry.path.as_ref().or(entry.source.as_ref())?;
+        let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
+        let of_flags = entry.compiler_flags.include_folders().iter();
+        let of_flags = of_flags.map(|folder| file.span.source.sibling(folder));
+        Some(Self {
+            path: file.span.source.sibling(&file.value),
+            include_folders: folders.chain(of_flags).collect(),
+            flags: entry.compiler_flags.clone(),
+        })
+    }
+}
+
 impl Resolver<'_> {
     /// The module of a shader, with the shader's specialization.
     fn loaded_module(&self, name: &str, entry: &ShaderEntry) -> Result<Arc<Module>> {
-        let file = entry.path.as_ref().or(entry.source.as_ref());
-        let path = file.map_or_else(Default::default, |file| file.span.source.sibling(&file.value));
-        let known = self.loaded.borrow().get(&path).cloned();
+        let nameless = || entry.span.error("a shader needs the `path` of its .spv file, or its `source`");
+        let key = ModuleKey::of(entry).ok_or_else(nameless)?;
+        let known = self.loaded.borrow().get(&key).cloned();
         let module = known.unwrap_or_else(|| {
-            let module = self.load_module(name, entry, &path);
-            self.loaded.borrow_mut().insert(path.clone(), module.clone());
+            let module = self.load_module(name, entry, &key);
+            self.loaded.borrow_mut().insert(key.clone(), module.clone());
             module
         });
         let mut module = module?;
@@ -74,15 +98,13 @@ impl Resolver<'_> {
         Ok(module)
     }
 
-    fn load_module(&self, name: &str, entry: &ShaderEntry, path: &Path) -> Result<Arc<Module>> {
+    fn load_module(&self, name: &str, entry: &ShaderEntry, key: &ModuleKey) -> Result<Arc<Module>> {
         let files = SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() };
         let load = |module| assemble::read(module, &files).map(Arc::new);
-        if let Some(&index) = self.module_places.get(path) {
+        if let Some(&index) = self.module_places.get(key) {
             return load(&self.modules[index]);
         }
-        let module = self.read_module(name, entry).unwrap_or_else(|| {
-            Err(entry.span.error("a shader needs the `path` of its .spv file, or its `source`"))
-        });
+        let module = self.read_module(name, entry).expect("bug in anyhit: an entry with a key has a file");
         load(&module?)
     }
 
@@ -91,7 +113,7 @@ impl Resolver<'_> {
         let loaded = self.loaded.borrow();
         let found = loaded
             .iter()
-            .filter_map(|(path, module)| Some((*self.module_places.get(path)?, module.clone().ok()?)));
+            .filter_map(|(key, module)| Some((*self.module_places.get(key)?, module.clone().ok()?)));
         found.collect()
     }
 }

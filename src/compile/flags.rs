@@ -1,0 +1,270 @@
+//! Flags for the compiler of one source, as a scene's `compiler_flags` gives them.
+//!
+//! Only flags of a list are taken: none that writes a file, names another target or runs another
+//! program. `slangc` is given them as they are; for the others they become options.
+
+use super::{CompileOptions, DebugInfoLevel, Language, Optimize};
+
+/// Flags that `slangc` is given as they are, which take no value.
+const SLANG_FLAGS: [&str; 18] = [
+    "-force-glsl-scalar-layout",
+    "-fvk-use-scalar-layout",
+    "-fvk-use-c-layout",
+    "-fvk-use-dx-layout",
+    "-fvk-use-gl-layout",
+    "-fvk-use-dx-position-w",
+    "-fvk-invert-y",
+    "-fspv-reflect",
+    "-matrix-layout-row-major",
+    "-matrix-layout-column-major",
+    "-emit-spirv-directly",
+    "-emit-spirv-via-glsl",
+    "-preserve-params",
+    "-ignore-capabilities",
+    "-restrictive-capability-check",
+    "-default-image-format-unknown",
+    "-enable-experimental-passes",
+    "-unscoped-enum",
+];
+
+/// Flags that `slangc` is given as they are, with the value that follows.
+const SLANG_VALUES: [&str; 6] =
+    ["-capability", "-profile", "-fp-mode", "-std", "-warnings-disable", "-bindless-space-index"];
+
+/// Compiler flags that were checked for the language of a source.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct CompilerFlags {
+    /// Names that `-D NAME[=VALUE]` defines.
+    pub(super) defines: Vec<(String, Option<String>)>,
+    /// Flags with their values that an outside compiler is given as they are.
+    pub(super) passed: Vec<String>,
+    folders: Vec<String>,
+    debug: Option<DebugInfoLevel>,
+    optimize: Option<Optimize>,
+}
+
+/// A flag that a compiler does not take: its number in the list, and why.
+#[derive(Debug)]
+pub struct RefusedFlag {
+    /// Index of the flag, or of its value.
+    pub at: usize,
+    /// What is wrong with it.
+    pub message: String,
+    /// Which flags there are.
+    pub note: String,
+}
+
+impl CompilerFlags {
+    /// Checks a list of flags for a language. Values stand behind their flags, or in the next
+    /// element of the list: `-DX=1` and `-D`, `X=1` are the same.
+    ///
+    /// ```
+    /// use anyhit::compile::{CompilerFlags, Language};
+    ///
+    /// let flags = CompilerFlags::parse(Language::Slang, &["-force-glsl-scalar-layout", "-DSPHERES=3"]);
+    /// assert!(flags.is_ok());
+    /// let refused = CompilerFlags::parse(Language::Slang, &["-o", "a.spv"]).unwrap_err();
+    /// assert_eq!((refused.at, refused.message.as_str()), (0, "slangc is not given the flag `-o` here"));
+    /// ```
+    ///
+    /// # Errors
+    /// The first flag that is not on the language's list, or whose value is missing or looks like a
+    /// flag.
+    pub fn parse<S: AsRef<str>>(language: Language, flags: &[S]) -> Result<Self, RefusedFlag> {
+        let is_slang = matches!(language, Language::Slang | Language::Hlsl);
+        let refused = |at, message| RefusedFlag { at, message, note: known(language) };
+        let mut all = Self::default();
+        let mut at = 0;
+        while let Some(flag) = flags.get(at).map(AsRef::as_ref) {
+            let begin = at;
+            at += 1;
+            if flag.chars().any(char::is_control) {
+                return Err(refused(begin, "a flag has no control characters".to_owned()));
+            }
+            let mut value = |attached: &str| {
+                let mut value = attached.to_owned();
+                if value.is_empty() {
+                    let next = flags.get(at).map(|next| next.as_ref().to_owned());
+                    value = next.ok_or_else(|| refused(begin, format!("the flag `{flag}` needs a value")))?;
+                    at += 1;
+                }
+                if value.is_empty() || value.starts_with('-') {
+                    let message = format!("`{value}` is no value of the flag `{flag}`");
+                    return Err(refused(at - 1, message));
+                }
+                Ok(value)
+            };
+            match flag {
+                "-g0" => all.debug = Some(DebugInfoLevel::Names),
+                "-g" | "-g1" => all.debug = Some(DebugInfoLevel::Lines),
+                "-g2" | "-g3" | "-gVS" => all.debug = Some(DebugInfoLevel::Full),
+                "-O0" => all.optimize = Some(Optimize::Off),
+                "-O1" if is_slang => all.optimize = Some(Optimize::Default),
+                "-O2" | "-O3" if is_slang => all.optimize = Some(Optimize::High),
+                _ if language == Language::Wgsl => {
+                    return Err(refused(begin, format!("naga has no flag `{flag}`")));
+                }
+                _ if is_slang && SLANG_FLAGS.contains(&flag) => all.passed.push(flag.to_owned()),
+                _ if is_slang && SLANG_VALUES.contains(&flag) => {
+                    let value = value("")?;
+                    all.passed.extend([flag.to_owned(), value]);
+                }
+                _ => match (flag.strip_prefix("-D"), flag.strip_prefix("-I")) {
+                    (Some(attached), _) => {
+                        let value = value(attached)?;
+                        let (name, value) = match value.split_once('=') {
+                            Some((name, value)) => (name, Some(value.to_owned())),
+                            None => (value.as_str(), None),
+                        };
+                        if !is_identifier(name) {
+                            return Err(refused(at - 1, format!("`{name}` is no name that `-D` can define")));
+                        }
+                        all.defines.push((name.to_owned(), value));
+                    }
+                    (_, Some(attached)) => all.folders.push(value(attached)?),
+                    _ => {
+                        let compiler = if is_slang { "slangc" } else { "glslang" };
+                        return Err(refused(
+                            begin,
+                            format!("{compiler} is not given the flag `{flag}` here"),
+                        ));
+                    }
+                },
+            }
+        }
+        Ok(all)
+    }
+
+    /// The include folders of `-I`, as they are written.
+    pub fn include_folders(&self) -> &[String] {
+        &self.folders
+    }
+
+    /// These options, with what the flags say instead.
+    #[must_use]
+    pub fn over(&self, options: &CompileOptions) -> CompileOptions {
+        CompileOptions {
+            debug: self.debug.unwrap_or(options.debug),
+            optimize: self.optimize.unwrap_or(options.optimize),
+            flags: self.clone(),
+        }
+    }
+
+    /// The definitions as an outside compiler takes them: `-DNAME=VALUE`.
+    pub(super) fn define_arguments(&self) -> impl Iterator<Item = String> {
+        self.defines.iter().map(|(name, value)| match value {
+            Some(value) => format!("-D{name}={value}"),
+            None => format!("-D{name}"),
+        })
+    }
+}
+
+fn is_identifier(name: &str) -> bool {
+    let mut letters = name.chars();
+    letters.next().is_some_and(|first| first.is_ascii_alphabetic() || first == '_')
+        && letters.all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
+}
+
+/// The flags that the compiler of a language takes.
+fn known(language: Language) -> String {
+    match language {
+        Language::Wgsl => "of a WGSL source the flags are: -g0, -g, -gVS, -O0".to_owned(),
+        Language::Glsl(_) => {
+            "of a GLSL source the flags are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -gVS, -O0".to_owned()
+        }
+        Language::Slang | Language::Hlsl => {
+            let name = if language == Language::Slang { "a Slang" } else { "an HLSL" };
+            let values: String = SLANG_VALUES.iter().map(|flag| format!(", {flag} VALUE")).collect();
+            let list = SLANG_FLAGS.join(", ");
+            format!(
+                "of {name} source the flags are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -g2, -O0 to -O3{values}, {list}"
+            )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::SourceStage;
+
+    const GLSL: Language = Language::Glsl(SourceStage::Compute);
+
+    #[test]
+    fn flags_become_definitions_folders_options_and_arguments() {
+        let list =
+            ["-DA", "-D", "B=x=1", "-Icommon", "-I", "../more", "-O0", "-g2", "-fvk-use-scalar-layout"];
+        let flags =
+            CompilerFlags::parse(Language::Slang, &[&list[..], &["-capability", "spvRayQueryKHR"]].concat());
+        let flags = flags.unwrap();
+        assert_eq!(flags.define_arguments().collect::<Vec<_>>(), ["-DA", "-DB=x=1"]);
+        assert_eq!(flags.include_folders(), ["common", "../more"]);
+        assert_eq!(flags.passed, ["-fvk-use-scalar-layout", "-capability", "spvRayQueryKHR"]);
+        let options = flags.over(&CompileOptions::default());
+        assert_eq!((options.debug, options.optimize), (DebugInfoLevel::Full, Optimize::Off));
+        // What no flag says stays.
+        let lines = CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() };
+        let none = CompilerFlags::parse::<&str>(GLSL, &[]).unwrap();
+        assert_eq!(none.over(&lines), lines);
+    }
+
+    #[test]
+    fn what_a_compiler_does_not_take_is_refused_with_its_list() {
+        for (language, flags, at, message, note) in [
+            (
+                Language::Slang,
+                &["-O0", "-o", "a"][..],
+                1,
+                "slangc is not given the flag `-o` here",
+                "of a Slang",
+            ),
+            (
+                Language::Hlsl,
+                &["-target", "dxil"],
+                0,
+                "slangc is not given the flag `-target` here",
+                "of an HLSL",
+            ),
+            (Language::Slang, &["-dump-intermediates"], 0, "`-dump-intermediates` here", "-O0 to -O3"),
+            (
+                Language::Slang,
+                &["-depfile=x"],
+                0,
+                "slangc is not given the flag `-depfile=x` here",
+                "-std VALUE",
+            ),
+            (Language::Slang, &["-D", "-o"], 1, "`-o` is no value of the flag `-D`", ""),
+            (Language::Slang, &["-I-o"], 0, "`-o` is no value of the flag `-I-o`", ""),
+            (Language::Slang, &["-capability", "-o"], 1, "`-o` is no value of the flag `-capability`", ""),
+            (Language::Slang, &["-capability"], 0, "the flag `-capability` needs a value", ""),
+            (Language::Slang, &["-D1=2"], 0, "`1` is no name that `-D` can define", ""),
+            (Language::Slang, &["file.slang"], 0, "slangc is not given the flag `file.slang` here", ""),
+            (
+                GLSL,
+                &["-O2"],
+                0,
+                "glslang is not given the flag `-O2` here",
+                "of a GLSL source the flags are: -D",
+            ),
+            (
+                GLSL,
+                &["-force-glsl-scalar-layout"],
+                0,
+                "glslang is not given the flag `-force-",
+                "-I FOLDER, -g0",
+            ),
+            (
+                Language::Wgsl,
+                &["-DX"],
+                0,
+                "naga has no flag `-DX`",
+                "of a WGSL source the flags are: -g0, -g, -gVS",
+            ),
+        ] {
+            let refused = CompilerFlags::parse(language, flags).unwrap_err();
+            assert_eq!(refused.at, at, "{flags:?}");
+            assert!(refused.message.contains(message), "{flags:?}: {}", refused.message);
+            assert!(refused.note.contains(note), "{flags:?}: {}", refused.note);
+        }
+    }
+}
