@@ -128,7 +128,6 @@ impl Dump {
         Ok(FoundDump {
             name,
             binding: Some(binding),
-            binding,
             element,
             format: self.format.clone(),
             unless_zero: self.unless_zero,
