@@ -98,9 +98,11 @@ pub mod stress;
 
 pub use error::{Error, ErrorKind, Result};
 pub use geometry::Ray;
+pub use harness::compute_test::ComputeTest;
 pub use harness::explain::Explain;
 pub use harness::hit::Hit;
 pub use harness::instance::Instance;
+pub use harness::loaded_scene::LoadedScene;
 pub use harness::scene::Scene;
 pub use harness::shader_test::ShaderTest;
 pub use module::Module;

@@ -17,6 +17,18 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::pointer::storage;
 use crate::scene::{RunLimits, SceneFiles};
 
+/// A case that was written.
+#[derive(Clone, Debug)]
+pub struct WrittenCase {
+    /// Its `scene.toml`.
+    pub path: PathBuf,
+    /// Why it does not pass yet, where it does not.
+    pub failure: Option<Error>,
+    /// What holds zeros, and so may need other values: resources, push constants, records and
+    /// payloads, as the scene names them.
+    pub zeros: Vec<String>,
+}
+
 /// Writes `scene.toml` into a folder, which is made where it is not there: shaders, a pipeline,
 /// resources of the right kind and size, a primitive that suits the shaders, and a ray that meets
 /// it. Then runs it once, within the limits, and records what came out, so that it passes. Modules
@@ -26,7 +38,12 @@ use crate::scene::{RunLimits, SceneFiles};
 /// `InvalidArgument` where the folder holds a scene already, or no module has a ray-tracing entry
 /// point; `InvalidScene` where something lies outside the root; what loading and compiling report;
 /// what the first run reports, where it cannot run.
-pub fn case(modules: &[PathBuf], folder: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<PathBuf> {
+pub fn case(
+    modules: &[PathBuf],
+    folder: &Path,
+    files: &SceneFiles,
+    limits: &RunLimits,
+) -> Result<WrittenCase> {
     if let Some(root) = &files.root {
         // Before anything is written. Of the folder what is there already must lie inside.
         let there = folder.ancestors().find(|folder| folder.exists());
@@ -51,12 +68,13 @@ pub fn case(modules: &[PathBuf], folder: &Path, files: &SceneFiles, limits: &Run
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     let text = shaders.scene(folder)?;
     atomic_file::write(&scene, &text)?;
-    record(&scene, text, files, limits)?;
-    Ok(scene)
+    let failure = record(&scene, text, files, limits)?;
+    Ok(WrittenCase { path: scene, failure, zeros: shaders.zeros() })
 }
 
 /// Runs the case and writes what it finds; a launch that traps is expected to.
-fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
+fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits) -> Result<Option<Error>> {
+    let mut first = None;
     let suite = Suite::find_within(&[scene.to_path_buf()], &|_, _| Ok(files.clone()))?;
     let options = SuiteOptions {
         jobs: 1,
@@ -72,6 +90,7 @@ fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits
             Outcome::Failed(failure) => {
                 let Some(error) = failure.errors.first() else { continue };
                 let comment = |line: &str| format!("# {line}\n");
+                first.get_or_insert_with(|| error.clone());
                 let why: String = error.render().lines().map(comment).collect();
                 let now = read_regular(scene, files.root.as_ref(), InputLimit::SceneBytes, &files.limits);
                 text = now.ok().and_then(|now| String::from_utf8(now).ok()).unwrap_or(text);
@@ -85,7 +104,7 @@ fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits
             _ => {}
         }
     }
-    Ok(())
+    Ok(first)
 }
 
 /// An entry point with its name in the scene.
@@ -132,6 +151,24 @@ impl Shaders {
 
     fn of(&self, stage: Stage) -> impl Iterator<Item = &Shader> {
         self.all.iter().filter(move |shader| shader.entry.stage == stage)
+    }
+
+    /// What the scene file gives zeros.
+    fn zeros(&self) -> Vec<String> {
+        let mut resources = Resources::default();
+        for shader in &self.all {
+            resources.add(&shader.module, &shader.entry);
+        }
+        let mut zeros: Vec<String> =
+            resources.buffers().map(|name| format!("`size` of [resources.{name}]")).collect();
+        zeros.extend(resources.push_constants.map(|_| "`push_constants`".to_owned()));
+        zeros.extend(resources.record.map(|_| "`record` of the hit groups".to_owned()));
+        let payload = |shader: &Shader| {
+            let variables = shader.module.interface_of(&shader.entry);
+            variables.iter().any(|one| one.storage_class == storage::INCOMING_RAY_PAYLOAD)
+        };
+        zeros.extend(self.all.iter().any(payload).then(|| "`payload` of [[ray]]".to_owned()));
+        zeros
     }
 
     /// The scene file.

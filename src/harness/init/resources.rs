@@ -58,6 +58,12 @@ impl Resources {
         self.bound.insert((set, binding), (name, lines));
     }
 
+    /// The names of the buffers, which are full of zeros.
+    pub fn buffers(&self) -> impl Iterator<Item = &str> {
+        let is_buffer = |lines: &[String]| lines.iter().any(|line| line.ends_with("_buffer\""));
+        self.bound.values().filter(move |(_, lines)| is_buffer(lines)).map(|(name, _)| name.as_str())
+    }
+
     /// The tables of the scene file.
     pub fn text(&self) -> String {
         let mut out = String::new();

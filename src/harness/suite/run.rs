@@ -549,6 +549,9 @@ fn command(scene: &str, request: &Request) -> String {
             None => format!(" --ray \"{} {}\"", words(ray.origin), words(ray.direction)),
         },
         Request::Named(name) => format!(" --ray \"{name}\""),
+        Request::Invocation { dispatch, id: [x, y, z] } => {
+            format!(" --invocation {x},{y},{z} --dispatch {dispatch}")
+        }
         Request::Default => String::new(),
     };
     format!("anyhit trace-one-ray {scene}{what}")
