@@ -95,9 +95,10 @@ impl Compute {
             on_part,
             exit: Exit::Returned,
         };
-        let mut on_event = |event: Event| match &event {
-            Event::RayQuery(query) if lane.get() == Some(query.lane) => events.borrow_mut().push(event),
-            _ => {}
+        let mut on_event = |event: Event| {
+            if matches!(&event, Event::RayQuery(query) if lane.get() == Some(query.lane)) {
+                events.borrow_mut().push(event);
+            }
         };
         let trapped = {
             let observer: &mut dyn Observer<W> = &mut one;
