@@ -1,6 +1,7 @@
 //! A first case for compiled shaders, written from what their modules declare.
 
 mod resources;
+mod scene;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,8 @@ use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::pointer::storage;
 use crate::scene::{RunLimits, SceneFiles};
+
+pub use scene::{WrittenScene, scene};
 
 /// A case that was written.
 #[derive(Clone, Debug)]
@@ -59,7 +62,7 @@ pub fn case(
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path, files)?;
+        shaders.add(path, files, &is_ray_tracing)?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing stage";
@@ -115,6 +118,17 @@ struct Shader {
     reference: String,
 }
 
+impl Shader {
+    /// Whether it reads a builtin with a word in its name.
+    fn reads(&self, word: &str) -> bool {
+        let variables = self.module.interface_of(&self.entry);
+        let mut builtins = variables.iter().filter_map(|variable| variable.builtin);
+        builtins.any(|number| {
+            crate::ops::builtin::find(number).is_some_and(|builtin| builtin.name.contains(word))
+        })
+    }
+}
+
 #[derive(Default)]
 struct Shaders {
     /// Names and files.
@@ -123,9 +137,9 @@ struct Shaders {
 }
 
 impl Shaders {
-    fn add(&mut self, path: &Path, files: &SceneFiles) -> Result<()> {
+    fn add(&mut self, path: &Path, files: &SceneFiles, is_wanted: &dyn Fn(Stage) -> bool) -> Result<()> {
         let module = Module::open_within(path, &files.limits, files.root.as_ref())?;
-        let entries = module.entry_points.iter().filter(|entry| is_ray_tracing(entry.stage));
+        let entries = module.entry_points.iter().filter(|entry| is_wanted(entry.stage));
         let entries: Vec<EntryPoint> = entries.cloned().collect();
         let mut name = match &entries[..] {
             [] => return Ok(()),
@@ -207,15 +221,7 @@ impl Shaders {
 
     /// A primitive that suits what the shaders read, and an instance of it.
     fn geometry(&self) -> String {
-        let reads = |word: &str| {
-            self.all.iter().any(|shader| {
-                let variables = shader.module.interface_of(&shader.entry);
-                let mut builtins = variables.iter().filter_map(|variable| variable.builtin);
-                builtins.any(|number| {
-                    crate::ops::builtin::find(number).is_some_and(|builtin| builtin.name.contains(word))
-                })
-            })
-        };
+        let reads = |word: &str| self.all.iter().any(|shader| shader.reads(word));
         let shape = if self.of(Stage::Intersection).next().is_some() {
             "type = \"aabbs\"\nboxes = [[[-1, -1, -1], [1, 1, 1]]]"
         } else if reads("LSS") {
@@ -304,6 +310,7 @@ fn key(stage: Stage) -> &'static str {
         Stage::ClosestHit => "closest_hit",
         Stage::Miss => "miss",
         Stage::Callable => "callable",
+        Stage::Compute => "compute",
         _ => "shader",
     }
 }
