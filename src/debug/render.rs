@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 
 use crate::debug::page::{Page, TextStyle, with_thousands_separators};
 use crate::debug::transcript::{
-    ChangeLocation, Decision, DispatchIndex, ExitKind, HitReport, InstanceOutcome, InstanceReport, MemoryChange, NamedValue,
-    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, Step, Trace, Transcript,
-    TranscriptLine, Traversal,
+    ChangeLocation, Decision, DispatchIndex, ExitKind, HitReport, InstanceOutcome, InstanceReport,
+    MemoryChange, NamedValue, PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, Step,
+    Trace, Transcript, TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 
@@ -72,7 +72,8 @@ impl Writer {
                 _ => format!("launch index ({x}, {y}, {z}) of {width} x {height} x {depth}"),
             });
         }
-        if let Some(DispatchIndex { dispatch, id: [x, y, z], groups, workgroup_size }) = &transcript.dispatch {
+        if let Some(DispatchIndex { dispatch, id: [x, y, z], groups, workgroup_size }) = &transcript.dispatch
+        {
             let [a, b, c] = groups;
             let [width, height, depth] = workgroup_size;
             title.push(format!("invocation ({x}, {y}, {z}) of dispatch {dispatch}"));
