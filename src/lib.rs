@@ -99,9 +99,11 @@ pub mod stress;
 
 pub use error::{Error, ErrorClass, ErrorKind, Result};
 pub use geometry::Ray;
+pub use harness::compute_test::ComputeTest;
 pub use harness::explain::Explain;
 pub use harness::hit::Hit;
 pub use harness::instance::Instance;
+pub use harness::loaded_scene::LoadedScene;
 pub use harness::scene::Scene;
 pub use harness::shader_test::ShaderTest;
 pub use harness::struct_data::StructData;

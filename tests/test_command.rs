@@ -802,6 +802,37 @@ fn a_first_case_is_written_and_runs() {
     );
 }
 
+#[test]
+fn a_whole_scene_is_written_and_renders() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = scratch("init-scene");
+    let anyhit = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        let output = command.args(arguments).current_dir(&folder).stdin(Stdio::null()).output();
+        let output = output.expect("the command starts");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let modules = ["hole.rahit", "leaf.rchit", "main.rgen", "sky.rmiss"];
+    let modules = modules.map(|name| {
+        root.join(format!("spirv-fixtures/pass/testing/leaves/{name}.spv")).display().to_string()
+    });
+    let mut arguments = vec!["scene", "--init"];
+    arguments.extend(modules.iter().map(String::as_str));
+    let (code, out, error) = anyhit(&arguments);
+    assert_eq!(code, Some(0), "{out}{error}");
+    assert!(out.contains("run it: anyhit render scene.toml"), "{out}");
+    let scene = std::fs::read_to_string(folder.join("scene.toml")).expect("the scene");
+    for words in ["launch = [64, 64]", "raygen = [\"raygen\"]", "output = true", "type = \"triangles\""] {
+        assert!(scene.contains(words), "{words}: {scene}");
+    }
+    let (code, out, error) = anyhit(&["render", "scene.toml", "-o", "out.png"]);
+    assert_eq!(code, Some(0), "{out}{error}");
+    assert!(folder.join("out.png").is_file());
+    let (code, _, error) = anyhit(&arguments);
+    assert!(code == Some(2) && error.contains("scene.toml is there already"), "{error}");
+}
+
 /// What a first case reads and runs has the limits and the root of all tests.
 #[test]
 fn a_first_case_keeps_to_limits_and_root() {

@@ -51,6 +51,62 @@ fn member<'a>(payload: &'a Value, name: &str) -> &'a Value {
     &members.iter().find(|member| member["name"] == name).expect("such a member")["value"]
 }
 
+/// The ray at (x + 1/2, y + 1/2) meets the triangle at z = 0 from z = 4 where x + y <= 14.
+#[test]
+fn an_invocation_of_a_dispatch_is_explained() {
+    const SCENE: &str = "shaders/pass/ray-query/compute/scene.toml";
+    let explained = |arguments: &[&str]| -> Value {
+        let output = run(&[&[SCENE, "--json"], arguments].concat());
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let hit = explained(&["--invocation", "3,2"]);
+    assert_eq!(hit["dispatch"]["id"], json!([3, 2, 0]));
+    assert_eq!(hit["dispatch"]["workgroup_size"], json!([16, 4, 1]));
+    let query = &hit["root"]["steps"][0];
+    assert_eq!((&query["kind"], &query["origin"]), (&json!("ray_query"), &json!([3.5, 2.5, 4.0])));
+    assert_eq!((&query["hit"]["t"], &query["structure"]), (&json!(4.0), &json!("main")));
+    assert_eq!(query["instances"][0]["tested"].as_array().map(Vec::len), Some(1));
+    assert_eq!((&hit["counts"]["ray_queries"], &hit["writes"]), (&json!(1), &json!([])));
+    let missed = explained(&["--invocation", "15,7", "--dispatch", "1"]);
+    assert_eq!(missed["root"]["steps"][0]["hit"], Value::Null);
+    // The first invocation of a workgroup writes what all of it counted: 15 + 14 + 13 + 12.
+    let first = explained(&["--invocation", "0"]);
+    assert_eq!(first["writes"].as_array().map(Vec::len), Some(1));
+    assert_eq!(first["writes"][0]["after"]["value"], json!(54));
+    let text = String::from_utf8(run(&[SCENE, "--invocation", "3,2"]).stdout).expect("UTF-8");
+    assert!(
+        text.contains("invocation (3, 2, 0) of dispatch 0, 1 x 2 x 1 workgroups of 16 x 4 x 1"),
+        "{text}"
+    );
+    for (arguments, words) in [
+        (&["--invocation", "16,0"][..], "invocation 16,0,0 is outside the dispatch of 1 x 2 x 1 workgroups"),
+        (&["--invocation", "0", "--dispatch", "2"], "the scene has no dispatch 2"),
+        (&["--invocation", "0,a"], "`--invocation 0,a` is not X,Y,Z: `a` is not a whole number"),
+        (&["--pixel", "0,0"], "or an invocation of its dispatch: --invocation 0,0,0"),
+    ] {
+        let output = run(&[&[SCENE], arguments].concat());
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && error.contains(words), "{words}: {error}");
+    }
+}
+
+#[test]
+fn render_of_a_compute_scene_says_what_to_type() {
+    let output = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(["render", "shaders/pass/ray-query/compute/scene.toml"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("the binary of this crate starts");
+    let error = String::from_utf8_lossy(&output.stderr);
+    for words in [
+        "the scene has no ray generation shader: it dispatches compute shaders",
+        "`anyhit run shaders/pass/ray-query/compute/scene.toml` runs its dispatches",
+        "`anyhit trace-one-ray shaders/pass/ray-query/compute/scene.toml --invocation 0,0,0`",
+    ] {
+        assert!(error.contains(words), "{words}: {error}");
+    }
+}
+
 #[test]
 fn the_guide_shows_what_is_printed() {
     const BEGIN: &str = "<!-- demo.stdout -->\n```text\n";

@@ -17,6 +17,7 @@ mod output;
 mod precision;
 pub mod render;
 pub mod run;
+pub mod scene;
 pub mod smoke;
 mod stability;
 mod stats;
@@ -56,6 +57,7 @@ commands! {
     inspect Inspect(InspectArgs),
     render Render(RenderArgs),
     run Run(RunArgs),
+    scene Scene(SceneArgs),
     trace_one_ray TraceOneRay(TraceOneRayArgs),
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),

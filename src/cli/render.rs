@@ -91,6 +91,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     output::notes(&resolved.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut resolved);
+    if resolved.sbt.raygen.is_empty() && !resolved.dispatches.is_empty() {
+        return Err(compute_only(&resolved));
+    }
     let Some((output, image)) = output_image(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
@@ -165,6 +168,22 @@ pub fn run(args: RenderArgs) -> Result<()> {
         args.stability.run(&resolved, &initial, None, args.json)?;
     }
     Ok(())
+}
+
+/// The error for a scene that dispatches compute shaders and launches no ray generation shader.
+fn compute_only(scene: &ResolvedScene) -> Error {
+    let path = scene.path.display();
+    let save = match scene.output() {
+        Some(output) => format!("anyhit run {path} --save {}=out.png", output.name),
+        None => format!("anyhit run {path}"),
+    };
+    let message = "the scene has no ray generation shader: it dispatches compute shaders";
+    Error::new(ErrorKind::InvalidScene, message)
+        .at(Place::File(scene.path.clone()))
+        .note(format!("`{save}` runs its dispatches"))
+        .note(format!(
+            "`anyhit trace-one-ray {path} --invocation 0,0,0` explains the ray queries of an invocation"
+        ))
 }
 
 /// The storage image with the scene's key `output`, which is saved.

@@ -246,9 +246,16 @@ fn init_case(args: &TestArgs) -> Result<()> {
     };
     let (files, limits) = (args.files.files()?, args.limits.limits(LaunchLimits::TESTS));
     let written = init::case(&modules, &folder, &files, &limits)?;
+    let (path, folder) = (written.path.display(), shell::word(&folder.display().to_string()));
+    let Some(failure) = written.failure else {
+        return output::print(format_args!(
+            "{path}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {folder}\n"
+        ));
+    };
+    let zeros: String = written.zeros.iter().map(|one| format!("  {one}\n")).collect();
+    let fill = if zeros.is_empty() { String::new() } else { format!("fill in what is zeros:\n{zeros}") };
     output::print(format_args!(
-        "{}: written; it passes, because its values are recorded from a first run\nrun it: anyhit test {}\n",
-        written.display(),
-        shell::word(&folder.display().to_string())
+        "{path}: written; it does not pass yet: {}\n{fill}then run it: anyhit test {folder}\n",
+        failure.message()
     ))
 }

@@ -29,6 +29,13 @@ pub struct TraceOneRayArgs {
     /// Run the ray generation shader at this launch index
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, conflicts_with = "ray")]
     pixel: Option<String>,
+    /// Run the compute shader of a dispatch at this global invocation id, with its workgroup
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with_all = ["ray", "pixel"])]
+    invocation: Option<String>,
+    /// With --invocation: the dispatch, counted from 0; the launch and the dispatches before it run
+    /// first [default: 0]
+    #[arg(long, value_name = "N", requires = "invocation")]
+    dispatch: Option<usize>,
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
@@ -114,6 +121,10 @@ impl TraceOneRayArgs {
     fn request(&self) -> Result<Request> {
         if let Some(text) = &self.pixel {
             return command::pixel(text).map(Request::Pixel);
+        }
+        if let Some(text) = &self.invocation {
+            let id = command::invocation(text)?;
+            return Ok(Request::Invocation { dispatch: self.dispatch.unwrap_or(0), id });
         }
         let Some(text) = &self.ray else { return Ok(Request::Default) };
         // A name may have commas: what is not six numbers is looked up in the scene.

@@ -8,13 +8,28 @@ use crate::error::{Error, ErrorKind, Result};
 /// # Errors
 /// `InvalidArgument` where it is anything else.
 pub fn pixel(text: &str) -> Result<[u32; 3]> {
-    let parts: Vec<&str> = text.split([',', ' ']).filter(|part| !part.is_empty()).collect();
-    let invalid = |why: String| {
+    index(text, 2, &|why| {
         Error::new(ErrorKind::InvalidArgument, format!("`--pixel {text}` is not X,Y: {why}"))
             .note("for example `--pixel 470,220`; x counts from the left, y from the top")
-    };
-    if !(2..=3).contains(&parts.len()) {
-        return Err(invalid(format!("it has {} of 2 numbers", parts.len())));
+    })
+}
+
+/// A global invocation id: `X`, `X,Y` or `X,Y,Z`.
+///
+/// # Errors
+/// `InvalidArgument` where it is anything else.
+pub fn invocation(text: &str) -> Result<[u32; 3]> {
+    index(text, 1, &|why| {
+        Error::new(ErrorKind::InvalidArgument, format!("`--invocation {text}` is not X,Y,Z: {why}"))
+            .note("for example `--invocation 5,0,0`: the shader's GlobalInvocationId")
+    })
+}
+
+/// From `least` to three whole numbers; those that are missing are 0.
+fn index(text: &str, least: usize, invalid: &dyn Fn(String) -> Error) -> Result<[u32; 3]> {
+    let parts: Vec<&str> = text.split([',', ' ']).filter(|part| !part.is_empty()).collect();
+    if !(least..=3).contains(&parts.len()) {
+        return Err(invalid(format!("it has {} of {least} numbers", parts.len())));
     }
     let mut id = [0; 3];
     for (to, part) in id.iter_mut().zip(parts) {
@@ -107,6 +122,15 @@ mod tests {
             assert_eq!(error.kind(), ErrorKind::InvalidArgument, "{wrong}");
         }
         assert!(pixel("7,x").unwrap_err().message().contains("`x`"));
+    }
+
+    #[test]
+    fn an_invocation_is_one_to_three_whole_numbers() {
+        assert_eq!(invocation("5").unwrap(), [5, 0, 0]);
+        assert_eq!(invocation("5,6,7").unwrap(), [5, 6, 7]);
+        let error = invocation("1,x").unwrap_err();
+        assert_eq!(error.message(), "`--invocation 1,x` is not X,Y,Z: `x` is not a whole number from 0 on");
+        assert!(invocation("1,2,3,4").is_err() && invocation("").is_err());
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! reads or writes a file or a terminal.
 
 pub mod command;
+mod compute;
 mod layout;
 mod memory;
 pub mod names;

@@ -104,6 +104,8 @@ pub struct Names<'a> {
     scene: Option<&'a ResolvedScene>,
     pipeline: &'a Pipeline,
     memory: Option<&'a DeviceMemory>,
+    /// The shader of a dispatch, which is the pipeline's only one.
+    compute: Option<&'a resolved::ResolvedShader>,
 }
 
 impl<'a> Names<'a> {
@@ -123,16 +125,28 @@ impl<'a> Names<'a> {
 
     /// The names of a scene and of the pipeline that was assembled from it.
     pub fn new(scene: &'a ResolvedScene, pipeline: &'a Pipeline) -> Self {
-        Self { scene: Some(scene), pipeline, memory: None }
+        Self { scene: Some(scene), pipeline, memory: None, compute: None }
+    }
+
+    /// The names of a scene and of a pipeline of the shader of one of its dispatches alone.
+    pub fn of_dispatch(
+        scene: &'a ResolvedScene,
+        shader: &'a resolved::ResolvedShader,
+        pipeline: &'a Pipeline,
+    ) -> Self {
+        Self { scene: Some(scene), pipeline, memory: None, compute: Some(shader) }
     }
 
     /// The names of a pipeline without a scene file: only entry points have names.
     pub fn unnamed(pipeline: &'a Pipeline) -> Self {
-        Self { scene: None, pipeline, memory: None }
+        Self { scene: None, pipeline, memory: None, compute: None }
     }
 
     /// The file that a shader comes from.
     pub fn module(&self, shader: Shader) -> Option<&'a resolved::ShaderModule> {
+        if let Some(compute) = self.compute {
+            return self.scene.map(|scene| &scene.shaders[compute.module]);
+        }
         // The pipeline's groups are the scene's, in the same order.
         let scene_groups = self.scene.map_or(&[][..], |scene| &scene.groups);
         let found = self.pipeline.groups.iter().zip(scene_groups).find_map(|pair| match pair {

@@ -36,7 +36,7 @@ impl<'a> QueryReader<'a> {
     /// Reads an event: the initialisation of a query adds a step, any other event updates the step
     /// of its query.
     pub(super) fn read(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &EventReader<'_>) {
-        let RayQueryEvent { query, op, step } = event;
+        let RayQueryEvent { query, op, step, .. } = event;
         if let RayQueryStep::Initialize(tlas, trace) = step {
             let called_at = self.program.and_then(|program| names::source_line(program, op));
             let traversal = reader.traversal(called_at, &tlas, &trace);

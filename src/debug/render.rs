@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 
 use crate::debug::page::{Page, TextStyle, with_thousands_separators};
 use crate::debug::transcript::{
-    ChangeLocation, Decision, ExitKind, HitReport, InstanceOutcome, InstanceReport, MemoryChange, NamedValue,
-    PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, Step, Trace, Transcript,
-    TranscriptLine, Traversal,
+    ChangeLocation, Decision, DispatchIndex, ExitKind, HitReport, InstanceOutcome, InstanceReport,
+    MemoryChange, NamedValue, PrimitiveOutcome, PrimitiveReport, RecordChoice, ShaderLabel, ShaderRun, Step,
+    Trace, Transcript, TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 
@@ -71,6 +71,13 @@ impl Writer {
                 1 => format!("pixel ({x}, {y}) of {width} x {height}"),
                 _ => format!("launch index ({x}, {y}, {z}) of {width} x {height} x {depth}"),
             });
+        }
+        if let Some(DispatchIndex { dispatch, id: [x, y, z], groups, workgroup_size }) = &transcript.dispatch
+        {
+            let [a, b, c] = groups;
+            let [width, height, depth] = workgroup_size;
+            title.push(format!("invocation ({x}, {y}, {z}) of dispatch {dispatch}"));
+            title.push(format!("{a} x {b} x {c} workgroups of {width} x {height} x {depth}"));
         }
         let title = title.join(", ");
         self.page.line(title);

@@ -26,13 +26,20 @@ pub enum Request {
     Pixel([u32; 3]),
     /// A given ray, without ray generation.
     Ray(GivenRay),
+    /// An invocation of a compute shader.
+    Invocation {
+        /// Which dispatch of the scene, from 0.
+        dispatch: usize,
+        /// `GlobalInvocationId`
+        id: [u32; 3],
+    },
 }
 
 /// An assembled scene.
 #[derive(Debug)]
 pub struct Session {
-    scene: ResolvedScene,
-    assembled: Assembled,
+    pub(super) scene: ResolvedScene,
+    pub(super) assembled: Assembled,
 }
 
 impl Session {
@@ -53,6 +60,9 @@ impl Session {
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
     pub fn run(&self, request: &Request) -> Result<(Transcript, Option<Error>)> {
+        if let Some((dispatch, id)) = self.invocation(request) {
+            return self.run_invocation(dispatch, id);
+        }
         let (ray_name, request) = self.resolve(request)?;
         let snapshot = Snapshot::take(&self.assembled.resources);
         let mut events: Vec<Event> = Vec::new();
@@ -87,17 +97,13 @@ impl Session {
             scene: self.scene.path.display().to_string(),
             ray_name,
             launch,
+            dispatch: None,
             root,
             writes,
             writes_left_out,
             printed: printed.into_iter().map(|line| line.text).collect(),
             counts: run_counts(&stats),
-            trap: trap.as_ref().map(|error| TrapReport {
-                message: error.message().to_owned(),
-                class: error.class().name(),
-                notes: error.notes().to_vec(),
-                report: error.render(),
-            }),
+            trap: trap.as_ref().map(TrapReport::of),
         };
         Ok((transcript, trap))
     }
@@ -121,6 +127,12 @@ impl Session {
             Request::Pixel(id) => return Ok((None, ResolvedRequest::Pixel(self.check_launch_index(*id)?))),
             Request::Ray(ray) => return Ok((None, ResolvedRequest::Ray(check(ray)?))),
             Request::Named(name) => self.named(name)?,
+            Request::Invocation { .. } => {
+                let message =
+                    "rounding is examined of rays and launch indices, not of an invocation of a dispatch";
+                return Err(invalid(message)
+                    .note("`anyhit run` with --shadow or --perturb examines whole dispatches"));
+            }
             Request::Default => match self.scene.rays.first() {
                 Some(entry) => entry,
                 None => {
@@ -159,7 +171,11 @@ impl Session {
     fn check_launch_index(&self, id: [u32; 3]) -> Result<[u32; 3]> {
         if self.assembled.pipeline.sbt.ray_generation.is_none() {
             let message = "the scene has no ray generation shader, so there is no pixel to look at";
-            return Err(invalid(message).note("give a ray by its numbers: --ray \"0,0,5 0,0,-1\""));
+            let error = invalid(message).note("give a ray by its numbers: --ray \"0,0,5 0,0,-1\"");
+            return Err(match self.scene.dispatches.is_empty() {
+                true => error,
+                false => error.note("or an invocation of its dispatch: --invocation 0,0,0"),
+            });
         }
         let size = self.assembled.size;
         if id.iter().zip(&size).all(|(at, side)| at < side) {
@@ -244,12 +260,23 @@ pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
     Ok(ray.clone())
 }
 
-fn invalid(message: impl Into<String>) -> Error {
+impl TrapReport {
+    pub(super) fn of(error: &Error) -> Self {
+        Self {
+            message: error.message().to_owned(),
+            class: error.class().name(),
+            notes: error.notes().to_vec(),
+            report: error.render(),
+        }
+    }
+}
+
+pub(super) fn invalid(message: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
 }
 
 /// Counts rays and shaders of a run from its events, for a run that returned no counts.
-fn count_events(events: &[Event]) -> Stats {
+pub(super) fn count_events(events: &[Event]) -> Stats {
     let mut stats = Stats::default();
     for event in events {
         match event {
@@ -272,7 +299,7 @@ fn count_events(events: &[Event]) -> Stats {
     stats
 }
 
-fn run_counts(stats: &Stats) -> RunCounts {
+pub(super) fn run_counts(stats: &Stats) -> RunCounts {
     RunCounts {
         rays: stats.rays,
         ray_queries: stats.ray_queries,

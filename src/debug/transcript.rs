@@ -24,7 +24,10 @@ pub struct Transcript {
     pub ray_name: Option<String>,
     /// The launch index; `None` for a ray from the host.
     pub launch: Option<LaunchIndex>,
-    /// The ray generation shader, or the ray.
+    /// The invocation of a dispatch; omitted for launches and rays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dispatch: Option<DispatchIndex>,
+    /// The ray generation or compute shader, or the ray.
     pub root: Step,
     /// Changes in buffers and images.
     pub writes: Vec<MemoryChange>,
@@ -46,6 +49,19 @@ pub struct LaunchIndex {
     pub id: [u32; 3],
     /// `LaunchSizeKHR`
     pub size: [u32; 3],
+}
+
+/// An invocation of a dispatch.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DispatchIndex {
+    /// Which dispatch of the scene, from 0.
+    pub dispatch: usize,
+    /// `GlobalInvocationId`
+    pub id: [u32; 3],
+    /// `NumWorkgroups`
+    pub groups: [u32; 3],
+    /// `WorkgroupSize`
+    pub workgroup_size: [u32; 3],
 }
 
 /// Counts of rays and shaders.

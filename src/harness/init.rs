@@ -1,6 +1,7 @@
 //! A first case for compiled shaders, written from what their modules declare.
 
 mod resources;
+mod scene;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,20 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::pointer::storage;
 use crate::scene::{RunLimits, SceneFiles};
 
+pub use scene::{WrittenScene, scene};
+
+/// A case that was written.
+#[derive(Clone, Debug)]
+pub struct WrittenCase {
+    /// Its `scene.toml`.
+    pub path: PathBuf,
+    /// Why it does not pass yet, where it does not.
+    pub failure: Option<Error>,
+    /// What holds zeros, and so may need other values: resources, push constants, records and
+    /// payloads, as the scene names them.
+    pub zeros: Vec<String>,
+}
+
 /// Writes `scene.toml` into a folder, which is made where it is not there: shaders, a pipeline,
 /// resources of the right kind and size, a primitive that suits the shaders, and a ray that meets
 /// it. Then runs it once, within the limits, and records what came out, so that it passes. Modules
@@ -26,7 +41,12 @@ use crate::scene::{RunLimits, SceneFiles};
 /// `InvalidArgument` where the folder holds a scene already, or no module has a ray-tracing entry
 /// point; `InvalidScene` where something lies outside the root; what loading and compiling report;
 /// what the first run reports, where it cannot run.
-pub fn case(modules: &[PathBuf], folder: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<PathBuf> {
+pub fn case(
+    modules: &[PathBuf],
+    folder: &Path,
+    files: &SceneFiles,
+    limits: &RunLimits,
+) -> Result<WrittenCase> {
     if let Some(root) = &files.root {
         // Before anything is written. Of the folder what is there already must lie inside.
         let there = folder.ancestors().find(|folder| folder.exists());
@@ -42,7 +62,7 @@ pub fn case(modules: &[PathBuf], folder: &Path, files: &SceneFiles, limits: &Run
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path, files)?;
+        shaders.add(path, files, &is_ray_tracing)?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing stage";
@@ -51,12 +71,13 @@ pub fn case(modules: &[PathBuf], folder: &Path, files: &SceneFiles, limits: &Run
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     let text = shaders.scene(folder)?;
     atomic_file::write(&scene, &text)?;
-    record(&scene, text, files, limits)?;
-    Ok(scene)
+    let failure = record(&scene, text, files, limits)?;
+    Ok(WrittenCase { path: scene, failure, zeros: shaders.zeros() })
 }
 
 /// Runs the case and writes what it finds; a launch that traps is expected to.
-fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
+fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits) -> Result<Option<Error>> {
+    let mut first = None;
     let suite = Suite::find_within(&[scene.to_path_buf()], &|_, _| Ok(files.clone()))?;
     let options = SuiteOptions {
         jobs: 1,
@@ -72,6 +93,7 @@ fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits
             Outcome::Failed(failure) => {
                 let Some(error) = failure.errors.first() else { continue };
                 let comment = |line: &str| format!("# {line}\n");
+                first.get_or_insert_with(|| error.clone());
                 let why: String = error.render().lines().map(comment).collect();
                 let now = read_regular(scene, files.root.as_ref(), InputLimit::SceneBytes, &files.limits);
                 text = now.ok().and_then(|now| String::from_utf8(now).ok()).unwrap_or(text);
@@ -85,7 +107,7 @@ fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits
             _ => {}
         }
     }
-    Ok(())
+    Ok(first)
 }
 
 /// An entry point with its name in the scene.
@@ -96,6 +118,17 @@ struct Shader {
     reference: String,
 }
 
+impl Shader {
+    /// Whether it reads a builtin with a word in its name.
+    fn reads(&self, word: &str) -> bool {
+        let variables = self.module.interface_of(&self.entry);
+        let mut builtins = variables.iter().filter_map(|variable| variable.builtin);
+        builtins.any(|number| {
+            crate::ops::builtin::find(number).is_some_and(|builtin| builtin.name.contains(word))
+        })
+    }
+}
+
 #[derive(Default)]
 struct Shaders {
     /// Names and files.
@@ -104,9 +137,9 @@ struct Shaders {
 }
 
 impl Shaders {
-    fn add(&mut self, path: &Path, files: &SceneFiles) -> Result<()> {
+    fn add(&mut self, path: &Path, files: &SceneFiles, is_wanted: &dyn Fn(Stage) -> bool) -> Result<()> {
         let module = Module::open_within(path, &files.limits, files.root.as_ref())?;
-        let entries = module.entry_points.iter().filter(|entry| is_ray_tracing(entry.stage));
+        let entries = module.entry_points.iter().filter(|entry| is_wanted(entry.stage));
         let entries: Vec<EntryPoint> = entries.cloned().collect();
         let mut name = match &entries[..] {
             [] => return Ok(()),
@@ -132,6 +165,24 @@ impl Shaders {
 
     fn of(&self, stage: Stage) -> impl Iterator<Item = &Shader> {
         self.all.iter().filter(move |shader| shader.entry.stage == stage)
+    }
+
+    /// What the scene file gives zeros.
+    fn zeros(&self) -> Vec<String> {
+        let mut resources = Resources::default();
+        for shader in &self.all {
+            resources.add(&shader.module, &shader.entry);
+        }
+        let mut zeros: Vec<String> =
+            resources.buffers().map(|name| format!("`size` of [resources.{name}]")).collect();
+        zeros.extend(resources.push_constants.map(|_| "`push_constants`".to_owned()));
+        zeros.extend(resources.record.map(|_| "`record` of the hit groups".to_owned()));
+        let payload = |shader: &Shader| {
+            let variables = shader.module.interface_of(&shader.entry);
+            variables.iter().any(|one| one.storage_class == storage::INCOMING_RAY_PAYLOAD)
+        };
+        zeros.extend(self.all.iter().any(payload).then(|| "`payload` of [[ray]]".to_owned()));
+        zeros
     }
 
     /// The scene file.
@@ -170,15 +221,7 @@ impl Shaders {
 
     /// A primitive that suits what the shaders read, and an instance of it.
     fn geometry(&self) -> String {
-        let reads = |word: &str| {
-            self.all.iter().any(|shader| {
-                let variables = shader.module.interface_of(&shader.entry);
-                let mut builtins = variables.iter().filter_map(|variable| variable.builtin);
-                builtins.any(|number| {
-                    crate::ops::builtin::find(number).is_some_and(|builtin| builtin.name.contains(word))
-                })
-            })
-        };
+        let reads = |word: &str| self.all.iter().any(|shader| shader.reads(word));
         let shape = if self.of(Stage::Intersection).next().is_some() {
             "type = \"aabbs\"\nboxes = [[[-1, -1, -1], [1, 1, 1]]]"
         } else if reads("LSS") {
@@ -267,6 +310,7 @@ fn key(stage: Stage) -> &'static str {
         Stage::ClosestHit => "closest_hit",
         Stage::Miss => "miss",
         Stage::Callable => "callable",
+        Stage::Compute => "compute",
         _ => "shader",
     }
 }

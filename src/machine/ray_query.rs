@@ -37,6 +37,8 @@ pub struct RayQuery {
     /// What the last `OpRayQueryProceedKHR` came to, where that returned true. It stays readable
     /// after it was confirmed, when the cursor has nothing to decide any more.
     candidate: Option<Candidate>,
+    /// The lane that initialised it last.
+    lane: u32,
 }
 
 /// A query that is not initialised.
@@ -45,7 +47,8 @@ impl Default for RayQuery {
         let ray = Ray { t_max: 0.0, ..Ray::new([0.0; 3], [0.0; 3]) };
         let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0, time: 0.0 };
         let tlas = Tlas::empty().clone();
-        Self { cursor: Cursor::new(&tlas, trace), tlas, phase: Phase::Uninitialized, candidate: None }
+        let cursor = Cursor::new(&tlas, trace);
+        Self { cursor, tlas, phase: Phase::Uninitialized, candidate: None, lane: 0 }
     }
 }
 
@@ -151,6 +154,8 @@ impl RayQuery {
 pub struct RayQueryEvent {
     /// The query's handle.
     pub query: u32,
+    /// The lane of the batch that initialised the query.
+    pub lane: u32,
     /// The operation of the program.
     pub op: u32,
     /// The step.
@@ -183,6 +188,7 @@ pub enum RayQueryStep {
 /// Records the steps of a traversal as events of a ray query.
 struct QueryRecorder<'a> {
     query: u32,
+    lane: u32,
     op: u32,
     traversal: bool,
     events: &'a mut Vec<RayQueryEvent>,
@@ -190,7 +196,7 @@ struct QueryRecorder<'a> {
 
 impl QueryRecorder<'_> {
     fn record(&mut self, step: RayQueryStep) {
-        self.events.push(RayQueryEvent { query: self.query, op: self.op, step });
+        self.events.push(RayQueryEvent { query: self.query, lane: self.lane, op: self.op, step });
     }
 }
 
@@ -241,15 +247,17 @@ impl RayQueries {
         (self.initialized, self.zero_directions) = (0, 0);
     }
 
-    /// `OpRayQueryInitializeKHR` of the query with a handle, or of a new one where that is 0.
-    /// Returns its handle.
-    pub fn initialize(&mut self, handle: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
+    /// `OpRayQueryInitializeKHR` of a lane, of the query with a handle, or of a new one where that
+    /// is 0. Returns its handle.
+    pub fn initialize(&mut self, handle: u32, lane: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
         self.initialized += 1;
         self.zero_directions += u64::from(trace.ray.goes_nowhere());
         let (query, object) = self.all.get_or_insert(handle);
         object.initialize(tlas, trace);
+        object.lane = lane;
         if let Some(events) = &mut self.events {
-            events.push(RayQueryEvent { query, op, step: RayQueryStep::Initialize(tlas.clone(), trace) });
+            let step = RayQueryStep::Initialize(tlas.clone(), trace);
+            events.push(RayQueryEvent { query, lane, op, step });
         }
         query
     }
@@ -278,8 +286,9 @@ impl RayQueries {
     #[inline]
     pub fn proceed(&mut self, handle: u32, op: u32) -> Result<bool, TrapCode> {
         let Some(mut events) = self.events.take() else { return self.query(handle)?.proceed(&mut ()) };
-        let mut recorder =
-            QueryRecorder { query: handle, op, traversal: self.records_traversal, events: &mut events };
+        let lane = self.lane(handle);
+        let traversal = self.records_traversal;
+        let mut recorder = QueryRecorder { query: handle, lane, op, traversal, events: &mut events };
         let done = self.query(handle).and_then(|query| {
             let more = query.proceed(&mut recorder)?;
             recorder.record(RayQueryStep::Proceed(query.candidate));
@@ -322,9 +331,16 @@ impl RayQueries {
     /// Records a decision, and the hit that is committed after it.
     fn record(&mut self, query: u32, op: u32, step: RayQueryStep) {
         let committed = self.all.get(query).and_then(|query| query.committed().copied());
+        let lane = self.lane(query);
         if let Some(events) = &mut self.events {
-            events.push(RayQueryEvent { query, op, step });
-            events.extend(committed.map(|hit| RayQueryEvent { query, op, step: RayQueryStep::Commit(hit) }));
+            let event = |step| RayQueryEvent { query, lane, op, step };
+            events.push(event(step));
+            events.extend(committed.map(|hit| event(RayQueryStep::Commit(hit))));
         }
+    }
+
+    /// The lane that initialised a query.
+    fn lane(&self, handle: u32) -> u32 {
+        self.all.get(handle).map_or(0, |query| query.lane)
     }
 }

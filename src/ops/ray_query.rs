@@ -317,7 +317,8 @@ fn initialize<const W: usize>(
                 return Err(TrapCode::InvalidRayQuery);
             }
             let handle = batch.registers[register].0[lane];
-            batch.registers[register].0[lane] = batch.queries.initialize(handle, batch.op, tlas, trace);
+            batch.registers[register].0[lane] =
+                batch.queries.initialize(handle, lane as u32, batch.op, tlas, trace);
             Ok(())
         });
         if let Err(code) = done {

@@ -1,5 +1,7 @@
 //! Compute shaders and their dispatches.
 
+mod invocation;
+
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -13,6 +15,8 @@ use crate::pipeline::workgroup::{Observers, WorkgroupRunner};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
 use crate::program::{Program, WorkgroupLayout};
+
+pub use invocation::{ObservedInvocation, RunPart};
 
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
 ///

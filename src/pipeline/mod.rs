@@ -37,7 +37,7 @@ use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, Memory};
 
 pub use bands::{Band, BandedLaunch, NotStreamed, StreamedImage};
-pub use compute::Compute;
+pub use compute::{Compute, ObservedInvocation, RunPart};
 pub use device::{DeviceProfile, Features, Limits};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup, Shader};

@@ -260,9 +260,11 @@ where
                     if T::QUERIES
                         && let Some(events) = &mut running.batch.queries.events
                     {
-                        events
-                            .drain(..)
-                            .for_each(|event| self.pipeline_observer.event(Event::RayQuery(event)));
+                        for event in events.drain(..) {
+                            let id = running.batch.invocations.launch_id(event.lane as usize);
+                            self.pipeline_observer.invocation(id);
+                            self.pipeline_observer.event(Event::RayQuery(event));
+                        }
                     }
                     match stop {
                         Stop::Done => self.pop_shader(),

@@ -48,21 +48,28 @@ struct WorkgroupBatch<const W: usize> {
 pub(super) struct Observers<'a, O> {
     observer: O,
     on_event: Option<&'a mut dyn FnMut(Event)>,
+    /// Whether ray queries report what their traversals test, too.
+    traversal: bool,
 }
 
 impl Observers<'_, ()> {
     pub fn none() -> Self {
-        Self { observer: (), on_event: None }
+        Self { observer: (), on_event: None, traversal: false }
     }
 }
 
 impl<'a, O> Observers<'a, O> {
     pub fn interpreter_only(observer: O) -> Self {
-        Self { observer, on_event: None }
+        Self { observer, on_event: None, traversal: false }
     }
 
     pub fn new(observer: O, on_event: &'a mut dyn FnMut(Event)) -> Self {
-        Self { observer, on_event: Some(on_event) }
+        Self { observer, on_event: Some(on_event), traversal: false }
+    }
+
+    /// Ray queries report every node, instance and primitive that they test, too.
+    pub fn with_traversal(self) -> Self {
+        Self { traversal: true, ..self }
     }
 }
 
@@ -121,6 +128,7 @@ where
     ) -> (Stats, Option<Trapped>) {
         for member in &mut self.batches {
             member.batch.queries.events = observers.on_event.is_some().then(Vec::new);
+            member.batch.queries.records_traversal = observers.traversal;
         }
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {

@@ -154,20 +154,34 @@ impl Assembled {
     {
         let mut stats = Stats::default();
         for pass in &self.passes {
-            let more = match pass {
-                Pass::Launch(launch) => {
-                    let (pipeline, resources) =
-                        (launch.pipeline(&self.pipeline), launch.resources(resources));
-                    Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size, done)?
-                }
-                Pass::Dispatch(index) => {
-                    let dispatch = &self.dispatches[*index];
-                    dispatch.compute.run::<W>(&dispatch.resources(resources), dispatch.groups, done)?
-                }
-            };
-            stats = stats.plus(&more);
+            stats = stats.plus(&self.run_pass::<W>(pass, resources, done)?);
         }
         Ok(stats)
+    }
+
+    /// Runs one of its passes.
+    ///
+    /// # Errors
+    /// As [`Assembled::run`].
+    pub fn run_pass<const W: usize>(
+        &self,
+        pass: &Pass,
+        resources: &Resources,
+        done: &(dyn Fn(u64) + Sync),
+    ) -> Result<Stats>
+    where
+        LaneKernel: Width<W>,
+    {
+        match pass {
+            Pass::Launch(launch) => {
+                let (pipeline, resources) = (launch.pipeline(&self.pipeline), launch.resources(resources));
+                Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size, done)
+            }
+            Pass::Dispatch(index) => {
+                let dispatch = &self.dispatches[*index];
+                dispatch.compute.run::<W>(&dispatch.resources(resources), dispatch.groups, done)
+            }
+        }
     }
 }
 

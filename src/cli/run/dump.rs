@@ -116,7 +116,7 @@ impl Dump {
                 name: self.what.clone(),
                 binding: None,
                 element: 0,
-                format: self.format,
+                format: self.format.clone(),
                 unless_zero: self.unless_zero,
                 found: FoundResource::Buffer(buffer.clone()),
             });

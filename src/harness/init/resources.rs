@@ -58,6 +58,38 @@ impl Resources {
         self.bound.insert((set, binding), (name, lines));
     }
 
+    /// The names of the buffers, which are full of zeros.
+    pub fn buffers(&self) -> impl Iterator<Item = &str> {
+        let is_buffer = |lines: &[String]| lines.iter().any(|line| line.ends_with("_buffer\""));
+        self.bound.values().filter(move |(_, lines)| is_buffer(lines)).map(|(name, _)| name.as_str())
+    }
+
+    /// The tables of a scene that renders: a block of two matrices holds a camera, and the first
+    /// storage image is the picture.
+    pub fn text_with_camera(&self) -> String {
+        let mut out = String::new();
+        let mut has_output = false;
+        for (name, lines) in self.bound.values() {
+            let mut lines = lines.clone();
+            if !has_output && lines.iter().any(|line| line == "type = \"storage_image\"") {
+                has_output = true;
+                lines.push("output = true".to_owned());
+            }
+            if lines.iter().filter(|line| line.starts_with('#') && line.contains(" mat4 ")).count() == 2
+                && lines.iter().any(|line| line.starts_with("#    0  mat4"))
+                && lines.iter().any(|line| line.starts_with("#   64  mat4"))
+            {
+                lines.push(
+                    "# The inverses of view and projection; `size` fills the rest with zeros.".to_owned(),
+                );
+                lines.push("data = { camera = { eye = [0, 0, 5], look_at = [0, 0, 0] } }".to_owned());
+            }
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "\n[resources.{name}]\n{}", lines.join("\n"));
+        }
+        out
+    }
+
     /// The tables of the scene file.
     pub fn text(&self) -> String {
         let mut out = String::new();

@@ -549,6 +549,9 @@ fn command_line(scene: &str, request: &Request) -> String {
             _ => numbers(ray),
         },
         Request::Named(name) => named(name),
+        Request::Invocation { dispatch, id: [x, y, z] } => {
+            format!(" --invocation {x},{y},{z} --dispatch {dispatch}")
+        }
         Request::Default => String::new(),
     };
     format!("anyhit trace-one-ray {}{what}", shell::word(scene))

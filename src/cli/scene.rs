@@ -1,0 +1,45 @@
+//! `anyhit scene`: writes a scene file for compiled shaders.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::cli::input::SceneFileArgs;
+use crate::cli::limits::LimitArgs;
+use crate::cli::output;
+use crate::error::Result;
+use crate::harness::init;
+use crate::machine::LaunchLimits;
+
+/// Writes a whole scene for modules, from what they declare.
+#[derive(Args, Clone, Debug)]
+pub struct SceneArgs {
+    /// Modules or sources of shaders
+    #[arg(long, value_name = "MODULE", num_args = 1.., required = true)]
+    init: Vec<PathBuf>,
+    /// The file to write
+    #[arg(short, long, value_name = "FILE", default_value = "scene.toml")]
+    output: PathBuf,
+    #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// What modules lack, and a file that is there already.
+pub fn run(args: SceneArgs) -> Result<()> {
+    let limits = args.limits.limits(LaunchLimits::TESTS);
+    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits)?;
+    let (path, command) = (written.path.display(), written.command);
+    output::print(match written.failure {
+        None => format!("{path}: written\nrun it: anyhit {command} {path}\n"),
+        Some(failure) => format!(
+            "{path}: written; it does not run yet: {}\n\
+             fill in what the shaders need, then run it: anyhit {command} {path}\n",
+            failure.message()
+        ),
+    })
+}

@@ -1,0 +1,92 @@
+//! Explains one invocation of a dispatch.
+
+use std::borrow::Cow;
+
+use crate::debug::memory::Snapshot;
+use crate::debug::names::Names;
+use crate::debug::reader::EventReader;
+use crate::debug::session::{Request, Session, count_events, invalid, run_counts};
+use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, TrapReport, VERSION};
+use crate::error::{Error, Result};
+use crate::pipeline::{Pipeline, RunPart};
+use crate::scene::assemble::Pass;
+
+impl Session {
+    /// The invocation of a dispatch that a request means. By default that is the one in the middle
+    /// of the first dispatch, of a scene that neither launches nor has rays.
+    pub(super) fn invocation(&self, request: &Request) -> Option<(usize, [u32; 3])> {
+        match request {
+            Request::Invocation { dispatch, id } => Some((*dispatch, *id)),
+            Request::Default if self.scene.rays.is_empty() => {
+                let first = self.assembled.dispatches.first()?;
+                let size = first.compute.workgroup_size();
+                let middle = |axis: usize| first.groups[axis].saturating_mul(size[axis]) / 2;
+                let launches = self.assembled.pipeline.sbt.ray_generation.is_some();
+                (!launches).then(|| (0, std::array::from_fn(middle)))
+            }
+            _ => None,
+        }
+    }
+
+    /// Runs everything before a dispatch, then the workgroup of an invocation, and returns the
+    /// transcript of the invocation with the changes that itself made.
+    pub(super) fn run_invocation(&self, number: usize, id: [u32; 3]) -> Result<(Transcript, Option<Error>)> {
+        let count = self.assembled.dispatches.len();
+        let Some(dispatch) = self.assembled.dispatches.get(number) else {
+            return Err(match count {
+                0 => invalid("the scene dispatches no compute shader, so there is no invocation to look at")
+                    .note("give a pixel of its launch: --pixel 0,0"),
+                _ => invalid(format!("the scene has no dispatch {number}"))
+                    .note(format!("they are counted from 0 to {}", count - 1)),
+            });
+        };
+        let all = &self.assembled.resources;
+        let is_wanted = |pass: &&Pass| matches!(pass, Pass::Dispatch(at) if *at == number);
+        for before in self.assembled.passes.iter().take_while(|pass| !is_wanted(pass)) {
+            self.assembled.run_pass::<64>(before, all, &|_| ())?;
+        }
+        let mut builder = Pipeline::builder();
+        builder.shader(dispatch.compute.program.clone());
+        let pipeline = builder.build()?;
+        let resources: Cow<'_, _> = dispatch.resources(all);
+        // What was printed before is not the invocation's.
+        let take = || all.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+        take();
+        let (mut snapshot, mut writes, mut left_out) = (None, Vec::<MemoryChange>::new(), 0);
+        let observed =
+            dispatch.compute.run_invocation(&resources, dispatch.groups, id, &mut |part| match part {
+                RunPart::Begins => snapshot = Some(Snapshot::take(&resources)),
+                RunPart::Ends => {
+                    let Some(before) = snapshot.take() else { return };
+                    let (more, also) = before.changes(&self.scene, &pipeline, &resources, None);
+                    writes.extend(more);
+                    left_out += also;
+                }
+            })?;
+        let printed = take().into_iter().filter(|line| line.launch_id == id);
+        let counts = run_counts(&count_events(&observed.events));
+        let shader = &self.scene.dispatches[number].shader;
+        let names = Names::of_dispatch(&self.scene, shader, &pipeline);
+        let root = EventReader::new(&pipeline, names, observed.events).root();
+        let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
+        let transcript = Transcript {
+            version: VERSION,
+            scene: self.scene.path.display().to_string(),
+            ray_name: None,
+            launch: None,
+            dispatch: Some(DispatchIndex {
+                dispatch: number,
+                id,
+                groups: dispatch.groups,
+                workgroup_size: dispatch.compute.workgroup_size(),
+            }),
+            root,
+            writes,
+            writes_left_out: left_out,
+            printed: printed.map(|line| line.text).collect(),
+            counts,
+            trap: observed.trap.as_ref().map(TrapReport::of),
+        };
+        Ok((transcript, observed.trap))
+    }
+}

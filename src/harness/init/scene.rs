@@ -1,0 +1,144 @@
+//! A whole scene for compiled shaders, written from what their modules declare.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use crate::atomic_file;
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::init::resources::Resources;
+use crate::harness::init::{Shader, Shaders, relative};
+use crate::module::interface::Stage;
+use crate::scene::{LoadOptions, RunLimits, SceneFiles, assemble, load};
+
+/// A scene that was written.
+#[derive(Clone, Debug)]
+pub struct WrittenScene {
+    /// Its file.
+    pub path: PathBuf,
+    /// What runs it: `render`, `run` or `trace-one-ray`.
+    pub command: &'static str,
+    /// Why it does not run yet, where it does not.
+    pub failure: Option<Error>,
+}
+
+/// Writes a scene file for modules: their shaders in a pipeline, resources with their layouts, a
+/// camera, a triangle, a linear swept sphere and what else suits the shaders, a launch and its
+/// picture. Then runs it once, within the limits.
+///
+/// # Errors
+/// `InvalidArgument` where the file is there already, or no module has an entry point of ray
+/// tracing or compute; what reading modules reports. That it does not run yet is no error.
+pub fn scene(
+    modules: &[PathBuf],
+    file: &Path,
+    files: &SceneFiles,
+    limits: &RunLimits,
+) -> Result<WrittenScene> {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if let Some(root) = &files.root {
+        for path in modules.iter().map(PathBuf::as_path).chain([folder]) {
+            root.resolve(path)?;
+        }
+    }
+    if file.exists() {
+        let message = format!("{} is there already", file.display());
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    let mut shaders = Shaders::default();
+    for path in modules {
+        shaders.add(path, files, &|stage| !matches!(stage, Stage::Other(_)))?;
+    }
+    if shaders.all.is_empty() {
+        let message = "no module has an entry point of a ray-tracing or compute stage";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    let text = shaders.whole_scene(folder)?;
+    atomic_file::write(file, &text)?;
+    let failure = run(file, files, limits).err();
+    let has = |stage| shaders.of(stage).next().is_some();
+    let command = match (has(Stage::RayGeneration), has(Stage::Compute)) {
+        (true, _) => "render",
+        (false, true) => "run",
+        (false, false) => "trace-one-ray",
+    };
+    Ok(WrittenScene { path: file.to_path_buf(), command, failure })
+}
+
+fn run(file: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
+    let mut scene = load(file, files, &LoadOptions::default())?;
+    limits.give(&mut scene);
+    let assembled = assemble(&scene)?;
+    assembled.run::<64>(&assembled.resources, &|_| ()).map(|_| ())
+}
+
+impl Shaders {
+    fn whole_scene(&self, folder: &Path) -> Result<String> {
+        let has = |stage| self.of(stage).next().is_some();
+        let mut resources = Resources::default();
+        for shader in &self.all {
+            resources.add(&shader.module, &shader.entry);
+        }
+        let mut out = String::from("version = 1\n");
+        if has(Stage::RayGeneration) {
+            out.push_str("launch = [64, 64]\n");
+        }
+        if let Some(size) = resources.push_constants {
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "push_constants = {{ zeros = {size} }}");
+        }
+        out.push_str("\n[shaders]\n");
+        for (name, path) in &self.files {
+            let _ = writeln!(out, "{name} = {:?}", relative(path, folder)?);
+        }
+        let traces = self.all.iter().any(|shader| shader.entry.stage != Stage::Compute);
+        if traces {
+            out.push_str(&self.pipeline(&resources));
+        }
+        for shader in self.of(Stage::Compute) {
+            let _ = writeln!(out, "\n[[dispatch]]\nshader = {:?}\ngroups = [1, 1, 1]", shader.reference);
+        }
+        out.push_str(&self.shapes());
+        out.push_str(&resources.text_with_camera());
+        if traces && !has(Stage::RayGeneration) {
+            out.push_str("\n[[ray]]\nname = \"head-on\"\norigin = [-1, 0, 5]\ndirection = [0, 0, -1]\n");
+        }
+        Ok(out)
+    }
+
+    /// Geometry that suits the hit groups, an instance of each.
+    fn shapes(&self) -> String {
+        const TRIANGLE: &str = "type = \"triangles\"\nvertices = [[-2, -1, 0], [0, -1, 0], [-1, 1, 0]]";
+        const ROD: &str = "type = \"lss\"\npositions = [[0.75, -0.5, 0], [1.5, 0.5, 0]]\nradii = [0.5, 0.25]";
+        const BALL: &str = "type = \"spheres\"\npositions = [[-1, 0, 0]]\nradii = 0.75";
+        const BOX: &str = "type = \"aabbs\"\nboxes = [[[-2, -1, -1], [0, 1, 1]]]";
+        let stages = [Stage::ClosestHit, Stage::AnyHit, Stage::Intersection];
+        let groups = stages.iter().map(|stage| self.of(*stage).count()).max().unwrap_or(0);
+        let mut out = String::new();
+        for group in 0..groups.max(1) {
+            let members: Vec<&Shader> =
+                stages.iter().filter_map(|stage| self.of(*stage).nth(group)).collect();
+            let reads = |word: &str| members.iter().any(|shader| shader.reads(word));
+            let shapes: &[(&str, &str)] = if members.iter().any(|one| one.entry.stage == Stage::Intersection)
+            {
+                &[("box", BOX)]
+            } else if reads("LSS") {
+                &[("rod", ROD)]
+            } else if reads("Sphere") {
+                &[("ball", BALL)]
+            } else if reads("HitTriangleVertex") {
+                &[("triangle", TRIANGLE)]
+            } else {
+                &[("triangle", TRIANGLE), ("rod", ROD)]
+            };
+            for (name, lines) in shapes {
+                let name = if group == 0 { (*name).to_owned() } else { format!("{name}_{group}") };
+                let _ = writeln!(out, "\n[geometry.{name}]\n{lines}\n\n[[instance]]\ngeometry = \"{name}\"");
+                if group > 0 {
+                    // Beside those of the groups before, so that rays meet all.
+                    let _ = writeln!(out, "sbt_offset = {group}\ntranslate = [0, {}, 0]", 2 * group);
+                }
+            }
+        }
+        out
+    }
+}
