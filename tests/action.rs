@@ -6,6 +6,7 @@
 //! `env` and `working-directory`, and expressions of `inputs`, `github` and `steps`.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -229,7 +230,8 @@ fn tools() -> bool {
         .filter(|tool| Command::new(tool).arg("--version").output().is_err())
         .collect();
     if !missing.is_empty() {
-        println!("SKIPPED: the steps of action.yml: without {}", missing.join(", "));
+        let _ =
+            writeln!(std::io::stderr(), "SKIPPED: the steps of action.yml: without {}", missing.join(", "));
     }
     missing.is_empty()
 }

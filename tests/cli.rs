@@ -262,7 +262,7 @@ fn a_picture_is_written_as_its_extension_says() {
     }
     // Two by two texels of the demo's image, as `--dump` and `--save` write them, too.
     let raw = std::fs::read(folder.path().join("out.raw")).expect("it is there");
-    assert!(raw.len() % 4 == 0 && [16, 32, 64].contains(&raw.len()), "{}", raw.len());
+    assert!(raw.len().is_multiple_of(4) && [16, 32, 64].contains(&raw.len()), "{}", raw.len());
 }
 
 #[test]

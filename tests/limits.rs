@@ -96,7 +96,7 @@ fn every_limit_is_set_on_the_command_line() {
             ),
         ] {
             let (code, text) = run(&[&[command, scene], flags].concat());
-            assert_eq!(code, Some(if command == "run" { 2 } else { 1 }), "{text}");
+            assert_eq!(code, Some(if command == "run" { 3 } else { 1 }), "{text}");
             assert_all(&text, told);
         }
     }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::init::resources::Resources;
+use crate::harness::init::resources::{ELEMENTS, Resources};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::suite::{Outcome, Suite, SuiteOptions};
 use crate::input::{InputLimit, read_regular};
@@ -169,7 +169,7 @@ impl Shaders {
 
     /// What the scene file gives zeros.
     fn zeros(&self) -> Vec<String> {
-        let mut resources = Resources::default();
+        let mut resources = Resources::new(ELEMENTS);
         for shader in &self.all {
             resources.add(&shader.module, &shader.entry);
         }
@@ -188,7 +188,7 @@ impl Shaders {
     /// The scene file.
     fn scene(&self, folder: &Path) -> Result<String> {
         let launches = self.of(Stage::RayGeneration).next().is_some();
-        let mut resources = Resources::default();
+        let mut resources = Resources::new(ELEMENTS);
         for shader in &self.all {
             resources.add(&shader.module, &shader.entry);
         }

@@ -63,6 +63,9 @@ impl Allocation {
     }
 }
 
+/// Where a buffer begins, the buffer, and its name if it has one.
+pub type NearestBuffer<'a> = (u64, &'a Arc<Buffer>, Option<&'a Arc<str>>);
+
 impl DeviceMemory {
     /// Gives a buffer an address (`vkGetBufferDeviceAddress`); the one that it has, where it has
     /// one.
@@ -185,7 +188,7 @@ impl DeviceMemory {
     }
 
     /// The buffer that lies nearest to an address, where it begins, and its name.
-    pub fn nearest_buffer(&self, address: u64) -> Option<(u64, &Arc<Buffer>, Option<&Arc<str>>)> {
+    pub fn nearest_buffer(&self, address: u64) -> Option<NearestBuffer<'_>> {
         let buffers =
             self.allocations.iter().filter_map(|one| Some((one.base, one.buffer()?, one.name.as_ref())));
         buffers.min_by_key(|&(base, buffer, _)| {

@@ -64,7 +64,7 @@ impl CameraEntry {
     ///
     /// # Errors
     /// Says what is wrong with the camera or its file.
-    pub fn view(&self, span: &Span, sources: &DataSources<'_>) -> Result<View> {
+    pub fn view(&self, span: &Span, sources: &DataSources<'_>) -> Result<CameraView> {
         match self {
             Self::LookAt(camera) => camera.view(sources.aspect).map_err(|message| span.error(message)),
             Self::File(entry) => entry.view(sources),
@@ -73,7 +73,7 @@ impl CameraEntry {
 }
 
 impl FileCameraEntry {
-    fn view(&self, sources: &DataSources<'_>) -> Result<View> {
+    fn view(&self, sources: &DataSources<'_>) -> Result<CameraView> {
         let model = sources.models.open(&self.file, sources.files)?;
         let names = || list_of(model.cameras.iter().map(|camera| camera.name.as_str()));
         let found = match (&self.name, &model.cameras[..]) {
@@ -107,14 +107,14 @@ impl FileCameraEntry {
         if let Projection::Perspective { aspect: given, .. } = &mut projection {
             *given = self.aspect.map(f64::from).or(*given);
         }
-        let view = View::new(view_inverse, &projection, f64::from(sources.aspect));
+        let view = CameraView::new(view_inverse, &projection, f64::from(sources.aspect));
         view.map_err(|message| self.file.span.error(message))
     }
 }
 
 /// The matrices of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
+pub struct CameraView {
     /// World to view.
     pub view: DMat4,
     /// View to world.
@@ -125,7 +125,7 @@ pub struct View {
     pub projection_inverse: DMat4,
 }
 
-impl View {
+impl CameraView {
     fn new(view_inverse: DMat4, projection: &Projection, aspect: f64) -> Result<Self, String> {
         let (projection, projection_inverse) = match *projection {
             Projection::Perspective { slope, aspect: own, near, far } => {
@@ -151,7 +151,7 @@ impl View {
                 (forward, back)
             }
             Projection::Orthographic { half: [width, height], near, far } => {
-                if width == 0.0 || height == 0.0 || !(far > near) || !far.is_finite() {
+                if width == 0.0 || height == 0.0 || !(far - near).is_finite() || far <= near {
                     return Err("an orthographic camera whose volume is empty".to_string());
                 }
                 let depth = far - near;
@@ -341,7 +341,7 @@ impl Camera {
     ///
     /// # Errors
     /// Says what is wrong with the camera.
-    pub fn view(&self, aspect: f32) -> Result<View, String> {
+    pub fn view(&self, aspect: f32) -> Result<CameraView, String> {
         let aspect = self.aspect.unwrap_or(aspect);
         let numbers = [self.eye, self.look_at, self.up].concat();
         if !numbers.iter().chain([&self.near, &self.far, &aspect]).all(|x| x.is_finite()) {
@@ -364,7 +364,7 @@ impl Camera {
         let eye = glam::Vec3::from(self.eye).as_dvec3().extend(1.0);
         let (near, far) = (self.near.into(), self.far.into());
         let projection = Projection::Perspective { slope, aspect: Some(aspect.into()), near, far };
-        View::new(DMat4::from_cols(x, y, z, eye), &projection, aspect.into())
+        CameraView::new(DMat4::from_cols(x, y, z, eye), &projection, aspect.into())
     }
 }
 
@@ -491,7 +491,7 @@ mod tests {
     #[test]
     fn orthographic_cameras_and_planes_without_end() {
         let ortho = Projection::Orthographic { half: [2.0, 4.0], near: 1.0, far: 5.0 };
-        let view = View::new(DMat4::IDENTITY, &ortho, 1.0).unwrap();
+        let view = CameraView::new(DMat4::IDENTITY, &ortho, 1.0).unwrap();
         // A corner of the far plane is (1, -1, 1) in clip space, whose y points down.
         assert_eq!(view.projection * DVec4::new(2.0, 4.0, -5.0, 1.0), DVec4::new(1.0, -1.0, 1.0, 1.0));
         assert_eq!(
@@ -499,7 +499,7 @@ mod tests {
             DVec4::new(2.0, 4.0, -1.0, 1.0)
         );
         let endless = Projection::Perspective { slope: 1.0, aspect: None, near: 0.5, far: f64::INFINITY };
-        let view = View::new(DMat4::IDENTITY, &endless, 1.0).unwrap();
+        let view = CameraView::new(DMat4::IDENTITY, &endless, 1.0).unwrap();
         assert_eq!(view.projection.z_axis.to_array(), [0.0, 0.0, -1.0, -1.0]);
         assert_eq!(view.projection.w_axis.to_array(), [0.0, 0.0, -0.5, 0.0]);
         assert_eq!(view.projection_inverse.z_axis.to_array(), [0.0, 0.0, 0.0, -2.0]);

@@ -102,6 +102,9 @@ pub struct Data {
     size: Option<(u64, Place)>,
 }
 
+/// Bytes, and the pieces that are encoded later with their places, ascending.
+pub type Flattened = (Vec<u8>, Vec<(usize, LatePiece)>);
+
 impl From<Vec<u8>> for Data {
     fn from(bytes: Vec<u8>) -> Self {
         Self { parts: vec![Part::Bytes(bytes)], size: None }
@@ -163,7 +166,7 @@ impl Data {
     }
 
     /// The bytes, zeros for what is encoded later, and those pieces with their places.
-    pub(super) fn flattened(&self) -> (Vec<u8>, Vec<(usize, LatePiece)>) {
+    pub(super) fn flattened(&self) -> Flattened {
         let (mut bytes, mut late) = (Vec::new(), Vec::new());
         for part in &self.parts {
             match part {

@@ -254,11 +254,7 @@ impl MeshEntry {
     }
 
     /// The file, and which of its parts are taken, each with the transform of its node.
-    fn open(
-        &self,
-        files: &dyn Files,
-        models: &OpenModels,
-    ) -> Result<(Arc<Model>, Vec<(usize, glam::DMat4)>)> {
+    fn open(&self, files: &dyn Files, models: &OpenModels) -> Result<(Arc<Model>, PlacedParts)> {
         let model = models.open_as(self.format, &self.file, files)?;
         let key = Self::key(self.format);
         let at = |error: Error| error.at_with(self.file.span.place(), "named here");
@@ -294,6 +290,9 @@ impl MeshEntry {
         Ok((model, placed))
     }
 }
+
+/// Parts of a mesh file, each with the transform of its node.
+type PlacedParts = Vec<(usize, glam::DMat4)>;
 
 fn triangles(table: &Table<'_>) -> Option<Shape> {
     if table.has("vertex_data") {

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use crate::error::{Error, Result};
 use crate::scene::geometry::InstanceEntry;
-use crate::scene::mesh::material::{Slot, Texture};
+use crate::scene::mesh::material::{Texture, TextureSlot};
 use crate::scene::mesh::model::{Model, Part};
 use crate::scene::mesh_piece::tables::{
     GeometryColumn, InstanceColumn, MaterialColumn, geometry, instance, material, places,
@@ -137,7 +137,7 @@ pub struct TextureReference {
 #[derive(Clone, Copy, Debug)]
 enum TextureChoice {
     /// That of the geometry's material.
-    Slot(Slot),
+    TextureSlot(TextureSlot),
     /// By its number in the file.
     Number(u32),
 }
@@ -146,9 +146,9 @@ impl Parse for TextureReference {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
         let mesh = table.required("mesh");
-        let base_color = TextureChoice::Slot(Slot::BaseColor);
+        let base_color = TextureChoice::TextureSlot(TextureSlot::BaseColor);
         let texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
-            Some(_) => Slot::parse(value).map(TextureChoice::Slot),
+            Some(_) => TextureSlot::parse(value).map(TextureChoice::TextureSlot),
             None => u32::parse(value).map(TextureChoice::Number),
         });
         table.finish();
@@ -164,7 +164,7 @@ impl TextureReference {
     pub fn find<'m>(&self, meshes: &SceneMeshes<'m>) -> Result<(&'m Texture, Option<bool>)> {
         let MeshSelection { model, parts, .. } = meshes.find(&self.mesh)?;
         let slot = match self.texture {
-            TextureChoice::Slot(slot) => slot,
+            TextureChoice::TextureSlot(slot) => slot,
             TextureChoice::Number(number) => {
                 let count = model.textures.len();
                 let message = || format!("texture {number} of {count}, which count from 0");
@@ -183,7 +183,7 @@ impl TextureReference {
             return Err(error.note(format!("name one of its geometries: {}", list_of(names))));
         }
         let Some(texture) = first else {
-            let names = Slot::NAMES
+            let names = TextureSlot::NAMES
                 .iter()
                 .filter(|(_, slot)| parts.first().is_some_and(|part| model.texture(*part, *slot).is_some()));
             let names = list_of(names.map(|(name, _)| *name));

@@ -109,8 +109,8 @@ fn a_missing_bracket_is_one_mistake() {
     let rest: String = (0..400).map(|at| format!("[geometry.g{at}]\ntype = 'plane'\n")).collect();
     one_mistake(
         &format!("launch = [4, 4\n[geometry.floor]\ntype = 'plane'\n{rest}"),
-        "s/a.toml:2:10",
-        &["not TOML: ", "no `]` closes this before there"],
+        "s/a.toml:3:1",
+        &["not TOML: ", "2 │ launch = [4, 4", "no `]` closes this before there"],
     );
     one_mistake(&format!("[geometry.floor\ntype = 'plane'\n{rest}"), "s/a.toml:2", &["not TOML: "]);
     one_mistake(&format!("title = \"open\n{rest}"), "s/a.toml:2", &["not TOML: "]);

@@ -16,7 +16,7 @@ use crate::module::Module;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
 use crate::scene::data::small_float_bytes;
-use crate::scene::encoding::{Data, LatePiece};
+use crate::scene::encoding::{Data, Flattened, LatePiece};
 use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
@@ -118,7 +118,7 @@ impl StructPiece {
 
     /// The bytes of the value, and the pieces that are encoded later with their places, ascending.
     /// Mistakes go to the report; then there are none.
-    pub fn encode(&self, context: &StructContext<'_>) -> Option<(Vec<u8>, Vec<(usize, LatePiece)>)> {
+    pub fn encode(&self, context: &StructContext<'_>) -> Option<Flattened> {
         let at = |error: Error| {
             let named = self.name.as_ref().map_or(&self.span, |name| &name.span);
             if error.places().next().is_some() {

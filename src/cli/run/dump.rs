@@ -306,7 +306,7 @@ fn words(value: &Value, memory: &DeviceMemory) -> String {
     if value.elements().is_empty() {
         return scalar(value);
     }
-    let elements: Vec<_> = value.elements().iter().map(|element| words(element)).collect();
+    let elements: Vec<_> = value.elements().iter().map(words).collect();
     format!("[{}]", elements.join(", "))
 }
 

@@ -1,15 +1,15 @@
 //! How alike two pictures look, from 0 to 1: structure, colour and opacity.
 //!
 //! The structure of the luma is compared by the structural similarity of Wang, Bovik, Sheikh and
-//! Simoncelli ("Image Quality Assessment: From Error Visibility to Structural Similarity", 2004) over
-//! windows of 8 x 8 texels side by side; colours and alpha by the distance of each texel. The least
+//! Simoncelli ("Image Quality Assessment: From Error Visibility to Structural Similarity", 2004)
+//! over windows of 8 x 8 texels side by side; colours and alpha by the distance of each texel. The least
 //! of the three counts, and less where both texels are transparent. It is the hybrid measure of the
 //! crate `image-compare`, which a test compares it with.
 
 use crate::scene::image::Rgba8;
 
 /// The side of a window.
-const WINDOW: usize = 8;
+const WINDOW_SIDE: usize = 8;
 /// The constants of structural similarity for numbers up to 255, which keep flat windows apart from
 /// a division by zero.
 const C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
@@ -33,10 +33,10 @@ pub(super) fn similarity(expected: &Rgba8, found: &Rgba8) -> f64 {
     };
     let (expected, found) = (texels(expected), texels(found));
     let (mut sum, mut count) = (0.0, 0_usize);
-    for top in (0..height).step_by(WINDOW) {
-        for left in (0..width).step_by(WINDOW) {
-            let rows = top..height.min(top + WINDOW);
-            let columns = left..width.min(left + WINDOW);
+    for top in (0..height).step_by(WINDOW_SIDE) {
+        for left in (0..width).step_by(WINDOW_SIDE) {
+            let rows = top..height.min(top + WINDOW_SIDE);
+            let columns = left..width.min(left + WINDOW_SIDE);
             let window: Vec<([u8; 4], [u8; 4])> = rows
                 .flat_map(|y| columns.clone().map(move |x| y * width + x))
                 .map(|at| (expected[at], found[at]))

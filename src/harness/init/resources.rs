@@ -10,12 +10,14 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::scene::image::{declared_format, format_name};
 
-/// Elements that a runtime array gets.
-const ELEMENTS: usize = 16;
+/// Elements that a texel buffer gets, and a runtime array of a case.
+pub(super) const ELEMENTS: usize = 16;
 
 /// What all shaders of a case declare.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Resources {
+    /// Elements that a runtime array gets.
+    elements: usize,
     /// By set and binding: name and lines.
     bound: BTreeMap<(u32, u32), (String, Vec<String>)>,
     /// Bytes of the push constants.
@@ -25,6 +27,10 @@ pub(super) struct Resources {
 }
 
 impl Resources {
+    pub fn new(elements: usize) -> Self {
+        Self { elements, bound: BTreeMap::new(), push_constants: None, record: None }
+    }
+
     pub fn add(&mut self, module: &Module, entry: &EntryPoint) {
         for variable in module.interface_of(entry) {
             let Some(ty) = variable.ty else { continue };
@@ -42,7 +48,7 @@ impl Resources {
 
     fn bind(&mut self, module: &Module, variable: &InterfaceVariable, ty: TypeId) {
         let (Some(set), Some(binding)) = (variable.descriptor_set, variable.binding) else { return };
-        let Some(mut lines) = content(module, ty, variable.storage_class) else { return };
+        let Some(mut lines) = content(module, ty, variable.storage_class, self.elements) else { return };
         if self.bound.contains_key(&(set, binding)) {
             return;
         }
@@ -102,11 +108,13 @@ impl Resources {
 }
 
 /// The lines that describe a resource of a type.
-fn content(module: &Module, ty: TypeId, class: u32) -> Option<Vec<String>> {
+fn content(module: &Module, ty: TypeId, class: u32, elements: usize) -> Option<Vec<String>> {
     let line = |text: &str| Some(vec![text.to_owned()]);
     match module.ty(ty) {
         // The first element of an array of descriptors.
-        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => content(module, *element, class),
+        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => {
+            content(module, *element, class, elements)
+        }
         Type::AccelerationStructure => line("type = \"acceleration_structure\""),
         Type::Sampler => line("type = \"sampler\""),
         Type::Image(image) => Some(self::image(module, image, false)),
@@ -120,7 +128,7 @@ fn content(module: &Module, ty: TypeId, class: u32) -> Option<Vec<String>> {
             let kind = if is_uniform { "uniform_buffer" } else { "storage_buffer" };
             let mut lines: Vec<String> = layout.describe().iter().map(|line| format!("#{line}")).collect();
             let size = match layout.runtime_stride() {
-                Some((offset, stride)) => offset + ELEMENTS * stride,
+                Some((offset, stride)) => offset.saturating_add(elements.saturating_mul(stride)),
                 None => layout.size(),
             };
             lines.push(format!("type = \"{kind}\""));

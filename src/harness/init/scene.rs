@@ -10,6 +10,9 @@ use crate::harness::init::{Shader, Shaders, relative};
 use crate::module::interface::Stage;
 use crate::scene::{LoadOptions, RunLimits, SceneFiles, assemble, load};
 
+/// Width and height of the launch.
+const LAUNCH: [usize; 2] = [64, 64];
+
 /// A scene that was written.
 #[derive(Clone, Debug)]
 pub struct WrittenScene {
@@ -74,13 +77,16 @@ fn run(file: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
 impl Shaders {
     fn whole_scene(&self, folder: &Path) -> Result<String> {
         let has = |stage| self.of(stage).next().is_some();
-        let mut resources = Resources::default();
+        // Outputs are mostly indexed by the launch.
+        let [width, height] = LAUNCH;
+        let mut resources = Resources::new(width * height);
         for shader in &self.all {
             resources.add(&shader.module, &shader.entry);
         }
         let mut out = String::from("version = 1\n");
         if has(Stage::RayGeneration) {
-            out.push_str("launch = [64, 64]\n");
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "launch = [{width}, {height}]");
         }
         if let Some(size) = resources.push_constants {
             // Writing to a string does not fail.

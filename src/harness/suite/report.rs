@@ -149,8 +149,8 @@ pub fn coverage(coverage: &Coverage) -> String {
 }
 
 /// A test as a workflow command of GitHub, where it did not pass: an annotation on the line of the
-/// shader that is to blame, or of the scene file. GitHub looks for files from the repository's root,
-/// wherever the command runs: so paths in `root` are given from there.
+/// shader that is to blame, or of the scene file. GitHub looks for files from the repository's
+/// root, wherever the command runs: so paths in `root` are given from there.
 pub fn github(finished: &Finished, root: Option<&Path>) -> String {
     let (errors, line): (&[Error], _) = match &finished.outcome {
         Outcome::Failed(failure) => (&failure.errors, failure.line.as_ref()),

@@ -14,7 +14,8 @@ use crate::program::Program;
 /// What one invocation of a dispatch did.
 #[derive(Clone, Debug)]
 pub struct ObservedInvocation {
-    /// Its events, from its `Enter` to its `Leave`: those of ray queries, their traversals included.
+    /// Its events, from its `Enter` to its `Leave`: those of ray queries, their traversals
+    /// included.
     pub events: Vec<Event>,
     /// The trap that ended its workgroup, if one did.
     pub trap: Option<Error>,

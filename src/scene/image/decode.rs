@@ -123,8 +123,8 @@ impl Header {
         Ok(())
     }
 
-    /// The most bytes that decoding holds at one time for each texel: what the decoder makes, what is
-    /// stored of it as four channels, and what is wanted.
+    /// The most bytes that decoding holds at one time for each texel: what the decoder makes, what
+    /// is stored of it as four channels, and what is wanted.
     fn bytes_a_texel(&self, wanted: Option<Format>) -> u64 {
         let (channel, channels) = (self.width as u64, self.channels as u64);
         let decoded = channel * channels;

@@ -14,7 +14,7 @@ use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::sampler::{AddressMode, Filter, Sampler};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
-use crate::scene::mesh::material::{FileCamera, Material, PictureSource, Projection, Slot, Texture};
+use crate::scene::mesh::material::{FileCamera, Material, PictureSource, Projection, Texture, TextureSlot};
 use crate::scene::mesh::model::{Listed, ListedPart, ModelNode, Numbers};
 use crate::scene::mesh::uri::{base64, percent_decoded};
 
@@ -424,13 +424,13 @@ fn triangle_count(primitive: &Primitive<'_>) -> usize {
 
 fn material_of(material: &gltf::Material<'_>) -> Material {
     let pbr = material.pbr_metallic_roughness();
-    let mut textures = [None; Slot::COUNT];
-    let mut set = |slot: Slot, texture: Option<usize>| textures[slot as usize] = texture;
-    set(Slot::BaseColor, pbr.base_color_texture().map(|info| info.texture().index()));
-    set(Slot::MetallicRoughness, pbr.metallic_roughness_texture().map(|info| info.texture().index()));
-    set(Slot::Normal, material.normal_texture().map(|normal| normal.texture().index()));
-    set(Slot::Occlusion, material.occlusion_texture().map(|occlusion| occlusion.texture().index()));
-    set(Slot::Emissive, material.emissive_texture().map(|info| info.texture().index()));
+    let mut textures = [None; TextureSlot::COUNT];
+    let mut set = |slot: TextureSlot, texture: Option<usize>| textures[slot as usize] = texture;
+    set(TextureSlot::BaseColor, pbr.base_color_texture().map(|info| info.texture().index()));
+    set(TextureSlot::MetallicRoughness, pbr.metallic_roughness_texture().map(|info| info.texture().index()));
+    set(TextureSlot::Normal, material.normal_texture().map(|normal| normal.texture().index()));
+    set(TextureSlot::Occlusion, material.occlusion_texture().map(|occlusion| occlusion.texture().index()));
+    set(TextureSlot::Emissive, material.emissive_texture().map(|info| info.texture().index()));
     let default = Material::default();
     Material {
         name: material.name().unwrap_or_default().to_string(),

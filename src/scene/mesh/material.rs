@@ -44,8 +44,8 @@ pub struct Material {
     pub shininess: f32,
     /// `illum` of an .mtl file.
     pub illumination: u32,
-    /// The texture of each [`Slot`], an index into the model's textures.
-    pub textures: [Option<usize>; Slot::COUNT],
+    /// The texture of each [`TextureSlot`], an index into the model's textures.
+    pub textures: [Option<usize>; TextureSlot::COUNT],
 }
 
 impl Default for Material {
@@ -68,14 +68,14 @@ impl Default for Material {
             specular: [0.0; 3],
             shininess: 0.0,
             illumination: 0,
-            textures: [None; Slot::COUNT],
+            textures: [None; TextureSlot::COUNT],
         }
     }
 }
 
 /// What a texture of a material is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Slot {
+pub enum TextureSlot {
     /// `baseColorTexture`, `map_Kd`
     BaseColor,
     /// `metallicRoughnessTexture`
@@ -92,7 +92,7 @@ pub enum Slot {
     Alpha,
 }
 
-impl Slot {
+impl TextureSlot {
     /// How many there are.
     pub const COUNT: usize = 7;
 
@@ -107,7 +107,7 @@ impl Slot {
     }
 }
 
-impl Named for Slot {
+impl Named for TextureSlot {
     const WHAT: &'static str = "texture of a material";
     const NAMES: &'static [(&'static str, Self)] = &[
         ("base_color", Self::BaseColor),

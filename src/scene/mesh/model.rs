@@ -9,7 +9,7 @@ use crate::input::{InputLimit, InputLimits};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
 use crate::scene::mesh::gltf::GltfFile;
-use crate::scene::mesh::material::{FileCamera, Material, Slot, Texture};
+use crate::scene::mesh::material::{FileCamera, Material, Texture, TextureSlot};
 use crate::scene::mesh::obj::ObjFile;
 use crate::scene::read::list_of;
 
@@ -35,7 +35,7 @@ pub struct Model {
 
 #[derive(Debug)]
 enum Source {
-    Gltf(GltfFile),
+    Gltf(Box<GltfFile>),
     Obj(ObjFile),
 }
 
@@ -137,7 +137,7 @@ impl Model {
         let (listed, source) = match format {
             MeshFormat::Gltf => {
                 let (listed, file) = GltfFile::open(path, &bytes, files)?;
-                (listed, Source::Gltf(file))
+                (listed, Source::Gltf(Box::new(file)))
             }
             MeshFormat::Obj => {
                 let (listed, file) = ObjFile::open(path, &bytes, files)?;
@@ -254,7 +254,7 @@ impl Model {
     }
 
     /// The texture of a part's material for a purpose.
-    pub fn texture(&self, part: usize, slot: Slot) -> Option<&Texture> {
+    pub fn texture(&self, part: usize, slot: TextureSlot) -> Option<&Texture> {
         let material = &self.materials[self.parts[part].material];
         material.textures[slot as usize].map(|texture| &self.textures[texture])
     }

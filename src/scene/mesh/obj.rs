@@ -13,7 +13,7 @@ use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::sampler::Sampler;
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
-use crate::scene::mesh::material::{Material, PictureSource, Slot, Texture};
+use crate::scene::mesh::material::{Material, PictureSource, Texture, TextureSlot};
 use crate::scene::mesh::model::{Listed, ListedPart, ModelNode, Numbers};
 
 /// An open file: its groups, in the order of the model's parts.
@@ -64,13 +64,8 @@ fn invalid(message: impl Into<String>) -> Error {
 
 fn decode(path: &Path, bytes: &[u8], files: &dyn Files) -> Result<(Listed, ObjFile)> {
     check_counts(bytes, &files.limits())?;
-    let options = LoadOptions {
-        triangulate: true,
-        single_index: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..Default::default()
-    };
+    let options =
+        LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
     // Groups are those of the names that the file uses; what an .mtl file says of them comes later,
     // and a missing one does not stop the mesh.
     let Names { used, libraries } = Names::of(bytes);
@@ -191,15 +186,15 @@ fn materials(
         };
         let mut material = material_of(given);
         let maps = [
-            (Slot::BaseColor, &given.diffuse_texture),
-            (Slot::Normal, &given.normal_texture),
-            (Slot::Specular, &given.specular_texture),
-            (Slot::Alpha, &given.dissolve_texture),
+            (TextureSlot::BaseColor, &given.diffuse_texture),
+            (TextureSlot::Normal, &given.normal_texture),
+            (TextureSlot::Specular, &given.specular_texture),
+            (TextureSlot::Alpha, &given.dissolve_texture),
         ];
         let emissive = given.unknown_param.get("map_Ke").cloned();
-        for (slot, file) in maps.into_iter().chain([(Slot::Emissive, &emissive)]) {
+        for (slot, file) in maps.into_iter().chain([(TextureSlot::Emissive, &emissive)]) {
             let Some(file) = file else { continue };
-            // Options such as `-bm 0.2` stand before the name.
+            // Flags such as `-bm 0.2` stand before the name.
             let name =
                 file.rsplit_once(' ').filter(|_| file.starts_with('-')).map_or(&**file, |(_, name)| name);
             let picture = library.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
@@ -437,9 +432,9 @@ mod tests {
         assert_eq!(model.materials[1..], [glass]);
         let files = ["a/pictures/brick.png", "a/bump.png"].map(|file| PictureSource::File(file.into()));
         assert!(model.textures.iter().map(|texture| &texture.picture).eq(&files));
-        let texture = model.texture(0, Slot::BaseColor).unwrap();
+        let texture = model.texture(0, TextureSlot::BaseColor).unwrap();
         assert_eq!(texture.picture, PictureSource::File("a/pictures/brick.png".into()));
-        assert_eq!(model.texture(1, Slot::BaseColor), None);
+        assert_eq!(model.texture(1, TextureSlot::BaseColor), None);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::scene::camera::matrix_of;
 use crate::scene::geometry::InstanceEntry;
-use crate::scene::mesh::material::{Material, Slot};
+use crate::scene::mesh::material::{Material, TextureSlot};
 use crate::scene::mesh::model::Part;
 use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::read::Named;
@@ -217,7 +217,7 @@ pub(super) fn geometry(part: &Part, columns: &[GeometryColumn], before: [usize; 
 
 pub(super) fn material(one: &Material, columns: &[MaterialColumn], bytes: &mut Vec<u8>) {
     use MaterialColumn as C;
-    let texture = |slot: Slot| {
+    let texture = |slot: TextureSlot| {
         let index = one.textures[slot as usize];
         index.map_or(NOTHING, |index| index as u32)
     };
@@ -245,13 +245,13 @@ pub(super) fn material(one: &Material, columns: &[MaterialColumn], bytes: &mut V
             C::AlphaMode => one.alpha_mode,
             C::DoubleSided => one.double_sided.into(),
             C::Illumination => one.illumination,
-            C::BaseColorTexture => texture(Slot::BaseColor),
-            C::MetallicRoughnessTexture => texture(Slot::MetallicRoughness),
-            C::NormalTexture => texture(Slot::Normal),
-            C::OcclusionTexture => texture(Slot::Occlusion),
-            C::EmissiveTexture => texture(Slot::Emissive),
-            C::SpecularTexture => texture(Slot::Specular),
-            C::AlphaTexture => texture(Slot::Alpha),
+            C::BaseColorTexture => texture(TextureSlot::BaseColor),
+            C::MetallicRoughnessTexture => texture(TextureSlot::MetallicRoughness),
+            C::NormalTexture => texture(TextureSlot::Normal),
+            C::OcclusionTexture => texture(TextureSlot::Occlusion),
+            C::EmissiveTexture => texture(TextureSlot::Emissive),
+            C::SpecularTexture => texture(TextureSlot::Specular),
+            C::AlphaTexture => texture(TextureSlot::Alpha),
             C::Padding => 0,
             _ => continue,
         };
