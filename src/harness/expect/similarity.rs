@@ -2,9 +2,9 @@
 //!
 //! The structure of the luma is compared by the structural similarity of Wang, Bovik, Sheikh and
 //! Simoncelli ("Image Quality Assessment: From Error Visibility to Structural Similarity", 2004)
-//! over windows of 8 x 8 texels side by side; colours and alpha by the distance of each texel. The least
-//! of the three counts, and less where both texels are transparent. It is the hybrid measure of the
-//! crate `image-compare`, which a test compares it with.
+//! over windows of 8 x 8 texels side by side; colours and alpha by the distance of each texel. The
+//! least of the three counts, and less where both texels are transparent. It is the hybrid measure
+//! of the crate `image-compare`, which a test compares it with.
 
 use crate::scene::image::Rgba8;
 
