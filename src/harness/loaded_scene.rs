@@ -107,7 +107,7 @@ impl LoadedScene {
     /// Replaces the scene's push constants.
     ///
     /// # Errors
-    /// None today.
+    /// None: it returns a result as its siblings do.
     pub fn set_push_constants<T: NoUninit>(&mut self, constants: &T) -> Result<&mut Self> {
         self.change(Change::PushConstants(bytemuck::bytes_of(constants).to_vec()))
     }
@@ -144,7 +144,7 @@ impl LoadedScene {
     /// Sets `maxPipelineRayRecursionDepth`.
     ///
     /// # Errors
-    /// None today: [`LoadedScene::launch`] tells a depth that the scene's device has not.
+    /// None: [`LoadedScene::launch`] tells of a depth that the scene's device has not.
     pub fn set_max_recursion(&mut self, depth: u32) -> Result<&mut Self> {
         self.change(Change::MaxRecursion(depth))
     }

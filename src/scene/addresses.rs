@@ -10,8 +10,8 @@ use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::machine::{Buffer, DeviceMemory};
 use crate::scene::ResolvedScene;
-use crate::scene::encoding::{AddressOf, Modules};
-use crate::scene::read::{Diagnostics, Parse, Spanned, TomlValue, list_of, nearest};
+use crate::scene::encoding::AddressOf;
+use crate::scene::read::{Diagnostics, Parse, Spanned, TomlValue, unknown_name};
 use crate::scene::resources::Resource;
 use crate::scene::tree::Toml;
 
@@ -106,22 +106,11 @@ pub(super) fn check(scene: &ResolvedScene, report: &Diagnostics) {
         let (name, span) = (&of.target.value, &of.target.span);
         match target(scene, &names, name) {
             None => {
-                let known =
-                    || {
-                        names.0.keys().copied().filter(|name| {
-                            !matches!(target(scene, &names, name), None | Some(Target::Other(_)))
-                        })
-                    };
-                let label = match nearest(name, known()) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => "no such name".to_string(),
-                };
+                let has_address =
+                    |name: &&str| !matches!(target(scene, &names, name), None | Some(Target::Other(_)));
                 let message = format!("no buffer or acceleration structure is named `{name}`");
-                let mut error = span.error_with(message, label);
-                if known().next().is_some() {
-                    error = error.note(format!("there are: {}", list_of(known())));
-                }
-                report.push(error);
+                let known = || names.0.keys().copied().filter(has_address);
+                report.push(unknown_name(&of.target, message, "no such name", known));
             }
             Some(Target::Other(what)) => {
                 let message =
@@ -155,7 +144,7 @@ impl Addresses {
     ///
     /// # Errors
     /// Those of sizes, and given addresses that overlap, each at its place.
-    pub fn assign(scene: &ResolvedScene, modules: &dyn Modules, errors: &mut Vec<Error>) -> Self {
+    pub fn assign(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Self {
         let names = Names::of(scene);
         let wanted: BTreeSet<&str> =
             scene.address_targets().iter().map(|of| of.target.value.as_str()).collect();
@@ -180,7 +169,7 @@ impl Addresses {
             if !has {
                 continue;
             }
-            let size = match data.size(modules) {
+            let size = match data.size() {
                 Ok(size) => size,
                 Err(error) => {
                     errors.push(error);

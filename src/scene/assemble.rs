@@ -1,7 +1,6 @@
 //! Makes a pipeline and its resources from a resolved scene.
 
 use std::borrow::Cow;
-use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
@@ -19,10 +18,8 @@ use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
 use crate::program::{Program, lower};
 use crate::scene::addresses::Addresses;
 use crate::scene::descriptors;
-use crate::scene::encoding::{Encoding, Modules};
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
-use crate::scene::read::Spanned;
 use crate::scene::resolved::{
     self, ResolvedGroup, ResolvedPass, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode,
     ShaderModule,
@@ -203,18 +200,15 @@ pub fn assemble_without(scene: &ResolvedScene, excluded: &resolved::ResolvedBind
 
 fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) -> Result<Assembled> {
     let mut errors = Vec::new();
-    // Every module is loaded before addresses are given, and those before shaders are specialized.
-    let modules = SceneModules { scene, loaded: RefCell::default() };
-    let addresses = Addresses::assign(scene, &modules, &mut errors);
-    let encoding = Encoding { modules: &modules, addresses: &addresses };
-    let mut shaders = Shaders { scene, modules: &modules, encoding, programs: Vec::new() };
+    let addresses = &Addresses::assign(scene, &mut errors);
+    let mut shaders = Shaders { scene, loaded: HashMap::new(), addresses, programs: Vec::new() };
     let built = pipeline(&mut shaders, &mut errors);
     let (pipeline, raygen) = match built {
         Ok((pipeline, raygen)) => (Ok(pipeline), raygen),
         Err(error) => (Err(error), Vec::new()),
     };
     let dispatches = dispatches(&mut shaders, &mut errors);
-    let resources = resources(scene, excluded, encoding, &mut errors);
+    let resources = resources(scene, excluded, addresses, &mut errors);
     let pipeline = match pipeline {
         // A pipeline that lacks a shader fails for that reason, which is already reported.
         Err(error) if errors.is_empty() => {
@@ -239,9 +233,8 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
     let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
         return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
     };
-    let notes =
-        descriptors::stride_notes(scene, shaders.programs.iter().map(|(.., program)| &**program), &modules);
-    let passes = passes(scene, &pipeline, &raygen, dispatches.len(), encoding)?;
+    let notes = descriptors::stride_notes(scene, shaders.programs.iter().map(|(.., program)| &**program));
+    let passes = passes(scene, &pipeline, &raygen, dispatches.len(), addresses)?;
     Ok(Assembled { pipeline, resources, size: scene.launch, dispatches, notes, passes })
 }
 
@@ -251,13 +244,13 @@ fn passes(
     pipeline: &Pipeline,
     raygen: &[Option<Record>],
     dispatches: usize,
-    encoding: Encoding<'_>,
+    addresses: &Addresses,
 ) -> Result<Vec<Pass>> {
     let pass = |pass: &ResolvedPass| {
         Ok(match pass {
             ResolvedPass::Dispatch(index) => Pass::Dispatch(*index),
             ResolvedPass::Launch { raygen: index, size, push_constants } => {
-                let data = push_constants.as_ref().map(|data| data.encode(&encoding)).transpose()?;
+                let data = push_constants.as_ref().map(|data| data.encode(addresses)).transpose()?;
                 let push_constants = data.as_deref().map(Buffer::new);
                 Pass::Launch(LaunchPass { record: raygen[*index].clone(), size: *size, push_constants })
             }
@@ -288,54 +281,35 @@ fn deduplicate(errors: Vec<Error>, most: u64) -> Error {
     Error::first_of(distinct, most)
 }
 
-/// The modules of a scene; each is loaded once.
-struct SceneModules<'a> {
+/// The shaders of a scene; each module is loaded once, and each entry point is lowered once.
+struct Shaders<'a> {
     scene: &'a ResolvedScene,
-    loaded: RefCell<HashMap<usize, Result<Arc<Module>>>>,
+    loaded: HashMap<usize, Result<Arc<Module>>>,
+    addresses: &'a Addresses,
+    programs: Vec<(&'a ResolvedShader, Stage, Arc<Program>)>,
 }
 
-impl SceneModules<'_> {
-    fn load(&self, index: usize) -> Result<Arc<Module>> {
+impl<'a> Shaders<'a> {
+    fn module(&mut self, index: usize) -> Result<Arc<Module>> {
         if let Some(module) = self.scene.loaded.get(&index) {
             return Ok(module.clone());
         }
         let shader = &self.scene.shaders[index];
         let read = || read(shader, &self.scene.files).map(Arc::new);
-        self.loaded.borrow_mut().entry(index).or_insert_with(read).clone()
+        self.loaded.entry(index).or_insert_with(read).clone()
     }
-}
 
-impl Modules for SceneModules<'_> {
-    fn module(&self, shader: &Spanned<String>) -> Result<Arc<Module>> {
-        match self.scene.shader_names.get(&shader.value) {
-            Some(&index) => self.load(index),
-            None => {
-                Err(shader.span.error(format!("no shader that the scene uses is named `{}`", shader.value)))
-            }
-        }
-    }
-}
-
-/// The shaders of a scene; each entry point is lowered once.
-struct Shaders<'a> {
-    scene: &'a ResolvedScene,
-    modules: &'a SceneModules<'a>,
-    encoding: Encoding<'a>,
-    programs: Vec<(&'a ResolvedShader, Stage, Arc<Program>)>,
-}
-
-impl<'a> Shaders<'a> {
     fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
         if let Some((.., program)) =
             self.programs.iter().find(|(known, of, _)| *known == shader && *of == stage)
         {
             return Ok(program.clone());
         }
-        let mut module = self.modules.load(shader.module)?;
+        let mut module = self.module(shader.module)?;
         if !shader.specialization.is_empty() {
             let specialized = Arc::make_mut(&mut module);
             for (key, value) in &shader.specialization {
-                value.specialize(specialized, key, Some(&self.encoding))?;
+                value.specialize(specialized, key, Some(self.addresses))?;
             }
         }
         let entry =
@@ -411,7 +385,7 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
         compute = compute.subgroup_size(size).map_err(at)?;
     }
     let push_constants =
-        one.push_constants.as_ref().map(|data| data.encode(&shaders.encoding)).transpose()?;
+        one.push_constants.as_ref().map(|data| data.encode(shaders.addresses)).transpose()?;
     let push_constants = push_constants.as_deref().map(Buffer::new);
     Ok(Dispatch { compute, groups: one.groups, push_constants })
 }
@@ -446,13 +420,13 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<(Pipel
             None => None,
         });
     }
-    let encoding = shaders.encoding;
+    let addresses = shaders.addresses;
     let mut record = |record: &ResolvedRecord| -> Option<Record> {
         let group = groups.get(record.group?).copied().flatten()?;
         if record.data.is_empty() {
             return Some(Record::new(group));
         }
-        match record.data.encode(&encoding) {
+        match record.data.encode(addresses) {
             Ok(data) => Some(Record::with_data(group, &data)),
             Err(error) => {
                 errors.push(error);
@@ -490,13 +464,13 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<(Pipel
 fn resources(
     scene: &ResolvedScene,
     excluded: Option<(u32, u32, u32)>,
-    encoding: Encoding<'_>,
+    addresses: &Addresses,
     errors: &mut Vec<Error>,
 ) -> Resources {
     // The buffers that have addresses, by name.
     let mut addressed: BTreeMap<&str, Arc<Buffer>> = BTreeMap::new();
     for buffer in &scene.unbound {
-        match buffer.data.encode(&encoding) {
+        match buffer.data.encode(addresses) {
             Ok(bytes) => drop(addressed.insert(&buffer.name, Buffer::new(&bytes))),
             Err(error) => errors.push(error),
         }
@@ -519,11 +493,11 @@ fn resources(
             Resource::StorageBuffer(data) | Resource::UniformBuffer(data) => {
                 let buffer = match data.bytes() {
                     Some(bytes) => Ok(Buffer::new(bytes)),
-                    None => data.encode(&encoding).map(|bytes| Buffer::new(&bytes)),
+                    None => data.encode(addresses).map(|bytes| Buffer::new(&bytes)),
                 };
                 match buffer {
                     Ok(buffer) => {
-                        if encoding.addresses.of_name(&binding.name).is_some() {
+                        if addresses.of_name(&binding.name).is_some() {
                             addressed.insert(&binding.name, buffer.clone());
                         }
                         Ok(Descriptor::Buffer(buffer))
@@ -556,12 +530,12 @@ fn resources(
         }
     }
     if !scene.push_constants.is_empty() {
-        match scene.push_constants.encode(&encoding) {
+        match scene.push_constants.encode(addresses) {
             Ok(bytes) => resources.push_constants = Some(Buffer::new(&bytes)),
             Err(error) => errors.push(error),
         }
     }
-    resources.memory = encoding.addresses.memory(&addressed);
+    resources.memory = addresses.memory(&addressed);
     resources
 }
 

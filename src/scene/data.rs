@@ -15,7 +15,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::scene::camera::CameraPiece;
-use crate::scene::encoding::{AddressOf, Data, LatePiece};
+use crate::scene::encoding::{AddressOf, Data};
 use crate::scene::files::Files;
 use crate::scene::mesh_piece::{MeshPiece, SceneMeshes};
 use crate::scene::models::OpenModels;
@@ -49,11 +49,11 @@ enum Content {
     Mesh(Box<MeshPiece>),
     /// A value by the names of a struct's members.
     Struct(Box<StructPiece>),
-    /// What is encoded after the modules are loaded.
-    Late(LatePiece),
+    /// A device address.
+    Address(AddressOf),
 }
 
-/// What data may name before modules are loaded.
+/// What data may name.
 #[derive(Clone, Copy)]
 pub struct DataSources<'a> {
     /// Files beside the scene.
@@ -77,10 +77,10 @@ impl DataPieces {
     /// Encodes the bytes of data in which everything is known.
     ///
     /// # Errors
-    /// As [`DataPieces::resolve`], and `InvalidScene` where a piece is encoded later.
+    /// As [`DataPieces::resolve`], and `InvalidScene` where there is an address in them.
     pub fn encode(&self, sources: &DataSources<'_>) -> Result<Vec<u8>> {
         let mut data = self.resolve(sources)?;
-        match data.first_late() {
+        match data.first_address() {
             None => Ok(std::mem::take(data.tail())),
             Some(span) => Err(span.error(
                 "an address is known only in buffers, push constants, shader records and specialization constants",
@@ -88,7 +88,7 @@ impl DataPieces {
         }
     }
 
-    /// Reads files and encodes what is known before modules are loaded.
+    /// Reads files and encodes everything but addresses.
     ///
     /// # Errors
     /// `Io` for a missing file, `InvalidScene` where it gets too large.
@@ -109,15 +109,14 @@ impl DataPieces {
         let files = sources.files;
         let mut data = Data::default();
         for Spanned { value: piece, span } in &self.0 {
-            if let Content::Late(late) = &piece.content {
-                // Eight bytes are an address; a greater piece is counted when its size is known.
+            if let Content::Address(of) = &piece.content {
                 let all = 8 * u64::from(piece.repeat);
                 files
                     .limits()
                     .check(InputLimit::BufferBytes, all, ErrorKind::InvalidScene)
                     .and_then(|()| files.reserve(all))
                     .map_err(|error| error.at(span.place()))?;
-                data.push_late(late.clone(), piece.repeat);
+                data.push_address(of.clone(), piece.repeat);
                 continue;
             }
             if let Content::Align(to) = piece.content {
@@ -175,7 +174,7 @@ impl DataPieces {
                     }
                     continue;
                 }
-                Content::Align(_) | Content::Late(_) | Content::Struct(_) => continue,
+                Content::Align(_) | Content::Address(_) | Content::Struct(_) => continue,
             };
             let all = content.len() as u64 * u64::from(piece.repeat);
             let size = grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
@@ -238,7 +237,7 @@ impl Parse for Piece {
         }
         contents.extend(CameraPiece::parse(&table).map(|piece| Content::Camera(Box::new(piece))));
         contents.extend(MeshPiece::parse(&table).map(|piece| Content::Mesh(Box::new(piece))));
-        contents.extend(address_of(&table).map(|of| Content::Late(LatePiece::Address(of))));
+        contents.extend(address_of(&table).map(Content::Address));
         let repeat = table.or("repeat", 1);
         table.finish();
         if value.report().len() > errors_before {
@@ -413,7 +412,7 @@ impl Parse for ScalarPiece {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         match Piece::parse(value)?.content {
             Content::Bytes(bytes) if bytes.len() <= 8 => Some(Self::Bytes(bytes)),
-            Content::Late(LatePiece::Address(of)) => Some(Self::Address(of)),
+            Content::Address(of) => Some(Self::Address(of)),
             _ => value.wrong("a specialization constant is one scalar"),
         }
     }

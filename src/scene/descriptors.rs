@@ -8,7 +8,6 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::ResolvedScene;
-use crate::scene::encoding::Modules;
 use crate::scene::layout::Layout;
 use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::{DescriptorKind, Resource};
@@ -65,7 +64,6 @@ pub(super) fn mismatches<'a>(
 pub(super) fn stride_notes<'a>(
     scene: &ResolvedScene,
     programs: impl Iterator<Item = &'a Program>,
-    modules: &dyn Modules,
 ) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for program in programs {
@@ -81,7 +79,7 @@ pub(super) fn stride_notes<'a>(
             };
             for bound in scene.resources.iter().filter(here) {
                 let Resource::StorageBuffer(data) = &bound.resource else { continue };
-                let Ok(size) = data.size(modules) else { continue };
+                let Ok(size) = data.size() else { continue };
                 let behind = (size as usize).saturating_sub(start);
                 let (whole, odd) = (behind / stride, behind % stride);
                 if odd == 0 {

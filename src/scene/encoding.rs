@@ -1,43 +1,12 @@
-//! Data whose bytes depend on what is known only after modules are loaded: device addresses, and
-//! whatever else a piece says in terms of a module.
-//!
-//! It is encoded in two phases: first the sizes of all data, then, when every buffer has its
-//! address, the bytes.
-
-use std::sync::Arc;
+//! Data whose bytes depend on device addresses, which are known only when the sizes of all data
+//! are.
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::module::Module;
 use crate::scene::addresses::Addresses;
 use crate::scene::read::{Span, Spanned};
 
-/// Gives the modules of a scene's shaders.
-pub trait Modules {
-    /// The module of a shader that the scene names, loaded once.
-    ///
-    /// # Errors
-    /// What loading it reports, or that the scene has no such shader.
-    fn module(&self, shader: &Spanned<String>) -> Result<Arc<Module>>;
-}
-
-/// What the second phase knows.
-#[derive(Clone, Copy)]
-pub struct Encoding<'a> {
-    /// The modules of the scene's shaders.
-    pub modules: &'a dyn Modules,
-    /// The addresses of buffers and acceleration structures.
-    pub addresses: &'a Addresses,
-}
-
-impl Encoding<'_> {
-    /// The device address that a piece asks for.
-    ///
-    /// # Errors
-    /// If its target is unknown or has no address, or the offset lies past its end.
-    pub fn address(&self, of: &AddressOf) -> Result<u64> {
-        self.addresses.address(of)
-    }
-}
+/// The bytes of an address.
+const ADDRESS_SIZE: usize = 8;
 
 /// `{ address_of = "materials", offset = 16 }`
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,53 +17,15 @@ pub struct AddressOf {
     pub offset: Spanned<u64>,
 }
 
-/// A piece of data whose bytes are known late.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum LatePiece {
-    /// A device address, 8 bytes.
-    Address(AddressOf),
-}
-
-impl LatePiece {
-    /// The bytes of an address.
-    const ADDRESS_SIZE: usize = 8;
-
-    /// The first phase: how many bytes it has.
-    fn size(&self, _modules: &dyn Modules) -> Result<u64> {
-        match self {
-            Self::Address(_) => Ok(8),
-        }
-    }
-
-    /// The second phase: its bytes, as many as the first phase said.
-    fn encode(&self, encoding: &Encoding<'_>) -> Result<Vec<u8>> {
-        match self {
-            Self::Address(of) => Ok(encoding.address(of)?.to_le_bytes().to_vec()),
-        }
-    }
-
-    /// Calls a function with everything whose address it contains.
-    fn targets<'a>(&'a self, found: &mut dyn FnMut(&'a AddressOf)) {
-        match self {
-            Self::Address(of) => found(of),
-        }
-    }
-
-    fn span(&self) -> &Span {
-        match self {
-            Self::Address(of) => &of.target.span,
-        }
-    }
-}
-
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
     Bytes(Vec<u8>),
     Align(u32),
-    Late(LatePiece, u32),
+    /// An address, so many times.
+    Address(AddressOf, u32),
 }
 
-/// The data of a resolved scene: bytes, with pieces between them that are encoded later.
+/// The data of a resolved scene: bytes, with addresses between them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Data {
     parts: Vec<Part>,
@@ -102,8 +33,8 @@ pub struct Data {
     size: Option<(u64, Place)>,
 }
 
-/// Bytes, and the pieces that are encoded later with their places, ascending.
-pub type Flattened = (Vec<u8>, Vec<(usize, LatePiece)>);
+/// Bytes, and the addresses in them with their places, ascending.
+pub type Flattened = (Vec<u8>, Vec<(usize, AddressOf)>);
 
 impl From<Vec<u8>> for Data {
     fn from(bytes: Vec<u8>) -> Self {
@@ -112,7 +43,7 @@ impl From<Vec<u8>> for Data {
 }
 
 impl Data {
-    /// The bytes, where nothing is encoded later.
+    /// The bytes, where there are no addresses in them.
     pub fn bytes(&self) -> Option<&[u8]> {
         match self.parts.as_slice() {
             [] => Some(&[]),
@@ -145,42 +76,42 @@ impl Data {
         }
     }
 
-    /// Appends a piece so many times.
-    pub(super) fn push_late(&mut self, piece: LatePiece, repeat: u32) {
-        self.parts.push(Part::Late(piece, repeat));
+    /// Appends an address so many times.
+    pub(super) fn push_address(&mut self, of: AddressOf, repeat: u32) {
+        self.parts.push(Part::Address(of, repeat));
     }
 
-    /// Appends bytes in which pieces that are encoded later have these places, ascending.
-    pub(super) fn append(&mut self, bytes: &[u8], late: &[(usize, LatePiece)]) {
+    /// Appends bytes in which addresses have these places, ascending.
+    pub(super) fn append(&mut self, bytes: &[u8], addresses: &[(usize, AddressOf)]) {
         let mut done = 0;
-        for (at, piece) in late {
+        for (at, of) in addresses {
             // Members may share their bytes.
             if *at < done {
                 continue;
             }
             self.tail().extend_from_slice(&bytes[done..*at]);
-            self.push_late(piece.clone(), 1);
-            done = at + LatePiece::ADDRESS_SIZE;
+            self.push_address(of.clone(), 1);
+            done = at + ADDRESS_SIZE;
         }
         self.tail().extend_from_slice(&bytes[done..]);
     }
 
-    /// The bytes, zeros for what is encoded later, and those pieces with their places.
+    /// The bytes, zeros for addresses, and these with their places.
     pub(super) fn flattened(&self) -> Flattened {
-        let (mut bytes, mut late) = (Vec::new(), Vec::new());
+        let (mut bytes, mut addresses) = (Vec::new(), Vec::new());
         for part in &self.parts {
             match part {
                 Part::Bytes(more) => bytes.extend_from_slice(more),
                 Part::Align(to) => bytes.resize(bytes.len().next_multiple_of(*to as usize), 0),
-                Part::Late(piece, repeat) => {
+                Part::Address(of, repeat) => {
                     for _ in 0..*repeat {
-                        late.push((bytes.len(), piece.clone()));
-                        bytes.resize(bytes.len() + LatePiece::ADDRESS_SIZE, 0);
+                        addresses.push((bytes.len(), of.clone()));
+                        bytes.resize(bytes.len() + ADDRESS_SIZE, 0);
                     }
                 }
             }
         }
-        (bytes, late)
+        (bytes, addresses)
     }
 
     /// Says how long it is, with zeros at its end.
@@ -188,10 +119,10 @@ impl Data {
         self.size = Some((size, place));
     }
 
-    /// The first piece that is encoded later.
-    pub fn first_late(&self) -> Option<&Span> {
+    /// Where the first address is written.
+    pub fn first_address(&self) -> Option<&Span> {
         self.parts.iter().find_map(|part| match part {
-            Part::Late(piece, _) => Some(piece.span()),
+            Part::Address(of, _) => Some(&of.target.span),
             _ => None,
         })
     }
@@ -199,26 +130,23 @@ impl Data {
     /// Calls a function with everything whose address the data contains.
     pub fn targets<'a>(&'a self, found: &mut dyn FnMut(&'a AddressOf)) {
         for part in &self.parts {
-            if let Part::Late(piece, _) = part {
-                piece.targets(found);
+            if let Part::Address(of, _) = part {
+                found(of);
             }
         }
     }
 
-    /// The first phase: how many bytes it has.
+    /// How many bytes it has.
     ///
     /// # Errors
-    /// If a module is missing, or the data is longer than its size.
-    pub fn size(&self, modules: &dyn Modules) -> Result<u64> {
+    /// If the data is longer than its size.
+    pub fn size(&self) -> Result<u64> {
         let mut size = 0_u64;
         for part in &self.parts {
             size = match part {
                 Part::Bytes(bytes) => size.checked_add(bytes.len() as u64),
                 Part::Align(to) => size.checked_next_multiple_of(u64::from(*to)),
-                Part::Late(piece, repeat) => {
-                    let all = piece.size(modules)?.checked_mul(u64::from(*repeat));
-                    all.and_then(|all| size.checked_add(all))
-                }
+                Part::Address(_, repeat) => size.checked_add(ADDRESS_SIZE as u64 * u64::from(*repeat)),
             }
             .ok_or_else(|| Error::new(ErrorKind::InvalidScene, "data of more than 2^64 bytes"))?;
         }
@@ -232,18 +160,18 @@ impl Data {
         }
     }
 
-    /// The second phase: its bytes.
+    /// Its bytes.
     ///
     /// # Errors
-    /// Those of the addresses and modules that it names.
-    pub fn encode(&self, encoding: &Encoding<'_>) -> Result<Vec<u8>> {
+    /// Those of the addresses that it names.
+    pub fn encode(&self, addresses: &Addresses) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         for part in &self.parts {
             match part {
                 Part::Bytes(more) => bytes.extend_from_slice(more),
                 Part::Align(to) => bytes.resize(bytes.len().next_multiple_of(*to as usize), 0),
-                Part::Late(piece, repeat) => {
-                    bytes.extend(piece.encode(encoding)?.repeat(*repeat as usize));
+                Part::Address(of, repeat) => {
+                    bytes.extend(addresses.address(of)?.to_le_bytes().repeat(*repeat as usize));
                 }
             }
         }

@@ -172,6 +172,21 @@ fn normalise(path: &Path) -> PathBuf {
     parts.into_iter().collect()
 }
 
+/// Embedded files that are read within other limits than the defaults.
+#[cfg(test)]
+pub(crate) struct LimitedFiles<'a>(pub EmbeddedFiles<'a>, pub InputLimits);
+
+#[cfg(test)]
+impl Files for LimitedFiles<'_> {
+    fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
+        self.0.read_limited(path, limit)
+    }
+
+    fn limits(&self) -> InputLimits {
+        self.1
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

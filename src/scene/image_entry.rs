@@ -337,27 +337,15 @@ mod tests {
     use super::*;
     use crate::error::Error;
     use crate::input::InputLimits;
+    use crate::scene::files::LimitedFiles;
     use crate::scene::{EmbeddedFiles, LoadOptions, load_text};
-
-    /// Embedded files that are read within other limits than the defaults.
-    struct Limited<'a>(EmbeddedFiles<'a>, InputLimits);
-
-    impl Files for Limited<'_> {
-        fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
-            self.0.read_limited(path, limit)
-        }
-
-        fn limits(&self) -> InputLimits {
-            self.1
-        }
-    }
 
     fn load(keys: &str, limits: InputLimits) -> Result<(), Error> {
         let format = Format { srgb: false, ..Format::RGBA8_SRGB };
         let picture = Picture { format, extent: [2, 2], texels: vec![0; 16] }.encode_png(false)?;
         let files = [("a.png", picture.as_slice())];
         let text = format!("version = 1\nlaunch = [40000, 1]\n[resources.a]\nbinding = 0\n{keys}\n");
-        let files = Limited(EmbeddedFiles(&files), limits);
+        let files = LimitedFiles(EmbeddedFiles(&files), limits);
         load_text(Path::new("s.toml"), &text, &files, &LoadOptions::default()).map(drop)
     }
 

@@ -13,7 +13,7 @@ use crate::scene::mesh_piece::tables::{
     GeometryColumn, InstanceColumn, MaterialColumn, geometry, instance, material, places,
 };
 use crate::scene::models::MeshSelection;
-use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, nearest};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, unknown_name};
 
 /// A piece that comes from meshes.
 #[derive(Clone, Debug)]
@@ -216,15 +216,9 @@ impl<'m> SceneMeshes<'m> {
         found.unwrap_or_else(|| {
             let mut names: Vec<&str> = self.names.keys().map(String::as_str).collect();
             names.sort_unstable();
-            let label = match nearest(&name.value, names.iter().copied()) {
-                Some(near) => format!("did you mean `{near}`?"),
-                None => "a mesh is a geometry with a file, or one of a `[[model]]`".to_string(),
-            };
-            let error = name.span.error_with(format!("no mesh is named `{}`", name.value), label);
-            Err(match names.is_empty() {
-                true => error,
-                false => error.note(format!("there are: {}", list_of(names.into_iter()))),
-            })
+            let message = format!("no mesh is named `{}`", name.value);
+            let otherwise = "a mesh is a geometry with a file, or one of a `[[model]]`";
+            Err(unknown_name(name, message, otherwise, || names.iter().copied()))
         })
     }
 }

@@ -15,24 +15,20 @@ use crate::pipeline::DeviceProfile;
 use crate::scene::addresses;
 use crate::scene::data::{DataPieces, DataSources, read_limited};
 use crate::scene::encoding::Data;
-use crate::scene::file::{
-    DispatchEntry, Entry, GeneralEntry, HitEntry, PassEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry,
-};
+use crate::scene::file::{DispatchEntry, Entry, PassEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
-use crate::scene::read::{Diagnostics, Document, Spanned, list_of, nearest};
+use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
-use crate::scene::resolved::{
-    ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedPass, ResolvedRecord, ResolvedScene,
-    ResolvedShader, ShaderBindingTable, ShaderCode, ShaderModule,
-};
+use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
 use crate::scene::resources::ResourceEntry;
 use crate::scene::struct_lookup::DataBlock;
 
 mod bindings;
 mod modules;
+mod passes;
 mod structures;
 
 /// The options by which a command line changes a scene.
@@ -155,8 +151,6 @@ struct Resolver<'a> {
     modules: Vec<ShaderModule>,
     /// The modules by their paths, and by what they are compiled with.
     module_places: HashMap<ModuleKey, usize>,
-    /// The modules by the scene's names of shaders.
-    shader_names: HashMap<String, usize>,
     groups: Vec<ResolvedGroup>,
     /// The modules that data by member name asked for, by their paths.
     loaded: RefCell<HashMap<ModuleKey, Result<Arc<Module>>>>,
@@ -193,7 +187,6 @@ impl<'a> Resolver<'a> {
             own,
             modules: Vec::new(),
             module_places: HashMap::new(),
-            shader_names: HashMap::new(),
             groups: Vec::new(),
             loaded: RefCell::default(),
         };
@@ -263,7 +256,6 @@ impl<'a> Resolver<'a> {
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
             loaded: self.loaded_modules(),
             shaders: self.modules,
-            shader_names: self.shader_names,
             groups: self.groups,
             sbt,
             resources,
@@ -298,169 +290,6 @@ impl<'a> Resolver<'a> {
             addresses::check(&scene, self.report);
         }
         Some(scene)
-    }
-
-    /// Resolves the shader records, and with them the groups and modules.
-    fn binding_table(&mut self) -> ShaderBindingTable {
-        let Some(pipeline) = self.pipeline.clone() else { return ShaderBindingTable::default() };
-        ShaderBindingTable {
-            raygen: pipeline
-                .raygen
-                .iter()
-                .map(|entry| self.general(entry, ResolvedGroup::RayGeneration))
-                .collect(),
-            miss: pipeline.miss.iter().map(|entry| self.general(entry, ResolvedGroup::Miss)).collect(),
-            hit: pipeline.hit.iter().map(|entry| self.hit(entry)).collect(),
-            callable: pipeline
-                .callable
-                .iter()
-                .map(|entry| self.general(entry, ResolvedGroup::Callable))
-                .collect(),
-        }
-    }
-
-    fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
-        let entries = std::mem::take(&mut self.dispatches);
-        entries.iter().filter_map(|entry| self.dispatch(entry)).collect()
-    }
-
-    fn dispatch(&mut self, entry: &DispatchEntry) -> Option<ResolvedDispatch> {
-        let shader = self.shader(&entry.shader)?;
-        let own = [&entry.shader];
-        let push_constants = entry.push_constants.as_ref();
-        let push_constants = push_constants.map(|data| self.data(Some(data), DataBlock::PushConstants, &own));
-        Some(ResolvedDispatch { shader, groups: entry.groups, push_constants })
-    }
-
-    /// Resolves the passes of `[[pass]]`; their dispatches are the scene's.
-    fn passes(&mut self, dispatches: &mut Vec<ResolvedDispatch>) -> Vec<ResolvedPass> {
-        let entries = std::mem::take(&mut self.passes);
-        if let (Some(pass), false) = (entries.first(), dispatches.is_empty()) {
-            let message =
-                "`[[pass]]` lists all launches and dispatches in order: there is no `[[dispatch]]` beside it";
-            self.report.push(pass.span.error(message));
-        }
-        let mut passes = Vec::new();
-        for entry in &entries {
-            match &entry.value {
-                PassEntry::Launch { raygen, size, push_constants } => {
-                    let Some(index) = self.raygen_record(raygen) else { continue };
-                    let push_constants = push_constants
-                        .as_ref()
-                        .map(|data| self.data(Some(data), DataBlock::PushConstants, &[]));
-                    let size = size.unwrap_or(self.launch);
-                    passes.push(ResolvedPass::Launch { raygen: index, size, push_constants });
-                }
-                PassEntry::Dispatch(entry) => {
-                    let Some(dispatch) = self.dispatch(entry) else { continue };
-                    passes.push(ResolvedPass::Dispatch(dispatches.len()));
-                    dispatches.push(dispatch);
-                }
-            }
-        }
-        passes
-    }
-
-    /// The index of the ray generation record with a name, or with a shader of that name.
-    fn raygen_record(&self, wanted: &Spanned<String>) -> Option<usize> {
-        let records = self.pipeline.as_ref().map_or(&[][..], |pipeline| &pipeline.raygen[..]);
-        let shader = |record: &GeneralEntry| record.shader.as_ref().map(|shader| shader.value.clone());
-        let named = records.iter().position(|record| record.name.as_ref() == Some(&wanted.value));
-        let found = named
-            .or_else(|| records.iter().position(|record| shader(record).as_ref() == Some(&wanted.value)));
-        if found.is_none() {
-            let names: Vec<String> =
-                records.iter().filter_map(|record| record.name.clone().or_else(|| shader(record))).collect();
-            let error =
-                wanted.span.error(format!("the pipeline has no `raygen` of the name `{}`", wanted.value));
-            self.report.push(match names.is_empty() {
-                true => error,
-                false => error.note(format!("there are: {}", list_of(names.iter().map(String::as_str)))),
-            });
-        }
-        found
-    }
-
-    fn general(&mut self, entry: &GeneralEntry, kind: fn(ResolvedShader) -> ResolvedGroup) -> ResolvedRecord {
-        let shader = entry.shader.as_ref().and_then(|name| self.shader(name));
-        let group = shader.map(|shader| self.group(kind(shader)));
-        let own: Vec<_> = entry.shader.iter().collect();
-        let data = self.data(entry.record.as_ref(), DataBlock::ShaderRecord, &own);
-        ResolvedRecord { name: entry.name.clone(), group, data }
-    }
-
-    fn hit(&mut self, entry: &HitEntry) -> ResolvedRecord {
-        let mut shader = |name: &Option<Spanned<String>>| name.as_ref().and_then(|name| self.shader(name));
-        let (closest_hit, any_hit) = (shader(&entry.closest_hit), shader(&entry.any_hit));
-        let intersection = shader(&entry.intersection);
-        let some = closest_hit.is_some() || any_hit.is_some() || intersection.is_some();
-        let group = some.then(|| {
-            self.group(ResolvedGroup::Hit(Box::new(ResolvedHitGroup { closest_hit, any_hit, intersection })))
-        });
-        let own = [&entry.closest_hit, &entry.any_hit, &entry.intersection];
-        let own: Vec<_> = own.into_iter().flatten().collect();
-        let data = self.data(entry.record.as_ref(), DataBlock::ShaderRecord, &own);
-        ResolvedRecord { name: entry.name.clone(), group, data }
-    }
-
-    /// The index of a group, which is added if it is new.
-    fn group(&mut self, group: ResolvedGroup) -> usize {
-        self.groups.iter().position(|known| *known == group).unwrap_or_else(|| {
-            self.groups.push(group);
-            self.groups.len() - 1
-        })
-    }
-
-    /// Resolves a reference to a shader, `name` or `name:entry`.
-    fn shader(&mut self, reference: &Spanned<String>) -> Option<ResolvedShader> {
-        let whole = self.shader_entries.get(&reference.value).is_some();
-        let (name, entry) = match reference.value.rsplit_once(':') {
-            Some((name, entry)) if !whole => (name, Some(entry)),
-            _ => (reference.value.as_str(), None),
-        };
-        let name = Spanned { value: name.to_string(), span: reference.span.clone() };
-        let found = self.find(&self.shader_entries, &name, "shader")?.clone();
-        let module = self.module(&name.value, &found)?;
-        Some(ResolvedShader {
-            module,
-            entry: entry.map_or(found.entry, str::to_string),
-            specialization: found.specialization,
-            place: reference.span.place(),
-        })
-    }
-
-    /// The index of a file with shaders; it is read at the first use.
-    fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
-        let key = ModuleKey::of(entry)?;
-        if let Some(&known) = self.module_places.get(&key) {
-            self.shader_names.insert(name.to_string(), known);
-            return Some(known);
-        }
-        let module = self.report.keep(self.read_module(name, entry)?)?;
-        self.module_places.insert(key, self.modules.len());
-        self.shader_names.insert(name.to_string(), self.modules.len());
-        self.modules.push(module);
-        Some(self.modules.len() - 1)
-    }
-
-    /// Reads a file with shaders; `None` for an entry that names none, which is reported already.
-    fn read_module(&self, name: &str, entry: &ShaderEntry) -> Option<Result<ShaderModule>> {
-        let (file, compiled) = match (&entry.path, &entry.source) {
-            (Some(path), _) => (path, true),
-            (None, Some(source)) => (source, false),
-            (None, None) => return None,
-        };
-        let key = ModuleKey::of(entry)?;
-        let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
-        let bytes = match read_limited(self.files, &file.value, &file.span, limit) {
-            Ok(bytes) => bytes,
-            Err(error) => return Some(Err(error)),
-        };
-        let code = match compiled {
-            true => ShaderCode::SpirV(bytes),
-            false => ShaderCode::Source(bytes, key.include_folders, key.flags),
-        };
-        Some(Ok(ShaderModule { name: name.to_string(), path: key.path, code, place: file.span.place() }))
     }
 
     fn check_rays(&self) {
@@ -503,14 +332,8 @@ impl<'a> Resolver<'a> {
             return None;
         }
         let names = || entries.entries.iter().map(|entry| entry.name.value.as_str());
-        let label = match nearest(&name.value, names()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "no such name".to_string(),
-        };
-        let mut error = name.span.error_with(format!("no {what} is named `{}`", name.value), label);
-        if !entries.entries.is_empty() {
-            error = error.note(format!("there are: {}", list_of(names())));
-        }
+        let message = format!("no {what} is named `{}`", name.value);
+        let error = unknown_name(name, message, "no such name", names);
         self.report.push(error);
         None
     }
@@ -554,6 +377,7 @@ mod tests {
     use crate::machine::format::Format;
     use crate::machine::sampler::Filter;
     use crate::scene::files::EmbeddedFiles;
+    use crate::scene::resolved::{ResolvedPass, ResolvedRecord, ShaderCode};
     use crate::scene::resources::Resource;
     use crate::scene::specialization::SpecializationKey;
 

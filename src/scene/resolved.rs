@@ -32,8 +32,6 @@ pub struct ResolvedScene {
     /// Modules that are loaded already, as data is laid out by their structs: by their indices in
     /// `shaders`, without specialization.
     pub loaded: HashMap<usize, Arc<Module>>,
-    /// Indices into `shaders` by the scene's names.
-    pub shader_names: HashMap<String, usize>,
     /// The shader groups, each once.
     pub groups: Vec<ResolvedGroup>,
     /// The shader binding table.

@@ -4,8 +4,9 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
+use crate::scene::addresses::Addresses;
 use crate::scene::data::ScalarPiece;
-use crate::scene::encoding::{AddressOf, Encoding};
+use crate::scene::encoding::AddressOf;
 use crate::scene::read::{Parse, Spanned, TomlValue, integer, list_of, nearest};
 use crate::scene::tree::Toml;
 
@@ -123,12 +124,12 @@ impl SpecializationValue {
         &self,
         module: &mut Module,
         key: &SpecializationKey,
-        encoding: Option<&Encoding<'_>>,
+        addresses: Option<&Addresses>,
     ) -> Result<()> {
         let constant = key.id(module)?;
-        let address = match (&self.literal, encoding) {
-            (LiteralValue::Address(of), Some(encoding)) => {
-                Some(LiteralValue::Bytes(encoding.address(of)?.to_le_bytes().to_vec()))
+        let address = match (&self.literal, addresses) {
+            (LiteralValue::Address(of), Some(addresses)) => {
+                Some(LiteralValue::Bytes(addresses.address(of)?.to_le_bytes().to_vec()))
             }
             // Before addresses are given the constant keeps its default.
             (LiteralValue::Address(_), None) => return Ok(()),

@@ -16,7 +16,7 @@ use crate::module::Module;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
 use crate::scene::data::small_float_bytes;
-use crate::scene::encoding::{Data, Flattened, LatePiece};
+use crate::scene::encoding::{AddressOf, Data, Flattened};
 use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
@@ -221,7 +221,7 @@ struct Writer<'a> {
     report: &'a Diagnostics,
     bytes: Vec<u8>,
     /// What is encoded later, with its place.
-    late: Vec<(usize, LatePiece)>,
+    late: Vec<(usize, AddressOf)>,
     /// The paths of members that the value does not have.
     missing: Vec<String>,
 }

@@ -303,23 +303,11 @@ fn is_corner(corner: &str, counts: [i64; 3]) -> bool {
 mod tests {
     use super::*;
 
-    use crate::scene::files::EmbeddedFiles;
+    use crate::scene::files::{EmbeddedFiles, LimitedFiles};
     use crate::scene::mesh::model::{MeshFormat, Model};
 
-    struct Limited<'a>(EmbeddedFiles<'a>, InputLimits);
-
-    impl Files for Limited<'_> {
-        fn read_limited(&self, path: &Path, limit: InputLimit) -> Result<Vec<u8>> {
-            self.0.read_limited(path, limit)
-        }
-
-        fn limits(&self) -> InputLimits {
-            self.1
-        }
-    }
-
     fn open(text: &str, files: &[(&str, &[u8])], limits: InputLimits) -> Result<Model> {
-        let files = Limited(EmbeddedFiles(files), limits);
+        let files = LimitedFiles(EmbeddedFiles(files), limits);
         Model::open(MeshFormat::Obj, Path::new("a/m.obj"), text.as_bytes().to_vec(), &files)
     }
 

@@ -1,4 +1,5 @@
-//! The modules whose structs lay out a scene's data, loaded when data asks for them.
+//! The modules of a scene's shaders: files that are read at their first use, and loaded early
+//! where data is laid out by their structs.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -6,12 +7,15 @@ use std::sync::Arc;
 
 use crate::compile::CompilerFlags;
 use crate::error::Result;
+use crate::input::InputLimit;
 use crate::module::Module;
 use crate::scene::assemble;
+use crate::scene::data::read_limited;
 use crate::scene::file::ShaderEntry;
 use crate::scene::files::SceneFiles;
-use crate::scene::read::{Spanned, list_of, nearest};
+use crate::scene::read::{Spanned, unknown_name};
 use crate::scene::resolve::Resolver;
+use crate::scene::resolved::{ResolvedShader, ShaderCode, ShaderModule};
 use crate::scene::struct_data::ShaderModules;
 
 /// The shaders of a scene as modules.
@@ -30,12 +34,8 @@ impl ShaderModules for SceneModules<'_, '_> {
             return self.resolver.loaded_module(&shader.value, entry);
         }
         let names = || entries.entries.iter().map(|entry| entry.name.value.as_str());
-        let label = match nearest(&shader.value, names()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "no such name".to_owned(),
-        };
-        let error = shader.span.error_with(format!("no shader is named `{}`", shader.value), label);
-        Err(error.note(format!("there are: {}", list_of(names()))))
+        let message = format!("no shader is named `{}`", shader.value);
+        Err(unknown_name(shader, message, "no such name", names))
     }
 
     fn all(&self) -> Result<Vec<Arc<Module>>> {
@@ -78,6 +78,56 @@ impl ModuleKey {
 }
 
 impl Resolver<'_> {
+    /// Resolves a reference to a shader, `name` or `name:entry`.
+    pub(super) fn shader(&mut self, reference: &Spanned<String>) -> Option<ResolvedShader> {
+        let whole = self.shader_entries.get(&reference.value).is_some();
+        let (name, entry) = match reference.value.rsplit_once(':') {
+            Some((name, entry)) if !whole => (name, Some(entry)),
+            _ => (reference.value.as_str(), None),
+        };
+        let name = Spanned { value: name.to_string(), span: reference.span.clone() };
+        let found = self.find(&self.shader_entries, &name, "shader")?.clone();
+        let module = self.module(&name.value, &found)?;
+        Some(ResolvedShader {
+            module,
+            entry: entry.map_or(found.entry, str::to_string),
+            specialization: found.specialization,
+            place: reference.span.place(),
+        })
+    }
+
+    /// The index of a file with shaders; it is read at the first use.
+    fn module(&mut self, name: &str, entry: &ShaderEntry) -> Option<usize> {
+        let key = ModuleKey::of(entry)?;
+        if let Some(&known) = self.module_places.get(&key) {
+            return Some(known);
+        }
+        let module = self.report.keep(self.read_module(name, entry)?)?;
+        self.module_places.insert(key, self.modules.len());
+        self.modules.push(module);
+        Some(self.modules.len() - 1)
+    }
+
+    /// Reads a file with shaders; `None` for an entry that names none, which is reported already.
+    fn read_module(&self, name: &str, entry: &ShaderEntry) -> Option<Result<ShaderModule>> {
+        let (file, compiled) = match (&entry.path, &entry.source) {
+            (Some(path), _) => (path, true),
+            (None, Some(source)) => (source, false),
+            (None, None) => return None,
+        };
+        let key = ModuleKey::of(entry)?;
+        let limit = if compiled { InputLimit::ModuleBytes } else { InputLimit::SourceBytes };
+        let bytes = match read_limited(self.files, &file.value, &file.span, limit) {
+            Ok(bytes) => bytes,
+            Err(error) => return Some(Err(error)),
+        };
+        let code = match compiled {
+            true => ShaderCode::SpirV(bytes),
+            false => ShaderCode::Source(bytes, key.include_folders, key.flags),
+        };
+        Some(Ok(ShaderModule { name: name.to_string(), path: key.path, code, place: file.span.place() }))
+    }
+
     /// The module of a shader, with the shader's specialization.
     fn loaded_module(&self, name: &str, entry: &ShaderEntry) -> Result<Arc<Module>> {
         let nameless = || entry.span.error("a shader needs the `path` of its .spv file, or its `source`");
