@@ -298,8 +298,10 @@ pub enum AccessFault {
     Buffer {
         /// Slot and array element, where a descriptor leads to it.
         handle: Option<u32>,
-        /// The buffer's size.
+        /// The size of the buffer, or of the range that is bound.
         size: u64,
+        /// Of a range: the buffer's name, and the offset in it.
+        view: Option<(Arc<str>, u64)>,
     },
     /// A texel of an image.
     Texel {

@@ -253,7 +253,8 @@ impl AtomicOp {
             bindings,
             chunk,
             |registers, lane, buffer, offset| {
-                if !offset.is_multiple_of(alignment) {
+                // A view of a buffer may begin between two values of 64 bits.
+                if !(buffer.offset() + offset).is_multiple_of(alignment) {
                     misaligned = misaligned | Mask::lane(lane);
                     return Some(());
                 }

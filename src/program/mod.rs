@@ -336,7 +336,12 @@ impl Program {
             _ => format!("{bytes} bytes at offset {fault_value} of "),
         };
         let (handle, size) = match accessed {
-            Some(&AccessFault::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
+            Some(AccessFault::Buffer { handle, size, view: Some((name, offset)) }) => {
+                (*handle, format!(", which has the range of {size} bytes at offset {offset} of `{name}`"))
+            }
+            Some(&AccessFault::Buffer { handle, size, view: None }) => {
+                (handle, format!(", which has {size} bytes"))
+            }
             Some(&AccessFault::Descriptor { handle, .. }) => (Some(handle), String::new()),
             _ => (None, String::new()),
         };
