@@ -13,9 +13,8 @@ pub fn copied(resources: &Resources) -> Resources {
     let mut image = |image: &Arc<Image>| once(&mut images, image, || image.copied());
     let mut memories: Vec<(Arc<[AtomicU32]>, Arc<[AtomicU32]>)> = Vec::new();
     let words = |words: &[AtomicU32]| words.iter().map(|word| AtomicU32::new(word.load(Relaxed))).collect();
-    let mut buffer = |buffer: &Arc<Buffer>| {
-        buffer.copied(|memory| once(&mut memories, memory, || words(memory)))
-    };
+    let mut buffer =
+        |buffer: &Arc<Buffer>| buffer.copied(|memory| once(&mut memories, memory, || words(memory)));
     let mut descriptors = BTreeMap::new();
     for (&binding, list) in &resources.descriptors {
         let mut copy = |descriptor: &Descriptor| match descriptor {
@@ -73,7 +72,9 @@ mod tests {
         assert_eq!(copy.buffer(0, 0).unwrap().bytes(), [1, 2, 3, 4, 0, 0, 0, 0]);
         assert_eq!(arena.bytes(), [1, 2, 3, 4, 5, 6, 7, 8]);
         assert_eq!(copy.memory.address_of(copy.buffer(0, 1).unwrap()), Some(address + 4));
-        let Descriptor::Mutable(kinds) = &copy.descriptors[&Binding { set: 0, binding: 2 }][0] else { panic!() };
+        let Descriptor::Mutable(kinds) = &copy.descriptors[&Binding { set: 0, binding: 2 }][0] else {
+            panic!()
+        };
         let Descriptor::Buffer(part) = &kinds[0] else { panic!() };
         assert_eq!(part.memory_id(), copy.buffer(0, 0).unwrap().memory_id());
     }

@@ -136,10 +136,7 @@ impl Buffer {
 
     /// The same range of a copy of the memory, whose whole is made by `copy`: that of the words of
     /// another buffer with this memory, if there was one.
-    pub fn copied(
-        &self,
-        copy: impl FnOnce(&Arc<[AtomicU32]>) -> Arc<[AtomicU32]>,
-    ) -> Arc<Self> {
+    pub fn copied(&self, copy: impl FnOnce(&Arc<[AtomicU32]>) -> Arc<[AtomicU32]>) -> Arc<Self> {
         let memory = copy(&self.memory);
         let Self { first, size, null, ref view_of, .. } = *self;
         Arc::new(Self { memory, first, size, null, view_of: view_of.clone() })
@@ -523,9 +520,11 @@ mod tests {
         assert!(!view.is_same(&whole) && view.is_same(&whole.view(4, 5, "arena").unwrap()));
         assert_ne!(Buffer::zeroed(0).memory_id(), Buffer::zeroed(0).memory_id());
         // Beyond the end, or between words.
-        assert!([(4, 8), (12, 0), (2, 1), (8, u64::MAX)].iter().all(|&(at, size)| {
-            whole.view(at, size, "arena").is_none()
-        }));
+        assert!(
+            [(4, 8), (12, 0), (2, 1), (8, u64::MAX)]
+                .iter()
+                .all(|&(at, size)| { whole.view(at, size, "arena").is_none() })
+        );
     }
 
     #[test]

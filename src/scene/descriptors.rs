@@ -78,8 +78,10 @@ pub(super) fn stride_notes<'a>(
                 continue;
             };
             for bound in scene.resources.iter().filter(here) {
-                let Resource::StorageBuffer(data) = &bound.resource else { continue };
-                let Ok(size) = data.size() else { continue };
+                if !is_compatible(DescriptorKind::StorageBuffer, &bound.resource) {
+                    continue;
+                }
+                let Ok(Some(size)) = bound.resource.buffer_size() else { continue };
                 let behind = (size as usize).saturating_sub(start);
                 let (whole, odd) = (behind / stride, behind % stride);
                 if odd == 0 {
@@ -170,6 +172,7 @@ fn is_compatible(declared: DescriptorKind, bound: &Resource) -> bool {
     match bound {
         Resource::StorageBuffer(_) => declared == DescriptorKind::StorageBuffer,
         Resource::UniformBuffer(_) => declared == DescriptorKind::UniformBuffer,
+        Resource::BufferView(view) => declared == view.kind.declared(),
         Resource::NullBuffer => {
             matches!(declared, DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer)
         }

@@ -30,6 +30,7 @@ mod bindings;
 mod modules;
 mod passes;
 mod structures;
+mod views;
 
 /// The options by which a command line changes a scene.
 #[derive(Clone, Copy, Debug, Default)]
@@ -242,13 +243,13 @@ impl<'a> Resolver<'a> {
         let sbt = self.binding_table();
         let mut dispatches = self.dispatches();
         let passes = self.passes(&mut dispatches);
-        let resources = self.bindings(&tlas, !dispatches.is_empty());
+        let unbound = self.unbound_buffers();
+        let resources = self.bindings(&tlas, &unbound, !dispatches.is_empty());
         let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &[]);
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();
         }
-        let unbound = self.unbound_buffers();
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
         let scene = ResolvedScene {
             path: self.own.source().path.clone(),

@@ -232,7 +232,15 @@ pub struct ResolvedBinding {
     pub place: Place,
 }
 
-/// A buffer that shaders reach by its address alone.
+impl ResolvedBinding {
+    /// Whether the image here is that of another binding.
+    pub fn is_same_image(&self, other: &Self) -> bool {
+        self.resource.image().zip(other.resource.image()).is_some_and(|(own, other)| Arc::ptr_eq(own, other))
+    }
+}
+
+/// A buffer that has no binding of its own: shaders reach it by its address, or by those of its
+/// ranges that are bound.
 #[derive(Clone, Debug)]
 pub struct UnboundBuffer {
     /// The scene's name for it.
@@ -269,6 +277,15 @@ impl ResolvedScene {
     pub fn output(&self) -> Option<&ResolvedBinding> {
         let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));
         let mut marked = images().filter(|binding| binding.output.is_some());
-        marked.next().or_else(|| images().next().filter(|_| images().count() == 1))
+        let only = |first: &&ResolvedBinding| images().all(|other| other.is_same_image(first));
+        marked.next().or_else(|| images().next().filter(only))
+    }
+
+    /// The bindings of the image that is bound at one.
+    pub fn bindings_of_image<'a>(
+        &'a self,
+        image: &'a ResolvedBinding,
+    ) -> impl Iterator<Item = &'a ResolvedBinding> {
+        self.resources.iter().filter(|one| one.is_same_image(image))
     }
 }

@@ -40,7 +40,8 @@ impl AliasedMemory {
     /// The aliases among the bindings that are accessed.
     pub fn of(resources: &Resources, accesses: &[&MemoryAccess]) -> Self {
         let mut all = Self { first: BTreeMap::new(), addressed: Vec::new(), shifts: BTreeMap::new() };
-        let mut bindings: Vec<Binding> = accesses.iter().filter_map(|access| binding(access.memory)).collect();
+        let mut bindings: Vec<Binding> =
+            accesses.iter().filter_map(|access| binding(access.memory)).collect();
         bindings.sort_unstable();
         bindings.dedup();
         let by_address = accesses.iter().any(|access| access.memory == Memory::Addresses);

@@ -8,20 +8,25 @@ use crate::error::{Place, Result};
 use crate::machine::sampler::Sampler;
 use crate::machine::{Binding, Descriptor};
 use crate::scene::addresses::AddressChoice;
+use crate::scene::read::Spanned;
 use crate::scene::resolve::Resolver;
 use crate::scene::resolve::modules::SceneModules;
+use crate::scene::resolve::views::Viewed;
 use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
 use crate::scene::resources::{Content, DescriptorKind, Resource, ResourceEntry};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::struct_lookup::DataBlock;
+use crate::scene::view_entry::ViewEntry;
 
 impl Resolver<'_> {
     pub(super) fn bindings(
         &self,
         tlas: &[(String, Option<Arc<Tlas>>)],
+        unbound: &[UnboundBuffer],
         has_dispatches: bool,
     ) -> Vec<ResolvedBinding> {
         let mut bindings: Vec<ResolvedBinding> = Vec::new();
+        let mut views: Vec<(&Spanned<String>, &ResourceEntry, &ViewEntry)> = Vec::new();
         let mut output: Option<Place> = None;
         let mut taken: HashMap<[u32; 3], Place> = HashMap::new();
         let mut lengths: HashMap<[u32; 2], u32> = HashMap::new();
@@ -49,23 +54,20 @@ impl Resolver<'_> {
                 continue;
             }
             let binding = Binding { set: content.set, binding: content.binding };
-            if let Some(resource) = self.resource(binding, &content.content, tlas) {
-                taken.entry(key).or_insert_with(|| place.clone());
-                bindings.push(ResolvedBinding {
-                    name: entry.name.value.clone(),
-                    set: content.set,
-                    binding: content.binding,
-                    element: content.element,
-                    resource,
-                    address: match &content.content {
-                        Content::Buffer(_, buffer) => buffer.address.clone(),
-                        _ => AddressChoice::Unsaid,
-                    },
-                    output: content.output,
-                    place,
-                });
+            if let Content::View(view) = &content.content {
+                views.push((&entry.name, content, view));
+            } else if let Some(resource) = self.resource(binding, &content.content, tlas) {
+                bindings.push(bound(&entry.name, content, resource));
+            } else {
+                continue;
             }
+            taken.entry(key).or_insert(place);
         }
+        // What a view is of may come after it.
+        let viewed = Viewed { bound: &bindings, unbound };
+        let view = |(name, content, view)| Some(bound(name, content, self.view(view, &viewed)?));
+        let views: Vec<ResolvedBinding> = views.into_iter().filter_map(view).collect();
+        bindings.extend(views);
         bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
         bindings
     }
@@ -132,6 +134,7 @@ impl Resolver<'_> {
                 };
                 let streams = self.options.streams && *kind == DescriptorKind::StorageImage;
                 let image = self.report.keep(entry.load(&self.sources(), self.launch, streams))?;
+                let image = Arc::new(image);
                 Some(match kind {
                     DescriptorKind::SampledImage => Resource::SampledImage(image),
                     DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer => {
@@ -141,6 +144,7 @@ impl Resolver<'_> {
                     _ => Resource::StorageImage(image),
                 })
             }
+            Content::View(_) => None,
             Content::Null(DescriptorKind::AccelerationStructure) => Some(Resource::NullAccelerationStructure),
             Content::Null(_) => Some(Resource::NullBuffer),
             Content::Sampler(reference) => self.sampler(reference).map(Resource::Sampler),
@@ -155,7 +159,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
+    pub(super) fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
         match reference {
             SamplerReference::Inline(sampler) => Some(*sampler),
             SamplerReference::Mesh(texture) => {
@@ -165,6 +169,23 @@ impl Resolver<'_> {
             }
             SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
         }
+    }
+}
+
+/// A resource where its entry binds it.
+fn bound(name: &Spanned<String>, entry: &ResourceEntry, resource: Resource) -> ResolvedBinding {
+    ResolvedBinding {
+        name: name.value.clone(),
+        set: entry.set,
+        binding: entry.binding,
+        element: entry.element,
+        resource,
+        address: match &entry.content {
+            Content::Buffer(_, buffer) => buffer.address.clone(),
+            _ => AddressChoice::Unsaid,
+        },
+        output: entry.output,
+        place: name.span.place(),
     }
 }
 
