@@ -33,9 +33,7 @@ pub fn copied(resources: &Resources) -> Resources {
     }
     let memory = resources.memory.with_buffers(buffer);
     let printed = resources.printed.as_ref().map(|_| Arc::default());
-    let (push_constants, policy) = (resources.push_constants.clone(), resources.policy);
-    let printed_bytes = resources.printed_bytes;
-    Resources { descriptors, push_constants, memory, printed, printed_bytes, policy }
+    Resources { descriptors, memory, printed, ..resources.clone() }
 }
 
 /// The copy of an original, made at its first appearance.

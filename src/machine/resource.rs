@@ -289,6 +289,8 @@ pub struct BindingSummary {
     pub kind: &'static str,
     /// How many elements there are.
     pub count: usize,
+    /// The name of the first resource there, in its scene.
+    pub name: Option<Arc<str>>,
 }
 
 /// The resources of a launch: descriptor sets, push constants and memory.
@@ -296,6 +298,11 @@ pub struct BindingSummary {
 pub struct Resources {
     /// Descriptors by binding; the position is the array element.
     pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
+    /// What shaders find in the elements of a binding that nothing is bound to, where that is no
+    /// mistake.
+    pub stand_ins: BTreeMap<Binding, Descriptor>,
+    /// The names of resources in their scene, for messages.
+    pub names: BTreeMap<Binding, Arc<str>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
     /// The memory that shaders access through device addresses.
@@ -355,17 +362,30 @@ impl Resources {
     fn bound(&self) -> Arc<[BindingSummary]> {
         let bound = self.descriptors.iter().filter_map(|(&binding, elements)| {
             let kind = elements.iter().find_map(Descriptor::kind)?;
-            Some(BindingSummary { binding, kind, count: elements.len() })
+            let name = self.names.get(&binding).cloned();
+            Some(BindingSummary { binding, kind, count: elements.len(), name })
         });
         bound.collect()
     }
 
     /// The descriptors of a program's slots, in the order of the slots.
     pub fn bindings(&self, slots: impl IntoIterator<Item = Binding>) -> Bindings {
-        let descriptors = |binding| self.descriptors.get(&binding).cloned().unwrap_or_default();
+        let mut stand_ins = vec![None];
+        let descriptors = |binding| {
+            let mut elements = self.descriptors.get(&binding).cloned().unwrap_or_default();
+            let stand_in = self.stand_ins.get(&binding);
+            if let Some(stand_in) = stand_in {
+                let holes = elements.iter_mut().filter(|one| matches!(one, Descriptor::Unbound));
+                holes.for_each(|hole| hole.clone_from(stand_in));
+            }
+            stand_ins.push(stand_in.cloned());
+            elements
+        };
+        let slots = std::iter::once(Vec::new()).chain(slots.into_iter().map(descriptors)).collect();
         Bindings {
             bound: self.bound(),
-            slots: std::iter::once(Vec::new()).chain(slots.into_iter().map(descriptors)).collect(),
+            slots,
+            stand_ins,
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
             printed: self.printed.clone(),
@@ -394,6 +414,8 @@ pub struct Bindings {
     /// Descriptors by the upper bits of handles, those of the slot; the first entry, of null, is
     /// empty.
     slots: Vec<Vec<Descriptor>>,
+    /// By the same bits: what stands for the elements behind the last one that is bound.
+    stand_ins: Vec<Option<Descriptor>>,
     /// Everything that is bound, used or not.
     pub bound: Arc<[BindingSummary]>,
     /// The push constants.
@@ -433,8 +455,14 @@ impl Bindings {
     /// The descriptor with a handle.
     #[inline]
     pub fn descriptor(&self, handle: u32) -> Option<&Descriptor> {
-        let element = handle & ((1 << ELEMENT_BITS) - 1);
-        self.slots.get((handle >> ELEMENT_BITS) as usize)?.get(element as usize)
+        let (slot, element) = (handle >> ELEMENT_BITS, handle & ((1 << ELEMENT_BITS) - 1));
+        let found = self.slots.get(slot as usize)?.get(element as usize);
+        found.or_else(|| self.stand_in(slot as usize))
+    }
+
+    #[cold]
+    fn stand_in(&self, slot: usize) -> Option<&Descriptor> {
+        self.stand_ins.get(slot)?.as_ref()
     }
 
     /// The handle of a buffer that a slot holds.
@@ -480,6 +508,22 @@ impl Bindings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stand_ins_fill_what_nothing_is_bound_to() {
+        let (at, other) = (Binding { set: 0, binding: 0 }, Binding { set: 0, binding: 1 });
+        let mut resources = Resources::default();
+        resources.insert(at, 2, Descriptor::Buffer(Buffer::zeroed(4)));
+        resources.stand_ins.insert(at, Descriptor::Buffer(Buffer::null()));
+        let bindings = resources.bindings([at, other]);
+        let null = |slot, element| bindings.buffer(Bindings::handle(slot, element)).map(Buffer::is_null);
+        assert_eq!(
+            [0, 1, 2, 3, 1000].map(|element| null(0, element)),
+            [true, true, false, true, true].map(Some)
+        );
+        assert_eq!(null(1, 0), None);
+        assert!(bindings.descriptor(0).is_none() && bindings.descriptor(u32::MAX).is_none());
+    }
 
     #[test]
     fn no_descriptor_has_the_handle_of_null() {

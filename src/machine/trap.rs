@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::machine::resource::{BindingSummary, Bindings};
+use crate::machine::resource::{BindingSummary, Bindings, STRUCTURE_HANDLE};
 
 /// Why an invocation was stopped by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -322,6 +322,11 @@ impl AccessFault {
     /// A descriptor that was not found.
     pub fn descriptor(handle: u32, bindings: &Bindings) -> Self {
         Self::Descriptor { handle, bound: bindings.bound.clone() }
+    }
+
+    /// The value of an acceleration structure that was not found; `None` for a device address.
+    pub fn structure(value: u64, bindings: &Bindings) -> Option<Self> {
+        ((value >> 32) as u32 == STRUCTURE_HANDLE).then(|| Self::descriptor(value as u32, bindings))
     }
 
     /// A device address; `None` where no buffer has one.

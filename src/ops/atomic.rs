@@ -212,7 +212,9 @@ impl AtomicOp {
                             });
                             self.write(batch, self.to, lane, old >> shift & mask);
                         }
-                        Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => {
+                        Err(TrapCode::ImageOutOfBounds)
+                            if texel.is_robust(LaneReader::new(&batch.registers, lane, bindings)) =>
+                        {
                             self.write(batch, self.to, lane, 0);
                         }
                         Err(code) => {

@@ -15,9 +15,11 @@ use crate::module::interface::Stage;
 use crate::module::{self, Module};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
+use crate::program::descriptors::stand_in;
 use crate::program::{Program, lower};
 use crate::scene::addresses::Addresses;
 use crate::scene::descriptors;
+use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resolved::{
@@ -37,7 +39,8 @@ pub struct Assembled {
     pub size: [u32; 3],
     /// Dispatches of compute shaders, in order.
     pub dispatches: Vec<Dispatch>,
-    /// Notes for the scene's author, a line each: buffers that end in a part of an element.
+    /// Notes for the scene's author, a line each: buffers that end in a part of an element, and
+    /// descriptors that nothing is bound to.
     pub notes: Vec<String>,
     /// What [`Assembled::run`] runs, in order.
     pub passes: Vec<Pass>,
@@ -212,7 +215,15 @@ fn assemble_excluding(
         Err(error) => (Err(error), Vec::new()),
     };
     let dispatches = dispatches(&mut shaders, &mut errors);
-    let resources = resources(scene, excluded, addresses, &mut errors);
+    let mut resources = resources(scene, excluded, addresses, &mut errors);
+    if scene.missing_descriptors == MissingDescriptors::Zeros {
+        let programs = || shaders.programs.iter().map(|(.., program)| &**program);
+        for binding in programs().flat_map(Program::bindings) {
+            if !resources.stand_ins.contains_key(&binding) {
+                resources.stand_ins.extend(stand_in(programs(), binding).map(|one| (binding, one)));
+            }
+        }
+    }
     let pipeline = match pipeline {
         // A pipeline that lacks a shader fails for that reason, which is already reported.
         Err(error) if errors.is_empty() => {
@@ -237,7 +248,9 @@ fn assemble_excluding(
     let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
         return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
     };
-    let notes = descriptors::stride_notes(scene, shaders.programs.iter().map(|(.., program)| &**program));
+    let programs = || shaders.programs.iter().map(|(.., program)| &**program);
+    let mut notes = descriptors::stride_notes(scene, programs());
+    notes.extend(descriptors::missing_note(scene, programs()));
     let passes = passes(scene, &pipeline, &raygen, dispatches.len(), addresses)?;
     Ok(Assembled { pipeline, resources, size: scene.launch, dispatches, notes, passes })
 }
@@ -493,6 +506,10 @@ fn resources(
     let mut buffers: HashMap<&str, Arc<Buffer>> = HashMap::new();
     buffers.extend(addressed.iter().map(|(name, buffer)| (*name, buffer.clone())));
     let mut views: Vec<(&resolved::ResolvedBinding, &BufferView)> = Vec::new();
+    for binding in &scene.resources {
+        let key = Binding { set: binding.set, binding: binding.binding };
+        resources.names.entry(key).or_insert_with(|| binding.name.as_str().into());
+    }
     for binding in scene.resources.iter().filter(|one| !is_excluded(one)) {
         let descriptor = match &binding.resource {
             Resource::NullBuffer => scene

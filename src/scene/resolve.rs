@@ -281,6 +281,7 @@ impl<'a> Resolver<'a> {
                 .and_then(|pipeline| pipeline.printed_bytes)
                 .map_or_else(PrintedBytes::default, PrintedBytes),
             memory: self.pipeline.as_ref().and_then(|pipeline| pipeline.memory).unwrap_or_default(),
+            missing_descriptors: self.pipeline.as_ref().map_or_else(Default::default, |one| one.unbound),
             launch: self.launch,
             rays: self.rays,
             document: self.own,

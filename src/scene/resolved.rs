@@ -12,7 +12,7 @@ use crate::module::Module;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::addresses::AddressChoice;
 use crate::scene::encoding::{AddressOf, Data};
-use crate::scene::file::RayEntry;
+use crate::scene::file::{MissingDescriptors, RayEntry};
 use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
@@ -38,7 +38,7 @@ pub struct ResolvedScene {
     pub sbt: ShaderBindingTable,
     /// The contents of the descriptor sets, sorted by set, binding and element.
     pub resources: Vec<ResolvedBinding>,
-    /// Buffers that no descriptor refers to, in the order of their names.
+    /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
@@ -67,6 +67,8 @@ pub struct ResolvedScene {
     pub printed_bytes: PrintedBytes,
     /// What happens on an access outside its buffer or image.
     pub memory: MemoryPolicy,
+    /// What happens at a descriptor that shaders use and nothing is bound to.
+    pub missing_descriptors: MissingDescriptors,
     /// Width, height and depth of the launch.
     pub launch: [u32; 3],
     /// The rays that `trace-one-ray` offers.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::error::{ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
@@ -137,8 +137,8 @@ pub struct ResourceEntry {
     pub element: u32,
     /// Marks the image that a render saves.
     pub output: Option<Output>,
-    /// Its content.
-    pub content: Content,
+    /// Its content, or those of the elements of an array from `element` on.
+    pub contents: Vec<Content>,
 }
 
 /// The content of a [`ResourceEntry`].
@@ -193,13 +193,9 @@ impl DescriptorKind {
         matches!(self, Self::StorageBuffer | Self::UniformBuffer) || self.is_dynamic()
     }
 
-    /// What shaders declare it as.
-    pub fn declared(self) -> Self {
-        match self {
-            Self::StorageBufferDynamic => Self::StorageBuffer,
-            Self::UniformBufferDynamic => Self::UniformBuffer,
-            other => other,
-        }
+    /// Whether it is of a buffer that shaders may store to.
+    pub fn is_storage(self) -> bool {
+        matches!(self, Self::StorageBuffer | Self::StorageBufferDynamic)
     }
 
     /// Whether the offset of its buffer is given when its set is bound.
@@ -244,8 +240,10 @@ impl Parse for ResourceEntry {
         };
         let kind = DescriptorKind::parse(kind)?;
         let unbound = kind == DescriptorKind::Unbound;
-        for key in ["set", "binding", "element"].into_iter().filter(|key| unbound && table.has(key)) {
-            let found = table.value(key);
+        for key in
+            ["set", "binding", "element", "elements"].into_iter().filter(|key| unbound && table.has(key))
+        {
+            let found = table.refused(key);
             found.and_then(|found| {
                 found.wrong::<()>(format!(
                     "a `buffer` is bound nowhere and has no `{key}`: that of a descriptor is a `storage_buffer`"
@@ -260,6 +258,45 @@ impl Parse for ResourceEntry {
             DescriptorKind::StorageImage => table.optional::<OutputKey>("output").and_then(|marked| marked.0),
             _ => None,
         };
+        let contents = match table.value("elements").filter(|_| !unbound) {
+            Some(value) => elements_of(value, kind),
+            None => Content::parse(&table, kind).map(|content| vec![content]),
+        };
+        table.finish();
+        Some(Self { span: value.span(), set, binding: binding?, element, output, contents: contents? })
+    }
+}
+
+/// Reads the elements of an array, each with the keys of a resource of its type.
+fn elements_of(value: TomlValue<'_>, kind: DescriptorKind) -> Option<Vec<Content>> {
+    let Some(elements) = value.elements() else {
+        return value.expected("an array with a table for each element: `[{ file = \"a.png\" }, ...]`");
+    };
+    let mut contents = Some(Vec::new());
+    for element in elements {
+        let content = Table::new(element).and_then(|table| {
+            let content = Content::parse(&table, kind);
+            table.finish();
+            content
+        });
+        contents = contents.zip(content).map(|(mut all, content)| {
+            all.push(content);
+            all
+        });
+    }
+    if contents.as_ref().is_some_and(Vec::is_empty) {
+        return value.wrong("an array of descriptors has at least one element");
+    }
+    contents
+}
+
+impl Content {
+    /// Reads the keys of one descriptor.
+    fn parse(table: &Table<'_>, kind: DescriptorKind) -> Option<Self> {
+        let wrong = |message: &str| {
+            table.report().push(table.span().error(message));
+            None
+        };
         let nullable = matches!(
             kind,
             DescriptorKind::StorageBuffer
@@ -270,40 +307,38 @@ impl Parse for ResourceEntry {
             return null
                 .wrong("only buffers and acceleration structures may be null here, no image or sampler");
         }
-        let is_view = ViewEntry::is_one(&table, kind);
+        let is_view = ViewEntry::is_one(table, kind);
         if !is_view {
-            ViewEntry::check_no_range(&table, kind);
+            ViewEntry::check_no_range(table, kind);
         }
         if kind.is_dynamic() && !is_view {
-            return value.wrong(
+            return wrong(
                 "a dynamic descriptor is of a range of another resource: `buffer` names it, and `range` is its size",
             );
         }
-        let content = match kind {
-            _ if is_view => ViewEntry::parse(&table, kind).map(Content::View),
-            _ if nullable && table.or("null", false) => Some(Content::Null(kind)),
+        match kind {
+            _ if is_view => ViewEntry::parse(table, kind).map(Self::View),
+            _ if nullable && table.or("null", false) => Some(Self::Null(kind)),
             DescriptorKind::StorageBuffer
             | DescriptorKind::UniformBuffer
             | DescriptorKind::StorageBufferDynamic
             | DescriptorKind::UniformBufferDynamic
-            | DescriptorKind::Unbound => BufferEntry::parse(&table).map(|entry| Content::Buffer(kind, entry)),
+            | DescriptorKind::Unbound => BufferEntry::parse(table).map(|entry| Self::Buffer(kind, entry)),
             DescriptorKind::StorageImage
             | DescriptorKind::SampledImage
             | DescriptorKind::CombinedImageSampler
             | DescriptorKind::UniformTexelBuffer
             | DescriptorKind::StorageTexelBuffer => {
-                ImageEntry::parse(&table, kind).map(|entry| Content::Image(kind, entry))
+                ImageEntry::parse(table, kind).map(|entry| Self::Image(kind, entry))
             }
-            DescriptorKind::Sampler => Some(Content::Sampler(
+            DescriptorKind::Sampler => Some(Self::Sampler(
                 table.optional("sampler").unwrap_or(SamplerReference::Inline(Sampler::default())),
             )),
             DescriptorKind::AccelerationStructure => {
-                let main = Spanned { value: "main".to_string(), span: value.span() };
-                Some(Content::AccelerationStructure(table.or("tlas", main)))
+                let main = Spanned { value: "main".to_string(), span: table.span() };
+                Some(Self::AccelerationStructure(table.or("tlas", main)))
             }
-        };
-        table.finish();
-        Some(Self { span: value.span(), set, binding: binding?, element, output, content: content? })
+        }
     }
 }
 
@@ -314,10 +349,13 @@ fn element(table: &Table<'_>) -> u32 {
     if value >> ELEMENT_BITS == 0 {
         return value;
     }
-    table
-        .report()
-        .push(span.error(format!("an array of descriptors has at most {} elements", 1 << ELEMENT_BITS)));
+    table.report().push(too_many_elements(&span));
     0
+}
+
+/// The error of an element that no shader can address.
+pub(super) fn too_many_elements(span: &Span) -> Error {
+    span.error(format!("an array of descriptors has at most {} elements", 1 << ELEMENT_BITS))
 }
 
 /// A buffer as a scene writes it.

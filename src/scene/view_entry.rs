@@ -88,6 +88,7 @@ impl RangeEntry {
                 "only a `{name}_dynamic` has a `dynamic_offset`: a `{name}` begins at its `offset`"
             )));
         }
+        let dynamic_offset = dynamic_offset.filter(|_| kind.is_dynamic());
         Self { offset, range, dynamic_offset }
     }
 }

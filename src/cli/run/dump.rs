@@ -12,7 +12,7 @@ use crate::harness::value::Value;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
 use crate::ops::pointer::storage;
-use crate::scene::resources::{DescriptorKind, Resource};
+use crate::scene::resources::Resource;
 use crate::scene::{Assembled, ResolvedScene, resolved};
 
 /// How a resource is shown.
@@ -61,7 +61,7 @@ pub fn invalid(message: String) -> Error {
 pub fn hint(scene: &ResolvedScene) -> String {
     let holds_data = |one: &&resolved::ResolvedBinding| match &one.resource {
         Resource::StorageBuffer(_) | Resource::StorageImage(_) => true,
-        Resource::BufferView(view) => view.kind.declared() == DescriptorKind::StorageBuffer,
+        Resource::BufferView(view) => view.kind.is_storage(),
         _ => false,
     };
     let names: Vec<_> =

@@ -259,6 +259,16 @@ impl Model {
         material.textures[slot as usize].map(|texture| &self.textures[texture])
     }
 
+    /// Whether the texels of a texture are colours for some material that uses it; `None` where
+    /// none does.
+    pub fn texture_has_colors(&self, texture: usize) -> Option<bool> {
+        let slots = TextureSlot::NAMES.iter().map(|(_, slot)| *slot);
+        let is_used = |slot: &TextureSlot| {
+            self.materials.iter().any(|material| material.textures[*slot as usize] == Some(texture))
+        };
+        slots.filter(is_used).map(TextureSlot::is_color).reduce(|one, other| one | other)
+    }
+
     /// The names of all meshes with their parts, for messages.
     pub fn contents(&self) -> String {
         let parts = |mesh: &MeshParts| match mesh.count {

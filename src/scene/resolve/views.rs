@@ -93,8 +93,8 @@ impl Resolver<'_> {
         }
         match self.resource_entries.get(&name.value) {
             Some(entry) => match &entry.content {
-                Some(content) => match &content.content {
-                    Content::View(view) => {
+                Some(content) => match content.contents.first() {
+                    Some(Content::View(view)) => {
                         let root = &view.of.value;
                         let message = format!("`{}` is a view of `{root}` itself", name.value);
                         let place = entry.name.span.place();
