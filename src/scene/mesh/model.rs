@@ -11,7 +11,7 @@ use crate::scene::mesh::Mesh;
 use crate::scene::mesh::gltf::GltfFile;
 use crate::scene::mesh::material::{FileCamera, Material, Texture, TextureSlot};
 use crate::scene::mesh::obj::ObjFile;
-use crate::scene::read::list_of;
+use crate::scene::read::{Named, list_of};
 
 /// What a mesh file holds.
 #[derive(Debug)]
