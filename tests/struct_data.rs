@@ -253,6 +253,10 @@ fn matrices_that_slang_stores_as_arrays_are_written_by_rows() {
         "data = { struct = 'Bones', value = { a = [[1, 2, 3], [4, 5, 6]], b = [[1, 2], [3, 4], [5, 6]] } }";
     let wanted = [1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     assert_eq!(bytes(text), words(&wanted.map(bits)));
+    // A piece in place of the value lies as it is, and the array can be named.
+    let text = "data = { struct = 'Bones', value = { a = { f32 = [1, 2, 3, 4, 5, 6] }, b = { data = [[1, 2], [3, 4], \
+                [5, 6]] } } }";
+    assert_eq!(bytes(text), words(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(bits).repeat(2)));
     let report = scene("data = { struct = 'Bones', value = { a = [[1, 2], [3, 4]] } }").unwrap_err().render();
     assert!(report.contains("`a[0]` is"), "{report}");
     assert!(report.contains("3 elements are needed, 2 are given"), "{report}");
@@ -266,7 +270,8 @@ fn pieces_of_data_stand_for_members() {
     );
     let found = bytes(&text);
     assert_eq!(found[24..32], words(&[10, 1]));
-    assert_eq!(found[32..56], words(&[1.0, 3.0, 5.0, 2.0, 4.0, 6.0].map(bits)));
+    // A piece is the bytes that a program on a device copies there, whichever way the matrix lies.
+    assert_eq!(found[32..56], words(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(bits)));
     assert_eq!(found[56..84], words(&[1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0].map(bits)));
     assert_eq!(found[96..], words(&[7.0, 8.0].map(bits)));
     refused(

@@ -241,18 +241,25 @@ fn tables_point_to_what_their_numbers_count() {
     };
     // Two geometries of three vertices, 12 bytes each, behind 8 bytes of something else.
     let column = "{ address_of = 'vertices', offset = 8, stride = 12, by = 'first_vertex' }";
-    let lamp = format!("{{ mesh = 'lamp', table = 'geometries', columns = ['vertex_count', 'padding', {column}] }}");
-    assert_eq!(addresses(&lamp), ([[3, 0, 0, 0].to_vec(), vec![0; 12]].concat().repeat(2), vec![(8, 8), (24, 44)]));
+    let lamp =
+        format!("{{ mesh = 'lamp', table = 'geometries', columns = ['vertex_count', 'padding', {column}] }}");
+    assert_eq!(
+        addresses(&lamp),
+        ([[3, 0, 0, 0].to_vec(), vec![0; 12]].concat().repeat(2), vec![(8, 8), (24, 44)])
+    );
     // The plane is in no file and has no geometry there: null. Then `floor`, 0, and `lamp`, 1.
     let column = "{ address_of = 'vertices', stride = 16, by = 'geometry' }";
     let rows = format!("{{ table = 'instances', columns = {column}, stride = 12, repeat = 2 }}");
     assert_eq!(addresses(&rows), (vec![0; 72], vec![(12, 0), (24, 16), (48, 0), (60, 16)]));
 
     let of = |piece: &str| mistake(&format!("push_constants = {piece}\n[[model]]\nfile = 'room.gltf'\n"));
-    let count = of("{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', stride = 4, by = 'vertex_count' } }");
+    let count = of(
+        "{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', stride = 4, by = 'vertex_count' } }",
+    );
     assert!(count.contains("`by` is a column that counts elements, from 0"), "{count}");
     assert!(count.contains("one of: first_vertex, first_index, first_triangle, mesh, material"), "{count}");
-    let missing = of("{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', by = 'material' } }");
+    let missing =
+        of("{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', by = 'material' } }");
     assert!(missing.contains("`stride` is missing"), "{missing}");
 }
 

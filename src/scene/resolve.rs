@@ -238,12 +238,14 @@ impl<'a> Resolver<'a> {
             return None;
         }
         self.expand_models();
+        let readers = self.push_constant_readers();
         let tlas = self.structures();
         let sbt = self.binding_table();
         let mut dispatches = self.dispatches();
         let passes = self.passes(&mut dispatches);
         let resources = self.bindings(&tlas, !dispatches.is_empty());
-        let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &[]);
+        let readers: Vec<_> = readers.iter().collect();
+        let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &readers);
         // With `--size`, pixels of the scene's rays may be outside the launch.
         if self.options.size.is_none() {
             self.check_rays();

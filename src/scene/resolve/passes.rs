@@ -29,6 +29,29 @@ impl Resolver<'_> {
         }
     }
 
+    /// The shaders that the scene's own push constants are for: those of the pipeline, and of
+    /// dispatches that give none of their own.
+    pub(super) fn push_constant_readers(&self) -> Vec<Spanned<String>> {
+        let mut readers = Vec::new();
+        if let Some(pipeline) = &self.pipeline {
+            let general = [&pipeline.raygen, &pipeline.miss, &pipeline.callable];
+            readers.extend(general.into_iter().flatten().filter_map(|entry| entry.shader.clone()));
+            for entry in &pipeline.hit {
+                let shaders = [&entry.closest_hit, &entry.any_hit, &entry.intersection];
+                readers.extend(shaders.into_iter().flatten().cloned());
+            }
+        }
+        let of_passes = self.passes.iter().filter_map(|pass| match &pass.value {
+            PassEntry::Dispatch(entry) => Some(entry),
+            PassEntry::Launch { .. } => None,
+        });
+        let dispatches = self.dispatches.iter().chain(of_passes);
+        readers.extend(
+            dispatches.filter(|entry| entry.push_constants.is_none()).map(|entry| entry.shader.clone()),
+        );
+        readers
+    }
+
     pub(super) fn dispatches(&mut self) -> Vec<ResolvedDispatch> {
         let entries = std::mem::take(&mut self.dispatches);
         entries.iter().filter_map(|entry| self.dispatch(entry)).collect()
