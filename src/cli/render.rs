@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::input::SceneFileArgs;
+use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -58,6 +58,8 @@ pub struct RenderArgs {
     files: SceneFileArgs,
 
     #[command(flatten)]
+    variant: VariantArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
 
     #[command(flatten)]
@@ -81,8 +83,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
         kind.check()?;
     }
-    let options =
-        LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
+    let options = LoadOptions {
+        size: args.size,
+        precision: args.precision,
+        streams: true,
+        variant: args.variant.variant.clone(),
+    };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let mut resolved = match &args.scene {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::input::SceneFileArgs;
+use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
@@ -49,6 +49,8 @@ pub struct TraceOneRayArgs {
     #[command(flatten)]
     files: SceneFileArgs,
     #[command(flatten)]
+    variant: VariantArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
     #[command(flatten)]
     limits: LimitArgs,
@@ -88,7 +90,11 @@ pub struct TraceOneRayArgs {
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
     let request = args.request()?;
-    let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
+    let options = LoadOptions {
+        precision: args.precision,
+        variant: args.variant.variant.clone(),
+        ..LoadOptions::default()
+    };
     let mut scene = match &args.scene {
         Some(path) => args.files.scene(path, &options)?,
         None => demo::scene(&options)?,

@@ -155,7 +155,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::open`].
     pub fn set_launch_size(&mut self, size: [u32; 2]) -> Result<&mut Self> {
-        let options = LoadOptions { size: Some(size), ..self.options };
+        let options = LoadOptions { size: Some(size), ..self.options.clone() };
         let mut scene = self.source.read(&options)?;
         self.changes.iter().try_for_each(|change| change.apply(&mut scene))?;
         (self.options, self.scene) = (options, scene);

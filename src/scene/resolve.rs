@@ -22,6 +22,7 @@ use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
 use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
+use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
 use crate::scene::resources::ResourceEntry;
 use crate::scene::struct_lookup::DataBlock;
@@ -30,16 +31,17 @@ mod bindings;
 mod modules;
 mod passes;
 mod structures;
+mod variants;
 
 /// The options by which a command line changes a scene.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// The launch's width and height (`--size`); images without a size and cameras follow.
     pub size: Option<[u32; 2]>,
     /// How intersections are computed (`--precision`), instead of the scene's own choice.
     pub precision: Option<Precision>,
-    /// The index of the `[[variant]]` of the scene's own file to use.
-    pub variant: Option<usize>,
+    /// The name of the `[[variant]]` of the scene's own file to use (`--variant`).
+    pub variant: Option<String>,
     /// Whether storage images that are only filled may exceed the limit of images in memory,
     /// because the launch outputs them in bands.
     pub streams: bool,
@@ -167,7 +169,7 @@ impl<'a> Resolver<'a> {
         let mut all = Self {
             files,
             report,
-            options: *options,
+            options: options.clone(),
             geometry: ByName::default(),
             models: Vec::new(),
             open_models: OpenModels::default(),
@@ -190,10 +192,10 @@ impl<'a> Resolver<'a> {
             groups: Vec::new(),
             loaded: RefCell::default(),
         };
-        let mut variant = None;
+        let mut variants = Vec::new();
         for part in parts {
             // The last part is the scene's own file, whose variants are used.
-            variant = options.variant.and_then(|at| part.variants.into_iter().nth(at));
+            variants = part.variants;
             all.geometry.merge(part.geometry);
             all.shader_entries.merge(part.shaders);
             all.samplers.merge(part.samplers);
@@ -215,7 +217,7 @@ impl<'a> Resolver<'a> {
                 all.rays = part.rays;
             }
         }
-        if let Some(variant) = variant {
+        if let Some(variant) = chosen_variant(options, variants, report) {
             let unknown = |entry: &Entry<ShaderEntry>| all.shader_entries.get(&entry.name.value).is_none();
             for entry in variant.shaders.iter().filter(|entry| unknown(entry)) {
                 let message = format!("there is no shader `{}` to replace", entry.name.value);
