@@ -5,8 +5,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its results")]
 
-use anyhit::harness::LoadedScene;
-use anyhit::{Result, assert_near};
+use anyhit::{LoadedScene, Result, assert_near};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/renderer/scene.toml");
 
