@@ -1,5 +1,5 @@
-//! The frame of a renderer, from its scene: as it is, and changed until a pixel can be calculated by
-//! hand. docs/renderer.md tells how the scene came from the renderer.
+//! The frame of a renderer, from its scene: as it is, and changed until a pixel can be calculated
+//! by hand. docs/renderer.md tells how the scene came from the renderer.
 //!
 //! `cargo run --release --example renderer`
 
