@@ -241,7 +241,7 @@ fn blocks_are_known_by_where_the_data_is_bound() {
     let loaded = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default()).unwrap();
     let assembled = assemble(&loaded).unwrap();
     assert_eq!(assembled.resources.push_constants.as_ref().unwrap().bytes(), words(&[64, 0, 7]));
-    let record = loaded.sbt.raygen[0].data.bytes().unwrap();
+    let record = loaded.pipeline.sbt.raygen[0].data.bytes().unwrap();
     assert_eq!(record, words(&[1.0, 2.0, 3.0].map(bits)));
 }
 

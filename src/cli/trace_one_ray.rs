@@ -36,6 +36,10 @@ pub struct TraceOneRayArgs {
     /// first [default: 0]
     #[arg(long, value_name = "N", requires = "invocation")]
     dispatch: Option<usize>,
+    /// The pass to look at, by its name or its number from 0; the passes before it run first
+    /// [default: the first launch]
+    #[arg(long, value_name = "NAME|N", conflicts_with = "dispatch")]
+    pass: Option<String>,
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
@@ -87,7 +91,10 @@ pub struct TraceOneRayArgs {
 /// What the scene or the arguments lack, and the trap that ended a shader, after what happened
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
-    let request = args.request()?;
+    let request = match args.pass.clone() {
+        Some(pass) => Request::InPass(pass, Box::new(args.request()?)),
+        None => args.request()?,
+    };
     let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
     let mut scene = match &args.scene {
         Some(path) => args.files.scene(path, &options)?,
@@ -144,6 +151,7 @@ impl TraceOneRayArgs {
             sbt_stride: self.sbt_stride.unwrap_or(1),
             miss_index: self.miss_index.unwrap_or(0),
             payload: Vec::new(),
+            pass: None,
         }))
     }
 }

@@ -22,6 +22,9 @@ pub struct Transcript {
     pub scene: String,
     /// The name of the scene's `[[ray]]`, if it has one.
     pub ray_name: Option<String>,
+    /// The pass, by its name or number, of a scene with several; omitted for others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pass: Option<String>,
     /// The launch index; `None` for a ray from the host.
     pub launch: Option<LaunchIndex>,
     /// The invocation of a dispatch; omitted for launches and rays.

@@ -235,7 +235,9 @@ impl Change {
                 shader.path.clone_from(path);
                 shader.code.clone_from(code);
             }
-            Self::MaxRecursion(depth) => scene.max_recursion_depth = Some(*depth),
+            Self::MaxRecursion(depth) => {
+                scene.all_pipelines_mut().for_each(|one| one.max_recursion_depth = Some(*depth));
+            }
         }
         Ok(())
     }
