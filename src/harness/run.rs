@@ -57,7 +57,7 @@ pub fn rays(
 pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &mut Recorder) -> Observed {
     launch(scene, assembled, |resources| {
         let mut stats = Stats::default();
-        for pass in &assembled.passes {
+        for (number, pass) in assembled.passes.iter().enumerate() {
             let resources = assembled.pass_resources(pass, resources);
             let more = match &pass.work {
                 PassWork::Launch(launch) => {
@@ -65,16 +65,16 @@ pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &m
                     let pipeline = assembled.pass_pipeline(launch);
                     let size = launch.size;
                     let launch = Launch { pipeline: &pipeline, resources: &resources };
-                    launch.run_observed(size, &mut |event| sink.event(&event), counts)?
+                    launch.run_observed(size, &mut |event| sink.event(&event), counts)
                 }
                 PassWork::Dispatch(at) => {
                     let (mut sink, counts) = recorder.dispatch(*at);
                     let dispatch = &assembled.dispatches[*at];
                     let on_event = &mut |event: Event| sink.event(&event);
-                    dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)?
+                    dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)
                 }
             };
-            stats = stats.plus(&more);
+            stats = stats.plus(&more.map_err(|error| assembled.in_pass(number, error))?);
         }
         Ok(stats)
     })

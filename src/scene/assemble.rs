@@ -228,7 +228,7 @@ impl<'a> Shaders<'a> {
 }
 
 /// Loads a module; a source is compiled first.
-pub(super) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
+pub(crate) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),

@@ -184,10 +184,19 @@ impl Assembled {
         LaneKernel: Width<W>,
     {
         let mut stats = Stats::default();
-        for pass in &self.passes {
-            stats = stats.plus(&self.run_pass::<W>(pass, resources, done)?);
+        for (number, pass) in self.passes.iter().enumerate() {
+            let more = self.run_pass::<W>(pass, resources, done);
+            stats = stats.plus(&more.map_err(|error| self.in_pass(number, error))?);
         }
         Ok(stats)
+    }
+
+    /// An error of a pass, which says in which one of a frame it is.
+    pub fn in_pass(&self, number: usize, error: Error) -> Error {
+        match self.is_frame() {
+            true => error.note(format!("in pass {} of the scene", self.passes[number].label(number))),
+            false => error,
+        }
     }
 
     /// Runs one of its passes.

@@ -289,9 +289,19 @@ pub struct UnboundBuffer {
 }
 
 impl ShaderBindingTable {
+    /// Its tables: ray generation, miss, hit and callable records.
+    pub fn tables(&self) -> [&Vec<ResolvedRecord>; 4] {
+        [&self.raygen, &self.miss, &self.hit, &self.callable]
+    }
+
+    /// Its tables, to be changed.
+    pub fn tables_mut(&mut self) -> [&mut Vec<ResolvedRecord>; 4] {
+        [&mut self.raygen, &mut self.miss, &mut self.hit, &mut self.callable]
+    }
+
     /// The records of all tables.
     pub fn records(&self) -> impl Iterator<Item = &ResolvedRecord> {
-        [&self.raygen, &self.miss, &self.hit, &self.callable].into_iter().flatten()
+        self.tables().into_iter().flatten()
     }
 }
 
