@@ -91,6 +91,13 @@ pub struct TraceOneRayArgs {
 /// What the scene or the arguments lack, and the trap that ended a shader, after what happened
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
+    let json = args.json;
+    let trap = trace(args).map_err(|error| output::json_error(json, error))?;
+    trap.map_or(Ok(()), Err)
+}
+
+/// Prints what was found; the error that it ended with is part of it.
+fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     let request = match args.pass.clone() {
         Some(pass) => Request::InPass(pass, Box::new(args.request()?)),
         None => args.request()?,
@@ -106,7 +113,8 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     output::notes(&session.assembled().notes);
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
-        return args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
+        let found = args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
+        return Ok(found.err());
     }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
@@ -121,7 +129,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         let options = RenderOptions { colour: !plain && stdout().is_terminal(), all: args.all };
         output::print(render::text(&transcript, options))?;
     }
-    trap.map_or(Ok(()), Err)
+    Ok(trap)
 }
 
 impl TraceOneRayArgs {

@@ -4,8 +4,8 @@ use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
 use crate::debug::session::{Request, Session, count_events, invalid, run_counts};
-use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, TrapReport, VERSION};
-use crate::error::{Error, Result};
+use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
+use crate::error::{Error, ErrorReport, Result};
 use crate::pipeline::{Pipeline, RunPart};
 use crate::scene::pass::{Pass, PassWork};
 
@@ -103,7 +103,7 @@ impl Session {
             writes_left_out: left_out,
             printed: printed.map(|line| line.text).collect(),
             counts,
-            trap: observed.trap.as_ref().map(TrapReport::of),
+            trap: observed.trap.as_ref().map(ErrorReport::of),
         };
         Ok((transcript, observed.trap))
     }

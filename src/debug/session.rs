@@ -8,8 +8,8 @@ use crate::debug::command;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
-use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, TrapReport, VERSION};
-use crate::error::{Error, ErrorKind, Result};
+use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
@@ -112,7 +112,7 @@ impl Session {
             writes_left_out,
             printed: printed.into_iter().map(|line| line.text).collect(),
             counts: run_counts(&stats),
-            trap: trap.as_ref().map(TrapReport::of),
+            trap: trap.as_ref().map(ErrorReport::of),
         };
         Ok((transcript, trap))
     }
@@ -285,17 +285,6 @@ pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
             .note("SPIR-V allows at most one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR, CullNoOpaqueKHR; of SkipTrianglesKHR and the culls by face; of SkipTrianglesKHR and SkipAABBsKHR"));
     }
     Ok(ray.clone())
-}
-
-impl TrapReport {
-    pub(super) fn of(error: &Error) -> Self {
-        Self {
-            message: error.message().to_owned(),
-            class: error.class().name(),
-            notes: error.notes().to_vec(),
-            report: error.render(),
-        }
-    }
 }
 
 pub(super) fn invalid(message: impl Into<String>) -> Error {

@@ -400,6 +400,39 @@ mod tests {
                 "[[pass]]\nraygen = 'all:first'\n[[dispatch]]\nshader = 'all'\n",
                 "there is no `[[dispatch]]` beside it",
             ),
+            ("[[pass]]\npipeline = 'ao'\n", "no pipeline is named `ao`"),
+            (
+                "[[pass]]\npipeline = 'ao'\nshader = 'all'\n",
+                "a pass is a launch from a `raygen` of a `pipeline`",
+            ),
+            ("[pipelines.ao]\n[[pass]]\npipeline = 'ao'\n", "the pipeline of this pass has no `raygen`"),
+            (
+                "[pipelines.ao]\nmemory = 'robust'\n",
+                "`memory` holds for all passes: it stands in `[pipeline]`",
+            ),
+            (
+                "[[pass]]\nraygen = 'all:first'\nname = 'a'\n[[pass]]\nshader = 'all'\nname = 'a'\n",
+                "two passes are named `a`",
+            ),
+            ("[[pass]]\nshader = 'all'\nname = '1'\n", "numbers count the passes, from 0"),
+            ("[[pass]]\nshader = 'all'\n[[ray]]\npixel = [0, 0]\npass = 0\n", "a ray needs a launch"),
+            (
+                "[[pass]]\nshader = 'all'\nname = 'x'\n[[ray]]\npixel = [0, 0]\npass = 'y'\n",
+                "the passes are: 0 `x`",
+            ),
+            ("[[ray]]\npixel = [0, 0]\npass = 1\n", "the scene has no pass `1`"),
+            ("[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n", "no resource is named `a`"),
+            (
+                "[[pass]]\nshader = 'all'\nresources = { image = 'buffer' }\n[resources.buffer]\n\
+                 type = 'buffer'\nsize = 4\n[resources.image]\ntype = 'storage_image'\nbinding = 0\n\
+                 format = 'r32f'\n",
+                "`buffer` is a buffer, and `image` is an image",
+            ),
+            (
+                "[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n[resources.a]\ntype = 'buffer'\nsize = 4\n\
+                 [resources.b]\ntype = 'buffer'\nsize = 4\n",
+                "`a` is bound nowhere",
+            ),
         ] {
             let text = format!("{head}{more}");
             let files = [("s.toml", text.as_bytes()), ("all.spv", &b"SPIR"[..])];
