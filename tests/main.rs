@@ -34,6 +34,7 @@ mod load_limits;
 mod lower_fixtures;
 mod lower_hostile;
 mod names;
+mod passes;
 mod pictures;
 mod pipeline;
 mod profiles;

@@ -97,7 +97,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     output::notes(&resolved.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut resolved);
-    if resolved.sbt.raygen.is_empty() && !resolved.dispatches.is_empty() {
+    if !resolved.launches() && !resolved.dispatches.is_empty() {
         return Err(compute_only(&resolved));
     }
     let Some((output, image)) = output_image(&resolved) else {
@@ -129,7 +129,10 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let bar = progress_bar(size.iter().map(|&side| u64::from(side)).product());
+    let bar = progress_bar(match assembled.is_frame() {
+        true => assembled.invocations(),
+        false => size.iter().map(|&side| u64::from(side)).product(),
+    });
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);

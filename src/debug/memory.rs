@@ -11,6 +11,8 @@ use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
+use crate::scene::pass::Pass;
+use crate::scene::resolved::RebindingSource;
 
 /// The number of changes that are listed; the others are counted.
 const MAX_CHANGES: usize = 256;
@@ -38,16 +40,23 @@ impl Snapshot {
         Self { contents: descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?))).collect() }
     }
 
-    /// The changes since the snapshot, in the order of the resources, and how many are left out.
+    /// The changes since the snapshot that a pass made in these resources, in their order, and how
+    /// many are left out.
     ///
     /// The output image's texel at the launch index is listed even if it did not change.
     pub fn changes(
         &self,
         scene: &ResolvedScene,
         pipeline: &Pipeline,
-        resources: &Resources,
+        (resources, pass): (&Resources, &Pass),
         id: Option<[u32; 3]>,
     ) -> (Vec<MemoryChange>, usize) {
+        // Where the pass finds what is bound at a binding.
+        let seen = |at: (Binding, usize)| {
+            let source = RebindingSource::Bound([at.0.set, at.0.binding, at.1 as u32]);
+            let rebound = pass.rebindings.iter().find(|one| one.source == source);
+            rebound.map_or(at.0, |one| Binding { set: one.at[0], binding: one.at[1] })
+        };
         let output = scene.output().map(|output| Binding { set: output.set, binding: output.binding });
         let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
@@ -56,7 +65,7 @@ impl Snapshot {
                     changed_texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
                 (Some(ResourceContent::Words(before)), Descriptor::Buffer(after)) => {
-                    changed_words(BufferLayout::of(pipeline, at.0), before, &words(after))
+                    changed_words(BufferLayout::of(pipeline, seen(at)), before, &words(after))
                 }
                 _ => continue,
             };

@@ -64,6 +64,7 @@ impl Writer {
     fn transcript(&mut self, transcript: &Transcript) {
         let mut title = vec![transcript.scene.clone()];
         title.extend(transcript.ray_name.iter().map(|name| format!("ray \"{name}\"")));
+        title.extend(transcript.pass.iter().map(|pass| format!("pass {pass}")));
         if let Some(launch) = &transcript.launch {
             let [x, y, z] = launch.id;
             let [width, height, depth] = launch.size;

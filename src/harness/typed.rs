@@ -11,6 +11,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::program::Program;
 use crate::scene::Assembled;
+use crate::scene::pass::Pass;
 
 /// The most elements of a buffer in which further pointers are searched.
 const ELEMENTS: usize = 64;
@@ -41,6 +42,8 @@ pub fn pointed(assembled: &Assembled, address: u64) -> Option<Value> {
             if class == storage::PUSH_CONSTANT {
                 buffers.extend(resources.push_constants.clone());
                 buffers.extend(assembled.dispatches.iter().filter_map(|one| one.push_constants.clone()));
+                let launches = assembled.passes.iter().filter_map(Pass::launch);
+                buffers.extend(launches.filter_map(|launch| launch.push_constants.clone()));
             }
             let descriptors = binding.and_then(|binding| resources.descriptors.get(&binding));
             buffers.extend(descriptors.into_iter().flatten().filter_map(|descriptor| match descriptor {
@@ -91,8 +94,7 @@ fn block(module: &Module, mut ty: TypeId) -> TypeId {
 
 /// The shaders of a scene.
 pub fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
-    let dispatched = assembled.dispatches.iter().map(|dispatch| &*dispatch.compute.program);
-    assembled.pipeline.programs.iter().map(|program| &**program).chain(dispatched)
+    assembled.programs().map(|program| &**program)
 }
 
 /// Storage class, binding and type of what a program's interface binds.
