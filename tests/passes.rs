@@ -66,8 +66,7 @@ fn records_and_push_constants_are_set_by_the_names_of_members() -> Result<()> {
     assert_eq!(result(&scene)?, [8, 16, 16, 16]);
     scene.set_shader_record("occluded", &0.125_f32)?;
     assert_eq!(result(&scene)?, [2, 16, 16, 16]);
-    // All of it holds where the scene is read again, for a launch of half the width: only the
-    // images and rays that are left.
+    // All of it holds where the scene is read again.
     scene.set_launch_size([4, 1])?;
     assert_eq!(result(&scene)?, [2, 16, 16, 16]);
     let error = scene.set_shader_record("shdow", &0_u32).unwrap_err();
@@ -219,6 +218,7 @@ fn a_descriptor_keeps_its_type_and_takes_another_content() -> Result<()> {
     let passes = LoadedScene::from_text(folder.join("passes.toml"), SCENE)?.launch_each()?;
     assert_eq!(row(&passes[0], "canvas")?, [1.0, 2.0, 3.0, 4.0]);
     assert_eq!(passes[1].read_buffer::<f32>("found")?, [0.0; 4]);
+    assert_eq!(passes[1].read_buffer::<f32>("apart")?, [1.0, 2.0, 3.0, 4.0]);
     assert_eq!(passes[2].read_buffer::<f32>("found")?, [10.0, 20.0, 30.0, 40.0]);
     assert_eq!(passes[2].read_buffer::<f32>("other")?, [0.0; 4]);
     Ok(())

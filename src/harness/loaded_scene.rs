@@ -347,8 +347,14 @@ impl Change {
                 let is_buffer = |resource: &Resource| {
                     matches!(resource, Resource::StorageBuffer(_) | Resource::UniformBuffer(_))
                 };
-                let all = || scene.resources.iter().filter(|one| is_buffer(&one.resource));
-                let unknown = unknown("buffer", name, all().map(|one| one.name.as_str()));
+                if let Some(found) = scene.unbound.iter_mut().find(|one| one.name == *name) {
+                    found.data = bytes.clone().into();
+                    return Ok(());
+                }
+                let bound = scene.resources.iter().filter(|one| is_buffer(&one.resource));
+                let names = bound.map(|one| one.name.as_str());
+                let names = names.chain(scene.unbound.iter().map(|one| one.name.as_str()));
+                let unknown = unknown("buffer", name, names);
                 let mut buffers = scene.resources.iter_mut().filter(|one| is_buffer(&one.resource));
                 let found = buffers.find(|one| one.name == *name).ok_or(unknown)?;
                 if let Resource::StorageBuffer(content) | Resource::UniformBuffer(content) =
@@ -459,11 +465,14 @@ impl SceneOutcome {
         self.bound.buffer(set, binding)
     }
 
-    /// A buffer as a row of a plain Rust type.
+    /// A buffer as a row of a plain Rust type; also one that is reached by its address alone.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no such buffer, or its size is no multiple.
     pub fn read_buffer<T: AnyBitPattern>(&self, name: &str) -> Result<Vec<T>> {
+        if let Some((_, buffer)) = self.bound.resources.memory.named_buffer(name) {
+            return bound::rows(&buffer.bytes());
+        }
         let [set, binding] = self.place(name)?;
         bound::rows(&self.bound.buffer_bytes(set, binding)?)
     }
