@@ -16,6 +16,7 @@ mod bands;
 mod cli;
 mod compile;
 mod conformance;
+mod descriptors;
 mod device;
 mod driver_golden;
 #[cfg(feature = "stress")]

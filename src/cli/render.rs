@@ -13,8 +13,8 @@ use crate::cli::{output, precision, stats};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
+use crate::machine::LaunchLimits;
 use crate::machine::image::ImageShape;
-use crate::machine::{Binding, Descriptor, LaunchLimits};
 use crate::pipeline::{Band, BandedLaunch, StreamedImage};
 use crate::scene::image::{PictureKind, stream_png, write_picture};
 use crate::scene::image_entry::ImageContent;
@@ -113,15 +113,14 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
-    let (bands, whole_image) = match split_into_bands(&args, &assembled, output, image, &streamed) {
+    let (bands, whole_image) = match split_into_bands(&args, &resolved, &assembled, output, &streamed) {
         Ok(bands) => (Some(bands), None),
         Err(why) => {
             let with_reason = |error: Error| {
                 error.at(output.place.clone()).note(format!("the whole image is held in memory: {why}"))
             };
             let image = scene::assemble::image(image, &resolved.files.limits).map_err(with_reason)?;
-            let binding = Binding { set: output.set, binding: output.binding };
-            assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
+            scene::assemble::bind_image(&resolved, output, &image, &mut assembled.resources);
             (None, Some(image))
         }
     };
@@ -199,7 +198,7 @@ fn compute_only(scene: &ResolvedScene) -> Error {
 fn output_image(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &ImageContent)> {
     let output = scene.output()?;
     match &output.resource {
-        Resource::StorageImage(image) => Some((output, image)),
+        Resource::StorageImage(image) => Some((output, &**image)),
         _ => None,
     }
 }
@@ -208,11 +207,12 @@ fn output_image(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &I
 /// memory.
 fn split_into_bands<'a>(
     args: &RenderArgs,
+    scene: &ResolvedScene,
     assembled: &'a Assembled,
     output: &resolved::ResolvedBinding,
-    image: &ImageContent,
     streamed: &'a StreamedImage,
 ) -> Result<BandedLaunch<'a>, String> {
+    let Some(image) = output.resource.image() else { return Err("it is none".to_owned()) };
     let [width, height, _] = assembled.size;
     let kind = args.output.as_deref().and_then(PictureKind::of).unwrap_or(PictureKind::Png);
     let reason = if kind != PictureKind::Png {
@@ -225,6 +225,8 @@ fn split_into_bands<'a>(
         "it is no plane as wide and high as the launch, of one level and sample"
     } else if !image.is_filled() {
         "the scene gives its texels one by one"
+    } else if scene.bindings_of_image(output).count() > 1 {
+        "it has several bindings"
     } else if output.element > 0 {
         "it is not the first of an array of images"
     } else if image.size() <= 2 * streamed.band_bytes {

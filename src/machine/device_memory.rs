@@ -167,10 +167,12 @@ impl DeviceMemory {
         copy
     }
 
-    /// The address of a buffer that has one.
-    pub fn address_of(&self, buffer: &Arc<Buffer>) -> Option<u64> {
-        let is_it = |one: &&Allocation| one.buffer().is_some_and(|found| Arc::ptr_eq(found, buffer));
-        self.allocations.iter().find(is_it).map(|allocation| allocation.base)
+    /// The address of a buffer that has one, or of a view of it.
+    pub fn address_of(&self, buffer: &Buffer) -> Option<u64> {
+        self.allocations.iter().find_map(|allocation| {
+            let found = allocation.buffer().filter(|found| found.memory_id() == buffer.memory_id())?;
+            allocation.base.checked_add(buffer.offset().checked_sub(found.offset())?)
+        })
     }
 
     /// The buffer of a name.
@@ -364,6 +366,16 @@ mod tests {
             assert!(error.contains(why), "{address:#x}: {error}");
         }
         memory.add_buffer_at(0x2_0000_0020, &Buffer::zeroed(32), None).unwrap();
+    }
+
+    #[test]
+    fn a_view_lies_inside_its_buffer() {
+        let mut memory = DeviceMemory::default();
+        let buffer = Buffer::zeroed(64);
+        let base = memory.add_buffer(&buffer);
+        let view = buffer.view(16, 8, "arena").unwrap();
+        assert_eq!(memory.address_of(&view), Some(base + 16));
+        assert_eq!(memory.add_buffer(&view), base + 16);
     }
 
     #[test]

@@ -13,9 +13,11 @@ use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
 use crate::module::{self, Module};
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt};
+use crate::program::descriptors::stand_in;
 use crate::program::{Program, lower};
 use crate::scene::addresses::Addresses;
 use crate::scene::descriptors;
+use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork};
@@ -23,7 +25,7 @@ use crate::scene::resolved::{
     self, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedScene,
     ResolvedShader, ShaderCode, ShaderModule,
 };
-use crate::scene::resources::Resource;
+use crate::scene::resources::{BufferView, Resource};
 
 /// A scene that can be launched.
 #[derive(Clone, Debug)]
@@ -38,7 +40,8 @@ pub struct Assembled {
     pub size: [u32; 3],
     /// Dispatches of compute shaders, in order.
     pub dispatches: Vec<Dispatch>,
-    /// Notes for the scene's author, a line each: buffers that end in a part of an element.
+    /// Notes for the scene's author, a line each: buffers that end in a part of an element, and
+    /// descriptors that nothing is bound to.
     pub notes: Vec<String>,
     /// What [`Assembled::run`] runs, in order.
     pub passes: Vec<Pass>,
@@ -74,21 +77,33 @@ pub fn assemble(scene: &ResolvedScene) -> Result<Assembled> {
     assemble_excluding(scene, None)
 }
 
-/// Assembles a scene without one binding, that of an image which the caller binds.
+/// Assembles a scene without the image at a binding, which the caller binds wherever the scene
+/// does: [`bind_image`].
 ///
 /// # Errors
 /// As [`assemble`].
 pub fn assemble_without(scene: &ResolvedScene, excluded: &resolved::ResolvedBinding) -> Result<Assembled> {
-    assemble_excluding(scene, Some((excluded.set, excluded.binding, excluded.element)))
+    assemble_excluding(scene, Some(excluded))
 }
 
-fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) -> Result<Assembled> {
+fn assemble_excluding(
+    scene: &ResolvedScene,
+    excluded: Option<&resolved::ResolvedBinding>,
+) -> Result<Assembled> {
     let mut errors = Vec::new();
     let addresses = &Addresses::assign(scene, &mut errors);
     let mut shaders = Shaders { scene, loaded: HashMap::new(), addresses, programs: Vec::new() };
     let built: Vec<_> = scene.all_pipelines().map(|one| pipeline(&mut shaders, one, &mut errors)).collect();
     let dispatches = dispatches(&mut shaders, &mut errors);
-    let resources = resources(scene, excluded, addresses, &mut errors);
+    let mut resources = resources(scene, excluded, addresses, &mut errors);
+    if scene.missing_descriptors == MissingDescriptors::Zeros {
+        let programs = || shaders.programs.iter().map(|(.., program)| &**program);
+        for binding in programs().flat_map(Program::bindings) {
+            if !resources.stand_ins.contains_key(&binding) {
+                resources.stand_ins.extend(stand_in(programs(), binding).map(|one| (binding, one)));
+            }
+        }
+    }
     let mut pipelines: Vec<(Pipeline, Vec<Option<Record>>)> = Vec::new();
     // A pipeline that lacks a shader fails for that reason, which is already reported.
     let reported = !errors.is_empty();
@@ -115,7 +130,9 @@ fn assemble_excluding(scene: &ResolvedScene, excluded: Option<(u32, u32, u32)>) 
     if !errors.is_empty() {
         return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
     }
-    let notes = descriptors::stride_notes(scene, shaders.programs.iter().map(|(.., program)| &**program));
+    let programs = || shaders.programs.iter().map(|(.., program)| &**program);
+    let mut notes = descriptors::stride_notes(scene, programs());
+    notes.extend(descriptors::missing_note(scene, programs()));
     let passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
     let mut pipelines = pipelines.into_iter().map(|(pipeline, _)| pipeline);
     let pipeline = pipelines.next().expect("bug in anyhit: a scene without a pipeline");
@@ -362,7 +379,7 @@ fn pipeline<'a>(
 
 fn resources(
     scene: &ResolvedScene,
-    excluded: Option<(u32, u32, u32)>,
+    excluded: Option<&resolved::ResolvedBinding>,
     addresses: &Addresses,
     errors: &mut Vec<Error>,
 ) -> Resources {
@@ -376,7 +393,22 @@ fn resources(
     }
     let mut resources =
         Resources { policy: scene.memory, printed_bytes: scene.printed_bytes, ..Resources::default() };
-    let is_excluded = |one: &resolved::ResolvedBinding| excluded == Some((one.set, one.binding, one.element));
+    let is_excluded = |one: &resolved::ResolvedBinding| {
+        excluded.is_some_and(|excluded| {
+            let place = |one: &resolved::ResolvedBinding| (one.set, one.binding, one.element);
+            place(one) == place(excluded) || one.is_same_image(excluded)
+        })
+    };
+    // Descriptors of one image or one buffer share it.
+    let mut images: Vec<(&Arc<ImageContent>, Arc<machine::Image>)> = Vec::new();
+    let mut image = |content| shared_image(&mut images, content, &scene.files.limits);
+    let mut buffers: HashMap<&str, Arc<Buffer>> = HashMap::new();
+    buffers.extend(addressed.iter().map(|(name, buffer)| (*name, buffer.clone())));
+    let mut views: Vec<(&resolved::ResolvedBinding, &BufferView)> = Vec::new();
+    for binding in &scene.resources {
+        let key = Binding { set: binding.set, binding: binding.binding };
+        resources.names.entry(key).or_insert_with(|| binding.name.as_str().into());
+    }
     for binding in scene.resources.iter().filter(|one| !is_excluded(one)) {
         let descriptor = match &binding.resource {
             Resource::NullBuffer => scene
@@ -396,6 +428,7 @@ fn resources(
                 };
                 match buffer {
                     Ok(buffer) => {
+                        buffers.insert(&binding.name, buffer.clone());
                         if addresses.of_name(&binding.name).is_some() {
                             addressed.insert(&binding.name, buffer.clone());
                         }
@@ -408,13 +441,18 @@ fn resources(
                     }
                 }
             }
-            Resource::StorageImage(image) | Resource::SampledImage(image) | Resource::TexelBuffer(image) => {
-                self::image(image, &scene.files.limits).map(Descriptor::Image)
+            // Its buffer may have a greater binding number.
+            Resource::BufferView(view) => {
+                views.push((binding, view));
+                continue;
             }
+            Resource::StorageImage(content)
+            | Resource::SampledImage(content)
+            | Resource::TexelBuffer(content) => image(content).map(Descriptor::Image),
             Resource::Sampler(sampler) => Ok(Descriptor::Sampler(Arc::new(*sampler))),
-            Resource::CombinedImageSampler(image, sampler) => {
+            Resource::CombinedImageSampler(content, sampler) => {
                 let sampler = Arc::new(*sampler);
-                self::image(image, &scene.files.limits).map(|image| Descriptor::ImageSampler(image, sampler))
+                image(content).map(|image| Descriptor::ImageSampler(image, sampler))
             }
             Resource::AccelerationStructure(index) => {
                 Ok(Descriptor::AccelerationStructure(scene.tlas[*index].1.clone()))
@@ -428,6 +466,24 @@ fn resources(
             Err(error) => errors.push(error.at(binding.place.clone())),
         }
     }
+    for (binding, view) in views {
+        // Without the buffer there is an error already.
+        let Some(buffer) = buffers.get(view.buffer.as_str()) else { continue };
+        match buffer.view(view.start(), view.range, &view.buffer) {
+            Some(range) => {
+                let key = Binding { set: binding.set, binding: binding.binding };
+                resources.insert(key, binding.element, Descriptor::Buffer(range));
+            }
+            None => {
+                let BufferView { buffer: name, range, .. } = view;
+                let (start, size) = (view.start(), buffer.size());
+                let message = format!(
+                    "{range} bytes at offset {start} go past the end of `{name}`, which has {size} bytes"
+                );
+                errors.push(Error::new(ErrorKind::InvalidScene, message).at(binding.place.clone()));
+            }
+        }
+    }
     if !scene.push_constants.is_empty() {
         match scene.push_constants.encode(addresses) {
             Ok(bytes) => resources.push_constants = Some(Buffer::new(&bytes)),
@@ -436,6 +492,38 @@ fn resources(
     }
     resources.memory = addresses.memory(&addressed);
     resources
+}
+
+/// The image of a content, which is made at its first appearance.
+fn shared_image<'a>(
+    known: &mut Vec<(&'a Arc<ImageContent>, Arc<machine::Image>)>,
+    content: &'a Arc<ImageContent>,
+    limits: &InputLimits,
+) -> Result<Arc<machine::Image>> {
+    if let Some((_, image)) = known.iter().find(|(other, _)| Arc::ptr_eq(other, content)) {
+        return Ok(image.clone());
+    }
+    let image = image(content, limits)?;
+    known.push((content, image.clone()));
+    Ok(image)
+}
+
+/// Binds an image wherever the scene binds that of a binding, which [`assemble_without`] left out.
+pub fn bind_image(
+    scene: &ResolvedScene,
+    at: &resolved::ResolvedBinding,
+    image: &Arc<machine::Image>,
+    resources: &mut Resources,
+) {
+    for one in scene.bindings_of_image(at) {
+        let descriptor = match &one.resource {
+            Resource::CombinedImageSampler(_, sampler) => {
+                Descriptor::ImageSampler(image.clone(), Arc::new(*sampler))
+            }
+            _ => Descriptor::Image(image.clone()),
+        };
+        resources.insert(Binding { set: one.set, binding: one.binding }, one.element, descriptor);
+    }
 }
 
 /// Creates an image.

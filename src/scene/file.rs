@@ -280,6 +280,8 @@ pub struct PipelineEntry {
     pub printed_bytes: Option<u64>,
     /// What happens on an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
+    /// What happens at a descriptor that nothing is bound to.
+    pub unbound: MissingDescriptors,
     /// The pipeline's flags.
     pub flags: PipelineFlags,
 }
@@ -313,6 +315,7 @@ impl Parse for PipelineEntry {
             max_stack_size: table.optional("max_stack_size"),
             printed_bytes: table.optional("printed_bytes"),
             memory: table.optional("memory"),
+            unbound: table.or("unbound", MissingDescriptors::default()),
             flags: device::flags(&table),
         };
         table.finish();
@@ -327,13 +330,28 @@ pub struct NamedPipelineEntry(pub PipelineEntry);
 impl Parse for NamedPipelineEntry {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         let table = Table::new(value)?;
-        let mut scenes_own = ["memory", "printed_bytes"].into_iter().filter(|key| table.has(key));
+        let mut scenes_own = ["memory", "printed_bytes", "unbound"].into_iter().filter(|key| table.has(key));
         if let Some(key) = scenes_own.next() {
             let found = table.value(key)?;
             return found.wrong(format!("`{key}` holds for all passes: it stands in `[pipeline]`"));
         }
         PipelineEntry::parse(value).map(Self)
     }
+}
+
+/// What happens at a descriptor that shaders use and the scene does not bind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MissingDescriptors {
+    /// The access traps.
+    #[default]
+    Trap,
+    /// There is a null descriptor: loads are zeros, stores are dropped, rays miss.
+    Zeros,
+}
+
+impl Named for MissingDescriptors {
+    const WHAT: &'static str = "policy for descriptors that nothing is bound to";
+    const NAMES: &'static [(&'static str, Self)] = &[("trap", Self::Trap), ("zeros", Self::Zeros)];
 }
 
 impl Named for MemoryPolicy {

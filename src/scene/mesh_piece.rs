@@ -142,6 +142,10 @@ enum TextureChoice {
     TextureSlot(TextureSlot),
     /// By its number in the file.
     Number(u32),
+    /// All of the file, each an element of an array.
+    All,
+    /// One of all, by its number: the materials say whether it has colours.
+    OneOfAll(u32),
 }
 
 impl Parse for TextureReference {
@@ -149,16 +153,38 @@ impl Parse for TextureReference {
         let table = Table::new(value)?;
         let mesh = table.required("mesh");
         let base_color = TextureChoice::TextureSlot(TextureSlot::BaseColor);
-        let texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
+        let mut texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
             Some(_) => TextureSlot::parse(value).map(TextureChoice::TextureSlot),
             None => u32::parse(value).map(TextureChoice::Number),
         });
+        if let Some(all) = table.value("textures") {
+            texture = match all.text() {
+                Some("all") if !table.has("texture") => Some(TextureChoice::All),
+                Some("all") => all.wrong("either one `texture` or all `textures` of the file"),
+                _ => all.wrong("`textures` is `\"all\"`: each is an element of an array"),
+            };
+        }
         table.finish();
         Some(Self { mesh: mesh?, texture: texture?, span: value.span() })
     }
 }
 
 impl TextureReference {
+    /// Whether it is of all textures of a file, which only an array of descriptors holds.
+    pub fn is_all(&self) -> bool {
+        matches!(self.texture, TextureChoice::All)
+    }
+
+    /// One for each texture of the file.
+    ///
+    /// # Errors
+    /// As [`SceneMeshes::find`].
+    pub fn each(&self, meshes: &SceneMeshes<'_>) -> Result<Vec<Self>> {
+        let count = meshes.find(&self.mesh)?.model.textures.len() as u32;
+        let one = |at| Self { texture: TextureChoice::OneOfAll(at), ..self.clone() };
+        Ok((0..count).map(one).collect())
+    }
+
     /// The texture, and whether its texels of 8 bits are colours, where that is known.
     ///
     /// # Errors
@@ -167,6 +193,14 @@ impl TextureReference {
         let MeshSelection { model, parts, .. } = meshes.find(&self.mesh)?;
         let slot = match self.texture {
             TextureChoice::TextureSlot(slot) => slot,
+            TextureChoice::All => {
+                let message =
+                    "all textures of a file are the elements of an array, and no layers of an image";
+                return Err(self.span.error(message));
+            }
+            TextureChoice::OneOfAll(number) => {
+                return Ok((&model.textures[number as usize], model.texture_has_colors(number as usize)));
+            }
             TextureChoice::Number(number) => {
                 let count = model.textures.len();
                 let message = || format!("texture {number} of {count}, which count from 0");

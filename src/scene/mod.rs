@@ -40,6 +40,7 @@ pub mod specialization;
 pub mod struct_data;
 pub mod struct_lookup;
 pub mod tree;
+mod view_entry;
 
 pub use assemble::{Assembled, assemble, assemble_without};
 pub use files::{DiskFiles, EmbeddedFiles, Files, SceneFiles};

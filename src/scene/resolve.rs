@@ -33,6 +33,7 @@ mod modules;
 mod passes;
 mod structures;
 mod variants;
+mod views;
 
 /// The options by which a command line changes a scene.
 #[derive(Clone, Debug, Default)]
@@ -250,11 +251,11 @@ impl<'a> Resolver<'a> {
         let (pipeline, pipelines) = self.all_pipelines();
         let mut dispatches = self.dispatches();
         let passes = self.passes(&mut dispatches, &pipelines);
-        let resources = self.bindings(&tlas, !dispatches.is_empty());
+        let unbound = self.unbound_buffers();
+        let resources = self.bindings(&tlas, &unbound, !dispatches.is_empty());
         let readers: Vec<_> = readers.iter().collect();
         let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &readers);
         self.check_rays(&passes, !pipeline.sbt.raygen.is_empty(), dispatches.len());
-        let unbound = self.unbound_buffers();
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
         let scene = ResolvedScene {
             path: self.own.source().path.clone(),
@@ -276,6 +277,7 @@ impl<'a> Resolver<'a> {
                 .and_then(|pipeline| pipeline.printed_bytes)
                 .map_or_else(PrintedBytes::default, PrintedBytes),
             memory: self.pipeline.as_ref().and_then(|pipeline| pipeline.memory).unwrap_or_default(),
+            missing_descriptors: self.pipeline.as_ref().map_or_else(Default::default, |one| one.unbound),
             launch: self.launch,
             rays: self.rays,
             document: self.own,

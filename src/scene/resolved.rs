@@ -12,7 +12,7 @@ use crate::module::Module;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::addresses::AddressChoice;
 use crate::scene::encoding::{AddressOf, Data};
-use crate::scene::file::RayEntry;
+use crate::scene::file::{MissingDescriptors, RayEntry};
 use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
@@ -38,7 +38,7 @@ pub struct ResolvedScene {
     pub pipelines: Vec<ResolvedPipeline>,
     /// The contents of the descriptor sets, sorted by set, binding and element.
     pub resources: Vec<ResolvedBinding>,
-    /// Buffers that no descriptor refers to, in the order of their names.
+    /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
@@ -52,6 +52,8 @@ pub struct ResolvedScene {
     pub printed_bytes: PrintedBytes,
     /// What happens on an access outside its buffer or image.
     pub memory: MemoryPolicy,
+    /// What happens at a descriptor that shaders use and nothing is bound to.
+    pub missing_descriptors: MissingDescriptors,
     /// Width, height and depth of the launch.
     pub launch: [u32; 3],
     /// The rays that `trace-one-ray` offers.
@@ -275,7 +277,15 @@ pub struct ResolvedBinding {
     pub place: Place,
 }
 
-/// A buffer that shaders reach by its address alone.
+impl ResolvedBinding {
+    /// Whether the image here is that of another binding.
+    pub fn is_same_image(&self, other: &Self) -> bool {
+        self.resource.image().zip(other.resource.image()).is_some_and(|(own, other)| Arc::ptr_eq(own, other))
+    }
+}
+
+/// A buffer that has no binding of its own: shaders reach it by its address, or by those of its
+/// ranges that are bound.
 #[derive(Clone, Debug)]
 pub struct UnboundBuffer {
     /// The scene's name for it.
@@ -357,6 +367,15 @@ impl ResolvedScene {
     pub fn output(&self) -> Option<&ResolvedBinding> {
         let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));
         let mut marked = images().filter(|binding| binding.output.is_some());
-        marked.next().or_else(|| images().next().filter(|_| images().count() == 1))
+        let only = |first: &&ResolvedBinding| images().all(|other| other.is_same_image(first));
+        marked.next().or_else(|| images().next().filter(only))
+    }
+
+    /// The bindings of the image that is bound at one.
+    pub fn bindings_of_image<'a>(
+        &'a self,
+        image: &'a ResolvedBinding,
+    ) -> impl Iterator<Item = &'a ResolvedBinding> {
+        self.resources.iter().filter(|one| one.is_same_image(image))
     }
 }

@@ -59,8 +59,10 @@ pub fn invalid(message: String) -> Error {
 
 /// A hint at the options that show what a run wrote.
 pub fn hint(scene: &ResolvedScene) -> String {
-    let holds_data = |one: &&resolved::ResolvedBinding| {
-        matches!(one.resource, Resource::StorageBuffer(_) | Resource::StorageImage(_))
+    let holds_data = |one: &&resolved::ResolvedBinding| match &one.resource {
+        Resource::StorageBuffer(_) | Resource::StorageImage(_) => true,
+        Resource::BufferView(view) => view.kind.is_storage(),
+        _ => false,
     };
     let names: Vec<_> =
         scene.resources.iter().filter(holds_data).map(|one| format!("`{}`", one.name)).collect();

@@ -89,7 +89,7 @@ impl ShaderTest {
         }
         let exit = batch.exits[0];
         if let Exit::Trapped(trap) = exit {
-            let error = trap_error(program, &batch, 0, trap);
+            let error = trap_error(program, &[], &batch, 0, trap);
             let limit = limit_note(trap.code, self.fuel, None);
             return Err(limit.into_iter().fold(error, Error::note));
         }

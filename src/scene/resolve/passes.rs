@@ -242,6 +242,10 @@ impl Resolver<'_> {
             return Some(Err(at.span.error(message).note("to the left stands what the shaders bind")));
         }
         let (wanted, found) = (class(bound), class(other));
+        if wanted == ARRAY {
+            let message = format!("`{}` is {ARRAY}: a pass takes the place of one descriptor", at.value);
+            return Some(Err(at.span.error(message)));
+        }
         if wanted != found {
             let message = format!("`{}` is {found}, and `{}` is {wanted}", source.value, at.value);
             return Some(Err(source.span.error(message).at_with(bound.span.place(), "what is bound")));
@@ -355,19 +359,27 @@ fn no_launch(key: &Spanned<PassKey>) -> Error {
 }
 
 fn is_unbound(entry: &ResourceEntry) -> bool {
-    matches!(entry.content, Content::Buffer(DescriptorKind::Unbound, _))
+    matches!(entry.contents[..], [Content::Buffer(DescriptorKind::Unbound, _)])
 }
+
+const ARRAY: &str = "an array of descriptors";
 
 /// What a resource is: one of the same kind may stand in its descriptor. Whether an image is stored
 /// to, sampled, or has a sampler beside it is a matter of the descriptor, which stays.
 fn class(entry: &ResourceEntry) -> &'static str {
-    let kind = match &entry.content {
-        Content::Buffer(kind, _) | Content::Image(kind, _) | Content::Null(kind) => *kind,
-        Content::Sampler(_) => DescriptorKind::Sampler,
-        Content::AccelerationStructure(_) => DescriptorKind::AccelerationStructure,
+    let kind = match &entry.contents[..] {
+        [Content::Buffer(kind, _) | Content::Image(kind, _) | Content::Null(kind)] => *kind,
+        [Content::View(view)] => view.kind,
+        [Content::Sampler(_)] => DescriptorKind::Sampler,
+        [Content::AccelerationStructure(_)] => DescriptorKind::AccelerationStructure,
+        _ => return ARRAY,
     };
     match kind {
-        DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer | DescriptorKind::Unbound => "a buffer",
+        DescriptorKind::StorageBuffer
+        | DescriptorKind::UniformBuffer
+        | DescriptorKind::StorageBufferDynamic
+        | DescriptorKind::UniformBufferDynamic
+        | DescriptorKind::Unbound => "a buffer",
         DescriptorKind::StorageImage
         | DescriptorKind::SampledImage
         | DescriptorKind::CombinedImageSampler => "an image",
