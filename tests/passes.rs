@@ -83,10 +83,10 @@ fn an_instance_that_is_moved_says_whether_it_moves() -> Result<()> {
         |scene: &LoadedScene| Ok::<_, anyhit::Error>(row(&scene.launch_pass("primary")?, "second")?[0]);
     assert_eq!((scene.motion(0)?, scene.transform(0)?), (None, at(0.0)));
     // The rays have no time, which is 0.
-    scene.set_motion(0, Motion::Matrix([at(-1.0), at(-5.0)]))?;
-    assert_eq!((depth(&scene)?, scene.transform(0)?), (3.0, at(-1.0)));
-    scene.set_transform(0, at(-2.0))?;
-    assert_eq!((depth(&scene)?, scene.motion(0)?), (4.0, None));
+    scene.set_motion(0, Motion::Matrix([at(-0.5), at(-5.0)]))?;
+    assert_eq!((depth(&scene)?, scene.transform(0)?), (2.5, at(-0.5)));
+    scene.set_transform(0, at(-0.75))?;
+    assert_eq!((depth(&scene)?, scene.motion(0)?), (2.75, None));
     let error = scene.set_motion(1, Motion::Matrix([at(0.0); 2])).unwrap_err();
     assert_eq!(error.message(), "the scene has no instance 1, only 1");
     Ok(())
@@ -185,8 +185,8 @@ fn a_trap_says_in_which_pass_it_is() -> Result<()> {
     Ok(())
 }
 
-/// An image that was stored to is sampled by the next pass, and a buffer without a descriptor stands
-/// in that of another one.
+/// An image that was stored to is sampled by the next pass, and a buffer without a descriptor
+/// stands in that of another one.
 #[cfg(feature = "wgsl")]
 #[test]
 fn a_descriptor_keeps_its_type_and_takes_another_content() -> Result<()> {

@@ -226,8 +226,8 @@ fn no_contraction(module: &Module) -> HashSet<u32> {
     decorated.map(|one| one.offset).collect()
 }
 
-/// An invocation: the index of the dispatch's program, or `usize::MAX` less the number of the launch
-/// for ray generation, and the launch index.
+/// An invocation: the index of the dispatch's program, or for ray generation `usize::MAX` less the
+/// number of the launch, and the launch index.
 type InvocationKey = (usize, [u32; 3]);
 /// The way of each invocation: branches, and what rays hit.
 type DecisionLog = HashMap<InvocationKey, Vec<u64>>;

@@ -170,7 +170,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// The index of a named pipeline, `Some(None)` for `[pipeline]`; `None` for a name that is none.
+    /// The index of a named pipeline, `Some(None)` for `[pipeline]`; `None` for a name without a
+    /// pipeline.
     fn pass_pipeline(
         &self,
         wanted: Option<&Spanned<String>>,
