@@ -17,6 +17,7 @@ mod cli;
 mod compile;
 mod conformance;
 mod device;
+mod device_buffers;
 mod driver_golden;
 #[cfg(feature = "stress")]
 mod exact_intersections;

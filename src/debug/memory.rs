@@ -163,7 +163,8 @@ fn descriptors(resources: &Resources) -> impl Iterator<Item = ((Binding, usize),
 /// The buffers with a name that no descriptor refers to.
 fn unbound(resources: &Resources) -> impl Iterator<Item = (&Arc<str>, &Arc<Buffer>)> {
     let is_bound = |buffer: &Arc<Buffer>| {
-        descriptors(resources).any(|(_, one)| matches!(one, Descriptor::Buffer(it) if Arc::ptr_eq(it, buffer)))
+        descriptors(resources)
+            .any(|(_, one)| matches!(one, Descriptor::Buffer(it) if Arc::ptr_eq(it, buffer)))
     };
     resources.memory.named_buffers().filter(move |(_, buffer)| !is_bound(buffer))
 }

@@ -140,10 +140,7 @@ macro_rules! gives_resources {
             /// that reach them by pointers. An address that something has already is an error of
             /// the run.
             #[must_use]
-            pub fn device_buffers(
-                mut self,
-                buffers: &crate::harness::device_buffers::DeviceBuffers,
-            ) -> Self {
+            pub fn device_buffers(mut self, buffers: &crate::harness::device_buffers::DeviceBuffers) -> Self {
                 self.given.device_buffers(buffers);
                 self
             }

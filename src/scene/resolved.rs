@@ -273,8 +273,7 @@ impl ResolvedScene {
 
     /// Keeps the addresses as they are, before data that name some of them are replaced.
     pub fn keep_addresses(&mut self) {
-        let targets: Vec<String> =
-            self.address_targets().iter().map(|of| of.target.value.clone()).collect();
+        let targets: Vec<String> = self.address_targets().iter().map(|of| of.target.value.clone()).collect();
         self.kept_addresses.extend(targets);
     }
 
