@@ -192,21 +192,21 @@ fn a_specialization_constant_is_an_address() {
     let bytes = |binding| assembled.resources.buffer(0, binding).expect("a buffer").bytes();
     assert_eq!(bytes(1), 8_u32.to_le_bytes());
     // The array has 1 + 1 elements.
-    assert_eq!(bytes(0)[4..8], 2_u32.to_le_bytes());
+    assert_eq!(bytes(0)[8..12], 2_u32.to_le_bytes());
 }
 
 #[test]
 fn a_length_that_depends_on_an_address_lays_out_no_data() {
-    let data = "data = { value = { lengths = [1], found = 2 } }\n";
+    let data = "data = { value = { found = 9, lengths = [1] } }\n";
     let error = scene(&format!("{CONSTANT}{data}")).unwrap_err().render();
     assert!(error.contains("the length of an array depends on a specialization constant"), "{error}");
     // A number is known from the beginning: here the address that `materials` has.
     let given = CONSTANT.replace("{ address_of = 'materials', offset = 4 }", "{ u64 = 0x1_0000_0004 }");
-    let data = "data = { value = { lengths = [1, 0], found = 2 } }\n";
+    let data = "data = { value = { found = 9, lengths = [1, 0] } }\n";
     let assembled = scene(&format!("{given}{data}")).unwrap_or_else(|error| panic!("{}", error.render()));
     assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
     let bytes = assembled.resources.buffer(0, 0).expect("a buffer").bytes();
-    assert_eq!(bytes, [1_u32, 2, 2].map(u32::to_le_bytes).concat());
+    assert_eq!(bytes, [9_u32, 1, 2].map(u32::to_le_bytes).concat());
 }
 
 #[test]
