@@ -60,9 +60,10 @@ pub fn scene(
     atomic_file::write(file, &text)?;
     let failure = run(file, files, limits).err();
     let has = |stage| shaders.of(stage).next().is_some();
+    let has_picture = text.lines().any(|line| line == "output = true");
     let command = match (has(Stage::RayGeneration), has(Stage::Compute)) {
-        (true, _) => "render",
-        (false, true) => "run",
+        (true, _) if has_picture => "render",
+        (true, _) | (_, true) => "run",
         (false, false) => "trace-one-ray",
     };
     Ok(WrittenScene { path: file.to_path_buf(), command, failure })
