@@ -18,6 +18,7 @@ mod compile;
 mod conformance;
 mod descriptors;
 mod device;
+mod device_buffers;
 mod driver_golden;
 #[cfg(feature = "stress")]
 mod exact_intersections;

@@ -10,6 +10,7 @@ use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
+use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
@@ -180,9 +181,16 @@ pub fn run(args: RenderArgs) -> Result<()> {
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.
 fn compute_only(scene: &ResolvedScene) -> Error {
-    let path = scene.path.display();
+    let path = shell::word(&scene.path.display().to_string());
     let save = match scene.output() {
-        Some(output) => format!("anyhit run {path} --save {}=out.png", output.name),
+        Some(output) => {
+            // A name ends at the first `=`.
+            let what = match output.name.contains('=') {
+                true => format!("{},{}", output.set, output.binding),
+                false => output.name.clone(),
+            };
+            format!("anyhit run {path} --save {}", shell::word(&format!("{what}=out.png")))
+        }
         None => format!("anyhit run {path}"),
     };
     let message = "the scene has no ray generation shader: it dispatches compute shaders";

@@ -83,7 +83,7 @@ impl Session {
         let printed = take().into_iter().filter(|line| line.launch_id == id);
         let counts = run_counts(&count_events(&observed.events));
         let shader = &self.scene.dispatches[number].shader;
-        let names = Names::of_dispatch(&self.scene, shader, &pipeline);
+        let names = Names::of_dispatch(&self.scene, shader, &pipeline).with_memory(&resources.memory);
         let root = EventReader::new(&pipeline, names, observed.events).root();
         let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
         let transcript = Transcript {

@@ -465,10 +465,10 @@ pub struct HitReport {
 pub struct MemoryChange {
     /// The scene's name of the resource.
     pub resource: String,
-    /// Descriptor set.
-    pub set: u32,
+    /// Descriptor set; `None` for a buffer that is reached by its device address alone.
+    pub set: Option<u32>,
     /// The binding number in the set.
-    pub binding: u32,
+    pub binding: Option<u32>,
     /// The location of the change in the resource.
     pub at: ChangeLocation,
     /// The path of the member that changed, if the buffer's type is known.

@@ -44,6 +44,9 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
             Descriptor::Buffer(buffer) => Target::Buffer(buffer.clone(), *byte as u64 & !3),
             _ => return None,
         },
+        Subject::UnboundBuffer(name, byte) => {
+            Target::Buffer(resources.memory.named_buffer(name)?.1.clone(), *byte as u64 & !3)
+        }
         Subject::Texel(at, [x, y]) => match descriptor(&resources, *at)? {
             Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => {
                 let texel = *y as usize * image.shape().extent[0] as usize + *x as usize;

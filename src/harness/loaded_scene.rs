@@ -16,11 +16,13 @@ use crate::harness::memory::copied;
 use crate::harness::run::fresh_resources;
 use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
+use crate::harness::typed;
 use crate::harness::value::Value;
 use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
 use crate::module::Module;
 use crate::pipeline::Stats;
+use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
 use crate::scene::read::nearest;
 use crate::scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
@@ -111,6 +113,24 @@ impl LoadedScene {
     /// `InvalidArgument` where the scene has no buffer of that name.
     pub fn set_buffer<T: NoUninit>(&mut self, name: &str, elements: &[T]) -> Result<&mut Self> {
         self.change(Change::Buffer(name.to_owned(), bytemuck::cast_slice(elements).to_vec()))
+    }
+
+    /// The device address of a buffer or an acceleration structure, by its name: for data that
+    /// replace the scene's. It stays, whatever is changed.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where nothing of that name has an address: a buffer of type `buffer` has
+    /// one, one that says `address = true`, and what an `address_of` names.
+    pub fn address_of(&self, name: &str) -> Result<u64> {
+        let mut errors = Vec::new();
+        let addresses = Addresses::assign(&self.scene, &mut errors);
+        if !errors.is_empty() {
+            return Err(Error::several(errors));
+        }
+        addresses.of_name(name).ok_or_else(|| {
+            let names = addresses.names();
+            unknown("address of a buffer or acceleration structure", name, names)
+        })
     }
 
     /// Replaces the scene's push constants.
@@ -320,13 +340,19 @@ impl LoadedScene {
         stats: Stats,
         resources: Resources,
     ) -> SceneOutcome {
-        let names = self.scene.resources.iter().filter(|one| one.element == 0);
+        let bound = self.scene.resources.iter().filter(|one| one.element == 0);
+        let bound = bound.map(|one| (one.name.clone(), Found::Binding([one.set, one.binding])));
+        let unbound = self.scene.unbound.iter().filter_map(|one| {
+            let (address, _) = resources.memory.named_buffer(&one.name)?;
+            Some((one.name.clone(), Found::Address(address)))
+        });
+        let programs = assembled.programs().cloned().collect();
         SceneOutcome {
             pass: pass.map(|number| assembled.passes[number].key(number)),
             stats,
             printed: resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take()),
-            names: names.map(|one| (one.name.clone(), [one.set, one.binding])).collect(),
-            bound: Bound { programs: assembled.programs().cloned().collect(), resources },
+            names: bound.chain(unbound).collect(),
+            bound: Bound { programs, roots: typed::roots(assembled), resources },
         }
     }
 
@@ -344,27 +370,30 @@ impl Change {
     fn apply(&self, scene: &mut ResolvedScene) -> Result<()> {
         match self {
             Self::Buffer(name, bytes) => {
-                let is_buffer = |resource: &Resource| {
-                    matches!(resource, Resource::StorageBuffer(_) | Resource::UniformBuffer(_))
-                };
-                if let Some(found) = scene.unbound.iter_mut().find(|one| one.name == *name) {
-                    found.data = bytes.clone().into();
-                    return Ok(());
-                }
-                let bound = scene.resources.iter().filter(|one| is_buffer(&one.resource));
-                let names = bound.map(|one| one.name.as_str());
-                let names = names.chain(scene.unbound.iter().map(|one| one.name.as_str()));
+                scene.keep_addresses();
+                let ResolvedScene { resources, unbound, .. } = scene;
+                let names = resources.iter().filter(|one| one.resource.data().is_some());
+                let names = names.map(|one| one.name.as_str());
+                let names = names.chain(unbound.iter().map(|one| one.name.as_str()));
                 let unknown = unknown("buffer", name, names);
-                let mut buffers = scene.resources.iter_mut().filter(|one| is_buffer(&one.resource));
-                let found = buffers.find(|one| one.name == *name).ok_or(unknown)?;
-                if let Resource::StorageBuffer(content) | Resource::UniformBuffer(content) =
-                    &mut found.resource
-                {
-                    *content = bytes.clone().into();
-                }
+                let bound = resources.iter_mut().find_map(|one| match &mut one.resource {
+                    Resource::StorageBuffer(content) | Resource::UniformBuffer(content) => {
+                        (one.name == *name).then_some(content)
+                    }
+                    _ => None,
+                });
+                let mut unbound = unbound.iter_mut();
+                let unbound = || unbound.find(|one| one.name == *name).map(|one| &mut one.data);
+                *bound.or_else(unbound).ok_or(unknown)? = bytes.clone().into();
             }
-            Self::PushConstants(bytes) => scene.push_constants = bytes.clone().into(),
-            Self::ShaderRecord(name, bytes) => record(scene, name)?.data = bytes.clone().into(),
+            Self::PushConstants(bytes) => {
+                scene.keep_addresses();
+                scene.push_constants = bytes.clone().into();
+            }
+            Self::ShaderRecord(name, bytes) => {
+                scene.keep_addresses();
+                record(scene, name)?.data = bytes.clone().into();
+            }
             Self::Transform(instance, rows) => {
                 change_instance(scene, *instance, |found| (found.transform, found.motion) = (*rows, None))?;
             }
@@ -450,19 +479,31 @@ pub struct SceneOutcome {
     pub stats: Stats,
     /// What shaders printed (`debugPrintfEXT`), in launch order.
     pub printed: Vec<PrintedLine>,
-    /// Set and binding of each resource of the scene.
-    names: Vec<(String, [u32; 2])>,
+    /// Where each resource of the scene is.
+    names: Vec<(String, Found)>,
     bound: Bound,
 }
 
+/// Where a resource is found.
+#[derive(Clone, Copy, Debug)]
+enum Found {
+    /// At a set and binding.
+    Binding([u32; 2]),
+    /// At a device address alone.
+    Address(u64),
+}
+
 impl SceneOutcome {
-    /// A buffer by the names of its members.
+    /// A buffer by the names of its members; one that is bound nowhere as the type of the first
+    /// pointer to it.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no such buffer, or no shader uses it.
     pub fn buffer(&self, name: &str) -> Result<Value> {
-        let [set, binding] = self.place(name)?;
-        self.bound.buffer(set, binding)
+        match self.find(name)? {
+            Found::Binding([set, binding]) => self.bound.buffer(set, binding),
+            Found::Address(address) => self.bound.buffer_at(address),
+        }
     }
 
     /// A buffer as a row of a plain Rust type; also one that is reached by its address alone.
@@ -470,11 +511,10 @@ impl SceneOutcome {
     /// # Errors
     /// `InvalidArgument` where the scene has no such buffer, or its size is no multiple.
     pub fn read_buffer<T: AnyBitPattern>(&self, name: &str) -> Result<Vec<T>> {
-        if let Some((_, buffer)) = self.bound.resources.memory.named_buffer(name) {
-            return bound::rows(&buffer.bytes());
+        match self.find(name)? {
+            Found::Binding([set, binding]) => bound::rows(&self.bound.buffer_bytes(set, binding)?),
+            Found::Address(address) => self.bound.read_buffer_at(address),
         }
-        let [set, binding] = self.place(name)?;
-        bound::rows(&self.bound.buffer_bytes(set, binding)?)
     }
 
     /// The texels of an image.
@@ -482,11 +522,13 @@ impl SceneOutcome {
     /// # Errors
     /// `InvalidArgument` where the scene has no such image.
     pub fn image(&self, name: &str) -> Result<Texels> {
-        let [set, binding] = self.place(name)?;
-        self.bound.image(set, binding)
+        match self.find(name)? {
+            Found::Binding([set, binding]) => self.bound.image(set, binding),
+            Found::Address(_) => Err(invalid(format!("`{name}` is a buffer"))),
+        }
     }
 
-    fn place(&self, name: &str) -> Result<[u32; 2]> {
+    fn find(&self, name: &str) -> Result<Found> {
         let found = self.names.iter().find(|(known, _)| known == name).map(|(_, place)| *place);
         found.ok_or_else(|| unknown("resource", name, self.names.iter().map(|(known, _)| known.as_str())))
     }

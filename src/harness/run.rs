@@ -114,7 +114,7 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
         let key = Binding { set: binding.set, binding: binding.binding };
         let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
         let name = binding.name.clone();
-        let place = [binding.set, binding.binding, binding.element];
+        let place = Some([binding.set, binding.binding, binding.element]);
         match found {
             Some(Descriptor::Buffer(buffer)) => {
                 let bytes = buffer.bytes();
@@ -127,6 +127,12 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
                 observed.images.push(Bytes { name, binding: place, row, bytes, image });
             }
             _ => {}
+        }
+    }
+    for unbound in &scene.unbound {
+        if let Some((_, buffer)) = resources.memory.named_buffer(&unbound.name) {
+            let (name, bytes) = (unbound.name.clone(), buffer.bytes());
+            observed.buffers.push(Bytes { name, binding: None, row: None, bytes, image: None });
         }
     }
 }

@@ -11,7 +11,9 @@ use crate::input::{InputLimit, InputLimits};
 use crate::machine::image as machine;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
+use crate::module::ty::Type;
 use crate::module::{self, Module};
+use crate::ops::translate::array_length;
 use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt};
 use crate::program::descriptors::stand_in;
 use crate::program::{Program, lower};
@@ -218,9 +220,23 @@ impl<'a> Shaders<'a> {
         }
         let mut module = self.module(shader.module)?;
         if !shader.specialization.is_empty() {
-            let specialized = Arc::make_mut(&mut module);
-            for (key, value) in &shader.specialization {
-                value.specialize(specialized, key, Some(self.addresses))?;
+            let specialize = |module: &mut Arc<Module>, addresses| {
+                let specialized = Arc::make_mut(module);
+                let mut values = shader.specialization.iter();
+                values.try_for_each(|(key, value)| value.specialize(specialized, key, addresses))
+            };
+            // Data is laid out before addresses are known, as these depend on its size.
+            let has_addresses = shader.specialization.iter().any(|(_, value)| value.target().is_some());
+            let mut as_laid_out = module.clone();
+            specialize(&mut module, Some(self.addresses))?;
+            if has_addresses && self.scene.loaded.contains_key(&shader.module) {
+                specialize(&mut as_laid_out, None)?;
+                if !same_array_lengths(&as_laid_out, &module) {
+                    let message = "the length of an array depends on a specialization constant that is an \
+                                   address, and data is laid out by this module before addresses are known";
+                    let error = Error::new(ErrorKind::InvalidScene, message).at(shader.place.clone());
+                    return Err(error.note("give the address as a number, with `address` of its buffer"));
+                }
             }
         }
         let entry =
@@ -242,6 +258,18 @@ impl<'a> Shaders<'a> {
         self.programs.push((shader, stage, program.clone()));
         Ok(program)
     }
+}
+
+/// Whether the arrays of one module have the same lengths under two specializations.
+fn same_array_lengths(a: &Module, b: &Module) -> bool {
+    let lengths = |module: &Module| -> Vec<usize> {
+        let length = |ty: &Type| match *ty {
+            Type::Array { length, .. } => Some(array_length(module, length)),
+            _ => None,
+        };
+        module.types.iter().filter_map(length).collect()
+    };
+    lengths(a) == lengths(b)
 }
 
 /// Loads a module; a source is compiled first.

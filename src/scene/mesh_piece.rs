@@ -29,7 +29,13 @@ pub struct MeshPiece {
 #[derive(Clone, Debug)]
 enum MeshContent {
     /// A row of each vertex.
-    Vertices { attributes: Vec<Spanned<String>>, formats: Vec<AttributeFormat>, missing: Option<Vec<f32>> },
+    Vertices {
+        attributes: Vec<Spanned<String>>,
+        formats: Vec<AttributeFormat>,
+        missing: Option<Vec<f32>>,
+        /// The texture whose transform texture coordinates go through.
+        texture_transform: Option<TextureSlot>,
+    },
     /// Three indices a triangle, of two bytes each or of four.
     Indices { is_short: bool },
     /// A row of each instance of an acceleration structure that has one of the geometries.
@@ -382,9 +388,10 @@ impl MeshPiece {
             None => error,
         };
         match &self.content {
-            MeshContent::Vertices { attributes, formats, missing } => {
+            MeshContent::Vertices { attributes, formats, missing, texture_transform } => {
                 for part in parts {
-                    vertex_rows(model, *part, attributes, formats, missing.as_deref(), &mut rows)
+                    let missing = missing.as_deref();
+                    vertex_rows(model, *part, attributes, formats, missing, *texture_transform, &mut rows)
                         .map_err(named)?;
                 }
             }
@@ -482,7 +489,9 @@ fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<M
             formats
         }
     };
-    Some(MeshContent::Vertices { attributes, formats, missing: missing.map(|missing| missing.value.0) })
+    let missing = missing.map(|missing| missing.value.0);
+    let texture_transform = table.optional("texture_transform");
+    Some(MeshContent::Vertices { attributes, formats, missing, texture_transform })
 }
 
 /// Rows of one size.
@@ -535,13 +544,22 @@ fn vertex_rows(
     attributes: &[Spanned<String>],
     formats: &[AttributeFormat],
     missing: Option<&[f32]>,
+    texture_transform: Option<TextureSlot>,
     rows: &mut Rows<'_>,
 ) -> Result<()> {
     let known = &model.parts[part];
+    let mapping = texture_transform.map(|slot| model.materials[known.material].mappings[slot as usize]);
     let mut numbers = Vec::new();
     for attribute in attributes {
         numbers.push(match (known.attributes.contains(&attribute.value), missing) {
-            (true, _) => Some(model.attribute(part, &attribute.value)?),
+            (true, _) => {
+                let mut numbers = model.attribute(part, &attribute.value)?;
+                if let Some(mapping) = mapping.filter(|_| attribute.value.starts_with("texcoord_")) {
+                    let (pairs, _) = numbers.values.as_chunks_mut::<2>();
+                    pairs.iter_mut().for_each(|pair| *pair = mapping.apply(*pair));
+                }
+                Some(numbers)
+            }
             (false, Some(_)) => None,
             (false, None) => {
                 let message = format!("`{}` has no attribute `{}`", known.name, attribute.value);

@@ -1,7 +1,7 @@
 //! Resolves a scene's files: names become indices, files become bytes.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -267,6 +267,7 @@ impl<'a> Resolver<'a> {
             pipelines,
             resources,
             unbound,
+            kept_addresses: BTreeSet::new(),
             dispatches,
             passes,
             push_constants,

@@ -1,6 +1,6 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -40,6 +40,8 @@ pub struct ResolvedScene {
     pub resources: Vec<ResolvedBinding>,
     /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
+    /// What keeps its address, although nothing in the scene names it any more.
+    pub kept_addresses: BTreeSet<String>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
     /// What `[[pass]]` lists, in order; without it the launch and the dispatches are the passes.
@@ -361,6 +363,12 @@ impl ResolvedScene {
         let values = shaders.flat_map(|shader| &shader.specialization);
         targets.extend(values.filter_map(|(_, value)| value.target()));
         targets
+    }
+
+    /// Keeps the addresses as they are, before data that name some of them are replaced.
+    pub fn keep_addresses(&mut self) {
+        let targets: Vec<String> = self.address_targets().iter().map(|of| of.target.value.clone()).collect();
+        self.kept_addresses.extend(targets);
     }
 
     /// The picture that a render saves: the storage image marked as output, or the only one.
