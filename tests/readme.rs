@@ -92,6 +92,7 @@ fn the_page_about_renderers_shows_the_example() {
     let shown = [
         ("toml", scene, "[pipeline]"),
         ("toml", scene, "[resources.topLevelAS]"),
+        ("toml", scene, "[resources.textures]"),
         ("toml", scene, "[resources.instances]"),
         ("toml", scene, "[resources.scene_info.data]"),
         ("toml", scene, "[push_constants]"),

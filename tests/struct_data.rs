@@ -262,6 +262,27 @@ fn matrices_that_slang_stores_as_arrays_are_written_by_rows() {
     assert!(report.contains("3 elements are needed, 2 are given"), "{report}");
 }
 
+/// Shaders declare as much of the push constants as they use.
+#[test]
+fn a_block_that_begins_another_is_no_ambiguity() {
+    let short = SHADER
+        .replace("OpMemberName %Push 1 \"frame\"", "")
+        .replace("OpMemberDecorate %Push 1 Offset 8", "")
+        .replace("%Push = OpTypeStruct %scene %uint", "%Push = OpTypeStruct %scene");
+    let renamed = SHADER.replace("OpMemberName %Push 1 \"frame\"", "OpMemberName %Push 1 \"sample\"");
+    let push_constants = |other: &str| {
+        let text = "version = 1\npush_constants = { value = { sceneInfo = 64, frame = 7 } }\n[shaders]\n\
+                    a = 'other.spv'\nb = 'rgen.spv'\n[pipeline]\nraygen = ['a', 'b']\n";
+        let modules = [spirv(other), spirv(SHADER)];
+        let files = [("s.toml", text.as_bytes()), ("other.spv", &modules[0]), ("rgen.spv", &modules[1])];
+        load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default())
+    };
+    let scene = push_constants(&short).unwrap();
+    assert_eq!(scene.push_constants.bytes().unwrap(), words(&[64, 0, 7]));
+    let report = push_constants(&renamed).unwrap_err().render();
+    assert!(report.contains("the block of push constants differs between the shaders"), "{report}");
+}
+
 #[test]
 fn pieces_of_data_stand_for_members() {
     let flat = "flat = { f32 = [1, 2, 3, 4, 5, 6] }, turned = { f32 = [1, 2, 3, 4, 5, 6] }, weights = { f32 = [7, 8] }";

@@ -21,7 +21,9 @@ use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
 };
-use crate::scene::struct_lookup::{DataBlock, distinct, find, find_block, layout_note, name_of, strides};
+use crate::scene::struct_lookup::{
+    DataBlock, distinct, find, find_block, layout_note, longest, name_of, strides,
+};
 use crate::scene::tree::Toml;
 
 /// Names of missing members that an error lists.
@@ -186,8 +188,10 @@ impl StructPiece {
             }
         }
         let found = distinct(found);
+        if let Some(longest) = longest(&found) {
+            return Ok(longest);
+        }
         match (&found[..], first_error) {
-            ([one], _) => Ok(*one),
             ([], Some(error)) => Err(error),
             ([], None) => {
                 let what = block.map_or_else(|| "a struct".to_owned(), DataBlock::describe);

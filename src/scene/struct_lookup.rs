@@ -224,6 +224,27 @@ pub fn distinct(layouts: Vec<Layout<'_>>) -> Vec<Layout<'_>> {
     kept
 }
 
+/// The layout of which all others are the beginning, as shaders declare as much of a block as they
+/// use.
+pub fn longest<'a>(layouts: &[Layout<'a>]) -> Option<Layout<'a>> {
+    let longest = layouts.iter().max_by_key(|layout| layout.size())?;
+    layouts.iter().all(|layout| begins(*layout, *longest)).then_some(*longest)
+}
+
+/// Whether the members of a struct are the first ones of another.
+fn begins(short: Layout<'_>, long: Layout<'_>) -> bool {
+    let (Type::Struct { members: first, .. }, Type::Struct { members: all, .. }) =
+        (short.module.ty(short.ty), long.module.ty(long.ty))
+    else {
+        return false;
+    };
+    first.len() <= all.len()
+        && first.iter().zip(all).all(|(a, b)| {
+            (&a.name, a.offset, a.matrix) == (&b.name, b.offset, b.matrix)
+                && same_layout(short.part(a.ty), long.part(b.ty))
+        })
+}
+
 /// The layout of a struct as the note of an error.
 pub fn layout_note(layout: Layout<'_>) -> String {
     let size = match layout.runtime_stride() {
