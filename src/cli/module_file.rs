@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
-use crate::compile::{CompileOptions, DebugInfoLevel, Language, SOURCE_EXTENSIONS, Source, compile_once};
+use crate::cli::output;
+use crate::compile::{
+    CompileOptions, DebugInfoLevel, Language, SOURCE_EXTENSIONS, Source, SourceSettings, SourceWords,
+    compile_once_with_warnings,
+};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
@@ -41,15 +45,33 @@ pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
 /// Loads a SPIR-V file, or compiles a shader's source with full debug information and loads that.
 ///
 /// # Errors
-/// As [`read`], but that source is welcome; what [`compile_once`] reports.
-pub fn read_or_compile(path: &Path, limits: &InputLimits) -> Result<Module> {
-    if Language::of(path).is_none() {
-        return read(path, limits);
-    }
+/// As [`read`], but that source is welcome; what [`compile_once_with_warnings`] reports.
+pub fn read_or_compile(path: &Path, limits: &InputLimits, words: &SourceWords) -> Result<Module> {
     let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
-    let source = Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
-    let spirv = compile_once(&source, &options)?;
-    module::load_with(&spirv, *limits).map_err(|error| error.at(Place::File(path.to_owned())))
+    match words.settings(path)? {
+        None => read(path, limits),
+        Some(settings) => compile(path, limits, &settings, &options).map(|(_, module)| module),
+    }
+}
+
+/// Compiles a shader's source, and loads it; what its compiler warns of is printed.
+///
+/// # Errors
+/// What [`compile_once_with_warnings`] and [`module::load_with`] report.
+pub fn compile(
+    path: &Path,
+    limits: &InputLimits,
+    settings: &SourceSettings,
+    options: &CompileOptions,
+) -> Result<(Vec<u8>, Module)> {
+    let name = path.to_string_lossy();
+    let source = Source::read_as(settings.language(&name)?, Path::new(""), &name, limits)?;
+    let source = source.include_folders(&settings.include_folders);
+    let compiled = compile_once_with_warnings(&source, &settings.over(options))?;
+    output::warnings(&compiled.warnings);
+    let module = module::load_with(&compiled.spirv, *limits)
+        .map_err(|error| error.at(Place::File(path.to_owned())))?;
+    Ok((compiled.spirv, module))
 }
 
 /// The error for text where SPIR-V's binary form is wanted.

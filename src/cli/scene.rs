@@ -7,6 +7,7 @@ use clap::Args;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
+use crate::cli::source::SourceArgs;
 use crate::error::Result;
 use crate::harness::init;
 use crate::machine::LaunchLimits;
@@ -21,6 +22,8 @@ pub struct SceneArgs {
     #[arg(short, long, value_name = "FILE", default_value = "scene.toml")]
     output: PathBuf,
     #[command(flatten)]
+    how: SourceArgs,
+    #[command(flatten)]
     files: SceneFileArgs,
     #[command(flatten)]
     limits: LimitArgs,
@@ -32,7 +35,8 @@ pub struct SceneArgs {
 /// What modules lack, and a file that is there already.
 pub fn run(args: SceneArgs) -> Result<()> {
     let limits = args.limits.limits(LaunchLimits::TESTS);
-    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits)?;
+    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
+    output::warnings(&written.warnings);
     let (path, command) = (written.path.display(), written.command);
     output::print(match written.failure {
         None => format!("{path}: written\nrun it: anyhit {command} {path}\n"),

@@ -8,6 +8,7 @@ use clap::Args;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::limits::LaunchLimitArgs;
+use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
@@ -22,9 +23,11 @@ use crate::machine::LaunchLimits;
 /// less than `--min-coverage`, 2 one is not supported or the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang), or `-` for standard input
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Print JSON
@@ -69,7 +72,8 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = Arc::new(module_file::read_or_compile(&args.module, &args.limits.limits())?);
+    let module =
+        Arc::new(module_file::read_or_compile(&args.module, &args.limits.limits(), &args.how.words())?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }

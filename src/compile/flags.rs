@@ -232,6 +232,7 @@ impl CompilerFlags {
             debug: self.debug.unwrap_or(options.debug),
             optimize: self.optimize.unwrap_or(options.optimize),
             flags: self.clone(),
+            entry_point: options.entry_point.clone(),
         }
     }
 
