@@ -84,7 +84,8 @@ fn the_page_about_renderers_shows_the_example() {
     };
     let page = read("docs/renderer.md");
     let blocks = |language: &str| -> Vec<String> {
-        let starts = page.match_indices(&format!("```{language}\n")).map(|(at, fence)| at + fence.len());
+        let fence = format!("```{language}\n");
+        let starts = page.match_indices(&fence).map(|(at, fence)| at + fence.len());
         starts.map(|at| without_comments(page[at..].split("\n```").next().unwrap_or_default())).collect()
     };
     let (scene, shader) = ("examples/renderer/scene.toml", "examples/renderer/raytrace.slang");
