@@ -110,6 +110,37 @@ impl ErrorClass {
     }
 }
 
+/// An error as every `--json` has it.
+#[derive(Clone, Debug, Serialize)]
+pub struct ErrorReport {
+    /// The message, one line.
+    pub message: String,
+    /// The name of its [`ErrorClass`].
+    pub class: &'static str,
+    /// Notes, such as a rule, values and callers.
+    pub notes: Vec<String>,
+    /// The whole report as the terminal shows it.
+    pub report: String,
+}
+
+impl ErrorReport {
+    /// The report of an error.
+    pub fn of(error: &Error) -> Self {
+        Self {
+            message: error.message().to_owned(),
+            class: error.class().name(),
+            notes: error.notes().to_vec(),
+            report: error.render(),
+        }
+    }
+
+    /// The reports of an error and of those that were found with it; the whole report of the first
+    /// one tells of all.
+    pub fn all(error: &Error) -> Vec<Self> {
+        std::iter::once(error).chain(error.others()).map(Self::of).collect()
+    }
+}
+
 /// The place of a problem in an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]

@@ -16,7 +16,9 @@ mod bands;
 mod cli;
 mod compile;
 mod conformance;
+mod descriptors;
 mod device;
+mod device_buffers;
 mod driver_golden;
 #[cfg(feature = "stress")]
 mod exact_intersections;
@@ -34,6 +36,7 @@ mod load_limits;
 mod lower_fixtures;
 mod lower_hostile;
 mod names;
+mod passes;
 mod pictures;
 mod pipeline;
 mod profiles;

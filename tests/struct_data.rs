@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhit::scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
-use anyhit::{Error, Module, StructData};
+use anyhit::{ComputeTest, Error, Hit, Module, Ray, ShaderTest, StructData};
 use pretty_assertions::assert_eq;
 
 use crate::support::assembly::assemble as spirv;
@@ -241,7 +241,7 @@ fn blocks_are_known_by_where_the_data_is_bound() {
     let loaded = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default()).unwrap();
     let assembled = assemble(&loaded).unwrap();
     assert_eq!(assembled.resources.push_constants.as_ref().unwrap().bytes(), words(&[64, 0, 7]));
-    let record = loaded.sbt.raygen[0].data.bytes().unwrap();
+    let record = loaded.pipeline.sbt.raygen[0].data.bytes().unwrap();
     assert_eq!(record, words(&[1.0, 2.0, 3.0].map(bits)));
 }
 
@@ -499,4 +499,27 @@ struct SceneInfo_natural: 104 bytes
     let (code, _, err) = inspect(&["--layout", "Light"]);
     assert_eq!(code, Some(2));
     assert!(err.contains("`Lights.rest`: 20 bytes"), "{err}");
+}
+
+#[test]
+fn a_shader_by_itself_takes_data_by_the_names_of_members() {
+    let folder = "spirv-fixtures/pass/resources/record-and-push-constants";
+    let module = Module::open(format!("{folder}/main.rchit.spv")).unwrap();
+    let constants = StructData::push_constants(&module).unwrap().set("values[1]", 0.5).unwrap();
+    let record = StructData::shader_record(&module).unwrap();
+    let record = record.set("colour", [0.25, 0.5, 8.0, 9.0]).unwrap().set("tag", 7).unwrap();
+    let record = record.set("table[0]", 1.5).unwrap();
+    let hit = Hit::sphere([0.0; 3], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+    let test = ShaderTest::new(&module, "main").unwrap().hit(hit);
+    let outcome = test.push_constants_data(&constants).shader_record_data(&record).run().unwrap();
+    // The record's colour.xy and tag; of geometry 0 table[0], plus values[1], which lies at 52.
+    assert_eq!(outcome.payload.vec4(), [0.25, 0.5, 7.0, 2.0]);
+
+    let module = Module::open("spirv-fixtures/pass/compute/print/main.comp.spv").unwrap();
+    let constants = StructData::push_constants(&module).unwrap().set("scale", 3.0).unwrap();
+    let test = ComputeTest::new(&module, "main").unwrap().buffer(0, 1, &[[0.0_f32; 2]; 2]);
+    let outcome = test.push_constants_data(&constants).run().unwrap();
+    // halves[at] = vec2(at, scale) / 2, for the two invocations of a workgroup.
+    assert_eq!(outcome.read_buffer::<[f32; 2]>(0, 1).unwrap(), [[0.0, 1.5], [0.5, 1.5]]);
+    assert_eq!(outcome.printed.len(), 1);
 }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::cli::input::InputLimitArgs;
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
@@ -44,6 +44,11 @@ pub struct InspectArgs {
 /// # Errors
 /// What reading, compiling and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
+    let json = args.json;
+    inspect(args).map_err(|error| output::json_error(json, error))
+}
+
+fn inspect(args: InspectArgs) -> Result<()> {
     // In `inspect --layout FILE` what looks like a struct's name is the module.
     let (path, layout) = match (args.module, args.layout) {
         (Some(path), layout) => (path, layout),
@@ -129,6 +134,7 @@ struct EntryReport {
     stage: &'static str,
     supported: bool,
     reasons: Vec<String>,
+    errors: Vec<ErrorReport>,
     interface: Vec<VariableReport>,
 }
 
@@ -231,14 +237,16 @@ impl ModuleReport {
 
 impl EntryReport {
     fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
-        let reasons = program::lower(module, entry).err();
-        let reasons = reasons.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
+        let error = program::lower(module, entry).err();
+        let errors = error.as_ref().map_or_else(Vec::new, ErrorReport::all);
+        let reasons = error.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
         let variables = module.interface_of(entry);
         Self {
             name: entry.name.clone(),
             stage: entry.stage.name(),
             supported: reasons.is_empty(),
             reasons,
+            errors,
             interface: variables.iter().map(|variable| VariableReport::of(module, variable)).collect(),
         }
     }

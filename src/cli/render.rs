@@ -10,11 +10,12 @@ use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
+use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
+use crate::machine::LaunchLimits;
 use crate::machine::image::ImageShape;
-use crate::machine::{Binding, Descriptor, LaunchLimits};
 use crate::pipeline::{Band, BandedLaunch, StreamedImage};
 use crate::scene::image::{PictureKind, stream_png, write_picture};
 use crate::scene::image_entry::ImageContent;
@@ -97,7 +98,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     output::notes(&resolved.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut resolved);
-    if resolved.sbt.raygen.is_empty() && !resolved.dispatches.is_empty() {
+    if !resolved.launches() && !resolved.dispatches.is_empty() {
         return Err(compute_only(&resolved));
     }
     let Some((output, image)) = output_image(&resolved) else {
@@ -113,15 +114,14 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
-    let (bands, whole_image) = match split_into_bands(&args, &assembled, output, image, &streamed) {
+    let (bands, whole_image) = match split_into_bands(&args, &resolved, &assembled, output, &streamed) {
         Ok(bands) => (Some(bands), None),
         Err(why) => {
             let with_reason = |error: Error| {
                 error.at(output.place.clone()).note(format!("the whole image is held in memory: {why}"))
             };
             let image = scene::assemble::image(image, &resolved.files.limits).map_err(with_reason)?;
-            let binding = Binding { set: output.set, binding: output.binding };
-            assembled.resources.insert(binding, output.element, Descriptor::Image(image.clone()));
+            scene::assemble::bind_image(&resolved, output, &image, &mut assembled.resources);
             (None, Some(image))
         }
     };
@@ -129,7 +129,10 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let bar = progress_bar(size.iter().map(|&side| u64::from(side)).product());
+    let bar = progress_bar(match assembled.is_frame() {
+        true => assembled.invocations(),
+        false => size.iter().map(|&side| u64::from(side)).product(),
+    });
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
@@ -178,9 +181,16 @@ pub fn run(args: RenderArgs) -> Result<()> {
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.
 fn compute_only(scene: &ResolvedScene) -> Error {
-    let path = scene.path.display();
+    let path = shell::word(&scene.path.display().to_string());
     let save = match scene.output() {
-        Some(output) => format!("anyhit run {path} --save {}=out.png", output.name),
+        Some(output) => {
+            // A name ends at the first `=`.
+            let what = match output.name.contains('=') {
+                true => format!("{},{}", output.set, output.binding),
+                false => output.name.clone(),
+            };
+            format!("anyhit run {path} --save {}", shell::word(&format!("{what}=out.png")))
+        }
         None => format!("anyhit run {path}"),
     };
     let message = "the scene has no ray generation shader: it dispatches compute shaders";
@@ -196,7 +206,7 @@ fn compute_only(scene: &ResolvedScene) -> Error {
 fn output_image(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &ImageContent)> {
     let output = scene.output()?;
     match &output.resource {
-        Resource::StorageImage(image) => Some((output, image)),
+        Resource::StorageImage(image) => Some((output, &**image)),
         _ => None,
     }
 }
@@ -205,11 +215,12 @@ fn output_image(scene: &ResolvedScene) -> Option<(&resolved::ResolvedBinding, &I
 /// memory.
 fn split_into_bands<'a>(
     args: &RenderArgs,
+    scene: &ResolvedScene,
     assembled: &'a Assembled,
     output: &resolved::ResolvedBinding,
-    image: &ImageContent,
     streamed: &'a StreamedImage,
 ) -> Result<BandedLaunch<'a>, String> {
+    let Some(image) = output.resource.image() else { return Err("it is none".to_owned()) };
     let [width, height, _] = assembled.size;
     let kind = args.output.as_deref().and_then(PictureKind::of).unwrap_or(PictureKind::Png);
     let reason = if kind != PictureKind::Png {
@@ -222,6 +233,8 @@ fn split_into_bands<'a>(
         "it is no plane as wide and high as the launch, of one level and sample"
     } else if !image.is_filled() {
         "the scene gives its texels one by one"
+    } else if scene.bindings_of_image(output).count() > 1 {
+        "it has several bindings"
     } else if output.element > 0 {
         "it is not the first of an array of images"
     } else if image.size() <= 2 * streamed.band_bytes {

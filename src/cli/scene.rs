@@ -8,6 +8,7 @@ use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
 use crate::cli::source::SourceArgs;
+use crate::debug::shell;
 use crate::error::Result;
 use crate::harness::init;
 use crate::machine::LaunchLimits;
@@ -38,11 +39,12 @@ pub fn run(args: SceneArgs) -> Result<()> {
     let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
     output::warnings(&written.warnings);
     let (path, command) = (written.path.display(), written.command);
+    let typed = shell::word(&path.to_string());
     output::print(match written.failure {
-        None => format!("{path}: written\nrun it: anyhit {command} {path}\n"),
+        None => format!("{path}: written\nrun it: anyhit {command} {typed}\n"),
         Some(failure) => format!(
             "{path}: written; it does not run yet: {}\n\
-             fill in what the shaders need, then run it: anyhit {command} {path}\n",
+             fill in what the shaders need, then run it: anyhit {command} {typed}\n",
             failure.message()
         ),
     })

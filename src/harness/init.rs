@@ -1,8 +1,10 @@
 //! A first case for compiled shaders, written from what their modules declare.
 
+mod pointees;
 mod resources;
 mod scene;
 mod sources;
+mod traces;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -12,6 +14,7 @@ use crate::atomic_file;
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, Result, Warning};
 use crate::harness::init::resources::{ELEMENTS, Resources};
+use crate::harness::init::traces::BindingTable;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::suite::{Outcome, Suite, SuiteOptions};
 use crate::input::{InputLimit, read_regular};
@@ -196,14 +199,11 @@ impl Shaders {
 
     /// What the scene file gives zeros.
     fn zeros(&self) -> Vec<String> {
-        let mut resources = Resources::new(ELEMENTS);
-        for shader in &self.all {
-            resources.add(&shader.module, &shader.entry);
-        }
-        let mut zeros: Vec<String> =
-            resources.buffers().map(|name| format!("`size` of [resources.{name}]")).collect();
-        zeros.extend(resources.push_constants.map(|_| "`push_constants`".to_owned()));
-        zeros.extend(resources.record.map(|_| "`record` of the hit groups".to_owned()));
+        let resources = Resources::of(&self.all, ELEMENTS);
+        let mut zeros: Vec<String> = resources.buffers().map(|name| format!("[resources.{name}]")).collect();
+        let (has_push_constants, has_records) = resources.has();
+        zeros.extend(has_push_constants.then(|| "`push_constants`".to_owned()));
+        zeros.extend(has_records.then(|| "`record` in [pipeline]".to_owned()));
         let payload = |shader: &Shader| {
             let variables = shader.module.interface_of(&shader.entry);
             variables.iter().any(|one| one.storage_class == storage::INCOMING_RAY_PAYLOAD)
@@ -215,17 +215,12 @@ impl Shaders {
     /// The scene file.
     fn scene(&self, folder: &Path) -> Result<String> {
         let launches = self.of(Stage::RayGeneration).next().is_some();
-        let mut resources = Resources::new(ELEMENTS);
-        for shader in &self.all {
-            resources.add(&shader.module, &shader.entry);
-        }
+        let resources = Resources::of(&self.all, ELEMENTS);
         let mut out = String::from("version = 1\ntitle = \"a first case\"\n");
         if launches {
             out.push_str("launch = [1, 1]\n");
         }
-        if let Some(size) = resources.push_constants {
-            let _ = writeln!(out, "push_constants = {{ zeros = {size} }}");
-        }
+        out.push_str(&resources.push_constants().unwrap_or_default());
         out.push_str(&self.geometry());
         out.push_str("\n[shaders]\n");
         out.push_str(&self.file_lines(folder)?);
@@ -260,41 +255,63 @@ impl Shaders {
     }
 
     fn pipeline(&self, resources: &Resources) -> String {
-        let list = |stage| {
-            let names: Vec<_> = self.of(stage).map(|shader| format!("{:?}", shader.reference)).collect();
-            names.join(", ")
-        };
+        let table = self.binding_table();
         let mut out = String::from("\n[pipeline]\n");
-        for (key, stage) in
-            [("raygen", Stage::RayGeneration), ("miss", Stage::Miss), ("callable", Stage::Callable)]
-        {
-            if self.of(stage).next().is_some() {
-                let _ = writeln!(out, "{key} = [{}]", list(stage));
+        out.push_str(&resources.record_layouts());
+        let raygen = self.of(Stage::RayGeneration).count();
+        let callable = self.of(Stage::Callable).count();
+        let miss = table.miss.max(self.of(Stage::Miss).count());
+        for (key, stage, count) in [
+            ("raygen", Stage::RayGeneration, raygen),
+            ("miss", Stage::Miss, miss),
+            ("callable", Stage::Callable, callable),
+        ] {
+            let record = |at: usize| match self.of(stage).nth(at) {
+                None => "{}".to_owned(),
+                Some(shader) => match resources.record([shader].into_iter()) {
+                    None => format!("{:?}", shader.reference),
+                    Some(data) => format!("{{ shader = {:?}, record = {data} }}", shader.reference),
+                },
+            };
+            let records: Vec<_> = (0..count).map(record).collect();
+            if !records.is_empty() {
+                let _ = writeln!(out, "{key} = [{}]", records.join(", "));
             }
         }
-        // The nth shaders of each stage make a group.
-        let stages = [
-            ("closest_hit", Stage::ClosestHit),
-            ("any_hit", Stage::AnyHit),
-            ("intersection", Stage::Intersection),
-        ];
-        let groups = stages.iter().map(|(_, stage)| self.of(*stage).count()).max().unwrap_or(0);
-        if groups == 0 {
+        out.push_str(&table.comment);
+        let groups = self.groups();
+        if groups.is_empty() {
             return out;
         }
         out.push_str("hit = [\n");
-        for at in 0..groups {
-            let members = stages
+        for members in &groups {
+            let mut keys: Vec<String> = members
                 .iter()
-                .filter_map(|(key, stage)| Some(format!("{key} = {:?}", self.of(*stage).nth(at)?.reference)));
-            let mut members: Vec<String> = members.collect();
-            if let Some(size) = resources.record {
-                members.push(format!("record = {{ zeros = {size} }}"));
+                .map(|shader| format!("{} = {:?}", key(shader.entry.stage), shader.reference))
+                .collect();
+            if let Some(data) = resources.record(members.iter().copied()) {
+                keys.push(format!("record = {data}"));
             }
-            let _ = writeln!(out, "    {{ {} }},", members.join(", "));
+            let _ = writeln!(out, "    {{ {} }},", keys.join(", "));
+            for _ in 0..table.null_records {
+                out.push_str("    {},\n");
+            }
         }
         out.push_str("]\n");
         out
+    }
+
+    /// The hit groups: the nth shaders of each stage make one.
+    fn groups(&self) -> Vec<Vec<&Shader>> {
+        let stages = [Stage::ClosestHit, Stage::AnyHit, Stage::Intersection];
+        let count = stages.iter().map(|stage| self.of(*stage).count()).max().unwrap_or(0);
+        let group = |at| stages.iter().filter_map(|stage| self.of(*stage).nth(at)).collect();
+        (0..count).map(group).collect()
+    }
+
+    /// What the shader binding table needs for the rays that the shaders trace.
+    fn binding_table(&self) -> BindingTable {
+        BindingTable::of(&self.all, self.groups().len(), self.of(Stage::Miss).count())
     }
 
     /// A ray that meets the primitive, and an empty table that the first run fills.

@@ -115,6 +115,17 @@ impl DeviceMemory {
         copy
     }
 
+    /// Takes over the allocations of another address space, at their addresses.
+    ///
+    /// # Errors
+    /// The message where one overlaps an allocation that is here already.
+    pub fn extend(&mut self, other: &Self) -> Result<(), String> {
+        for Allocation { base, size, name, content } in &other.allocations {
+            self.insert_at(*base, *size, name.as_deref(), content.clone())?;
+        }
+        Ok(())
+    }
+
     /// Why an address cannot be given to a buffer.
     ///
     /// # Errors
@@ -167,16 +178,23 @@ impl DeviceMemory {
         copy
     }
 
-    /// The address of a buffer that has one.
-    pub fn address_of(&self, buffer: &Arc<Buffer>) -> Option<u64> {
-        let is_it = |one: &&Allocation| one.buffer().is_some_and(|found| Arc::ptr_eq(found, buffer));
-        self.allocations.iter().find(is_it).map(|allocation| allocation.base)
+    /// The address of a buffer that has one, or of a view of it.
+    pub fn address_of(&self, buffer: &Buffer) -> Option<u64> {
+        self.allocations.iter().find_map(|allocation| {
+            let found = allocation.buffer().filter(|found| found.memory_id() == buffer.memory_id())?;
+            allocation.base.checked_add(buffer.offset().checked_sub(found.offset())?)
+        })
     }
 
     /// The buffer of a name.
     pub fn named_buffer(&self, name: &str) -> Option<(u64, &Arc<Buffer>)> {
         let named = self.allocations.iter().find(|one| one.name.as_deref() == Some(name))?;
         Some((named.base, named.buffer()?))
+    }
+
+    /// All buffers that have a name, by their addresses.
+    pub fn named_buffers(&self) -> impl Iterator<Item = (&Arc<str>, &Arc<Buffer>)> {
+        self.allocations.iter().filter_map(|one| Some((one.name.as_ref()?, one.buffer()?)))
     }
 
     /// The buffer in whose regions an address lies, and the offset there, which may be beyond the
@@ -364,6 +382,16 @@ mod tests {
             assert!(error.contains(why), "{address:#x}: {error}");
         }
         memory.add_buffer_at(0x2_0000_0020, &Buffer::zeroed(32), None).unwrap();
+    }
+
+    #[test]
+    fn a_view_lies_inside_its_buffer() {
+        let mut memory = DeviceMemory::default();
+        let buffer = Buffer::zeroed(64);
+        let base = memory.add_buffer(&buffer);
+        let view = buffer.view(16, 8, "arena").unwrap();
+        assert_eq!(memory.address_of(&view), Some(base + 16));
+        assert_eq!(memory.add_buffer(&view), base + 16);
     }
 
     #[test]

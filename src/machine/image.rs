@@ -169,9 +169,26 @@ pub struct Image {
     resident: Range<usize>,
     words: Box<[AtomicU64]>,
     sample_weight: OnceLock<SampleWeight>,
+    null: bool,
 }
 
 impl Image {
+    /// The image of a null descriptor: all texels are zeros, those outside included, and what is
+    /// stored is dropped, whatever the policy.
+    ///
+    /// # Errors
+    /// As [`ImageShape::check`].
+    pub fn null(format: Format, shape: ImageShape) -> Result<Arc<Self>> {
+        let mut image = Self::zeroed(format, shape)?;
+        Arc::get_mut(&mut image).expect("bug in anyhit: a new image is shared").null = true;
+        Ok(image)
+    }
+
+    /// Whether it is [`Image::null`].
+    pub fn is_null(&self) -> bool {
+        self.null
+    }
+
     /// An image of zeros.
     ///
     /// # Errors
@@ -261,7 +278,15 @@ impl Image {
             first += shape.level_texels(level) as usize;
         }
         let sample_weight = OnceLock::new();
-        Ok(Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight }))
+        Ok(Arc::new(Self {
+            format,
+            shape,
+            levels,
+            resident,
+            words: words.collect(),
+            sample_weight,
+            null: false,
+        }))
     }
 
     /// How texels are stored.
@@ -381,7 +406,8 @@ impl Image {
         let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed)));
         let (format, shape, levels) = (self.format, self.shape, self.levels.clone());
         let (resident, sample_weight) = (self.resident.clone(), self.sample_weight.clone());
-        Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight })
+        let null = self.null;
+        Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight, null })
     }
 
     /// A copy of the resident bytes of a level that exists.

@@ -43,6 +43,15 @@ pub enum Descriptor {
 }
 
 impl Descriptor {
+    /// The descriptors that variables of several types may find here: itself, where it is of one
+    /// kind.
+    pub fn kinds(&self) -> &[Self] {
+        match self {
+            Self::Mutable(kinds) => kinds,
+            _ => std::slice::from_ref(self),
+        }
+    }
+
     /// A description of its kind; `None` for an unbound one.
     pub fn kind(&self) -> Option<&'static str> {
         Some(match self {
@@ -58,22 +67,30 @@ impl Descriptor {
 
     /// What a variable of the shader refers to: the first descriptor that suits its type.
     pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
-        match self {
-            Self::Mutable(kinds) => kinds.iter().find_map(suits),
-            _ => suits(self),
-        }
+        self.kinds().iter().find_map(suits)
     }
 }
 
-/// Memory of a buffer; its size is in bytes and need not be a multiple of four.
+/// A buffer, or the range of one that a descriptor refers to (`VkDescriptorBufferInfo`): all ranges
+/// of a buffer are views of the same memory. The size is in bytes and need not be a multiple of
+/// four.
 #[derive(Debug)]
 pub struct Buffer {
-    words: Box<[AtomicU32]>,
+    /// The words of the whole memory.
+    memory: Arc<[AtomicU32]>,
+    /// The word where the range begins.
+    first: usize,
     size: u64,
     null: bool,
+    /// The buffer's name, where this is a range of it that may be less than all.
+    view_of: Option<Arc<str>>,
 }
 
 impl Buffer {
+    /// What the offset of a view is a multiple of, in bytes. No device requires less
+    /// (`minStorageBufferOffsetAlignment`), and with it no word belongs to two views in part.
+    pub const OFFSET_ALIGNMENT: u64 = 4;
+
     /// A buffer that holds these bytes.
     pub fn new(bytes: &[u8]) -> Arc<Self> {
         let words = bytes.chunks(4).map(|chunk| {
@@ -81,24 +98,69 @@ impl Buffer {
             word[..chunk.len()].copy_from_slice(chunk);
             AtomicU32::new(u32::from_le_bytes(word))
         });
-        Arc::new(Self { words: words.collect(), size: bytes.len() as u64, null: false })
+        Self::whole(words.collect(), bytes.len() as u64)
     }
 
     /// A buffer of zeros.
     pub fn zeroed(size: usize) -> Arc<Self> {
         let words = (0..size.div_ceil(4)).map(|_| AtomicU32::new(0));
-        Arc::new(Self { words: words.collect(), size: size as u64, null: false })
+        Self::whole(words.collect(), size as u64)
+    }
+
+    fn whole(memory: Arc<[AtomicU32]>, size: u64) -> Arc<Self> {
+        Arc::new(Self { memory, first: 0, size, null: false, view_of: None })
     }
 
     /// The buffer of a null descriptor (`nullDescriptor`): whatever the policy, loads give 0,
     /// stores are dropped, and `OpArrayLength` gives 0.
     pub fn null() -> Arc<Self> {
-        Arc::new(Self { words: Box::new([]), size: 0, null: true })
+        Arc::new(Self { memory: Arc::new([]), first: 0, size: 0, null: true, view_of: None })
     }
 
-    /// A deep copy of the buffer.
-    pub fn copy(&self) -> Arc<Self> {
-        if self.null { Self::null() } else { Self::new(&self.bytes()) }
+    /// The range of `range` bytes at an offset in bytes, as a buffer with the same memory; `None`
+    /// where it goes beyond this one, or the offset is no multiple of
+    /// [`Buffer::OFFSET_ALIGNMENT`]. Messages call this buffer by its name.
+    pub fn view(&self, offset: u64, range: u64, name: &str) -> Option<Arc<Self>> {
+        let inside = offset.checked_add(range)? <= self.size && offset.is_multiple_of(Self::OFFSET_ALIGNMENT);
+        inside.then(|| {
+            let first = self.first + (offset / 4) as usize;
+            Arc::new(Self {
+                memory: self.memory.clone(),
+                first,
+                size: range,
+                null: self.null,
+                view_of: Some(name.into()),
+            })
+        })
+    }
+
+    /// The same range of a copy of the memory, whose whole is made by `copy`: that of the words of
+    /// another buffer with this memory, if there was one.
+    pub fn copied(&self, copy: impl FnOnce(&Arc<[AtomicU32]>) -> Arc<[AtomicU32]>) -> Arc<Self> {
+        let memory = copy(&self.memory);
+        let Self { first, size, null, ref view_of, .. } = *self;
+        Arc::new(Self { memory, first, size, null, view_of: view_of.clone() })
+    }
+
+    /// Where the memory lies: equal for all views of a buffer, and for these alone.
+    pub fn memory_id(&self) -> usize {
+        Arc::as_ptr(&self.memory).cast::<AtomicU32>().addr()
+    }
+
+    /// Where it begins in its memory, in bytes.
+    #[inline]
+    pub fn offset(&self) -> u64 {
+        4 * self.first as u64
+    }
+
+    /// The name of the buffer that it is a view of.
+    pub fn view_of(&self) -> Option<&Arc<str>> {
+        self.view_of.as_ref()
+    }
+
+    /// Whether both are the same bytes of one memory.
+    pub fn is_same(&self, other: &Self) -> bool {
+        self.memory_id() == other.memory_id() && self.first == other.first && self.size == other.size
     }
 
     /// Whether it is [`Buffer::null`].
@@ -115,13 +177,19 @@ impl Buffer {
     /// The words; a part of the last one may lie beyond the size.
     #[inline]
     pub fn words(&self) -> &[AtomicU32] {
-        &self.words
+        &self.memory[self.first..self.first + self.size.div_ceil(4) as usize]
+    }
+
+    /// The word that holds the byte at an offset inside.
+    #[inline]
+    fn word_at(&self, offset: u64) -> &AtomicU32 {
+        &self.memory[self.first + (offset / 4) as usize]
     }
 
     /// A copy of the bytes.
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes: Vec<u8> =
-            self.words.iter().flat_map(|word| word.load(Relaxed).to_le_bytes()).collect();
+            self.words().iter().flat_map(|word| word.load(Relaxed).to_le_bytes()).collect();
         bytes.truncate(self.size as usize);
         bytes
     }
@@ -133,14 +201,14 @@ impl Buffer {
         if offset.checked_add(bytes)? > self.size {
             return None;
         }
-        let word = self.words[(offset / 4) as usize].load(Relaxed);
+        let word = self.word_at(offset).load(Relaxed);
         let shift = (offset % 4) as u32 * 8;
         if shift == 0 && width == 32 {
             return Some(word);
         }
         let mut pair = u64::from(word);
         if shift + width > 32 {
-            pair |= u64::from(self.words[(offset / 4) as usize + 1].load(Relaxed)) << 32;
+            pair |= u64::from(self.word_at(offset + 4).load(Relaxed)) << 32;
         }
         Some((pair >> shift) as u32 & (u32::MAX >> (32 - width)))
     }
@@ -152,22 +220,21 @@ impl Buffer {
         if offset.checked_add(bytes)? > self.size {
             return None;
         }
-        let index = (offset / 4) as usize;
         if width == 32 && offset.is_multiple_of(4) {
-            self.words[index].store(value, Relaxed);
+            self.word_at(offset).store(value, Relaxed);
             return Some(());
         }
         let shift = (offset % 4) as u32 * 8;
         let mask = u64::from(u32::MAX >> (32 - width)) << shift;
         let bits = u64::from(value) << shift & mask;
-        let put = |index: usize, mask: u32, bits: u32| {
+        let put = |offset: u64, mask: u32, bits: u32| {
             if mask != 0 {
                 let merge = |old: u32| Some(old & !mask | bits);
-                self.words[index].fetch_update(Relaxed, Relaxed, merge).ok();
+                self.word_at(offset).fetch_update(Relaxed, Relaxed, merge).ok();
             }
         };
-        put(index, mask as u32, bits as u32);
-        put(index + 1, (mask >> 32) as u32, (bits >> 32) as u32);
+        put(offset, mask as u32, bits as u32);
+        put(offset + 4, (mask >> 32) as u32, (bits >> 32) as u32);
         Some(())
     }
 
@@ -178,14 +245,14 @@ impl Buffer {
         // Words are atomics of 32 bits: a pair needs a lock, one of several, chosen by its address.
         static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
         let inside = offset.is_multiple_of(4) && offset.checked_add(8)? <= self.size;
-        let index = inside.then_some((offset / 4) as usize)?;
-        let granule = (&raw const self.words[index]).addr() / 8;
+        let pair = inside.then(|| [self.word_at(offset), self.word_at(offset + 4)])?;
+        let granule = std::ptr::from_ref(pair[0]).addr() / 8;
         let guard = LOCKS[granule % LOCKS.len()].lock().unwrap_or_else(PoisonError::into_inner);
-        let [low, high] = [0, 1].map(|at| u64::from(self.words[index + at].load(Relaxed)));
+        let [low, high] = pair.map(|word| u64::from(word.load(Relaxed)));
         let old = low | high << 32;
         if let Some(new) = change(old) {
-            self.words[index].store(new as u32, Relaxed);
-            self.words[index + 1].store((new >> 32) as u32, Relaxed);
+            pair[0].store(new as u32, Relaxed);
+            pair[1].store((new >> 32) as u32, Relaxed);
         }
         drop(guard);
         Some(old)
@@ -194,7 +261,7 @@ impl Buffer {
     /// The word at an aligned byte offset, for atomics; `None` outside the buffer.
     pub fn word(&self, offset: u64) -> Option<&AtomicU32> {
         let inside = offset.is_multiple_of(4) && offset.checked_add(4)? <= self.size;
-        inside.then(|| &self.words[(offset / 4) as usize])
+        inside.then(|| self.word_at(offset))
     }
 }
 
@@ -222,6 +289,8 @@ pub struct BindingSummary {
     pub kind: &'static str,
     /// How many elements there are.
     pub count: usize,
+    /// The name of the first resource there, in its scene.
+    pub name: Option<Arc<str>>,
 }
 
 /// The resources of a launch: descriptor sets, push constants and memory.
@@ -229,6 +298,11 @@ pub struct BindingSummary {
 pub struct Resources {
     /// Descriptors by binding; the position is the array element.
     pub descriptors: BTreeMap<Binding, Vec<Descriptor>>,
+    /// What shaders find in the elements of a binding that nothing is bound to, where that is no
+    /// mistake.
+    pub stand_ins: BTreeMap<Binding, Descriptor>,
+    /// The names of resources in their scene, for messages.
+    pub names: BTreeMap<Binding, Arc<str>>,
     /// The bytes of the push constants.
     pub push_constants: Option<Arc<Buffer>>,
     /// The memory that shaders access through device addresses.
@@ -288,17 +362,30 @@ impl Resources {
     fn bound(&self) -> Arc<[BindingSummary]> {
         let bound = self.descriptors.iter().filter_map(|(&binding, elements)| {
             let kind = elements.iter().find_map(Descriptor::kind)?;
-            Some(BindingSummary { binding, kind, count: elements.len() })
+            let name = self.names.get(&binding).cloned();
+            Some(BindingSummary { binding, kind, count: elements.len(), name })
         });
         bound.collect()
     }
 
     /// The descriptors of a program's slots, in the order of the slots.
     pub fn bindings(&self, slots: impl IntoIterator<Item = Binding>) -> Bindings {
-        let descriptors = |binding| self.descriptors.get(&binding).cloned().unwrap_or_default();
+        let mut stand_ins = vec![None];
+        let descriptors = |binding| {
+            let mut elements = self.descriptors.get(&binding).cloned().unwrap_or_default();
+            let stand_in = self.stand_ins.get(&binding);
+            if let Some(stand_in) = stand_in {
+                let holes = elements.iter_mut().filter(|one| matches!(one, Descriptor::Unbound));
+                holes.for_each(|hole| hole.clone_from(stand_in));
+            }
+            stand_ins.push(stand_in.cloned());
+            elements
+        };
+        let slots = std::iter::once(Vec::new()).chain(slots.into_iter().map(descriptors)).collect();
         Bindings {
             bound: self.bound(),
-            slots: std::iter::once(Vec::new()).chain(slots.into_iter().map(descriptors)).collect(),
+            slots,
+            stand_ins,
             push_constants: self.push_constants.clone(),
             memory: self.memory.clone(),
             printed: self.printed.clone(),
@@ -327,6 +414,8 @@ pub struct Bindings {
     /// Descriptors by the upper bits of handles, those of the slot; the first entry, of null, is
     /// empty.
     slots: Vec<Vec<Descriptor>>,
+    /// By the same bits: what stands for the elements behind the last one that is bound.
+    stand_ins: Vec<Option<Descriptor>>,
     /// Everything that is bound, used or not.
     pub bound: Arc<[BindingSummary]>,
     /// The push constants.
@@ -366,14 +455,19 @@ impl Bindings {
     /// The descriptor with a handle.
     #[inline]
     pub fn descriptor(&self, handle: u32) -> Option<&Descriptor> {
-        let element = handle & ((1 << ELEMENT_BITS) - 1);
-        self.slots.get((handle >> ELEMENT_BITS) as usize)?.get(element as usize)
+        let (slot, element) = (handle >> ELEMENT_BITS, handle & ((1 << ELEMENT_BITS) - 1));
+        let found = self.slots.get(slot as usize)?.get(element as usize);
+        found.or_else(|| self.stand_in(slot as usize))
+    }
+
+    #[cold]
+    fn stand_in(&self, slot: usize) -> Option<&Descriptor> {
+        self.stand_ins.get(slot)?.as_ref()
     }
 
     /// The handle of a buffer that a slot holds.
-    pub fn handle_of(&self, buffer: &Arc<Buffer>) -> Option<u32> {
-        let is_it =
-            |kind: &Descriptor| matches!(kind, Descriptor::Buffer(found) if Arc::ptr_eq(found, buffer));
+    pub fn handle_of(&self, buffer: &Buffer) -> Option<u32> {
+        let is_it = |kind: &Descriptor| matches!(kind, Descriptor::Buffer(found) if found.is_same(buffer));
         self.slots.iter().skip(1).enumerate().find_map(|(slot, elements)| {
             let element =
                 elements.iter().position(|one| one.find(|kind| is_it(kind).then_some(())).is_some())?;
@@ -416,6 +510,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn stand_ins_fill_what_nothing_is_bound_to() {
+        let (at, other) = (Binding { set: 0, binding: 0 }, Binding { set: 0, binding: 1 });
+        let mut resources = Resources::default();
+        resources.insert(at, 2, Descriptor::Buffer(Buffer::zeroed(4)));
+        resources.stand_ins.insert(at, Descriptor::Buffer(Buffer::null()));
+        let bindings = resources.bindings([at, other]);
+        let null = |slot, element| bindings.buffer(Bindings::handle(slot, element)).map(Buffer::is_null);
+        assert_eq!(
+            [0, 1, 2, 3, 1000].map(|element| null(0, element)),
+            [true, true, false, true, true].map(Some)
+        );
+        assert_eq!(null(1, 0), None);
+        assert!(bindings.descriptor(0).is_none() && bindings.descriptor(u32::MAX).is_none());
+    }
+
+    #[test]
     fn no_descriptor_has_the_handle_of_null() {
         let resources = Resources::default().bind(0, 0, Descriptor::Buffer(Buffer::zeroed(4)));
         let bindings = resources.bindings([Binding { set: 0, binding: 0 }]);
@@ -436,5 +546,36 @@ mod tests {
         assert_eq!(buffer.store(3, 16, 0xBBAA), Some(()));
         assert_eq!(buffer.bytes(), [0, 1, 2, 0xAA, 0xBB, 5, 6]);
         assert_eq!(buffer.store(4, 32, 0), None);
+    }
+
+    #[test]
+    fn views_are_bytes_of_one_memory() {
+        let whole = Buffer::new(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
+        let view = whole.view(4, 5, "arena").unwrap();
+        assert_eq!((view.offset(), view.size(), view.words().len()), (4, 5, 2));
+        assert_eq!(view.bytes(), [4, 5, 6, 7, 8]);
+        assert_eq!((view.load(4, 8), view.load(4, 16), view.load(1, 32)), (Some(8), None, Some(0x0807_0605)));
+        // What is stored through one is loaded through the other, and nothing beside it changes.
+        view.store(3, 16, 0xBBAA).unwrap();
+        assert_eq!(whole.bytes(), [0, 1, 2, 3, 4, 5, 6, 0xAA, 0xBB, 9, 10]);
+        whole.store(4, 32, u32::MAX).unwrap();
+        assert_eq!(view.bytes(), [0xFF, 0xFF, 0xFF, 0xFF, 0xBB]);
+        assert_eq!(view.memory_id(), whole.memory_id());
+        assert!(!view.is_same(&whole) && view.is_same(&whole.view(4, 5, "arena").unwrap()));
+        assert_ne!(Buffer::zeroed(0).memory_id(), Buffer::zeroed(0).memory_id());
+        // Beyond the end, or between words.
+        assert!(
+            [(4, 8), (12, 0), (2, 1), (8, u64::MAX)]
+                .iter()
+                .all(|&(at, size)| { whole.view(at, size, "arena").is_none() })
+        );
+    }
+
+    #[test]
+    fn a_view_of_a_view_begins_at_both_offsets() {
+        let whole = Buffer::zeroed(64);
+        let inner = whole.view(16, 32, "a").unwrap().view(8, 4, "b").unwrap();
+        assert_eq!((inner.offset(), inner.size()), (24, 4));
+        assert!(whole.view(16, 32, "a").unwrap().view(28, 8, "b").is_none());
     }
 }

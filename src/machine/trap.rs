@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::machine::resource::{BindingSummary, Bindings};
+use crate::machine::resource::{BindingSummary, Bindings, STRUCTURE_HANDLE};
 
 /// Why an invocation was stopped by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -298,8 +298,10 @@ pub enum AccessFault {
     Buffer {
         /// Slot and array element, where a descriptor leads to it.
         handle: Option<u32>,
-        /// The buffer's size.
+        /// The size of the buffer, or of the range that is bound.
         size: u64,
+        /// Of a range: the buffer's name, and the offset in it.
+        view: Option<(Arc<str>, u64)>,
     },
     /// A texel of an image.
     Texel {
@@ -320,6 +322,11 @@ impl AccessFault {
     /// A descriptor that was not found.
     pub fn descriptor(handle: u32, bindings: &Bindings) -> Self {
         Self::Descriptor { handle, bound: bindings.bound.clone() }
+    }
+
+    /// The value of an acceleration structure that was not found; `None` for a device address.
+    pub fn structure(value: u64, bindings: &Bindings) -> Option<Self> {
+        ((value >> 32) as u32 == STRUCTURE_HANDLE).then(|| Self::descriptor(value as u32, bindings))
     }
 
     /// A device address; `None` where no buffer has one.

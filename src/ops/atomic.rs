@@ -212,7 +212,9 @@ impl AtomicOp {
                             });
                             self.write(batch, self.to, lane, old >> shift & mask);
                         }
-                        Err(TrapCode::ImageOutOfBounds) if bindings.is_robust() => {
+                        Err(TrapCode::ImageOutOfBounds)
+                            if texel.is_robust(LaneReader::new(&batch.registers, lane, bindings)) =>
+                        {
                             self.write(batch, self.to, lane, 0);
                         }
                         Err(code) => {
@@ -253,7 +255,8 @@ impl AtomicOp {
             bindings,
             chunk,
             |registers, lane, buffer, offset| {
-                if !offset.is_multiple_of(alignment) {
+                // A view of a buffer may begin between two values of 64 bits.
+                if !(buffer.offset() + offset).is_multiple_of(alignment) {
                     misaligned = misaligned | Mask::lane(lane);
                     return Some(());
                 }

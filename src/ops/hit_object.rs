@@ -11,7 +11,7 @@ use crate::geometry::{Intersection, Ray, Surface};
 use crate::machine::hit_object::{Attributes, EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
 use crate::ops::memory;
 use crate::ops::object;
 use crate::ops::op::Access;
@@ -246,7 +246,13 @@ fn recorded_hit<const W: usize>(
     attributes: Attributes,
 ) -> Result<HitObject, TrapCode> {
     let tlas = bindings.acceleration_structure([words[0], words[1]]);
-    let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
+    let Some(tlas) = tlas else {
+        let value = u64::from(words[0]) | u64::from(words[1]) << 32;
+        batch.fault_value[lane] = value;
+        let fault = AccessFault::structure(value, bindings);
+        fault.into_iter().for_each(|fault| batch.record_access_fault(lane, fault));
+        return Err(TrapCode::AccelerationStructureMissing);
+    };
     let [instance, primitive, geometry, kind] = [words[2], words[3], words[4], words[5]];
     let place = tlas.instances().get(instance as usize);
     let place = place.filter(|place| {

@@ -547,7 +547,10 @@ pub fn for_each_access<const W: usize>(
         };
         let fault = match (found, handle) {
             _ if matches!(chunk.buffer, BufferRef::Address(_)) => AccessFault::address(fault_value, bindings),
-            (Ok((_, _, size)), handle) => Some(AccessFault::Buffer { handle, size }),
+            (Ok((buffer, _, size)), handle) => {
+                let view = buffer.view_of().map(|name| (name.clone(), buffer.offset()));
+                Some(AccessFault::Buffer { handle, size, view })
+            }
             (Err(_), Some(handle)) => Some(AccessFault::descriptor(handle, bindings)),
             (Err(_), None) => None,
         };

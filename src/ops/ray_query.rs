@@ -13,7 +13,7 @@ use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
 use crate::geometry::{ObjectRay, Ray};
 use crate::machine::object::ObjectRef;
-use crate::machine::{Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
+use crate::machine::{AccessFault, Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
 use crate::ops::builtin::{ValueShape, floats};
@@ -323,6 +323,10 @@ fn initialize<const W: usize>(
         });
         if let Err(code) = done {
             batch.fault_value[lane] = fault_value;
+            if code == TrapCode::AccelerationStructureMissing {
+                let fault = AccessFault::structure(fault_value, bindings);
+                fault.into_iter().for_each(|fault| batch.record_access_fault(lane, fault));
+            }
             memory::trap(batch, Mask::lane(lane), code);
         }
     }

@@ -6,7 +6,7 @@ use crate::accel::{RayFlags, RayRule, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Bindings, Mask, Observer, Reg, Registers, TrapCode};
+use crate::machine::{AccessFault, Bindings, Mask, Observer, Reg, Registers, TrapCode};
 use crate::ops::hit_object;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
@@ -121,6 +121,10 @@ where
                 Some((code, fault_value)) => {
                     let op = batch.op - 1;
                     batch.fault_value[lane] = fault_value;
+                    if code == TrapCode::AccelerationStructureMissing {
+                        let fault = AccessFault::structure(fault_value, bindings);
+                        fault.into_iter().for_each(|fault| batch.record_access_fault(lane, fault));
+                    }
                     batch.trap(Mask::lane(lane), code, op);
                 }
             }

@@ -1,5 +1,6 @@
 //! The report of a trap: its message, its source line and the stack of shader calls.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, ErrorKind, Place};
@@ -49,14 +50,15 @@ where
             return;
         }
         let program = &*self.pipeline.programs[running.shader.0 as usize];
-        let mut error = trap_error(program, &running.batch, lane, trap).note(format!(
-            "in {} `{}`, launch id ({}, {}, {})",
-            program.stage.name(),
-            program.name,
-            launch_id[0],
-            launch_id[1],
-            launch_id[2]
-        ));
+        let mut error =
+            trap_error(program, &self.pipeline.programs, &running.batch, lane, trap).note(format!(
+                "in {} `{}`, launch id ({}, {}, {})",
+                program.stage.name(),
+                program.name,
+                launch_id[0],
+                launch_id[1],
+                launch_id[2]
+            ));
         let fault_value = running.batch.fault_value[lane];
         error = self.limit_notes(trap.code).into_iter().fold(error, Error::note);
         error =
@@ -205,9 +207,11 @@ pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<St
     ))
 }
 
-/// The error of a trap without its callers: message, source position, and access.
+/// The error of a trap without its callers: message, source position, and access. Other programs run
+/// with the one that trapped.
 pub(crate) fn trap_error<const W: usize>(
     program: &Program,
+    others: &[Arc<Program>],
     batch: &Batch<W>,
     lane: usize,
     trap: Trap,
@@ -220,10 +224,12 @@ pub(crate) fn trap_error<const W: usize>(
         program.describe_index(trap, fault_value, accessed, |op| batch.out_of_bounds_indices.last(op, lane));
     let access = program.describe_access(trap, fault_value, accessed);
     let bound = match trap.code {
-        TrapCode::DescriptorMissing => program.describe_bound(accessed),
-        _ => None,
+        TrapCode::DescriptorMissing | TrapCode::AccelerationStructureMissing => {
+            program.describe_bound(accessed, others)
+        }
+        _ => Vec::new(),
     };
-    [index, access, bound].into_iter().flatten().fold(error, Error::note)
+    index.into_iter().chain(access).chain(bound).fold(error, Error::note)
 }
 
 /// Adds the location of an operation to an error: its word offset, its source line and the inlined

@@ -267,7 +267,7 @@ where
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
         let [group, local, global] = ids.map(|[x, y, z]| format!("({x}, {y}, {z})"));
-        let mut error: Error = trap_error(self.program, batch, at % W, trap);
+        let mut error: Error = trap_error(self.program, &[], batch, at % W, trap);
         if let Some(note) = note {
             error = error.note(note);
         }

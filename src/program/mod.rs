@@ -7,6 +7,7 @@ mod call_graph;
 pub mod control_flow;
 mod copy_propagation;
 pub mod dce;
+pub mod descriptors;
 mod loop_report;
 pub mod lower;
 mod obstacles;
@@ -26,7 +27,7 @@ use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{
-    AccessFault, Batch, Binding, BindingSummary, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
+    AccessFault, Batch, Binding, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
@@ -336,7 +337,12 @@ impl Program {
             _ => format!("{bytes} bytes at offset {fault_value} of "),
         };
         let (handle, size) = match accessed {
-            Some(&AccessFault::Buffer { handle, size }) => (handle, format!(", which has {size} bytes")),
+            Some(AccessFault::Buffer { handle, size, view: Some((name, offset)) }) => {
+                (*handle, format!(", which has the range of {size} bytes at offset {offset} of `{name}`"))
+            }
+            Some(&AccessFault::Buffer { handle, size, view: None }) => {
+                (handle, format!(", which has {size} bytes"))
+            }
             Some(&AccessFault::Descriptor { handle, .. }) => (Some(handle), String::new()),
             _ => (None, String::new()),
         };
@@ -406,29 +412,6 @@ impl Program {
                 }
             };
         Some(format!(": {position}{name} at {start:#x}, which has {size} bytes"))
-    }
-
-    /// Lists what is bound, if a descriptor is not.
-    pub fn describe_bound(&self, accessed: Option<&AccessFault>) -> Option<String> {
-        /// The most bindings that are listed: more would hide the rest of the report.
-        const SHOWN: usize = 16;
-        let Some(AccessFault::Descriptor { bound, .. }) = accessed else { return None };
-        if bound.is_empty() {
-            return Some("nothing is bound".to_owned());
-        }
-        let one = |bound: &BindingSummary| {
-            let Binding { set, binding } = bound.binding;
-            let slot = self.slots.iter().find(|slot| slot.binding == bound.binding);
-            let slot = slot.filter(|slot| !slot.name.is_empty());
-            let name = slot.map_or_else(String::new, |slot| format!("`{}`, ", slot.name));
-            let count = if bound.count == 1 { String::new() } else { format!(", {} elements", bound.count) };
-            format!("set {set}, binding {binding} ({name}{}{count})", bound.kind)
-        };
-        let mut text = bound.iter().take(SHOWN).map(one).collect::<Vec<_>>().join("; ");
-        if bound.len() > SHOWN {
-            text += &format!("; and {} more", bound.len() - SHOWN);
-        }
-        Some(format!("bound: {text}"))
     }
 
     /// Describes a handle: name, set, binding and array element.

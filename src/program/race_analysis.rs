@@ -10,17 +10,19 @@
 //! if the index is an injective affine function of these. Accesses for which this cannot be shown
 //! (an index that was loaded per lane, a neighbouring texel) count as shared.
 //!
-//! Bindings with one buffer or image count as one, and a binding whose buffer has a device address
-//! counts as memory behind addresses. Non-atomic accesses to workgroup memory are not considered:
+//! Different bindings may be the same memory: of one buffer or image, or of ranges of a buffer that
+//! overlap ([`AliasedMemory`]). These count as one memory, in which an access is where its view of
+//! the buffer begins and the offset in that. A binding whose buffer has a device address counts as
+//! memory behind addresses. Non-atomic accesses to workgroup memory are not considered:
 //! its purpose is to be shared, with barriers.
 
 mod affine;
+mod aliases;
 mod image_rows;
 mod through_floats;
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
 use std::collections::hash_map::Entry;
-use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
@@ -40,6 +42,7 @@ use crate::ops::translate::InputRegisters;
 use crate::program::Program;
 
 use affine::{AffineExpr, AffineRange, Symbol, both, scaled};
+use aliases::AliasedMemory;
 pub use image_rows::OwnRow;
 
 /// How memory is accessed.
@@ -149,59 +152,6 @@ impl LaunchExtent<'_> {
         buffer.load(offset.into(), 32)
     }
 
-    /// Bindings with a buffer that has a device address.
-    fn addressed(&self, accesses: &[&MemoryAccess]) -> Vec<Binding> {
-        if !accesses.iter().any(|access| access.memory == Memory::Addresses) {
-            return Vec::new();
-        }
-        let has_address = |descriptor: &Descriptor| {
-            let address = descriptor.find(|kind| match kind {
-                Descriptor::Buffer(buffer) => self.resources.memory.address_of(buffer),
-                _ => None,
-            });
-            address.is_some()
-        };
-        let bindings = self.resources.descriptors.iter();
-        bindings.filter(|(_, all)| all.iter().any(has_address)).map(|(&binding, _)| binding).collect()
-    }
-
-    /// For each binding that shares a buffer or an image with another one: the first of these.
-    fn aliased_bindings(&self, accesses: &[&MemoryAccess]) -> BTreeMap<Binding, Binding> {
-        let binding = |access: &&MemoryAccess| match access.memory {
-            Memory::Binding(binding) => Some(binding),
-            _ => None,
-        };
-        let mut bindings: Vec<Binding> = accesses.iter().filter_map(binding).collect();
-        bindings.sort_unstable();
-        bindings.dedup();
-        let mut first = BTreeMap::new();
-        if bindings.len() < 2 {
-            return first;
-        }
-        let mut owners: FxHashMap<usize, Binding> = FxHashMap::default();
-        for &binding in &bindings {
-            for descriptor in self.resources.descriptors.get(&binding).into_iter().flatten() {
-                let place = descriptor.find(|kind| match kind {
-                    Descriptor::Buffer(buffer) => Some(Arc::as_ptr(buffer).addr()),
-                    Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => {
-                        Some(Arc::as_ptr(image).addr())
-                    }
-                    _ => None,
-                });
-                let Some(place) = place else { continue };
-                let owner = *owners.entry(place).or_insert(binding);
-                let [owner, own] = [owner, binding].map(|one| *first.get(&one).unwrap_or(&one));
-                if owner != own {
-                    // Replaces the later one by the earlier one everywhere.
-                    let [owner, own] = [owner.min(own), owner.max(own)];
-                    first.values_mut().filter(|one| **one == own).for_each(|one| *one = owner);
-                    first.insert(own, owner);
-                }
-            }
-        }
-        first
-    }
-
     /// Whether these accesses of different invocations are disjoint; `stored` returns whether a
     /// binding may be stored to.
     fn are_disjoint(&self, accesses: &[&MemoryAccess], stored: impl Fn(Binding) -> bool) -> bool {
@@ -240,12 +190,14 @@ impl LaunchExtent<'_> {
         self.dimensions().next()?;
         let accesses: Vec<&MemoryAccess> = programs.iter().flat_map(|program| &program.accesses).collect();
         let stored = StoredMemory::new(self, &accesses);
+        let placed: Vec<Cow<'_, MemoryAccess>> =
+            accesses.iter().map(|access| stored.aliases.placed(access)).collect();
         stored.memories.iter().copied().find(|&memory| {
             let unknown = memory == Memory::Unknown;
-            let same = |access: &&&MemoryAccess| {
-                unknown || [memory, Memory::Unknown].contains(&stored.of(access.memory))
+            let same = |access: &&Cow<'_, MemoryAccess>| {
+                unknown || [memory, Memory::Unknown].contains(&stored.aliases.representative(access.memory))
             };
-            let same: Vec<&MemoryAccess> = accesses.iter().filter(same).copied().collect();
+            let same: Vec<&MemoryAccess> = placed.iter().filter(same).map(|access| &**access).collect();
             !commute(&same) && !self.are_disjoint(&same, |binding| stored.may_change(binding))
         })
     }
@@ -269,42 +221,24 @@ fn never_overlap(a: &MemoryAccess, b: &MemoryAccess) -> bool {
 
 /// The memory that shaders store to.
 struct StoredMemory {
-    /// The first of the bindings that share a buffer or an image.
-    first: BTreeMap<Binding, Binding>,
-    /// Bindings whose memory is accessed by device addresses, too.
-    addressed: Vec<Binding>,
+    aliases: AliasedMemory,
     memories: Vec<Memory>,
 }
 
 impl StoredMemory {
     fn new(extent: &LaunchExtent<'_>, accesses: &[&MemoryAccess]) -> Self {
-        let first = extent.aliased_bindings(accesses);
-        let mut addressed = extent.addressed(accesses);
-        // If one of several aliased bindings has an address, all have.
-        addressed.iter_mut().for_each(|binding| *binding = *first.get(binding).unwrap_or(binding));
-        let mut all = Self { first, addressed, memories: Vec::new() };
-        let mut memories: Vec<Memory> =
-            accesses.iter().filter(|access| access.stores).map(|access| all.of(access.memory)).collect();
+        let aliases = AliasedMemory::of(extent.resources, accesses);
+        let stores = accesses.iter().filter(|access| access.stores);
+        let mut memories: Vec<Memory> = stores.map(|access| aliases.representative(access.memory)).collect();
         memories.sort_unstable();
         memories.dedup();
-        all.memories = memories;
-        all
-    }
-
-    /// The representative of a memory among its aliases.
-    fn of(&self, memory: Memory) -> Memory {
-        match memory {
-            Memory::Binding(binding) => match *self.first.get(&binding).unwrap_or(&binding) {
-                first if self.addressed.contains(&first) => Memory::Addresses,
-                first => Memory::Binding(first),
-            },
-            other => other,
-        }
+        Self { aliases, memories }
     }
 
     /// Whether something may be stored to a binding.
     fn may_change(&self, binding: Binding) -> bool {
-        [self.of(Memory::Binding(binding)), Memory::Unknown].iter().any(|one| self.memories.contains(one))
+        let memories = [self.aliases.representative(Memory::Binding(binding)), Memory::Unknown];
+        memories.iter().any(|one| self.memories.contains(one))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::machine::{Buffer, DeviceMemory};
 use crate::scene::ResolvedScene;
 use crate::scene::encoding::AddressOf;
 use crate::scene::read::{Diagnostics, Parse, Spanned, TomlValue, unknown_name};
-use crate::scene::resources::Resource;
+use crate::scene::resources::{BufferView, Resource};
 use crate::scene::tree::Toml;
 
 /// What a buffer says of its device address: `true`, `false` or a number.
@@ -52,7 +52,7 @@ enum Target<'a> {
 
 /// What the scene calls by a name: a resource, else an acceleration structure.
 fn target<'a>(scene: &'a ResolvedScene, names: &Names<'a>, name: &str) -> Option<Target<'a>> {
-    names.0.get(name).map(|named| match *named {
+    Some(match *names.0.get(name)? {
         Named::Unbound(at) => Target::Buffer(&scene.unbound[at].address, &scene.unbound[at].place),
         Named::Bound(at) => {
             let bound = &scene.resources[at];
@@ -61,6 +61,7 @@ fn target<'a>(scene: &'a ResolvedScene, names: &Names<'a>, name: &str) -> Option
                     Target::Buffer(&bound.address, &bound.place)
                 }
                 Resource::AccelerationStructure(index) => Target::Structure(&scene.tlas[*index].1),
+                Resource::BufferView(view) => return target(scene, names, &view.buffer),
                 Resource::NullBuffer => Target::Other("a null buffer"),
                 Resource::NullAccelerationStructure => Target::Other("a null acceleration structure"),
                 Resource::Sampler(_) => Target::Other("a sampler"),
@@ -146,8 +147,18 @@ impl Addresses {
     /// Those of sizes, and given addresses that overlap, each at its place.
     pub fn assign(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Self {
         let names = Names::of(scene);
-        let wanted: BTreeSet<&str> =
-            scene.address_targets().iter().map(|of| of.target.value.as_str()).collect();
+        let targets = scene.address_targets();
+        let mut wanted: BTreeSet<&str> = targets.iter().map(|of| of.target.value.as_str()).collect();
+        wanted.extend(scene.kept_addresses.iter().map(String::as_str));
+        // A view has an address where its buffer has one.
+        let views = scene.resources.iter().filter_map(|one| match &one.resource {
+            Resource::BufferView(view) => Some((one.name.as_str(), view)),
+            _ => None,
+        });
+        let views: Vec<(&str, &BufferView)> = views.collect();
+        let buffers = views.iter().filter(|(name, _)| wanted.contains(name));
+        let buffers: Vec<&str> = buffers.map(|(_, view)| view.buffer.as_str()).collect();
+        wanted.extend(buffers);
         let mut all = Self::default();
         let mut given: Vec<(u64, u64, &str, &Place)> = Vec::new();
         let mut automatic: Vec<(&str, u64)> = Vec::new();
@@ -203,6 +214,11 @@ impl Addresses {
             let address = all.memory.reserve(name, size);
             all.by_name.insert(name.to_string(), (address, size));
         }
+        for (name, view) in views {
+            if let Some(&(address, _)) = all.by_name.get(&view.buffer) {
+                all.by_name.insert(name.to_string(), (address + view.start(), view.range));
+            }
+        }
         for name in wanted {
             if let Some(Target::Structure(tlas)) = target(scene, &names, name) {
                 let address = all.memory.add_structure(tlas);
@@ -229,7 +245,12 @@ impl Addresses {
         Ok(start + offset)
     }
 
-    /// Whether a buffer has an address, by its name.
+    /// The names of what has an address.
+    pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.by_name.keys().map(String::as_str)
+    }
+
+    /// The address of a buffer or an acceleration structure, by its name.
     pub fn of_name(&self, name: &str) -> Option<u64> {
         self.by_name.get(name).map(|&(start, _)| start)
     }

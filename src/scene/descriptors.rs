@@ -3,14 +3,13 @@
 use crate::error::{Error, ErrorKind, Place};
 use crate::input::InputLimit;
 use crate::machine::Binding;
-use crate::module::Module;
-use crate::module::ty::{Type, TypeId};
-use crate::ops::pointer::storage;
 use crate::program::Program;
+use crate::program::descriptors::{DescriptorType, declared, list, missing};
 use crate::scene::ResolvedScene;
+use crate::scene::file::MissingDescriptors;
 use crate::scene::layout::Layout;
 use crate::scene::resolved::ResolvedBinding;
-use crate::scene::resources::{DescriptorKind, Resource};
+use crate::scene::resources::Resource;
 use crate::scene::struct_lookup::{DataBlock, find_block};
 
 /// The errors for bindings whose resources have types that the shaders do not declare.
@@ -41,7 +40,7 @@ pub(super) fn mismatches<'a>(
             }
             reported.push(slot.binding);
             let Binding { set, binding } = slot.binding;
-            let names: Vec<_> = declared.iter().map(|kind| format!("`{}`", name(*kind))).collect();
+            let names: Vec<_> = declared.iter().map(|ty| format!("`{}`", ty.name())).collect();
             let message = format!(
                 "{} `{}` declares `{}` (set {set}, binding {binding}) as {}",
                 program.stage.name(),
@@ -78,8 +77,10 @@ pub(super) fn stride_notes<'a>(
                 continue;
             };
             for bound in scene.resources.iter().filter(here) {
-                let Resource::StorageBuffer(data) = &bound.resource else { continue };
-                let Ok(size) = data.size() else { continue };
+                if !is_compatible(DescriptorType::StorageBuffer, &bound.resource) {
+                    continue;
+                }
+                let Ok(Some(size)) = bound.resource.buffer_size() else { continue };
                 let behind = (size as usize).saturating_sub(start);
                 let (whole, odd) = (behind / stride, behind % stride);
                 if odd == 0 {
@@ -111,89 +112,60 @@ pub(super) fn stride_notes<'a>(
     notes
 }
 
+/// A note on the descriptors that shaders use and the scene does not bind, where an access to one
+/// traps.
+pub(super) fn missing_note<'a>(
+    scene: &ResolvedScene,
+    programs: impl Iterator<Item = &'a Program>,
+) -> Option<String> {
+    if scene.missing_descriptors == MissingDescriptors::Zeros {
+        return None;
+    }
+    let is_bound =
+        |at: Binding| scene.resources.iter().any(|one| Binding { set: one.set, binding: one.binding } == at);
+    let missing = missing(programs, is_bound);
+    (!missing.is_empty()).then(|| {
+        format!(
+            "{}: the scene binds nothing to {}; an access there traps, unless [pipeline] has `unbound = \"zeros\"`",
+            scene.path.display(),
+            list(&missing)
+        )
+    })
+}
+
 /// The file and line of a place, before a note.
 fn line_of(place: &Place) -> String {
     let Place::Text { file, text, span } = place else { return String::new() };
     format!("{file}:{}: ", text[..span.start].matches('\n').count() + 1)
 }
 
-/// The descriptor types of a module's variables at a binding.
-fn declared(module: &Module, binding: Binding) -> Vec<DescriptorKind> {
-    let at = |id| {
-        let number = |decoration| module.decorations.literal(id, decoration);
-        number(34) == Some(binding.set) && number(33) == Some(binding.binding)
-    };
-    let mut kinds = Vec::new();
-    for variable in module.variables.iter().filter(|variable| at(variable.id)) {
-        let Type::Pointer { pointee: Some(ty), .. } = *module.ty(variable.pointer) else { continue };
-        if let Some(kind) = kind(module, variable.storage_class, ty)
-            && !kinds.contains(&kind)
-        {
-            kinds.push(kind);
-        }
-    }
-    kinds
-}
-
-fn kind(module: &Module, storage_class: u32, mut ty: TypeId) -> Option<DescriptorKind> {
-    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
-        ty = *element;
-    }
-    let image = |ty: TypeId, with_sampler| {
-        let Type::Image(image) = module.ty(ty) else { return None };
-        Some(match (image.dim, image.sampled) {
-            (BUFFER, 2) => DescriptorKind::StorageTexelBuffer,
-            (BUFFER, _) => DescriptorKind::UniformTexelBuffer,
-            (_, 2) => DescriptorKind::StorageImage,
-            _ if with_sampler => DescriptorKind::CombinedImageSampler,
-            _ => DescriptorKind::SampledImage,
-        })
-    };
-    match (storage_class, module.ty(ty)) {
-        (storage::STORAGE_BUFFER, _) | (storage::UNIFORM, Type::Struct { buffer_block: true, .. }) => {
-            Some(DescriptorKind::StorageBuffer)
-        }
-        (storage::UNIFORM, _) => Some(DescriptorKind::UniformBuffer),
-        (_, Type::Image(_)) => image(ty, false),
-        (_, Type::SampledImage(of)) => image(*of, true),
-        (_, Type::Sampler) => Some(DescriptorKind::Sampler),
-        (_, Type::AccelerationStructure) => Some(DescriptorKind::AccelerationStructure),
-        _ => None,
-    }
-}
-
-/// `Dim` of texel buffers.
-const BUFFER: u32 = 5;
-
 /// Whether a resource may be bound where a descriptor type is declared.
-fn is_compatible(declared: DescriptorKind, bound: &Resource) -> bool {
+fn is_compatible(declared: DescriptorType, bound: &Resource) -> bool {
     match bound {
-        Resource::StorageBuffer(_) => declared == DescriptorKind::StorageBuffer,
-        Resource::UniformBuffer(_) => declared == DescriptorKind::UniformBuffer,
+        Resource::StorageBuffer(_) => declared == DescriptorType::StorageBuffer,
+        Resource::UniformBuffer(_) => declared == DescriptorType::UniformBuffer,
+        Resource::BufferView(view) => match view.kind.is_storage() {
+            true => declared == DescriptorType::StorageBuffer,
+            false => declared == DescriptorType::UniformBuffer,
+        },
         Resource::NullBuffer => {
-            matches!(declared, DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer)
+            matches!(declared, DescriptorType::StorageBuffer | DescriptorType::UniformBuffer)
         }
-        Resource::StorageImage(_) => declared == DescriptorKind::StorageImage,
-        Resource::SampledImage(_) => declared == DescriptorKind::SampledImage,
+        Resource::StorageImage(_) => declared == DescriptorType::StorageImage,
+        Resource::SampledImage(_) => declared == DescriptorType::SampledImage,
         Resource::TexelBuffer(_) => {
-            matches!(declared, DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer)
+            matches!(declared, DescriptorType::UniformTexelBuffer | DescriptorType::StorageTexelBuffer)
         }
-        Resource::Sampler(_) => declared == DescriptorKind::Sampler,
+        Resource::Sampler(_) => declared == DescriptorType::Sampler,
         // Image and sampler may also be declared separately.
         Resource::CombinedImageSampler(..) => {
             matches!(
                 declared,
-                DescriptorKind::CombinedImageSampler | DescriptorKind::SampledImage | DescriptorKind::Sampler
+                DescriptorType::CombinedImageSampler | DescriptorType::SampledImage | DescriptorType::Sampler
             )
         }
         Resource::AccelerationStructure(_) | Resource::NullAccelerationStructure => {
-            declared == DescriptorKind::AccelerationStructure
+            declared == DescriptorType::AccelerationStructure
         }
     }
-}
-
-/// The name of a descriptor type in scene files.
-fn name(kind: DescriptorKind) -> &'static str {
-    use crate::scene::read::Named;
-    DescriptorKind::NAMES.iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name)
 }

@@ -18,6 +18,7 @@ use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::models::{ModelEntry, OpenModels};
+use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, launch};
 use crate::scene::read::{
     Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
 };
@@ -46,6 +47,8 @@ pub struct SceneFile {
     pub device: Option<DeviceProfile>,
     /// `[pipeline]`
     pub pipeline: Option<PipelineEntry>,
+    /// `[pipelines.NAME]`
+    pub pipelines: Vec<Entry<NamedPipelineEntry>>,
     /// `[samplers.NAME]`
     pub samplers: Vec<Entry<Sampler>>,
     /// `[resources.NAME]`
@@ -55,7 +58,7 @@ pub struct SceneFile {
     /// `[[dispatch]]`
     pub dispatches: Vec<DispatchEntry>,
     /// `[[pass]]`
-    pub passes: Vec<Spanned<PassEntry>>,
+    pub passes: Vec<PassEntry>,
     /// `precision`
     pub precision: Option<Precision>,
     /// `launch`
@@ -97,6 +100,7 @@ impl SceneFile {
             shaders: entries(&root, "shaders"),
             device: root.optional("device"),
             pipeline: root.optional("pipeline"),
+            pipelines: entries(&root, "pipelines"),
             samplers: entries(&root, "samplers"),
             resources: entries(&root, "resources"),
             push_constants: root.optional("push_constants"),
@@ -140,86 +144,6 @@ fn version(document: &Document) -> Result<()> {
 fn entries<T: Parse>(root: &Table<'_>, key: &'static str) -> Vec<Entry<T>> {
     let Some(table) = root.value(key).and_then(Table::new) else { return Vec::new() };
     table.iter().map(|(name, value)| Entry { name, content: T::parse(value) }).collect()
-}
-
-fn launch(root: &Table<'_>) -> Option<Spanned<[u32; 3]>> {
-    let value = root.value("launch")?;
-    let Spanned { value: size, span } = sides(value)?;
-    // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
-    let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
-    if count == 0 || count > 1 << 30 {
-        return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
-    }
-    Some(Spanned { value: size, span })
-}
-
-/// Reads one to three sizes; missing ones are 1.
-fn sides(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
-    let Spanned { value: OneOrMore(given), span } = Spanned::<OneOrMore<u32>>::parse(value)?;
-    if given.is_empty() || given.len() > 3 {
-        return value.wrong("one to three sizes are needed: `[width, height, depth]`");
-    }
-    let mut size = [1; 3];
-    size[..given.len()].copy_from_slice(&given);
-    Some(Spanned { value: size, span })
-}
-
-/// A dispatch of a compute shader.
-#[derive(Clone, Debug)]
-pub struct DispatchEntry {
-    /// The shader.
-    pub shader: Spanned<String>,
-    /// The number of workgroups along x, y and z.
-    pub groups: [u32; 3],
-    /// Push constants of its own, in place of the scene's.
-    pub push_constants: Option<DataPieces>,
-}
-
-impl Parse for DispatchEntry {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let table = Table::new(value)?;
-        let shader = table.required("shader");
-        let groups = table.value("groups").map_or(Some([1; 3]), |value| Some(sides(value)?.value));
-        let push_constants = table.optional("push_constants");
-        table.finish();
-        Some(Self { shader: shader?, groups: groups?, push_constants })
-    }
-}
-
-/// One pass of a frame.
-#[derive(Clone, Debug)]
-pub enum PassEntry {
-    /// A launch of the pipeline from one of its ray generation shaders.
-    Launch {
-        /// The name of the shader's record in `[pipeline]`, or of its shader.
-        raygen: Spanned<String>,
-        /// The size of the launch; the scene's where there is none.
-        size: Option<[u32; 3]>,
-        /// Push constants of its own, in place of the scene's.
-        push_constants: Option<DataPieces>,
-    },
-    /// A dispatch of a compute shader.
-    Dispatch(DispatchEntry),
-}
-
-impl Parse for PassEntry {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let table = Table::new(value)?;
-        match (table.has("raygen"), table.has("shader")) {
-            (true, false) => {}
-            (false, true) => return DispatchEntry::parse(value).map(Self::Dispatch),
-            _ => {
-                return value.wrong(
-                    "a pass is a launch from a `raygen` of the pipeline, or a dispatch of a compute `shader`",
-                );
-            }
-        }
-        let raygen = table.required("raygen");
-        let size = launch(&table);
-        let push_constants = table.optional("push_constants");
-        table.finish();
-        Some(Self::Launch { raygen: raygen?, size: size.map(|size| size.value), push_constants })
-    }
 }
 
 /// A file with shaders.
@@ -402,6 +326,8 @@ pub struct PipelineEntry {
     pub printed_bytes: Option<u64>,
     /// What happens on an access outside its buffer or image.
     pub memory: Option<MemoryPolicy>,
+    /// What happens at a descriptor that nothing is bound to.
+    pub unbound: MissingDescriptors,
     /// The pipeline's flags.
     pub flags: PipelineFlags,
 }
@@ -435,11 +361,43 @@ impl Parse for PipelineEntry {
             max_stack_size: table.optional("max_stack_size"),
             printed_bytes: table.optional("printed_bytes"),
             memory: table.optional("memory"),
+            unbound: table.or("unbound", MissingDescriptors::default()),
             flags: device::flags(&table),
         };
         table.finish();
         Some(pipeline)
     }
+}
+
+/// `[pipelines.NAME]`: a pipeline that passes name.
+#[derive(Clone, Debug)]
+pub struct NamedPipelineEntry(pub PipelineEntry);
+
+impl Parse for NamedPipelineEntry {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let mut scenes_own = ["memory", "printed_bytes", "unbound"].into_iter().filter(|key| table.has(key));
+        if let Some(key) = scenes_own.next() {
+            let found = table.value(key)?;
+            return found.wrong(format!("`{key}` holds for all passes: it stands in `[pipeline]`"));
+        }
+        PipelineEntry::parse(value).map(Self)
+    }
+}
+
+/// What happens at a descriptor that shaders use and the scene does not bind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MissingDescriptors {
+    /// The access traps.
+    #[default]
+    Trap,
+    /// There is a null descriptor: loads are zeros, stores are dropped, rays miss.
+    Zeros,
+}
+
+impl Named for MissingDescriptors {
+    const WHAT: &'static str = "policy for descriptors that nothing is bound to";
+    const NAMES: &'static [(&'static str, Self)] = &[("trap", Self::Trap), ("zeros", Self::Zeros)];
 }
 
 impl Named for MemoryPolicy {
@@ -513,9 +471,29 @@ pub enum RayEntry {
         name: Option<String>,
         /// x and y of the launch index.
         pixel: Spanned<[u32; 2]>,
+        /// The pass that it is looked at in; the first launch where there is none.
+        pass: Option<Spanned<PassKey>>,
     },
     /// A ray by its numbers.
     Given(GivenRay),
+}
+
+impl RayEntry {
+    /// Its name, if it has one.
+    pub fn name(&self) -> Option<&String> {
+        match self {
+            Self::Pixel { name, .. } => name.as_ref(),
+            Self::Given(given) => given.name.as_ref(),
+        }
+    }
+
+    /// The pass that it names.
+    pub fn pass(&self) -> Option<&Spanned<PassKey>> {
+        match self {
+            Self::Pixel { pass, .. } => pass.as_ref(),
+            Self::Given(given) => given.pass.as_ref(),
+        }
+    }
 }
 
 /// The operands of a trace.
@@ -545,6 +523,8 @@ pub struct GivenRay {
     pub miss_index: u32,
     /// The payload's first words; the rest is zeros.
     pub payload: Vec<u32>,
+    /// The pass with whose pipeline it is traced; the first launch where there is none.
+    pub pass: Option<Spanned<PassKey>>,
 }
 
 impl GivenRay {
@@ -611,10 +591,11 @@ impl Parse for RayEntry {
         let name = table.optional("name");
         // The harness reads this table.
         let _ = table.value("expect");
+        let pass = table.optional("pass");
         if table.has("pixel") {
             let pixel = table.required("pixel");
             table.finish();
-            return Some(Self::Pixel { name, pixel: pixel? });
+            return Some(Self::Pixel { name, pixel: pixel?, pass });
         }
         let (origin, direction) = (table.required("origin"), table.required("direction"));
         let (t_min, t_max) = (table.or("t_min", 0.0), table.or("t_max", f32::INFINITY));
@@ -639,6 +620,7 @@ impl Parse for RayEntry {
             sbt_stride,
             miss_index,
             payload: payload?,
+            pass,
         }))
     }
 }

@@ -167,6 +167,30 @@ impl ImageEntry {
         Some(entry)
     }
 
+    /// The textures of a mesh file that are elements of an array, where they are all of it.
+    pub fn all_textures(&self) -> Option<&TextureReference> {
+        match self.files.as_slice() {
+            [PictureEntry::Texture(texture)] if texture.is_all() => Some(texture),
+            _ => None,
+        }
+    }
+
+    /// The entry of one of them, whose sampler is the texture's own if a combined image sampler
+    /// names no other.
+    pub fn of_texture(&self, texture: TextureReference, kind: DescriptorKind) -> Self {
+        let own =
+            (kind == DescriptorKind::CombinedImageSampler).then(|| SamplerReference::Mesh(texture.clone()));
+        let sampler = self.sampler.clone().or(own);
+        Self { files: vec![PictureEntry::Texture(texture)], sampler, ..self.clone() }
+    }
+
+    /// What stands for the textures of a file that has none: one white texel.
+    pub fn white(&self) -> Self {
+        let format = self.format.or(Some(Format { srgb: false, ..Format::RGBA8_SRGB }));
+        let (extent, fill) = (Some([1; 3]), [1.0; 4]);
+        Self { files: Vec::new(), format, extent, fill, levels: Levels::All, ..self.clone() }
+    }
+
     /// Loads, fills or generates its texels; without a size it is as large as the launch. With
     /// `streams`, an image that is only filled may have more texels than fit into memory.
     ///

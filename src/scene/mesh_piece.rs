@@ -29,7 +29,13 @@ pub struct MeshPiece {
 #[derive(Clone, Debug)]
 enum MeshContent {
     /// A row of each vertex.
-    Vertices { attributes: Vec<Spanned<String>>, formats: Vec<AttributeFormat>, missing: Option<Vec<f32>> },
+    Vertices {
+        attributes: Vec<Spanned<String>>,
+        formats: Vec<AttributeFormat>,
+        missing: Option<Vec<f32>>,
+        /// The texture whose transform texture coordinates go through.
+        texture_transform: Option<TextureSlot>,
+    },
     /// Three indices a triangle, of two bytes each or of four.
     Indices { is_short: bool },
     /// A row of each instance of an acceleration structure that has one of the geometries.
@@ -142,6 +148,10 @@ enum TextureChoice {
     TextureSlot(TextureSlot),
     /// By its number in the file.
     Number(u32),
+    /// All of the file, each an element of an array.
+    All,
+    /// One of all, by its number: the materials say whether it has colours.
+    OneOfAll(u32),
 }
 
 impl Parse for TextureReference {
@@ -149,16 +159,38 @@ impl Parse for TextureReference {
         let table = Table::new(value)?;
         let mesh = table.required("mesh");
         let base_color = TextureChoice::TextureSlot(TextureSlot::BaseColor);
-        let texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
+        let mut texture = table.value("texture").map_or(Some(base_color), |value| match value.text() {
             Some(_) => TextureSlot::parse(value).map(TextureChoice::TextureSlot),
             None => u32::parse(value).map(TextureChoice::Number),
         });
+        if let Some(all) = table.value("textures") {
+            texture = match all.text() {
+                Some("all") if !table.has("texture") => Some(TextureChoice::All),
+                Some("all") => all.wrong("either one `texture` or all `textures` of the file"),
+                _ => all.wrong("`textures` is `\"all\"`: each is an element of an array"),
+            };
+        }
         table.finish();
         Some(Self { mesh: mesh?, texture: texture?, span: value.span() })
     }
 }
 
 impl TextureReference {
+    /// Whether it is of all textures of a file, which only an array of descriptors holds.
+    pub fn is_all(&self) -> bool {
+        matches!(self.texture, TextureChoice::All)
+    }
+
+    /// One for each texture of the file.
+    ///
+    /// # Errors
+    /// As [`SceneMeshes::find`].
+    pub fn each(&self, meshes: &SceneMeshes<'_>) -> Result<Vec<Self>> {
+        let count = meshes.find(&self.mesh)?.model.textures.len() as u32;
+        let one = |at| Self { texture: TextureChoice::OneOfAll(at), ..self.clone() };
+        Ok((0..count).map(one).collect())
+    }
+
     /// The texture, and whether its texels of 8 bits are colours, where that is known.
     ///
     /// # Errors
@@ -167,6 +199,14 @@ impl TextureReference {
         let MeshSelection { model, parts, .. } = meshes.find(&self.mesh)?;
         let slot = match self.texture {
             TextureChoice::TextureSlot(slot) => slot,
+            TextureChoice::All => {
+                let message =
+                    "all textures of a file are the elements of an array, and no layers of an image";
+                return Err(self.span.error(message));
+            }
+            TextureChoice::OneOfAll(number) => {
+                return Ok((&model.textures[number as usize], model.texture_has_colors(number as usize)));
+            }
             TextureChoice::Number(number) => {
                 let count = model.textures.len();
                 let message = || format!("texture {number} of {count}, which count from 0");
@@ -348,9 +388,10 @@ impl MeshPiece {
             None => error,
         };
         match &self.content {
-            MeshContent::Vertices { attributes, formats, missing } => {
+            MeshContent::Vertices { attributes, formats, missing, texture_transform } => {
                 for part in parts {
-                    vertex_rows(model, *part, attributes, formats, missing.as_deref(), &mut rows)
+                    let missing = missing.as_deref();
+                    vertex_rows(model, *part, attributes, formats, missing, *texture_transform, &mut rows)
                         .map_err(named)?;
                 }
             }
@@ -448,7 +489,9 @@ fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<M
             formats
         }
     };
-    Some(MeshContent::Vertices { attributes, formats, missing: missing.map(|missing| missing.value.0) })
+    let missing = missing.map(|missing| missing.value.0);
+    let texture_transform = table.optional("texture_transform");
+    Some(MeshContent::Vertices { attributes, formats, missing, texture_transform })
 }
 
 /// Rows of one size.
@@ -501,13 +544,22 @@ fn vertex_rows(
     attributes: &[Spanned<String>],
     formats: &[AttributeFormat],
     missing: Option<&[f32]>,
+    texture_transform: Option<TextureSlot>,
     rows: &mut Rows<'_>,
 ) -> Result<()> {
     let known = &model.parts[part];
+    let mapping = texture_transform.map(|slot| model.materials[known.material].mappings[slot as usize]);
     let mut numbers = Vec::new();
     for attribute in attributes {
         numbers.push(match (known.attributes.contains(&attribute.value), missing) {
-            (true, _) => Some(model.attribute(part, &attribute.value)?),
+            (true, _) => {
+                let mut numbers = model.attribute(part, &attribute.value)?;
+                if let Some(mapping) = mapping.filter(|_| attribute.value.starts_with("texcoord_")) {
+                    let (pairs, _) = numbers.values.as_chunks_mut::<2>();
+                    pairs.iter_mut().for_each(|pair| *pair = mapping.apply(*pair));
+                }
+                Some(numbers)
+            }
             (false, Some(_)) => None,
             (false, None) => {
                 let message = format!("`{}` has no attribute `{}`", known.name, attribute.value);

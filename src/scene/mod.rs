@@ -27,6 +27,8 @@ pub mod mesh_piece;
 mod micromap;
 pub mod mip;
 pub mod models;
+pub mod pass;
+pub mod pass_entry;
 pub mod random;
 pub mod read;
 pub mod resolve;
@@ -38,6 +40,7 @@ pub mod specialization;
 pub mod struct_data;
 pub mod struct_lookup;
 pub mod tree;
+mod view_entry;
 
 pub use assemble::{Assembled, assemble, assemble_without};
 pub use files::{DiskFiles, EmbeddedFiles, Files, SceneFiles};

@@ -258,6 +258,8 @@ pub struct Table<'a> {
     /// Old keys that were read in place of the keys that replaced them.
     renamed: RefCell<BTreeSet<&'static str>>,
     missing: RefCell<Vec<&'static str>>,
+    /// Keys of which it was said already that they must not be here.
+    refused: RefCell<BTreeSet<&'a str>>,
 }
 
 impl<'a> Table<'a> {
@@ -270,6 +272,7 @@ impl<'a> Table<'a> {
             requested: RefCell::default(),
             renamed: RefCell::default(),
             missing: RefCell::default(),
+            refused: RefCell::default(),
         })
     }
 
@@ -287,6 +290,13 @@ impl<'a> Table<'a> {
     pub fn value(&self, key: &'static str) -> Option<TomlValue<'a>> {
         self.requested.borrow_mut().insert(key);
         let member = self.entries.iter().find(|member| member.key == key)?;
+        Some(TomlValue { node: &member.node, ..self.value })
+    }
+
+    /// The value of a key that must not be here, for a better message than that it is unknown.
+    pub fn refused(&self, key: &str) -> Option<TomlValue<'a>> {
+        let member = self.entries.iter().find(|member| member.key == key)?;
+        self.refused.borrow_mut().insert(&member.key);
         Some(TomlValue { node: &member.node, ..self.value })
     }
 
@@ -343,7 +353,8 @@ impl<'a> Table<'a> {
     /// request and before returning early because of a missing key.
     pub fn finish(&self) {
         let (requested, renamed) = (self.requested.borrow(), self.renamed.borrow());
-        let known = |key: &str| requested.contains(key) || renamed.contains(key);
+        let refused = self.refused.borrow();
+        let known = |key: &str| requested.contains(key) || renamed.contains(key) || refused.contains(key);
         let unknown: Vec<_> = self.iter().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
             // A misspelt key is reported once: the message for the unknown key suggests this one.

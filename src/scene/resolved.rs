@@ -1,6 +1,6 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::module::Module;
 use crate::pipeline::{DeviceProfile, PipelineFlags};
 use crate::scene::addresses::AddressChoice;
 use crate::scene::encoding::{AddressOf, Data};
-use crate::scene::file::RayEntry;
+use crate::scene::file::{MissingDescriptors, RayEntry};
 use crate::scene::files::SceneFiles;
 use crate::scene::read::Document;
 use crate::scene::resources::{Output, Resource};
@@ -32,14 +32,16 @@ pub struct ResolvedScene {
     /// Modules that are loaded already, as data is laid out by their structs: by their indices in
     /// `shaders`, without specialization.
     pub loaded: HashMap<usize, Arc<Module>>,
-    /// The shader groups, each once.
-    pub groups: Vec<ResolvedGroup>,
-    /// The shader binding table.
-    pub sbt: ShaderBindingTable,
+    /// `[pipeline]`
+    pub pipeline: ResolvedPipeline,
+    /// `[pipelines.NAME]`, which passes name.
+    pub pipelines: Vec<ResolvedPipeline>,
     /// The contents of the descriptor sets, sorted by set, binding and element.
     pub resources: Vec<ResolvedBinding>,
-    /// Buffers that no descriptor refers to, in the order of their names.
+    /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
+    /// What keeps its address, although nothing in the scene names it any more.
+    pub kept_addresses: BTreeSet<String>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
     /// What `[[pass]]` lists, in order; without it the launch and the dispatches are the passes.
@@ -48,8 +50,36 @@ pub struct ResolvedScene {
     pub push_constants: Data,
     /// The device that the scene is for.
     pub device: DeviceProfile,
+    /// How many bytes of what shaders print are kept.
+    pub printed_bytes: PrintedBytes,
+    /// What happens on an access outside its buffer or image.
+    pub memory: MemoryPolicy,
+    /// What happens at a descriptor that shaders use and nothing is bound to.
+    pub missing_descriptors: MissingDescriptors,
+    /// Width, height and depth of the launch.
+    pub launch: [u32; 3],
+    /// The rays that `trace-one-ray` offers.
+    pub rays: Vec<RayEntry>,
+    /// The scene's own document, whose `[expect]` the harness reads.
+    pub document: Document,
+    /// Notes for the scene's author, a line each: old names that the scene uses.
+    pub notes: Vec<String>,
+    /// How files that shaders and expectations name are read: those beside the scene's own.
+    pub files: SceneFiles,
+}
+
+/// A pipeline of the scene. What `[pipeline]` says of fuel, limits and subgroups holds for
+/// dispatches, too.
+#[derive(Clone, Debug, Default)]
+pub struct ResolvedPipeline {
+    /// Its name; `None` for `[pipeline]`.
+    pub name: Option<String>,
+    /// The shader groups, each once.
+    pub groups: Vec<ResolvedGroup>,
+    /// The shader binding table.
+    pub sbt: ShaderBindingTable,
     /// The pipeline's flags.
-    pub pipeline_flags: PipelineFlags,
+    pub flags: PipelineFlags,
     /// `maxPipelineRayRecursionDepth`, if the scene sets it.
     pub max_recursion_depth: Option<u32>,
     /// The number of invocations in a subgroup, if the scene sets it.
@@ -63,20 +93,6 @@ pub struct ResolvedScene {
     pub fuel: Option<u64>,
     /// The limits of each launch and dispatch.
     pub launch_limits: LaunchLimits,
-    /// How many bytes of what shaders print are kept.
-    pub printed_bytes: PrintedBytes,
-    /// What happens on an access outside its buffer or image.
-    pub memory: MemoryPolicy,
-    /// Width, height and depth of the launch.
-    pub launch: [u32; 3],
-    /// The rays that `trace-one-ray` offers.
-    pub rays: Vec<RayEntry>,
-    /// The scene's own document, whose `[expect]` the harness reads.
-    pub document: Document,
-    /// Notes for the scene's author, a line each: old names that the scene uses.
-    pub notes: Vec<String>,
-    /// How files that shaders and expectations name are read: those beside the scene's own.
-    pub files: SceneFiles,
 }
 
 /// A file with shaders.
@@ -135,9 +151,22 @@ pub struct ResolvedDispatch {
 
 /// One pass of a frame.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ResolvedPass {
-    /// A launch of the pipeline.
+pub struct ResolvedPass {
+    /// Its name, if it has one.
+    pub name: Option<String>,
+    /// What it finds instead of what is bound.
+    pub rebindings: Vec<Rebinding>,
+    /// What it runs.
+    pub work: ResolvedPassWork,
+}
+
+/// What a pass runs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ResolvedPassWork {
+    /// A launch of a pipeline.
     Launch {
+        /// The index of a named pipeline; `None` for `[pipeline]`.
+        pipeline: Option<usize>,
         /// Index of the ray generation record.
         raygen: usize,
         /// Width, height and depth.
@@ -147,6 +176,24 @@ pub enum ResolvedPass {
     },
     /// The dispatch with this index in [`ResolvedScene::dispatches`].
     Dispatch(usize),
+}
+
+/// What one pass finds in a descriptor instead of what is bound there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rebinding {
+    /// The descriptor: set, binding and array element.
+    pub at: [u32; 3],
+    /// Where its buffer, image or acceleration structure is bound for the others.
+    pub source: RebindingSource,
+}
+
+/// Whose content a [`Rebinding`] puts into a descriptor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RebindingSource {
+    /// That of another descriptor: set, binding and array element.
+    Bound([u32; 3]),
+    /// A buffer that no descriptor refers to, by its name.
+    Unbound(String),
 }
 
 /// A shader group.
@@ -231,7 +278,15 @@ pub struct ResolvedBinding {
     pub place: Place,
 }
 
-/// A buffer that shaders reach by its address alone.
+impl ResolvedBinding {
+    /// Whether the image here is that of another binding.
+    pub fn is_same_image(&self, other: &Self) -> bool {
+        self.resource.image().zip(other.resource.image()).is_some_and(|(own, other)| Arc::ptr_eq(own, other))
+    }
+}
+
+/// A buffer that has no binding of its own: shaders reach it by its address, or by those of its
+/// ranges that are bound.
 #[derive(Clone, Debug)]
 pub struct UnboundBuffer {
     /// The scene's name for it.
@@ -244,7 +299,47 @@ pub struct UnboundBuffer {
     pub place: Place,
 }
 
+impl ShaderBindingTable {
+    /// Its tables: ray generation, miss, hit and callable records.
+    pub fn tables(&self) -> [&Vec<ResolvedRecord>; 4] {
+        [&self.raygen, &self.miss, &self.hit, &self.callable]
+    }
+
+    /// Its tables, to be changed.
+    pub fn tables_mut(&mut self) -> [&mut Vec<ResolvedRecord>; 4] {
+        [&mut self.raygen, &mut self.miss, &mut self.hit, &mut self.callable]
+    }
+
+    /// The records of all tables.
+    pub fn records(&self) -> impl Iterator<Item = &ResolvedRecord> {
+        self.tables().into_iter().flatten()
+    }
+}
+
 impl ResolvedScene {
+    /// `[pipeline]`, then the named pipelines.
+    pub fn all_pipelines(&self) -> impl Iterator<Item = &ResolvedPipeline> {
+        std::iter::once(&self.pipeline).chain(&self.pipelines)
+    }
+
+    /// `[pipeline]`, then the named pipelines, to be changed.
+    pub fn all_pipelines_mut(&mut self) -> impl Iterator<Item = &mut ResolvedPipeline> {
+        std::iter::once(&mut self.pipeline).chain(&mut self.pipelines)
+    }
+
+    /// The pipeline with an index among the named ones, or `[pipeline]`.
+    pub fn pipeline_at(&self, index: Option<usize>) -> &ResolvedPipeline {
+        index.map_or(&self.pipeline, |index| &self.pipelines[index])
+    }
+
+    /// Whether it launches a pipeline.
+    pub fn launches(&self) -> bool {
+        match self.passes.is_empty() {
+            true => !self.pipeline.sbt.raygen.is_empty(),
+            false => self.passes.iter().any(|pass| matches!(pass.work, ResolvedPassWork::Launch { .. })),
+        }
+    }
+
     /// Everything whose address is written somewhere.
     pub fn address_targets(&self) -> Vec<&AddressOf> {
         let mut targets = Vec::new();
@@ -252,22 +347,42 @@ impl ResolvedScene {
         data.extend(self.dispatches.iter().filter_map(|dispatch| dispatch.push_constants.as_ref()));
         data.extend(self.unbound.iter().map(|buffer| &buffer.data));
         data.extend(self.resources.iter().filter_map(|binding| binding.resource.data()));
-        let ShaderBindingTable { raygen, miss, hit, callable } = &self.sbt;
-        data.extend([raygen, miss, hit, callable].into_iter().flatten().map(|record| &record.data));
+        let launches = self.passes.iter().filter_map(|pass| match &pass.work {
+            ResolvedPassWork::Launch { push_constants, .. } => push_constants.as_ref(),
+            ResolvedPassWork::Dispatch(_) => None,
+        });
+        data.extend(launches);
+        data.extend(self.all_pipelines().flat_map(|pipeline| pipeline.sbt.records()).map(|one| &one.data));
         for data in data {
             data.targets(&mut |of| targets.push(of));
         }
-        let groups = self.groups.iter().flat_map(ResolvedGroup::shaders);
+        let groups = self.all_pipelines().flat_map(|pipeline| &pipeline.groups);
+        let groups = groups.flat_map(ResolvedGroup::shaders);
         let shaders = groups.chain(self.dispatches.iter().map(|dispatch| &dispatch.shader));
         let values = shaders.flat_map(|shader| &shader.specialization);
         targets.extend(values.filter_map(|(_, value)| value.target()));
         targets
     }
 
+    /// Keeps the addresses as they are, before data that name some of them are replaced.
+    pub fn keep_addresses(&mut self) {
+        let targets: Vec<String> = self.address_targets().iter().map(|of| of.target.value.clone()).collect();
+        self.kept_addresses.extend(targets);
+    }
+
     /// The picture that a render saves: the storage image marked as output, or the only one.
     pub fn output(&self) -> Option<&ResolvedBinding> {
         let images = || self.resources.iter().filter(|b| matches!(b.resource, Resource::StorageImage(_)));
         let mut marked = images().filter(|binding| binding.output.is_some());
-        marked.next().or_else(|| images().next().filter(|_| images().count() == 1))
+        let only = |first: &&ResolvedBinding| images().all(|other| other.is_same_image(first));
+        marked.next().or_else(|| images().next().filter(only))
+    }
+
+    /// The bindings of the image that is bound at one.
+    pub fn bindings_of_image<'a>(
+        &'a self,
+        image: &'a ResolvedBinding,
+    ) -> impl Iterator<Item = &'a ResolvedBinding> {
+        self.resources.iter().filter(|one| one.is_same_image(image))
     }
 }

@@ -1,6 +1,8 @@
 //! `[resources.NAME]`: the resources that shaders access through descriptor sets.
 
-use crate::error::{ErrorKind, Result};
+use std::sync::Arc;
+
+use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
@@ -12,8 +14,10 @@ use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::struct_data::ShaderModules;
 use crate::scene::struct_lookup::DataBlock;
+use crate::scene::view_entry::ViewEntry;
 
-/// The content of one descriptor.
+/// The content of one descriptor. Images with one content, in the sense of [`Arc::ptr_eq`], are one
+/// image at several bindings.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Resource {
     /// `VK_DESCRIPTOR_TYPE_STORAGE_BUFFER`
@@ -21,17 +25,19 @@ pub enum Resource {
     /// `VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER`
     UniformBuffer(Data),
     /// `VK_DESCRIPTOR_TYPE_STORAGE_IMAGE`
-    StorageImage(ImageContent),
+    StorageImage(Arc<ImageContent>),
     /// `VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE`
-    SampledImage(ImageContent),
+    SampledImage(Arc<ImageContent>),
     /// `VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER` and `VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER`
-    TexelBuffer(ImageContent),
+    TexelBuffer(Arc<ImageContent>),
     /// `VK_DESCRIPTOR_TYPE_SAMPLER`
     Sampler(Sampler),
     /// `VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER`
-    CombinedImageSampler(ImageContent, Sampler),
+    CombinedImageSampler(Arc<ImageContent>, Sampler),
     /// `VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR`: index into `ResolvedScene::tlas`.
     AccelerationStructure(usize),
+    /// A range of a buffer that another resource holds.
+    BufferView(BufferView),
     /// A null buffer of either kind.
     NullBuffer,
     /// A null acceleration structure.
@@ -45,6 +51,50 @@ impl Resource {
             Self::StorageBuffer(data) | Self::UniformBuffer(data) => Some(data),
             _ => None,
         }
+    }
+
+    /// How many bytes of a buffer the descriptor refers to.
+    ///
+    /// # Errors
+    /// As [`Data::size`].
+    pub fn buffer_size(&self) -> Result<Option<u64>> {
+        match self {
+            Self::BufferView(view) => Ok(Some(view.range)),
+            other => other.data().map(Data::size).transpose(),
+        }
+    }
+
+    /// The texels of an image or texel buffer.
+    pub fn image(&self) -> Option<&Arc<ImageContent>> {
+        match self {
+            Self::StorageImage(image)
+            | Self::SampledImage(image)
+            | Self::TexelBuffer(image)
+            | Self::CombinedImageSampler(image, _) => Some(image),
+            _ => None,
+        }
+    }
+}
+
+/// A range of a buffer (`VkDescriptorBufferInfo`), which lies inside it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BufferView {
+    /// The descriptor's type.
+    pub kind: DescriptorKind,
+    /// The name of the resource that holds the buffer.
+    pub buffer: String,
+    /// Bytes from the beginning of the buffer.
+    pub offset: u64,
+    /// Bytes of the range.
+    pub range: u64,
+    /// What is added to the offset (`pDynamicOffsets`); of a descriptor that is not dynamic 0.
+    pub dynamic_offset: u64,
+}
+
+impl BufferView {
+    /// Where the range begins in the buffer.
+    pub fn start(&self) -> u64 {
+        self.offset + self.dynamic_offset
     }
 }
 
@@ -87,8 +137,8 @@ pub struct ResourceEntry {
     pub element: u32,
     /// Marks the image that a render saves.
     pub output: Option<Output>,
-    /// Its content.
-    pub content: Content,
+    /// Its content, or those of the elements of an array from `element` on.
+    pub contents: Vec<Content>,
 }
 
 /// The content of a [`ResourceEntry`].
@@ -98,6 +148,8 @@ pub enum Content {
     Buffer(DescriptorKind, BufferEntry),
     /// An image of either kind, or with a sampler.
     Image(DescriptorKind, ImageEntry),
+    /// A view of what another resource holds.
+    View(ViewEntry),
     /// A sampler without an image.
     Sampler(SamplerReference),
     /// A TLAS by its name.
@@ -113,6 +165,10 @@ pub enum DescriptorKind {
     StorageBuffer,
     /// A uniform buffer.
     UniformBuffer,
+    /// A storage buffer whose offset is given when its set is bound.
+    StorageBufferDynamic,
+    /// A uniform buffer whose offset is given when its set is bound.
+    UniformBufferDynamic,
     /// A storage image.
     StorageImage,
     /// A sampled image.
@@ -131,11 +187,40 @@ pub enum DescriptorKind {
     Unbound,
 }
 
+impl DescriptorKind {
+    /// Whether it is of a buffer's bytes.
+    pub fn is_buffer(self) -> bool {
+        matches!(self, Self::StorageBuffer | Self::UniformBuffer) || self.is_dynamic()
+    }
+
+    /// Whether it is of a buffer that shaders may store to.
+    pub fn is_storage(self) -> bool {
+        matches!(self, Self::StorageBuffer | Self::StorageBufferDynamic)
+    }
+
+    /// Whether the offset of its buffer is given when its set is bound.
+    pub fn is_dynamic(self) -> bool {
+        matches!(self, Self::StorageBufferDynamic | Self::UniformBufferDynamic)
+    }
+
+    /// Whether it is of a buffer's texels.
+    pub fn is_texel_buffer(self) -> bool {
+        matches!(self, Self::UniformTexelBuffer | Self::StorageTexelBuffer)
+    }
+
+    /// Whether it is of an image.
+    pub fn is_image(self) -> bool {
+        matches!(self, Self::StorageImage | Self::SampledImage | Self::CombinedImageSampler)
+    }
+}
+
 impl Named for DescriptorKind {
     const WHAT: &'static str = "type of resource";
     const NAMES: &'static [(&'static str, Self)] = &[
         ("storage_buffer", Self::StorageBuffer),
         ("uniform_buffer", Self::UniformBuffer),
+        ("storage_buffer_dynamic", Self::StorageBufferDynamic),
+        ("uniform_buffer_dynamic", Self::UniformBufferDynamic),
         ("storage_image", Self::StorageImage),
         ("sampled_image", Self::SampledImage),
         ("uniform_texel_buffer", Self::UniformTexelBuffer),
@@ -155,8 +240,10 @@ impl Parse for ResourceEntry {
         };
         let kind = DescriptorKind::parse(kind)?;
         let unbound = kind == DescriptorKind::Unbound;
-        for key in ["set", "binding", "element"].into_iter().filter(|key| unbound && table.has(key)) {
-            let found = table.value(key);
+        for key in
+            ["set", "binding", "element", "elements"].into_iter().filter(|key| unbound && table.has(key))
+        {
+            let found = table.refused(key);
             found.and_then(|found| {
                 found.wrong::<()>(format!(
                     "a `buffer` is bound nowhere and has no `{key}`: that of a descriptor is a `storage_buffer`"
@@ -171,6 +258,45 @@ impl Parse for ResourceEntry {
             DescriptorKind::StorageImage => table.optional::<OutputKey>("output").and_then(|marked| marked.0),
             _ => None,
         };
+        let contents = match table.value("elements").filter(|_| !unbound) {
+            Some(value) => elements_of(value, kind),
+            None => Content::parse(&table, kind).map(|content| vec![content]),
+        };
+        table.finish();
+        Some(Self { span: value.span(), set, binding: binding?, element, output, contents: contents? })
+    }
+}
+
+/// Reads the elements of an array, each with the keys of a resource of its type.
+fn elements_of(value: TomlValue<'_>, kind: DescriptorKind) -> Option<Vec<Content>> {
+    let Some(elements) = value.elements() else {
+        return value.expected("an array with a table for each element: `[{ file = \"a.png\" }, ...]`");
+    };
+    let mut contents = Some(Vec::new());
+    for element in elements {
+        let content = Table::new(element).and_then(|table| {
+            let content = Content::parse(&table, kind);
+            table.finish();
+            content
+        });
+        contents = contents.zip(content).map(|(mut all, content)| {
+            all.push(content);
+            all
+        });
+    }
+    if contents.as_ref().is_some_and(Vec::is_empty) {
+        return value.wrong("an array of descriptors has at least one element");
+    }
+    contents
+}
+
+impl Content {
+    /// Reads the keys of one descriptor.
+    fn parse(table: &Table<'_>, kind: DescriptorKind) -> Option<Self> {
+        let wrong = |message: &str| {
+            table.report().push(table.span().error(message));
+            None
+        };
         let nullable = matches!(
             kind,
             DescriptorKind::StorageBuffer
@@ -181,28 +307,38 @@ impl Parse for ResourceEntry {
             return null
                 .wrong("only buffers and acceleration structures may be null here, no image or sampler");
         }
-        let content = match kind {
-            _ if nullable && table.or("null", false) => Some(Content::Null(kind)),
-            DescriptorKind::StorageBuffer | DescriptorKind::UniformBuffer | DescriptorKind::Unbound => {
-                BufferEntry::parse(&table).map(|entry| Content::Buffer(kind, entry))
-            }
+        let is_view = ViewEntry::is_one(table, kind);
+        if !is_view {
+            ViewEntry::check_no_range(table, kind);
+        }
+        if kind.is_dynamic() && !is_view {
+            return wrong(
+                "a dynamic descriptor is of a range of another resource: `buffer` names it, and `range` is its size",
+            );
+        }
+        match kind {
+            _ if is_view => ViewEntry::parse(table, kind).map(Self::View),
+            _ if nullable && table.or("null", false) => Some(Self::Null(kind)),
+            DescriptorKind::StorageBuffer
+            | DescriptorKind::UniformBuffer
+            | DescriptorKind::StorageBufferDynamic
+            | DescriptorKind::UniformBufferDynamic
+            | DescriptorKind::Unbound => BufferEntry::parse(table).map(|entry| Self::Buffer(kind, entry)),
             DescriptorKind::StorageImage
             | DescriptorKind::SampledImage
             | DescriptorKind::CombinedImageSampler
             | DescriptorKind::UniformTexelBuffer
             | DescriptorKind::StorageTexelBuffer => {
-                ImageEntry::parse(&table, kind).map(|entry| Content::Image(kind, entry))
+                ImageEntry::parse(table, kind).map(|entry| Self::Image(kind, entry))
             }
-            DescriptorKind::Sampler => Some(Content::Sampler(
+            DescriptorKind::Sampler => Some(Self::Sampler(
                 table.optional("sampler").unwrap_or(SamplerReference::Inline(Sampler::default())),
             )),
             DescriptorKind::AccelerationStructure => {
-                let main = Spanned { value: "main".to_string(), span: value.span() };
-                Some(Content::AccelerationStructure(table.or("tlas", main)))
+                let main = Spanned { value: "main".to_string(), span: table.span() };
+                Some(Self::AccelerationStructure(table.or("tlas", main)))
             }
-        };
-        table.finish();
-        Some(Self { span: value.span(), set, binding: binding?, element, output, content: content? })
+        }
     }
 }
 
@@ -213,10 +349,13 @@ fn element(table: &Table<'_>) -> u32 {
     if value >> ELEMENT_BITS == 0 {
         return value;
     }
-    table
-        .report()
-        .push(span.error(format!("an array of descriptors has at most {} elements", 1 << ELEMENT_BITS)));
+    table.report().push(too_many_elements(&span));
     0
+}
+
+/// The error of an element that no shader can address.
+pub(super) fn too_many_elements(span: &Span) -> Error {
+    span.error(format!("an array of descriptors has at most {} elements", 1 << ELEMENT_BITS))
 }
 
 /// A buffer as a scene writes it.

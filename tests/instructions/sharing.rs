@@ -251,6 +251,58 @@ fn a_buffer_bound_twice_is_one_memory() {
     assert_eq!(shared_with(body, [40, 1, 1], &bound(&one)), Some(OUT));
 }
 
+#[test]
+fn ranges_of_one_buffer_are_one_memory_where_they_overlap() {
+    // Each invocation loads cell x and stores cell x of a second binding, three words beside it.
+    let pair = |index: &str, other: &str| {
+        format!(
+            "{index}
+             %from = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %index
+             %loaded = OpLoad %uint %from
+             {other}
+             %to = OpAccessChain %ptr_StorageBuffer_uint %more %u0 %other
+             OpStore %to %loaded"
+        )
+    };
+    let share = |body: &str, [first, second]: [(u64, u64); 2]| {
+        let arena = Buffer::zeroed(4096);
+        let view = |(offset, range)| Descriptor::Buffer(arena.view(offset, range, "arena").expect("a range"));
+        let resources = Resources::default().bind(0, 1, view(first)).bind(0, 6, view(second));
+        let annotations =
+            format!("{ANNOTATIONS}\nOpDecorate %more DescriptorSet 0\nOpDecorate %more Binding 6");
+        let declarations =
+            format!("{DECLARATIONS}\n%more = OpVariable %ptr_StorageBuffer_out_block StorageBuffer");
+        let body = format!("%x = OpCompositeExtract %uint %launch_id_value 0\n{body}");
+        let shader = Shader {
+            annotations: &annotations,
+            declarations: &declarations,
+            body: &body,
+            ..Shader::default()
+        };
+        let extent = LaunchExtent { count: [40, 1, 1], local: [1; 3], resources: &resources };
+        extent.shared(&[&shader.program()])
+    };
+    let same = pair("%index = OpIAdd %uint %x %u0", "%other = OpIAdd %uint %x %u0");
+    assert_eq!(share(&same, [(0, 400), (0, 400)]), None, "each its own word");
+    assert_eq!(share(&same, [(0, 400), (12, 400)]), CELLS, "invocation 0 stores what 3 loads");
+    assert_eq!(share(&same, [(0, 400), (400, 400)]), None, "ranges beside each other");
+    assert_eq!(share(&same, [(0, 404), (400, 400)]), CELLS, "and one word more");
+    // Three words on in a range that begins three words earlier is the same word again.
+    let back = pair("%index = OpIAdd %uint %x %u0", "%other = OpIAdd %uint %x %u3");
+    assert_eq!(share(&back, [(0, 400), (0, 400)]), CELLS);
+    assert_eq!(share(&back, [(12, 400), (0, 400)]), None, "each its own word");
+    // Atomic instructions of two kinds, on words 5 and 6, and on word 6 of both.
+    let atomics = "
+        %i = OpIAdd %uint %u3 %u3
+        %a = OpAccessChain %ptr_StorageBuffer_uint %cells %u0 %i
+        %b = OpAccessChain %ptr_StorageBuffer_uint %more %u0 %i
+        %old_a = OpAtomicIAdd %uint %a %u1 %u0 %x
+        %old_b = OpAtomicXor %uint %b %u1 %u0 %x";
+    assert_eq!(share(atomics, [(0, 400), (4, 400)]), None);
+    assert_eq!(share(atomics, [(4, 400), (4, 200)]), CELLS);
+    assert_eq!(share(&atomics.replace("Xor", "IAdd"), [(4, 400), (4, 200)]), None, "additions commute");
+}
+
 /// Two atomic instructions on cells whose indices are computed before.
 fn mixed(indices: &str, first: &str, second: &str) -> String {
     format!(

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::typed::{bound, pointed, programs, typed};
+use crate::harness::typed::{bound, pointed, programs, roots, typed};
 use crate::harness::value::Value;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
@@ -59,8 +59,10 @@ pub fn invalid(message: String) -> Error {
 
 /// A hint at the options that show what a run wrote.
 pub fn hint(scene: &ResolvedScene) -> String {
-    let holds_data = |one: &&resolved::ResolvedBinding| {
-        matches!(one.resource, Resource::StorageBuffer(_) | Resource::StorageImage(_))
+    let holds_data = |one: &&resolved::ResolvedBinding| match &one.resource {
+        Resource::StorageBuffer(_) | Resource::StorageImage(_) => true,
+        Resource::BufferView(view) => view.kind.is_storage(),
+        _ => false,
     };
     let names: Vec<_> =
         scene.resources.iter().filter(holds_data).map(|one| format!("`{}`", one.name)).collect();
@@ -196,7 +198,10 @@ impl FoundDump {
         };
         let typed = |bytes: &[u8]| {
             let declared = self.binding.and_then(|binding| typed(assembled, binding, bytes));
-            declared.or_else(|| pointed(assembled, address?))
+            declared.or_else(|| {
+                let programs: Vec<_> = programs(assembled).collect();
+                pointed(&programs, &assembled.resources, &roots(assembled), address?)
+            })
         };
         let title = match self.binding {
             Some(Binding { set, binding }) => {

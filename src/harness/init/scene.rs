@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use crate::atomic_file;
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, Result, Warning};
+use crate::harness::init::Shaders;
 use crate::harness::init::resources::Resources;
-use crate::harness::init::{Shader, Shaders};
+use crate::harness::init::traces::BindingTable;
 use crate::module::interface::Stage;
 use crate::scene::{LoadOptions, RunLimits, SceneFiles, assemble, load};
 
@@ -64,9 +65,10 @@ pub fn scene(
     atomic_file::write(file, &text)?;
     let failure = run(file, files, limits).err();
     let has = |stage| shaders.of(stage).next().is_some();
+    let has_picture = text.lines().any(|line| line == "output = true");
     let command = match (has(Stage::RayGeneration), has(Stage::Compute)) {
-        (true, _) => "render",
-        (false, true) => "run",
+        (true, _) if has_picture => "render",
+        (true, _) | (_, true) => "run",
         (false, false) => "trace-one-ray",
     };
     Ok(WrittenScene { path: file.to_path_buf(), command, failure, warnings: shaders.warnings })
@@ -84,19 +86,13 @@ impl Shaders {
         let has = |stage| self.of(stage).next().is_some();
         // Outputs are mostly indexed by the launch.
         let [width, height] = LAUNCH;
-        let mut resources = Resources::new(width * height);
-        for shader in &self.all {
-            resources.add(&shader.module, &shader.entry);
-        }
+        let resources = Resources::of(&self.all, width * height);
         let mut out = String::from("version = 1\n");
         if has(Stage::RayGeneration) {
             // Writing to a string does not fail.
             let _ = writeln!(out, "launch = [{width}, {height}]");
         }
-        if let Some(size) = resources.push_constants {
-            // Writing to a string does not fail.
-            let _ = writeln!(out, "push_constants = {{ zeros = {size} }}");
-        }
+        out.push_str(&resources.push_constants().unwrap_or_default());
         out.push_str("\n[shaders]\n");
         out.push_str(&self.file_lines(folder)?);
         let traces = self.all.iter().any(|shader| shader.entry.stage != Stage::Compute);
@@ -120,12 +116,13 @@ impl Shaders {
         const ROD: &str = "type = \"lss\"\npositions = [[0.75, -0.5, 0], [1.5, 0.5, 0]]\nradii = [0.5, 0.25]";
         const BALL: &str = "type = \"spheres\"\npositions = [[-1, 0, 0]]\nradii = 0.75";
         const BOX: &str = "type = \"aabbs\"\nboxes = [[[-2, -1, -1], [0, 1, 1]]]";
-        let stages = [Stage::ClosestHit, Stage::AnyHit, Stage::Intersection];
-        let groups = stages.iter().map(|stage| self.of(*stage).count()).max().unwrap_or(0);
+        let BindingTable { groups_of_instance, null_records, .. } = self.binding_table();
+        let groups = self.groups();
         let mut out = String::new();
-        for group in 0..groups.max(1) {
-            let members: Vec<&Shader> =
-                stages.iter().filter_map(|stage| self.of(*stage).nth(group)).collect();
+        // The groups of one instance are for rays of several kinds.
+        let firsts = (0..groups.len().max(1)).step_by(groups_of_instance);
+        for (instance, group) in firsts.enumerate() {
+            let members = groups.get(group).map_or(&[][..], |members| members);
             let reads = |word: &str| members.iter().any(|shader| shader.reads(word));
             let shapes: &[(&str, &str)] = if members.iter().any(|one| one.entry.stage == Stage::Intersection)
             {
@@ -140,11 +137,13 @@ impl Shaders {
                 &[("triangle", TRIANGLE), ("rod", ROD)]
             };
             for (name, lines) in shapes {
-                let name = if group == 0 { (*name).to_owned() } else { format!("{name}_{group}") };
+                let name = if instance == 0 { (*name).to_owned() } else { format!("{name}_{instance}") };
                 let _ = writeln!(out, "\n[geometry.{name}]\n{lines}\n\n[[instance]]\ngeometry = \"{name}\"");
-                if group > 0 {
+                if instance > 0 {
                     // Beside those of the groups before, so that rays meet all.
-                    let _ = writeln!(out, "sbt_offset = {group}\ntranslate = [0, {}, 0]", 2 * group);
+                    let sbt_offset = group * (1 + null_records);
+                    let y = 2 * instance;
+                    let _ = writeln!(out, "sbt_offset = {sbt_offset}\ntranslate = [0, {y}, 0]");
                 }
             }
         }

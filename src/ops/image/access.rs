@@ -71,12 +71,15 @@ impl TexelRef {
     /// The image of a lane, and the texel's index in it.
     ///
     /// # Errors
-    /// As [`View::image`], and `ImageOutOfBounds`.
+    /// As [`View::image`], and `ImageOutOfBounds`: every texel of a null image is outside.
     pub fn resolve<'b, const W: usize>(
         &self,
         reader: LaneReader<'_, 'b, W>,
     ) -> Result<(&'b Image, usize), TrapCode> {
         let image = reader.image(self.view, self.image)?;
+        if image.is_null() {
+            return Err(TrapCode::ImageOutOfBounds);
+        }
         let mut position = Position::default();
         let axes = self.view.dimension.axes();
         for (axis, coordinate) in self.coordinates(reader).enumerate() {
@@ -89,6 +92,11 @@ impl TexelRef {
             false => TrapCode::ImageOutOfBounds,
         };
         Ok((image, image.index(&position).ok_or_else(outside)?))
+    }
+
+    /// Whether an access outside the image does not trap.
+    pub fn is_robust<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> bool {
+        reader.bindings.is_robust() || reader.image(self.view, self.image).is_ok_and(Image::is_null)
     }
 
     /// The coordinates with the offset added; layers and faces have no offset.
@@ -168,7 +176,7 @@ impl TexelRead {
         match self.texel.resolve(reader) {
             Ok((image, index)) => Ok(image.format().decode(image.load(index))),
             // Zeros, with missing components of the format filled in (Vulkan, robustImageAccess2).
-            Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => {
+            Err(TrapCode::ImageOutOfBounds) if self.texel.is_robust(reader) => {
                 Ok(reader.image(self.texel.view, self.texel.image)?.format().decode(0))
             }
             Err(code) => Err(code),
@@ -199,7 +207,7 @@ impl TexelWrite {
     /// Runs it for a lane.
     pub fn eval<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> Result<(), TrapCode> {
         let (image, index) = match self.texel.resolve(reader) {
-            Err(TrapCode::ImageOutOfBounds) if reader.bindings.is_robust() => return Ok(()),
+            Err(TrapCode::ImageOutOfBounds) if self.texel.is_robust(reader) => return Ok(()),
             found => found?,
         };
         let words = self.from.map(|reg| match (self.texel.view.wide, self.class) {

@@ -94,8 +94,9 @@ fn image_type(translator: &Translator<'_>, id: Id) -> Result<ImageType> {
     }
 }
 
-fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
-    let dimension = match (image.dim, image.arrayed) {
+/// The dimension of an image type (`Dim` and `Arrayed`); `None` where no image has it.
+pub fn dimension(image: &ImageType) -> Option<Dimension> {
+    Some(match (image.dim, image.arrayed) {
         (0, false) => Dimension::D1,
         (0, true) => Dimension::D1Array,
         (1, false) => Dimension::D2,
@@ -104,9 +105,16 @@ fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
         (3, false) => Dimension::Cube,
         (3, true) => Dimension::CubeArray,
         (5, false) => Dimension::Buffer,
+        _ => return None,
+    })
+}
+
+fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
+    let dimension = match (image.dim, dimension(image)) {
+        (_, Some(dimension)) => dimension,
         (4, _) => return Err(translator.unsupported("images of Dim Rect, which Vulkan does not have")),
         (6, _) => return Err(translator.unsupported("subpass images, which only fragment stages have")),
-        (dim, _) => {
+        (dim, None) => {
             let arrayed = if image.arrayed { ", arrayed" } else { "" };
             return Err(translator.unsupported(format!("images of Dim {dim}{arrayed}")));
         }

@@ -11,7 +11,7 @@ use crate::scene::mesh::Mesh;
 use crate::scene::mesh::gltf::GltfFile;
 use crate::scene::mesh::material::{FileCamera, Material, Texture, TextureSlot};
 use crate::scene::mesh::obj::ObjFile;
-use crate::scene::read::list_of;
+use crate::scene::read::{Named, list_of};
 
 /// What a mesh file holds.
 #[derive(Debug)]
@@ -257,6 +257,16 @@ impl Model {
     pub fn texture(&self, part: usize, slot: TextureSlot) -> Option<&Texture> {
         let material = &self.materials[self.parts[part].material];
         material.textures[slot as usize].map(|texture| &self.textures[texture])
+    }
+
+    /// Whether the texels of a texture are colours for some material that uses it; `None` where
+    /// none does.
+    pub fn texture_has_colors(&self, texture: usize) -> Option<bool> {
+        let slots = TextureSlot::NAMES.iter().map(|(_, slot)| *slot);
+        let is_used = |slot: &TextureSlot| {
+            self.materials.iter().any(|material| material.textures[*slot as usize] == Some(texture))
+        };
+        slots.filter(is_used).map(TextureSlot::is_color).reduce(|one, other| one | other)
     }
 
     /// The names of all meshes with their parts, for messages.

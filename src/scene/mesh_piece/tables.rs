@@ -176,6 +176,16 @@ columns! {
     EmissiveTexture "emissive_texture" 4;
     SpecularTexture "specular_texture" 4;
     AlphaTexture "alpha_texture" 4;
+    BaseColorTransform "base_color_transform" 24;
+    MetallicRoughnessTransform "metallic_roughness_transform" 24;
+    NormalTransform "normal_transform" 24;
+    OcclusionTransform "occlusion_transform" 24;
+    EmissiveTransform "emissive_transform" 24;
+    BaseColorTexcoord "base_color_texcoord" 4;
+    MetallicRoughnessTexcoord "metallic_roughness_texcoord" 4;
+    NormalTexcoord "normal_texcoord" 4;
+    OcclusionTexcoord "occlusion_texcoord" 4;
+    EmissiveTexcoord "emissive_texcoord" 4;
     Padding "padding" 4;
 }
 
@@ -286,6 +296,8 @@ pub(super) fn material(one: &Material, column: MaterialColumn, bytes: &mut Vec<u
         let index = one.textures[slot as usize];
         index.map_or(NOTHING, |index| index as u32)
     };
+    let transform = |slot: TextureSlot| one.mappings[slot as usize].transform.as_flattened();
+    let texcoord = |slot: TextureSlot| one.mappings[slot as usize].texcoord;
     let floats: &[f32] = match column {
         C::BaseColor => &one.base_color,
         C::Emissive => &one.emissive,
@@ -302,6 +314,11 @@ pub(super) fn material(one: &Material, column: MaterialColumn, bytes: &mut Vec<u
         C::Specular => &one.specular,
         C::Shininess => &[one.shininess],
         C::Dissolve => &one.base_color[3..],
+        C::BaseColorTransform => transform(TextureSlot::BaseColor),
+        C::MetallicRoughnessTransform => transform(TextureSlot::MetallicRoughness),
+        C::NormalTransform => transform(TextureSlot::Normal),
+        C::OcclusionTransform => transform(TextureSlot::Occlusion),
+        C::EmissiveTransform => transform(TextureSlot::Emissive),
         _ => &[],
     };
     floats.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
@@ -316,6 +333,11 @@ pub(super) fn material(one: &Material, column: MaterialColumn, bytes: &mut Vec<u
         C::EmissiveTexture => texture(TextureSlot::Emissive),
         C::SpecularTexture => texture(TextureSlot::Specular),
         C::AlphaTexture => texture(TextureSlot::Alpha),
+        C::BaseColorTexcoord => texcoord(TextureSlot::BaseColor),
+        C::MetallicRoughnessTexcoord => texcoord(TextureSlot::MetallicRoughness),
+        C::NormalTexcoord => texcoord(TextureSlot::Normal),
+        C::OcclusionTexcoord => texcoord(TextureSlot::Occlusion),
+        C::EmissiveTexcoord => texcoord(TextureSlot::Emissive),
         C::Padding => 0,
         _ => return,
     };

@@ -1,71 +1,88 @@
 //! Resources and the descriptors that they are bound to.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Place, Result};
+use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
 use crate::machine::{Binding, Descriptor};
 use crate::scene::addresses::AddressChoice;
+use crate::scene::read::Spanned;
 use crate::scene::resolve::Resolver;
 use crate::scene::resolve::modules::SceneModules;
+use crate::scene::resolve::views::Viewed;
 use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
-use crate::scene::resources::{Content, DescriptorKind, Resource, ResourceEntry};
+use crate::scene::resources::{Content, DescriptorKind, Resource, ResourceEntry, too_many_elements};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::struct_lookup::DataBlock;
+use crate::scene::view_entry::ViewEntry;
 
 impl Resolver<'_> {
     pub(super) fn bindings(
         &self,
         tlas: &[(String, Option<Arc<Tlas>>)],
+        unbound: &[UnboundBuffer],
         has_dispatches: bool,
     ) -> Vec<ResolvedBinding> {
         let mut bindings: Vec<ResolvedBinding> = Vec::new();
+        let mut views: Vec<(&Spanned<String>, &ResourceEntry, u32, ViewEntry)> = Vec::new();
         let mut output: Option<Place> = None;
         let mut taken: HashMap<[u32; 3], Place> = HashMap::new();
         let mut lengths: HashMap<[u32; 2], u32> = HashMap::new();
         for entry in &self.resource_entries.entries {
             let Some(content) = &entry.content else { continue };
-            if matches!(content.content, Content::Buffer(DescriptorKind::Unbound, _)) {
+            if matches!(content.contents[..], [Content::Buffer(DescriptorKind::Unbound, _)]) {
                 continue;
             }
             let place = entry.name.span.place();
-            let key = [content.set, content.binding, content.element];
-            if let Some(other) = taken.get(&key) {
-                let message = format!("two resources at set {}, binding {}", content.set, content.binding);
-                self.report.push(entry.name.span.error(message).at_with(other.clone(), "the other one"));
-            }
             let other = if content.output.is_some() { output.replace(place.clone()) } else { None };
             if let Some(other) = other {
                 let error = entry.name.span.error("two images are marked as output");
                 self.report.push(error.at_with(other, "the other one"));
             }
+            let Some(elements) = self.report.keep(self.elements(&content.contents)) else { continue };
             let length = lengths.entry([content.set, content.binding]).or_default();
-            let more = (content.element + 1).saturating_sub(*length);
+            let count = content.element.saturating_add(elements.len() as u32);
+            if count > 1 << ELEMENT_BITS {
+                self.report.push(too_many_elements(&entry.name.span));
+                continue;
+            }
+            let more = count.saturating_sub(*length);
             *length += more;
             if let Err(error) = self.reserve_descriptors(more, has_dispatches) {
                 self.report.push(error.at(place));
                 continue;
             }
-            let binding = Binding { set: content.set, binding: content.binding };
-            if let Some(resource) = self.resource(binding, &content.content, tlas) {
+            for (at, element) in (content.element..).zip(elements) {
+                let key = [content.set, content.binding, at];
+                if let Some(other) = taken.get(&key) {
+                    let message =
+                        format!("two resources at set {}, binding {}", content.set, content.binding);
+                    let error = entry.name.span.error(message);
+                    self.report.push(error.at_with(other.clone(), "the other one"));
+                }
+                let binding = Binding { set: content.set, binding: content.binding };
+                if let Content::View(view) = &*element {
+                    views.push((&entry.name, content, at, view.clone()));
+                } else if let Some(resource) = self.resource(binding, &element, tlas) {
+                    bindings.push(bound(&entry.name, content, (at, &element), resource));
+                } else {
+                    continue;
+                }
                 taken.entry(key).or_insert_with(|| place.clone());
-                bindings.push(ResolvedBinding {
-                    name: entry.name.value.clone(),
-                    set: content.set,
-                    binding: content.binding,
-                    element: content.element,
-                    resource,
-                    address: match &content.content {
-                        Content::Buffer(_, buffer) => buffer.address.clone(),
-                        _ => AddressChoice::Unsaid,
-                    },
-                    output: content.output,
-                    place,
-                });
             }
         }
+        // What a view is of may come after it.
+        let viewed = Viewed { bound: &bindings, unbound };
+        let view = |(name, entry, at, view)| {
+            let resource = self.view(&view, &viewed)?;
+            Some(bound(name, entry, (at, &Content::View(view)), resource))
+        };
+        let views: Vec<ResolvedBinding> = views.into_iter().filter_map(view).collect();
+        bindings.extend(views);
         bindings.sort_by_key(|binding| (binding.set, binding.binding, binding.element));
         bindings
     }
@@ -74,11 +91,8 @@ impl Resolver<'_> {
     pub(super) fn unbound_buffers(&self) -> Vec<UnboundBuffer> {
         let mut buffers = Vec::new();
         for entry in &self.resource_entries.entries {
-            let Some(ResourceEntry { content: Content::Buffer(DescriptorKind::Unbound, buffer), .. }) =
-                &entry.content
-            else {
-                continue;
-            };
+            let contents = entry.content.as_ref().map_or(&[][..], |content| &content.contents);
+            let [Content::Buffer(DescriptorKind::Unbound, buffer)] = contents else { continue };
             let modules = SceneModules { resolver: self, own: &[] };
             let data = buffer.load(&self.sources(), &modules, None);
             if let Some(data) = self.report.keep(data) {
@@ -92,6 +106,37 @@ impl Resolver<'_> {
         }
         buffers.sort_by(|a, b| a.name.cmp(&b.name));
         buffers
+    }
+
+    /// The elements that are written: where they are the textures of a file, one for each.
+    fn elements<'c>(&self, contents: &'c [Content]) -> Result<Vec<Cow<'c, Content>>> {
+        let mut all = Vec::new();
+        for content in contents {
+            let texture = match content {
+                Content::Image(_, entry) => entry.all_textures(),
+                Content::Sampler(SamplerReference::Mesh(texture)) if texture.is_all() => Some(texture),
+                _ => None,
+            };
+            let sources = self.sources();
+            let Some((texture, meshes)) = texture.zip(sources.meshes.as_ref()) else {
+                all.push(Cow::Borrowed(content));
+                continue;
+            };
+            let textures = texture.each(meshes)?;
+            if textures.is_empty() {
+                all.push(match content {
+                    Content::Image(kind, entry) => Cow::Owned(Content::Image(*kind, entry.white())),
+                    _ => Cow::Owned(Content::Sampler(SamplerReference::Inline(Sampler::default()))),
+                });
+            }
+            all.extend(textures.into_iter().map(|texture| match content {
+                Content::Image(kind, entry) => {
+                    Cow::Owned(Content::Image(*kind, entry.of_texture(texture, *kind)))
+                }
+                _ => Cow::Owned(Content::Sampler(SamplerReference::Mesh(texture))),
+            }));
+        }
+        Ok(all)
     }
 
     /// Counts descriptors of an array, those included that nothing is bound to: every element in
@@ -132,6 +177,7 @@ impl Resolver<'_> {
                 };
                 let streams = self.options.streams && *kind == DescriptorKind::StorageImage;
                 let image = self.report.keep(entry.load(&self.sources(), self.launch, streams))?;
+                let image = Arc::new(image);
                 Some(match kind {
                     DescriptorKind::SampledImage => Resource::SampledImage(image),
                     DescriptorKind::UniformTexelBuffer | DescriptorKind::StorageTexelBuffer => {
@@ -141,6 +187,7 @@ impl Resolver<'_> {
                     _ => Resource::StorageImage(image),
                 })
             }
+            Content::View(_) => None,
             Content::Null(DescriptorKind::AccelerationStructure) => Some(Resource::NullAccelerationStructure),
             Content::Null(_) => Some(Resource::NullBuffer),
             Content::Sampler(reference) => self.sampler(reference).map(Resource::Sampler),
@@ -155,7 +202,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
+    pub(super) fn sampler(&self, reference: &SamplerReference) -> Option<Sampler> {
         match reference {
             SamplerReference::Inline(sampler) => Some(*sampler),
             SamplerReference::Mesh(texture) => {
@@ -166,6 +213,27 @@ impl Resolver<'_> {
             SamplerReference::Named(name) => self.find(&self.samplers, name, "sampler").cloned(),
         }
     }
+}
+
+/// A resource where its entry binds it, with the number of its element and what is written of it.
+fn bound(
+    name: &Spanned<String>,
+    entry: &ResourceEntry,
+    (element, content): (u32, &Content),
+    resource: Resource,
+) -> ResolvedBinding {
+    let place = name.span.place();
+    // The first element has the name by itself.
+    let (name, output) = match element - entry.element {
+        0 => (name.value.clone(), entry.output),
+        at => (format!("{}[{at}]", name.value), None),
+    };
+    let address = match content {
+        Content::Buffer(_, buffer) => buffer.address.clone(),
+        _ => AddressChoice::Unsaid,
+    };
+    let ResourceEntry { set, binding, .. } = *entry;
+    ResolvedBinding { name, set, binding, element, resource, address, output, place }
 }
 
 #[cfg(test)]

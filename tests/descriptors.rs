@@ -1,0 +1,200 @@
+//! Descriptors of scenes: views of buffers and images, descriptors that nothing binds, and arrays.
+
+use std::path::Path;
+
+use anyhit::machine::{Binding, Buffer, Descriptor};
+use anyhit::scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};
+use anyhit::{Error, Result};
+
+fn scene(text: &str) -> Result<Assembled> {
+    let scene =
+        load_text(Path::new("s.toml"), &format!("version = 1\n{text}"), &DiskFiles, &LoadOptions::default())?;
+    assemble(&scene)
+}
+
+fn error(text: &str) -> Error {
+    scene(text).expect_err(text)
+}
+
+/// Checks that a scene has one mistake, at a place and in words.
+#[track_caller]
+fn one_mistake(text: &str, place: &str, wanted: &[&str]) {
+    let error = error(text);
+    let report = error.render();
+    assert!(error.others().is_empty(), "more than one mistake:\n{report}");
+    for words in wanted.iter().chain(&[place]) {
+        assert!(report.contains(words), "no `{words}` in:\n{report}");
+    }
+}
+
+const ARENA: &str = "[resources.arena]\ntype = 'buffer'\nsize = 64\n";
+
+/// A view of the arena with further keys.
+fn view(keys: &str) -> String {
+    format!("{ARENA}[resources.lights]\ntype = 'storage_buffer'\nbinding = 3\nbuffer = 'arena'\n{keys}\n")
+}
+
+fn buffer(assembled: &Assembled, set: u32, binding: u32) -> &Buffer {
+    match &assembled.resources.descriptors[&Binding { set, binding }][0] {
+        Descriptor::Buffer(buffer) => buffer,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_range_goes_from_its_offset_to_its_end_or_that_of_the_buffer() {
+    for (keys, start, size) in
+        [("", 0, 64), ("offset = 16", 16, 48), ("offset = 60\nrange = 4", 60, 4), ("range = 7", 0, 7)]
+    {
+        let assembled = scene(&view(keys)).unwrap();
+        let buffer = buffer(&assembled, 0, 3);
+        assert_eq!((buffer.offset(), buffer.size()), (start, size), "{keys}");
+        assert_eq!(buffer.view_of().map(|name| &**name), Some("arena"));
+    }
+    // What it is a view of may be bound itself, come later in the file, and have a greater binding.
+    let text = "[resources.a]\ntype = 'uniform_buffer'\nbinding = 0\nbuffer = 'b'\noffset = 4\n\
+                [resources.b]\ntype = 'storage_buffer'\nbinding = 1\ndata = { u32 = [1, 2, 3] }\n";
+    let assembled = scene(text).unwrap();
+    buffer(&assembled, 0, 0).store(4, 32, 9).unwrap();
+    assert_eq!(buffer(&assembled, 0, 1).bytes(), [1, 0, 0, 0, 2, 0, 0, 0, 9, 0, 0, 0]);
+}
+
+#[test]
+fn ranges_that_are_none() {
+    let rule = |number: &str| format!("VUID-VkDescriptorBufferInfo-{number}");
+    let mistakes = [
+        (
+            "offset = 64",
+            "s.toml:9:10",
+            "offset 64 is past the end of `arena`, which has 64 bytes",
+            rule("offset-00340"),
+        ),
+        (
+            "offset = 6",
+            "s.toml:9:10",
+            "6 is no multiple of 4 bytes",
+            "minStorageBufferOffsetAlignment".into(),
+        ),
+        ("range = 0", "s.toml:9:9", "a range of no bytes", rule("range-00341")),
+        (
+            "offset = 48\nrange = 17",
+            "s.toml:10:9",
+            "17 bytes at offset 48 go past the end of `arena`, which has 64 bytes",
+            rule("range-00342"),
+        ),
+        ("data = { u32 = 1 }", "s.toml:9:8", "a view has no `data`", String::new()),
+        (
+            "dynamic_offset = 4",
+            "s.toml:9:18",
+            "only a `storage_buffer_dynamic` has a `dynamic_offset`",
+            String::new(),
+        ),
+        ("image = 'arena'", "s.toml:9:1", "unknown key `image`", String::new()),
+    ];
+    for (keys, place, message, note) in mistakes {
+        one_mistake(&view(keys), place, &[message, &note]);
+    }
+    one_mistake(
+        &view("").replace("buffer = 'arena'", "buffer = 'aren'"),
+        "s.toml:8:10",
+        &["no resource is named `aren`", "did you mean `arena`?"],
+    );
+    let of_view = view("") + "[resources.more]\ntype = 'storage_buffer'\nbinding = 4\nbuffer = 'lights'\n";
+    one_mistake(
+        &of_view,
+        "s.toml:13:10",
+        &["`lights` is a view of `arena` itself", "name `arena`, from whose beginning"],
+    );
+    one_mistake(
+        "[resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 8\noffset = 4\n",
+        "s.toml:6:10",
+        &["`offset` is of a range of another resource", "buffer = \"NAME\""],
+    );
+    let twice = view("") + "[resources.again]\ntype = 'storage_buffer'\nbinding = 3\nsize = 4\n";
+    one_mistake(&twice, "s.toml", &["two resources at set 0, binding 3"]);
+}
+
+#[test]
+fn dynamic_offsets_are_added() {
+    let dynamic = |keys: &str| view(keys).replace("'storage_buffer'", "'storage_buffer_dynamic'");
+    let assembled = scene(&dynamic("offset = 8\nrange = 16\ndynamic_offset = 32")).unwrap();
+    assert_eq!((buffer(&assembled, 0, 3).offset(), buffer(&assembled, 0, 3).size()), (40, 16));
+    // Without it nothing is added.
+    let assembled = scene(&dynamic("offset = 8")).unwrap();
+    assert_eq!((buffer(&assembled, 0, 3).offset(), buffer(&assembled, 0, 3).size()), (8, 56));
+    one_mistake(
+        &dynamic("offset = 8\nrange = 16\ndynamic_offset = 44"),
+        "s.toml:11:18",
+        &[
+            "16 bytes at offset 8 + 44 = 52 go past the end of `arena`, which has 64 bytes",
+            "VUID-vkCmdBindDescriptorSets-pDescriptorSets-01979",
+        ],
+    );
+    one_mistake(
+        &dynamic("offset = 8\ndynamic_offset = 4"),
+        "s.toml:10:18",
+        &[
+            "without a `range` the range is the rest of the buffer",
+            "VUID-vkCmdBindDescriptorSets-pDescriptorSets-06715",
+        ],
+    );
+    one_mistake(
+        "[resources.a]\ntype = 'uniform_buffer_dynamic'\nbinding = 0\nsize = 8\n",
+        "s.toml:2:1",
+        &["a dynamic descriptor is of a range of another resource"],
+    );
+}
+
+#[test]
+fn the_address_of_a_view_lies_in_its_buffer() {
+    let text = "push_constants = { address_of = 'lights', offset = 4 }\n".to_owned()
+        + &view("offset = 16\nrange = 8");
+    let assembled = scene(&text).unwrap();
+    let (base, _) = assembled.resources.memory.named_buffer("arena").unwrap();
+    let pushed = assembled.resources.push_constants.as_ref().unwrap().bytes();
+    assert_eq!(u64::from_le_bytes(pushed.try_into().unwrap()), base + 20);
+    one_mistake(
+        &text.replace("offset = 4", "offset = 12"),
+        "s.toml:2",
+        &["offset 12 is past the end of `lights`, which has 8 bytes"],
+    );
+    // A bound buffer gets an address as one of its views needs it.
+    let bound = text.replace("type = 'buffer'", "type = 'storage_buffer'\nbinding = 0");
+    assert!(scene(&bound).unwrap().resources.memory.named_buffer("arena").is_some());
+}
+
+#[test]
+fn one_image_has_one_format() {
+    let image = "[resources.hdr]\ntype = 'storage_image'\nbinding = 0\nformat = 'rgba16f'\n";
+    let view =
+        |kind: &str, keys: &str| format!("{image}[resources.view]\ntype = '{kind}'\nbinding = 1\n{keys}\n");
+    let assembled = scene(&view("sampled_image", "image = 'hdr'")).unwrap();
+    let [one, other] = [0, 1].map(|binding| assembled.resources.image(0, binding).expect("an image"));
+    assert!(std::sync::Arc::ptr_eq(one, other));
+    assert!(scene(&view("storage_image", "image = 'hdr'\nformat = 'rgba16f'")).is_ok());
+    one_mistake(
+        &view("storage_image", "image = 'hdr'\nformat = 'r32ui'"),
+        "s.toml:10:10",
+        &["`hdr` has the format `rgba16f`, and so have its views"],
+    );
+    one_mistake(
+        &view("storage_buffer", "buffer = 'hdr'"),
+        "s.toml:9:10",
+        &["`hdr` is an image: this is a view of a buffer"],
+    );
+    one_mistake(
+        &view("storage_image", "image = 'hdr'\nsize = [4, 4]"),
+        "s.toml:10:8",
+        &["a view has no `size`"],
+    );
+    let texels = "[resources.ids]\ntype = 'uniform_texel_buffer'\nbinding = 0\nformat = 'r32ui'\nsize = 4\n";
+    let again = |name: &str| {
+        format!("{texels}[resources.again]\ntype = 'storage_texel_buffer'\nbinding = 1\nbuffer = '{name}'\n")
+    };
+    assert!(scene(&again("ids")).is_ok());
+    one_mistake(
+        &(again("arena") + ARENA),
+        "s.toml:10:10",
+        &["`arena` is a buffer: this is a view of another texel buffer"],
+    );
+}
