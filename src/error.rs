@@ -12,7 +12,7 @@ use std::sync::Arc;
 use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term::{self, termcolor};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Shorthand for a result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -400,6 +400,30 @@ impl Error {
         if term::emit_to_write_style(writer, &config, &file, &diagnostic).is_err() {
             let _ = writeln!(writer, "error: {}", self.0.message);
         }
+    }
+}
+
+/// What a compiler warns of: it keeps nothing from running, but a shader may mean something else
+/// than its author thinks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Warning {
+    /// The file, as the compiler names it.
+    pub file: String,
+    /// The line, from 1; 0 if unknown.
+    pub line: u32,
+    /// The column, from 1; 0 if unknown.
+    pub column: u32,
+    /// The message, in one line.
+    pub message: String,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.file)?;
+        for number in [self.line, self.column].into_iter().take_while(|&number| number > 0) {
+            write!(f, ":{number}")?;
+        }
+        write!(f, ": {}", self.message)
     }
 }
 

@@ -95,11 +95,20 @@ fn inspect_tells_everything_that_would_not_run() {
 }
 
 #[test]
-fn source_text_is_answered_with_the_command_that_compiles_it() {
-    let source = "shaders/demo/swept-spheres/grass.rchit";
-    let (code, out, err) = run(&["inspect", source]);
+#[cfg(feature = "wgsl")]
+fn inspect_compiles_a_source() {
+    let text = "@compute @workgroup_size(2) fn nothing() {}\n";
+    let path = scratch("nothing.wgsl", text.as_bytes());
+    let (code, out, err) = run(&["inspect", path.to_str().expect("UTF-8")]);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    assert!(out.contains("GLCompute `nothing`: supported"), "{out}");
+    let path = scratch("nothing.txt", text.as_bytes());
+    let (code, out, err) = run(&["inspect", path.to_str().expect("UTF-8")]);
     assert_eq!((code, out.as_str()), (Some(2), ""));
-    assert!(err.contains(&format!("anyhit compile {source}")), "{err}");
+    assert!(err.contains("is text, not a SPIR-V module") && err.contains("or `--language`"), "{err}");
+    let (code, out, _) = run(&["inspect", "--language", "wgsl", path.to_str().expect("UTF-8")]);
+    assert_eq!(code, Some(0));
+    assert!(out.contains("GLCompute `nothing`: supported"), "{out}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
+use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::module::Module;
@@ -21,7 +22,7 @@ use crate::scene::struct_lookup::{StructTable, find};
 /// Lists a module's entry points, interface and requirements, and what in it is unsupported.
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
-    /// A SPIR-V module, or `-` for standard input
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE", required_unless_present = "layout")]
     module: Option<PathBuf>,
     /// Print how structs lie in buffers: offset, size, stride, type and name of each member.
@@ -29,6 +30,8 @@ pub struct InspectArgs {
     /// and pointers
     #[arg(long, value_name = "STRUCT", num_args = 0..=1)]
     layout: Option<Option<String>>,
+    #[command(flatten)]
+    how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Print JSON
@@ -39,7 +42,7 @@ pub struct InspectArgs {
 /// Runs the command. Entry points that are not supported are a finding, not an error.
 ///
 /// # Errors
-/// What reading and loading the module reports.
+/// What reading, compiling and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
     let json = args.json;
     inspect(args).map_err(|error| output::json_error(json, error))
@@ -54,7 +57,7 @@ fn inspect(args: InspectArgs) -> Result<()> {
     if path.as_os_str().is_empty() {
         return Err(Error::new(ErrorKind::InvalidArgument, "a module is needed: `inspect MODULE --layout`"));
     }
-    let module = Arc::new(module_file::read(&path, &args.limits.limits())?);
+    let module = Arc::new(module_file::read_or_compile(&path, &args.limits.limits(), &args.how.words())?);
     if let Some(name) = layout {
         return print_layouts(&module, &path, name.as_deref(), args.json);
     }

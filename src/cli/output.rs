@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
-use crate::error::{Error, ErrorReport, Result};
+use crate::error::{Error, ErrorReport, Result, Warning};
 use crate::machine::Printed;
 use crate::scene::image::PictureKind;
 
@@ -56,6 +56,11 @@ pub fn hint(text: impl Display) {
 /// Prints notes to standard error, a line each.
 pub fn notes(notes: &[String]) {
     notes.iter().for_each(|note| hint(format_args!("note: {note}")));
+}
+
+/// Prints what a compiler warned of to standard error, a line each.
+pub fn warnings(warnings: &[Warning]) {
+    warnings.iter().for_each(|warning| hint(format_args!("warning: {warning}")));
 }
 
 /// Notes that the user gave a flag by its old name, which is still accepted.

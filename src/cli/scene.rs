@@ -7,6 +7,7 @@ use clap::Args;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
+use crate::cli::source::SourceArgs;
 use crate::debug::shell;
 use crate::error::Result;
 use crate::harness::init;
@@ -22,6 +23,8 @@ pub struct SceneArgs {
     #[arg(short, long, value_name = "FILE", default_value = "scene.toml")]
     output: PathBuf,
     #[command(flatten)]
+    how: SourceArgs,
+    #[command(flatten)]
     files: SceneFileArgs,
     #[command(flatten)]
     limits: LimitArgs,
@@ -33,7 +36,8 @@ pub struct SceneArgs {
 /// What modules lack, and a file that is there already.
 pub fn run(args: SceneArgs) -> Result<()> {
     let limits = args.limits.limits(LaunchLimits::TESTS);
-    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits)?;
+    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
+    output::warnings(&written.warnings);
     let (path, command) = (written.path.display(), written.command);
     let typed = shell::word(&path.to_string());
     output::print(match written.failure {

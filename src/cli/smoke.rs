@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::limits::LaunchLimitArgs;
+use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
@@ -23,9 +24,11 @@ use crate::machine::LaunchLimits;
 /// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang), or `-` for standard input
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Print JSON
@@ -70,7 +73,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = module_file::read_or_compile(&args.module, &args.limits.limits());
+    let module = module_file::read_or_compile(&args.module, &args.limits.limits(), &args.how.words());
     let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");

@@ -3,6 +3,7 @@
 mod pointees;
 mod resources;
 mod scene;
+mod sources;
 mod traces;
 
 use std::fmt::Write;
@@ -10,7 +11,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::atomic_file;
-use crate::error::{Error, ErrorKind, Result};
+use crate::compile::SourceWords;
+use crate::error::{Error, ErrorKind, Result, Warning};
 use crate::harness::init::resources::{ELEMENTS, Resources};
 use crate::harness::init::traces::BindingTable;
 use crate::harness::layout::{Layout, Rules};
@@ -65,7 +67,7 @@ pub fn case(
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path, files, &is_ray_tracing)?;
+        shaders.add(path, files, &SourceWords::default(), &is_ray_tracing)?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing stage";
@@ -134,14 +136,23 @@ impl Shader {
 
 #[derive(Default)]
 struct Shaders {
-    /// Names and files.
-    files: Vec<(String, PathBuf)>,
+    /// Names, files, and how these are compiled where more than the file's name says it.
+    files: Vec<(String, PathBuf, Option<SourceWords>)>,
     all: Vec<Shader>,
+    /// What the compilers of sources warned of.
+    warnings: Vec<Warning>,
 }
 
 impl Shaders {
-    fn add(&mut self, path: &Path, files: &SceneFiles, is_wanted: &dyn Fn(Stage) -> bool) -> Result<()> {
-        let module = Module::open_within(path, &files.limits, files.root.as_ref())?;
+    fn add(
+        &mut self,
+        path: &Path,
+        files: &SceneFiles,
+        words: &SourceWords,
+        is_wanted: &dyn Fn(Stage) -> bool,
+    ) -> Result<()> {
+        let (module, settings) = Module::open_as(path, &files.limits, files.root.as_ref(), words)?;
+        self.warnings.extend(module.warnings.iter().cloned());
         let entries = module.entry_points.iter().filter(|entry| is_wanted(entry.stage));
         let entries: Vec<EntryPoint> = entries.cloned().collect();
         let mut name = match &entries[..] {
@@ -151,7 +162,7 @@ impl Shaders {
         };
         let plain = name.clone();
         let mut number = 1;
-        while self.files.iter().any(|(known, _)| *known == name) {
+        while self.files.iter().any(|(known, ..)| *known == name) {
             number += 1;
             name = format!("{plain}_{number}");
         }
@@ -162,8 +173,24 @@ impl Shaders {
             };
             self.all.push(Shader { module: module.clone(), entry, reference });
         }
-        self.files.push((name, path.to_path_buf()));
+        let said = settings.is_some() && *words != SourceWords::default();
+        self.files.push((name, path.to_path_buf(), said.then(|| words.clone())));
         Ok(())
+    }
+
+    /// The lines below `[shaders]`.
+    fn file_lines(&self, folder: &Path) -> Result<String> {
+        let mut out = String::new();
+        for (name, path, words) in &self.files {
+            let file = relative(path, folder)?;
+            let value = match words {
+                None => format!("{file:?}"),
+                Some(words) => sources::table(&file, words, folder)?,
+            };
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "{name} = {value}");
+        }
+        Ok(out)
     }
 
     fn of(&self, stage: Stage) -> impl Iterator<Item = &Shader> {
@@ -196,9 +223,7 @@ impl Shaders {
         out.push_str(&resources.push_constants().unwrap_or_default());
         out.push_str(&self.geometry());
         out.push_str("\n[shaders]\n");
-        for (name, path) in &self.files {
-            let _ = writeln!(out, "{name} = {:?}", relative(path, folder)?);
-        }
+        out.push_str(&self.file_lines(folder)?);
         out.push_str(&self.pipeline(&resources));
         out.push_str(&resources.text());
         if self.all.iter().any(|shader| !matches!(shader.entry.stage, Stage::RayGeneration | Stage::Callable))

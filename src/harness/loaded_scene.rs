@@ -7,7 +7,7 @@ use bytemuck::{AnyBitPattern, NoUninit};
 
 use crate::accel::motion::Motion;
 use crate::accel::{Tlas, TlasInstance};
-use crate::compile::CompilerFlags;
+use crate::compile::SourceSettings;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
@@ -248,7 +248,7 @@ impl LoadedScene {
     /// `InvalidArgument` where the scene uses no shader of that name. Mistakes in the source are
     /// those of [`LoadedScene::launch`].
     pub fn set_shader_source(&mut self, name: &str, file_name: &str, text: &str) -> Result<&mut Self> {
-        let code = ShaderCode::Source(text.as_bytes().to_vec(), Vec::new(), CompilerFlags::default());
+        let code = ShaderCode::Source(text.as_bytes().to_vec(), SourceSettings::of(Path::new(file_name)));
         self.change(Change::Shader(name.to_owned(), file_name.into(), code))
     }
 

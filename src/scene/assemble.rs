@@ -129,11 +129,15 @@ fn assemble_excluding(
     errors.extend(descriptors::mismatches(scene, programs));
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
+    let warnings = shaders.warnings();
     if !errors.is_empty() {
-        return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
+        let error = deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown));
+        // A binding that is not where the source says, for one, is only understood by them.
+        return Err(warnings.into_iter().fold(error, Error::note));
     }
     let programs = || shaders.programs.iter().map(|(.., program)| &**program);
-    let mut notes = descriptors::stride_notes(scene, programs());
+    let mut notes = warnings;
+    notes.extend(descriptors::stride_notes(scene, programs()));
     notes.extend(descriptors::missing_note(scene, programs()));
     let passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
     let mut pipelines = pipelines.into_iter().map(|(pipeline, _)| pipeline);
@@ -212,6 +216,24 @@ impl<'a> Shaders<'a> {
         self.loaded.entry(index).or_insert_with(read).clone()
     }
 
+    /// What the compilers of its sources warned of, a line each.
+    fn warnings(&self) -> Vec<String> {
+        let most =
+            usize::try_from(self.scene.files.limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX);
+        let mut warnings = Vec::new();
+        for index in 0..self.scene.shaders.len() {
+            let own = self.loaded.get(&index).and_then(|module| module.as_ref().ok());
+            let Some(module) = self.scene.loaded.get(&index).or(own) else { continue };
+            for warning in &module.warnings {
+                let text = format!("warning of the compiler: {warning}");
+                if warnings.len() < most && !warnings.contains(&text) {
+                    warnings.push(text);
+                }
+            }
+        }
+        warnings
+    }
+
     fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
         if let Some((.., program)) =
             self.programs.iter().find(|(known, of, _)| *known == shader && *of == stage)
@@ -277,12 +299,15 @@ pub(crate) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> 
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
-        ShaderCode::Source(bytes, folders, flags) => {
+        ShaderCode::Source(bytes, settings) => {
             let name = shader.path.display().to_string();
+            let language = settings.language(&name).map_err(|error| error.at(shader.place.clone()))?;
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include other files.
-                Ok(text) if Path::new(&shader.path).is_file() => compile::Source::of_file(name, text)?,
-                Ok(text) => compile::Source::from_text(name, text)?,
+                Ok(text) if Path::new(&shader.path).is_file() => {
+                    compile::Source::of_file(language, name, text)
+                }
+                Ok(text) => compile::Source::from_text_as(language, name, text),
                 Err(_) => {
                     let message = format!("{name} is not UTF-8");
                     return Err(Error::new(ErrorKind::InvalidSource, message).at(shader.place.clone()));
@@ -290,11 +315,14 @@ pub(crate) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> 
             };
             let options =
                 compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
-            let options = flags.over(&options);
-            let source = source.include_folders(folders).confined(files.limits, files.root.clone());
-            let spirv =
-                compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
-            module::load_with(&spirv, files.limits).map_err(context)
+            let options = settings.over(&options);
+            let source =
+                source.include_folders(&settings.include_folders).confined(files.limits, files.root.clone());
+            let compiled = compile::compile_once_with_warnings(&source, &options)
+                .map_err(|error| error.at(shader.place.clone()))?;
+            let mut module = module::load_with(&compiled.spirv, files.limits).map_err(context)?;
+            module.warnings = compiled.warnings;
+            Ok(module)
         }
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::compile::{CompilerFlags, Language};
+use crate::compile::{CompilerFlags, Language, LanguageName, SourceStage};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
@@ -155,6 +155,10 @@ pub struct ShaderEntry {
     pub path: Option<Spanned<String>>,
     /// The source text that it comes from.
     pub source: Option<Spanned<String>>,
+    /// The language of the source, where its extension or `language` says it.
+    pub language: Option<Language>,
+    /// The stage of GLSL, or of the one entry point that is compiled of Slang and HLSL.
+    pub stage: Option<SourceStage>,
     /// Folders where included files are searched, after the source's own.
     pub include_folders: Vec<Spanned<String>>,
     /// Flags of the compiler of the source.
@@ -173,6 +177,8 @@ impl Parse for ShaderEntry {
             let (path, source) = if is_source { (None, path) } else { (path, None) };
             return Some(Self {
                 span: value.span(),
+                language: source.as_ref().and_then(|file| Language::of(Path::new(&file.value))),
+                stage: None,
                 path,
                 source,
                 include_folders: Vec::new(),
@@ -185,7 +191,9 @@ impl Parse for ShaderEntry {
         let path = table.optional("path");
         let source = table.optional("source");
         let include_folders = table.or("include_folders", Vec::new());
-        let compiler_flags = compiler_flags(&table, source.as_ref());
+        let stage = table.optional("stage");
+        let language = language(&table, source.as_ref(), stage);
+        let compiler_flags = compiler_flags(&table, source.as_ref(), language.flatten());
         let entry = table.or("entry", "main".to_string());
         let specialization = table.value("specialization").map_or(Some(Vec::new()), specialization);
         table.finish();
@@ -197,6 +205,8 @@ impl Parse for ShaderEntry {
             span: value.span(),
             path,
             source,
+            language: language?,
+            stage,
             include_folders,
             compiler_flags,
             entry,
@@ -205,17 +215,53 @@ impl Parse for ShaderEntry {
     }
 }
 
-/// Reads the flags of the compiler of a source; the source's extension says which one that is.
-fn compiler_flags(table: &Table<'_>, source: Option<&Spanned<String>>) -> Option<CompilerFlags> {
+impl Named for LanguageName {
+    const WHAT: &'static str = "language";
+    const NAMES: &'static [(&'static str, Self)] = &LanguageName::NAMES;
+}
+
+impl Named for SourceStage {
+    const WHAT: &'static str = "stage";
+    const NAMES: &'static [(&'static str, Self)] = &SourceStage::NAMES;
+}
+
+/// Reads the language of a source; `Some(None)` where nothing says it, which is told where it is
+/// compiled.
+fn language(
+    table: &Table<'_>,
+    source: Option<&Spanned<String>>,
+    stage: Option<SourceStage>,
+) -> Option<Option<Language>> {
+    let name = table.optional("language");
+    let said = ["stage", "language"].map(|key| (key, table.value(key)));
+    let mut said = said.into_iter().filter_map(|(key, value)| Some((key, value?)));
+    let Some(source) = source else {
+        return match said.next() {
+            Some((key, value)) => {
+                value.wrong(format!("`{key}` is for a `source`: a module is compiled already"))
+            }
+            None => Some(None),
+        };
+    };
+    match Language::said(name, stage, Path::new(&source.value)) {
+        Ok(language) => Some(language),
+        Err(message) => said.next().and_then(|(_, value)| value.wrong(message)),
+    }
+}
+
+/// Reads the flags of the compiler of a source; its language says which one that is.
+fn compiler_flags(
+    table: &Table<'_>,
+    source: Option<&Spanned<String>>,
+    language: Option<Language>,
+) -> Option<CompilerFlags> {
     let Some(value) = table.value("compiler_flags") else { return Some(CompilerFlags::default()) };
     let flags = <OneOrMore<Spanned<String>>>::parse(value)?.0;
-    let Some(source) = source else {
+    if source.is_none() {
         return value.wrong("`compiler_flags` are for a `source`: a module is compiled already");
-    };
+    }
     // Of a source in no known language this is told where it is compiled.
-    let Some(language) = Language::of(Path::new(&source.value)) else {
-        return Some(CompilerFlags::default());
-    };
+    let Some(language) = language else { return Some(CompilerFlags::default()) };
     let words: Vec<&str> = flags.iter().map(|flag| flag.value.as_str()).collect();
     let refused = match CompilerFlags::parse(language, &words) {
         Ok(flags) => return Some(flags),

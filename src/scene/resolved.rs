@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::compile::CompilerFlags;
+use crate::compile::SourceSettings;
 use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::module::Module;
@@ -113,9 +113,8 @@ pub struct ShaderModule {
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
-    /// Source text that must be compiled first, folders where included files are searched, and
-    /// flags for the compiler.
-    Source(Vec<u8>, Vec<PathBuf>, CompilerFlags),
+    /// Source text that must be compiled first, and how.
+    Source(Vec<u8>, SourceSettings),
 }
 
 /// One entry point with its specialization.

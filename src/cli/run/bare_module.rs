@@ -12,13 +12,13 @@ use clap::Args;
 
 use crate::cli::module_file;
 use crate::cli::run::dump::invalid;
-use crate::compile::{self, Language};
+use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
 use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
+use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
-use crate::module::{self, Module};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::Program;
@@ -309,11 +309,8 @@ fn read(path: &Path, streamed: Option<Vec<u8>>, limits: &InputLimits) -> Result<
     if Language::of(path).is_none() {
         return module_file::read_with_bytes(path, limits);
     }
-    let source = compile::Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
-    let options = compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
-    let bytes = compile::compile_once(&source, &options)?;
-    let module = module::load_with(&bytes, *limits)?;
-    Ok((bytes, module))
+    let options = CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() };
+    module_file::compile(path, limits, &SourceSettings::of(path), &options)
 }
 
 /// A TOML string.

@@ -4,10 +4,11 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file;
-use crate::error::{Error, ErrorKind, Result};
+use crate::compile::SourceWords;
+use crate::error::{Error, ErrorKind, Result, Warning};
+use crate::harness::init::Shaders;
 use crate::harness::init::resources::Resources;
 use crate::harness::init::traces::BindingTable;
-use crate::harness::init::{Shaders, relative};
 use crate::module::interface::Stage;
 use crate::scene::{LoadOptions, RunLimits, SceneFiles, assemble, load};
 
@@ -23,11 +24,14 @@ pub struct WrittenScene {
     pub command: &'static str,
     /// Why it does not run yet, where it does not.
     pub failure: Option<Error>,
+    /// What the compilers of sources warned of.
+    pub warnings: Vec<Warning>,
 }
 
 /// Writes a scene file for modules: their shaders in a pipeline, resources with their layouts, a
 /// camera, a triangle, a linear swept sphere and what else suits the shaders, a launch and its
-/// picture. Then runs it once, within the limits.
+/// picture. Then runs it once, within the limits. Sources are compiled as `words` say, and the
+/// scene says the same of them.
 ///
 /// # Errors
 /// `InvalidArgument` where the file is there already, or no module has an entry point of ray
@@ -37,6 +41,7 @@ pub fn scene(
     file: &Path,
     files: &SceneFiles,
     limits: &RunLimits,
+    words: &SourceWords,
 ) -> Result<WrittenScene> {
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if let Some(root) = &files.root {
@@ -50,7 +55,7 @@ pub fn scene(
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path, files, &|stage| !matches!(stage, Stage::Other(_)))?;
+        shaders.add(path, files, words, &|stage| !matches!(stage, Stage::Other(_)))?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing or compute stage";
@@ -66,7 +71,7 @@ pub fn scene(
         (true, _) | (_, true) => "run",
         (false, false) => "trace-one-ray",
     };
-    Ok(WrittenScene { path: file.to_path_buf(), command, failure })
+    Ok(WrittenScene { path: file.to_path_buf(), command, failure, warnings: shaders.warnings })
 }
 
 fn run(file: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
@@ -89,9 +94,7 @@ impl Shaders {
         }
         out.push_str(&resources.push_constants().unwrap_or_default());
         out.push_str("\n[shaders]\n");
-        for (name, path) in &self.files {
-            let _ = writeln!(out, "{name} = {:?}", relative(path, folder)?);
-        }
+        out.push_str(&self.file_lines(folder)?);
         let traces = self.all.iter().any(|shader| shader.entry.stage != Stage::Compute);
         if traces {
             out.push_str(&self.pipeline(&resources));
