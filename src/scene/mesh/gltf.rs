@@ -478,10 +478,13 @@ const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
 
 fn mapping_of(info: &gltf::texture::Info<'_>) -> TextureMapping {
     let own = info.tex_coord();
-    info.texture_transform().map_or(TextureMapping { texcoord: own, ..TextureMapping::default() }, |transform| {
-        let texcoord = transform.tex_coord().unwrap_or(own);
-        TextureMapping::new(texcoord, transform.scale(), transform.rotation(), transform.offset())
-    })
+    info.texture_transform().map_or(
+        TextureMapping { texcoord: own, ..TextureMapping::default() },
+        |transform| {
+            let texcoord = transform.tex_coord().unwrap_or(own);
+            TextureMapping::new(texcoord, transform.scale(), transform.rotation(), transform.offset())
+        },
+    )
 }
 
 /// The mapping of a normal or occlusion texture, whose transform the reader leaves as JSON.
