@@ -198,3 +198,77 @@ fn one_image_has_one_format() {
         &["`arena` is a buffer: this is a view of another texel buffer"],
     );
 }
+
+#[test]
+fn elements_of_an_array_are_listed() {
+    let array = |elements: &str| {
+        format!("[resources.a]\ntype = 'storage_buffer'\nbinding = 3\nelement = 1\nelements = {elements}\n")
+    };
+    let elements =
+        "[{ size = 4 }, { data = { u32 = [7, 8] } }, { null = true }, { buffer = 'arena', offset = 60 }]";
+    let assembled = scene(&(array(elements) + ARENA)).unwrap();
+    let found = &assembled.resources.descriptors[&Binding { set: 0, binding: 3 }];
+    let sizes = found.iter().map(|one| match one {
+        Descriptor::Buffer(buffer) => Some((buffer.size(), buffer.is_null())),
+        Descriptor::Unbound => None,
+        other => panic!("{other:?}"),
+    });
+    let wanted = [None, Some((4, false)), Some((8, false)), Some((0, true)), Some((4, false))];
+    assert_eq!(sizes.collect::<Vec<_>>(), wanted);
+    one_mistake(&array("[]"), "s.toml:6:12", &["an array of descriptors has at least one element"]);
+    one_mistake(&array("{ size = 4 }"), "s.toml:6:12", &["expected an array with a table for each element"]);
+    one_mistake(
+        &array("[{ size = 4 }, { syze = 4 }]"),
+        "s.toml:6",
+        &["a buffer needs `data`, or its `size`"],
+    );
+    one_mistake(&(array("[{ size = 4 }]") + "size = 4\n"), "s.toml:7:1", &["unknown key `size`"]);
+    let again = "[resources.b]\ntype = 'storage_buffer'\nbinding = 3\nelement = 2\nsize = 4\n";
+    one_mistake(
+        &(array("[{ size = 4 }, { size = 4 }]") + again),
+        "s.toml:7:12",
+        &["two resources at set 0, binding 3"],
+    );
+    one_mistake(
+        "[resources.b]\ntype = 'storage_buffer'\nbinding = 3\nelement = 1048575\nelements = [{ size = 4 }, { size = 4 }]\n",
+        "s.toml:2:12",
+        &["an array of descriptors has at most 1048576 elements"],
+    );
+}
+
+const STAND_INS: &str = "shaders.main = 'spirv-fixtures/pass/resources/unbound/main.comp.spv'\n\
+    [[dispatch]]\nshader = 'main'\n[resources.results]\ntype = 'storage_buffer'\nbinding = 1\nsize = 128\n";
+
+#[test]
+fn what_nothing_is_bound_to_is_told_when_it_is_read_and_when_it_is_accessed() {
+    let assembled = scene(STAND_INS).unwrap();
+    let [note] = &assembled.notes[..] else { panic!("{:?}", assembled.notes) };
+    for words in [
+        "s.toml: the scene binds nothing to `structure` (set 0, binding 0, acceleration_structure); ",
+        "(set 0, binding 2, storage_buffer); ",
+        "`textures` (set 0, binding 6, combined_image_sampler)",
+        "an access there traps, unless [pipeline] has `unbound = \"zeros\"`",
+    ] {
+        assert!(note.contains(words), "no `{words}` in {note}");
+    }
+    assert!(!note.contains("unused"), "no entry point uses it: {note}");
+    let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err().render();
+    for words in [
+        "no descriptor of this kind is bound here",
+        "bound: set 0, binding 1 (`Outputs`, a buffer, the scene's `results`)",
+        "not bound: `structure` (set 0, binding 0, acceleration_structure); ",
+        "`textures` (set 0, binding 6, combined_image_sampler)",
+    ] {
+        assert!(error.contains(words), "no `{words}` in {error}");
+    }
+    // With zeros there is nothing to tell.
+    let zeros = STAND_INS.replacen("[[dispatch]]", "[pipeline]\nunbound = 'zeros'\n[[dispatch]]", 1);
+    let assembled = scene(&zeros).unwrap();
+    assert_eq!(assembled.notes, [""; 0]);
+    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    one_mistake(
+        &zeros.replace("zeros", "ones"),
+        "s.toml:4:11",
+        &["unknown policy for descriptors", "one of: trap, zeros"],
+    );
+}

@@ -232,12 +232,10 @@ impl Program {
     /// one.
     pub fn describe_bound(&self, accessed: Option<&AccessFault>, others: &[Arc<Self>]) -> Vec<String> {
         let Some(AccessFault::Descriptor { bound, .. }) = accessed else { return Vec::new() };
-        let programs = std::iter::once(self).chain(others.iter().map(|program| &**program));
-        let missing = missing(programs, |binding| bound.iter().any(|one| one.binding == binding));
-        let missing = (!missing.is_empty()).then(|| format!("not bound: {}", list(&missing)));
+        let programs = || std::iter::once(self).chain(others.iter().map(|program| &**program));
         let one = |bound: &BindingSummary| {
             let Binding { set, binding } = bound.binding;
-            let slot = self.slots.iter().find(|slot| slot.binding == bound.binding);
+            let slot = programs().flat_map(|one| &one.slots).find(|slot| slot.binding == bound.binding);
             let slot = slot.filter(|slot| !slot.name.is_empty());
             let name = slot.map_or_else(String::new, |slot| format!("`{}`, ", slot.name));
             let count = if bound.count == 1 { String::new() } else { format!(", {} elements", bound.count) };
@@ -245,10 +243,12 @@ impl Program {
                 bound.name.as_ref().map_or_else(String::new, |name| format!(", the scene's `{name}`"));
             format!("set {set}, binding {binding} ({name}{}{count}{given})", bound.kind)
         };
+        let missing = missing(programs(), |binding| bound.iter().any(|one| one.binding == binding));
+        let missing = (!missing.is_empty()).then(|| format!("not bound: {}", list(&missing)));
         let bound = match bound.is_empty() {
             true => "nothing is bound".to_owned(),
             false => format!("bound: {}", list(&bound.iter().map(one).collect::<Vec<_>>())),
         };
-        missing.into_iter().chain([bound]).collect()
+        std::iter::once(bound).chain(missing).collect()
     }
 }

@@ -354,6 +354,60 @@ fn textures_and_samplers_come_from_materials() {
     assert!(beyond.contains("texture 2 of 2, which count from 0"), "{beyond}");
 }
 
+/// The floor's base colour is texture 0, its normal map texture 1; each has its own sampler.
+#[test]
+fn all_textures_of_a_file_are_the_elements_of_an_array() {
+    let model = "[[model]]\nfile = 'room.gltf'\n[[model]]\nfile = 'house.obj'\nname = 'house'\n";
+    let text = |keys: &str, mesh: &str| {
+        format!(
+            "[resources.all]\nbinding = 6\nfile = {{ mesh = '{mesh}', textures = 'all' }}\n{keys}\n{model}"
+        )
+    };
+    let combined = scene(&text("type = 'combined_image_sampler'\nelement = 2", "floor"));
+    let of = |at: usize| match &combined.resources[at].resource {
+        Resource::CombinedImageSampler(image, sampler) => (image, sampler),
+        other => panic!("{other:?}"),
+    };
+    let names: Vec<_> = combined.resources.iter().map(|one| (one.name.as_str(), one.element)).collect();
+    assert_eq!(names, [("all", 2), ("all[1]", 3)]);
+    let linear = Format { srgb: false, ..Format::RGBA8_SRGB };
+    assert_eq!((of(0).0.format, of(1).0.format), (Format::RGBA8_SRGB, linear), "a normal map is no colour");
+    assert_eq!((of(0).1.mag_filter, of(1).1.mag_filter), (Filter::Nearest, Filter::Linear));
+    // A format and a sampler that are given count for all.
+    let keys = "type = 'combined_image_sampler'\nformat = 'rgba8'\nsampler = { filter = 'linear' }";
+    let given = scene(&text(keys, "floor"));
+    for one in &given.resources {
+        let Resource::CombinedImageSampler(image, sampler) = &one.resource else { panic!() };
+        assert_eq!((image.format, sampler.mag_filter), (linear, Filter::Linear));
+    }
+    let separate = "[resources.samplers]\ntype = 'sampler'\nbinding = 7\nsampler = { mesh = 'floor', textures = 'all' }\n";
+    let separate = scene(&(separate.to_owned() + &text("type = 'sampled_image'", "floor")));
+    let kinds: Vec<_> = separate.resources.iter().map(|one| std::mem::discriminant(&one.resource)).collect();
+    assert_eq!((kinds.len(), kinds[0] == kinds[1], kinds[2] == kinds[3]), (4, true, true));
+    // A file without textures has one white texel.
+    let white = scene(&text("type = 'combined_image_sampler'\nlevels = 3", "house"));
+    let [one] = &white.resources[..] else { panic!("{:?}", white.resources) };
+    let Resource::CombinedImageSampler(image, _) = &one.resource else { panic!() };
+    assert_eq!((image.format, image.shape.extent, &image.texels[..]), (linear, [1; 3], &[255; 4][..]));
+}
+
+#[test]
+fn arrays_of_textures_that_are_none() {
+    let of = |keys: &str| {
+        mistake(&format!(
+            "[resources.a]\ntype = 'sampled_image'\nbinding = 0\n{keys}\n[[model]]\nfile = 'room.gltf'\n"
+        ))
+    };
+    let some = of("file = { mesh = 'floor', textures = 'some' }");
+    assert!(some.contains("`textures` is `\"all\"`"), "{some}");
+    let both = of("file = { mesh = 'floor', texture = 0, textures = 'all' }");
+    assert!(both.contains("either one `texture` or all `textures` of the file"), "{both}");
+    let layers = of("dimension = '2d_array'\nfile = [{ mesh = 'floor', textures = 'all' }, 'tile.png']");
+    assert!(layers.contains("all textures of a file are the elements of an array"), "{layers}");
+    let unknown = of("file = { mesh = 'flor', textures = 'all' }");
+    assert!(unknown.contains("no mesh is named `flor`"), "{unknown}");
+}
+
 fn image_of(texture: &str) -> String {
     format!("[resources.a]\ntype = 'sampled_image'\nbinding = 0\nfile = {{ {texture} }}\n")
 }

@@ -49,6 +49,9 @@ fn every_key_is_described() {
         "push_constants = { mesh = 'a', attribute = 'normal', zzz = 1 }".into(),
         "push_constants = { mesh = 'a', table = 'instances', zzz = 1 }".into(),
         "[[ray]]\nzzz = 1".into(),
+        "[resources.r]\ntype = 'uniform_buffer_dynamic'\nbuffer = 'a'\nzzz = 1".into(),
+        "[resources.r]\ntype = 'combined_image_sampler'\nimage = 'a'\nzzz = 1".into(),
+        "[resources.r]\ntype = 'sampled_image'\nbinding = 0\nfile = { mesh = 'a', zzz = 1 }".into(),
         "[[ray]]\npixel = [0, 0]\nzzz = 1".into(),
     ];
     tables.extend(
@@ -83,6 +86,7 @@ fn every_name_is_described() {
         .chain(names::<EndCaps>())
         .chain(names::<Indexing>())
         .chain(names::<DescriptorKind>())
+        .chain(names::<crate::scene::file::MissingDescriptors>())
         .chain(names::<Dimension>())
         .chain(names::<Filter>())
         .chain(names::<AddressMode>())

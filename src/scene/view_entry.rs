@@ -38,8 +38,8 @@ const RANGE_KEYS: [&str; 3] = ["offset", "range", "dynamic_offset"];
 impl ViewEntry {
     /// Whether a resource of this type says that it is a view of another one.
     pub fn is_one(table: &Table<'_>, kind: DescriptorKind) -> bool {
-        table.has("buffer") && (kind.is_buffer() || kind.is_texel_buffer())
-            || table.has("image") && kind.is_image()
+        (kind.is_buffer() || kind.is_texel_buffer()) && table.value("buffer").is_some()
+            || kind.is_image() && table.value("image").is_some()
     }
 
     /// Reads the keys of a view out of its resource's table.

@@ -300,10 +300,11 @@ fn a_missing_descriptor_is_told_with_those_that_are_bound() {
     let error = shader.run_with(&mut || Resources::default().bind(0, 3, buffer()).bind(0, 4, buffer()));
     let error = error.expect_err("a binding is missing");
     assert_eq!(
-        error.notes()[..2],
+        error.notes()[..3],
         [
             "4 bytes at offset 0 of `other` (set 1, binding 0, element 0)",
-            "bound: set 0, binding 0 (a buffer); set 0, binding 3 (`one`, a buffer); set 0, binding 4 (a buffer)"
+            "bound: set 0, binding 0 (a buffer); set 0, binding 3 (`one`, a buffer); set 0, binding 4 (a buffer)",
+            "not bound: `other` (set 1, binding 0, storage_buffer)"
         ]
     );
 }
