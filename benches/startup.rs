@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhit::harness::case::Case;
 use anyhit::module::load;
-use anyhit::{Hit, Instance, Module, Pipeline, Program, Ray, Scene, ShaderTest};
+use anyhit::{Hit, Instance, LoadedScene, Module, Pipeline, Program, Ray, Scene, ShaderTest};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const TESTS: usize = 1000;
@@ -28,6 +28,8 @@ fn main() {
     parts(&table);
     table.heading("the program");
     program(&table);
+    table.heading("a large scene");
+    million(&table);
 }
 
 /// Measures rows and prints them.
@@ -156,4 +158,85 @@ fn program(table: &Table) {
     table.row("anyhit --version", 51, || run(anyhit, &["--version"]));
     table.row("anyhit test, one case, one ray", 51, || run(anyhit, &["test", leaves, "--filter", "through"]));
     table.row("anyhit trace-one-ray", 51, || run(anyhit, &["trace-one-ray", scene]));
+}
+
+/// The scene of the example renderer with a model of a million triangles in place of its own: from
+/// the text to the first pixel, attributes and tables of all geometries included.
+fn million(table: &Table) {
+    let side = if table.full { 225 } else { 12 };
+    let model = std::env::temp_dir().join(format!("anyhit-million-{}.glb", std::process::id()));
+    std::fs::write(&model, terrain(side)).expect("a temporary file");
+    let path = format!("{ROOT}/examples/renderer/scene.toml");
+    let text = std::fs::read_to_string(&path).expect("the example's scene");
+    let text = text
+        .replace("launch = [480, 270]", "launch = [1, 1]")
+        .replace("mesh = \"courtyard\"\n", "mesh = \"terrain\"\n")
+        .replace("mesh = \"courtyard\", attribute", "mesh = \"terrain\", attribute")
+        .replace("name = \"courtyard\"\n", "name = \"courtyard\"\ninstances = false\n");
+    let text = format!("{text}\n[[model]]\nfile = '{}'\nname = \"terrain\"\n", model.display());
+    let triangles = TILES * 2 * (side - 1) * (side - 1);
+    table.row(&format!("{triangles} triangles, one pixel"), 7, || {
+        let scene = LoadedScene::from_text(&path, &text).expect("a scene");
+        let frame = scene.launch().expect("it runs");
+        assert!(frame.stats.rays > 0);
+    });
+    std::fs::remove_file(&model).expect("the temporary file");
+}
+
+const TILES: usize = 10;
+
+/// A glTF file of tiles of a hilly ground, a mesh each, with normals and texture coordinates.
+fn terrain(side: usize) -> Vec<u8> {
+    let (mut bytes, mut views, mut accessors) = (Vec::new(), Vec::new(), Vec::new());
+    let mut meshes = Vec::new();
+    for tile in 0..TILES {
+        let at = |i: usize| i as f32 / (side - 1) as f32;
+        let vertices = (0..side * side).map(|i| [tile as f32 + at(i / side), at(i % side)]);
+        let height = |x: f32, z: f32| 0.3 * (3.0 * x).sin() * (2.0 * z).cos();
+        let positions: Vec<f32> = vertices.clone().flat_map(|[x, z]| [x, height(x, z), z]).collect();
+        let normals: Vec<f32> = vertices.clone().flat_map(|_| [0.0, 1.0, 0.0]).collect();
+        let coordinates: Vec<f32> = vertices.flatten().collect();
+        let squares = (0..side - 1).flat_map(|row| (0..side - 1).map(move |column| row * side + column));
+        let corners = squares.flat_map(|i| [i, i + side, i + 1, i + 1, i + side, i + side + 1]);
+        let indices: Vec<u32> = corners.map(|i| i as u32).collect();
+        let mut add = |content: &[u8], component: u32, kind: &str, count: usize, bounds: String| {
+            let view =
+                format!(r#"{{"buffer":0,"byteOffset":{},"byteLength":{}}}"#, bytes.len(), content.len());
+            views.push(view);
+            bytes.extend_from_slice(content);
+            accessors.push(format!(
+                r#"{{"bufferView":{},"componentType":{component},"count":{count},"type":"{kind}"{bounds}}}"#,
+                views.len() - 1
+            ));
+            accessors.len() - 1
+        };
+        let bounds = format!(r#","min":[{tile},-0.3,0],"max":[{},0.3,1]"#, tile + 1);
+        let float = |values| bytemuck::cast_slice::<f32, u8>(values);
+        let position = add(float(&positions), 5126, "VEC3", side * side, bounds);
+        let normal = add(float(&normals), 5126, "VEC3", side * side, String::new());
+        let coordinate = add(float(&coordinates), 5126, "VEC2", side * side, String::new());
+        let index = add(bytemuck::cast_slice(&indices), 5125, "SCALAR", indices.len(), String::new());
+        meshes.push(format!(
+            r#"{{"name":"tile{tile}","primitives":[{{"attributes":{{"POSITION":{position},"NORMAL":{normal},"TEXCOORD_0":{coordinate}}},"indices":{index}}}]}}"#
+        ));
+    }
+    let nodes: Vec<String> = (0..TILES).map(|mesh| format!(r#"{{"mesh":{mesh}}}"#)).collect();
+    let all: Vec<String> = (0..TILES).map(|node| node.to_string()).collect();
+    let mut json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[{}]}}],"nodes":[{}],"meshes":[{}],"accessors":[{}],"bufferViews":[{}],"buffers":[{{"byteLength":{}}}]}}"#,
+        all.join(","),
+        nodes.join(","),
+        meshes.join(","),
+        accessors.join(","),
+        views.join(","),
+        bytes.len()
+    )
+    .into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let chunk = |kind: u32, content: &[u8]| {
+        [&(content.len() as u32).to_le_bytes(), &kind.to_le_bytes(), content].concat()
+    };
+    let chunks = [chunk(0x4E4F_534A, &json), chunk(0x004E_4942, &bytes)].concat();
+    let head = [0x4654_6C67, 2, 12 + chunks.len() as u32].map(u32::to_le_bytes).concat();
+    [head, chunks].concat()
 }

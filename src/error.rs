@@ -12,6 +12,7 @@ use std::sync::Arc;
 use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term::{self, termcolor};
+use serde::{Deserialize, Serialize};
 
 /// Shorthand for a result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -106,6 +107,37 @@ impl ErrorClass {
             Self::Unsupported => 4,
             Self::Limit => 5,
         }
+    }
+}
+
+/// An error as every `--json` has it.
+#[derive(Clone, Debug, Serialize)]
+pub struct ErrorReport {
+    /// The message, one line.
+    pub message: String,
+    /// The name of its [`ErrorClass`].
+    pub class: &'static str,
+    /// Notes, such as a rule, values and callers.
+    pub notes: Vec<String>,
+    /// The whole report as the terminal shows it.
+    pub report: String,
+}
+
+impl ErrorReport {
+    /// The report of an error.
+    pub fn of(error: &Error) -> Self {
+        Self {
+            message: error.message().to_owned(),
+            class: error.class().name(),
+            notes: error.notes().to_vec(),
+            report: error.render(),
+        }
+    }
+
+    /// The reports of an error and of those that were found with it; the whole report of the first
+    /// one tells of all.
+    pub fn all(error: &Error) -> Vec<Self> {
+        std::iter::once(error).chain(error.others()).map(Self::of).collect()
     }
 }
 
@@ -368,6 +400,30 @@ impl Error {
         if term::emit_to_write_style(writer, &config, &file, &diagnostic).is_err() {
             let _ = writeln!(writer, "error: {}", self.0.message);
         }
+    }
+}
+
+/// What a compiler warns of: it keeps nothing from running, but a shader may mean something else
+/// than its author thinks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Warning {
+    /// The file, as the compiler names it.
+    pub file: String,
+    /// The line, from 1; 0 if unknown.
+    pub line: u32,
+    /// The column, from 1; 0 if unknown.
+    pub column: u32,
+    /// The message, in one line.
+    pub message: String,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.file)?;
+        for number in [self.line, self.column].into_iter().take_while(|&number| number > 0) {
+            write!(f, ":{number}")?;
+        }
+        write!(f, ": {}", self.message)
     }
 }
 

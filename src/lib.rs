@@ -97,9 +97,10 @@ pub mod scene;
 #[cfg(feature = "stress")]
 pub mod stress;
 
-pub use error::{Error, ErrorClass, ErrorKind, Result};
+pub use error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
 pub use geometry::Ray;
 pub use harness::compute_test::ComputeTest;
+pub use harness::device_buffers::DeviceBuffers;
 pub use harness::explain::Explain;
 pub use harness::hit::Hit;
 pub use harness::instance::Instance;

@@ -136,6 +136,93 @@ fn the_command_line_gives_buffers_addresses() {
 }
 
 #[test]
+fn a_bound_buffer_has_an_address_on_the_command_line() {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "tests/addresses/nodes.spv"])
+        // Its content is the default, 6 words; the node holds the address beside its own.
+        .args(["--buffer", "0@0x3_0000_0000=24", "--dump", "0", "--dump", "first=hex"])
+        .args(["--push", "[{ address_of = 'first' }, { u64 = 0 }]"])
+        .args(["--buffer", "first@=[{ u32 = [3, 0] }, { address_of = 'first' }, { address_of = 'outputs' }]"])
+        .output()
+        .expect("the command starts");
+    let out = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{out}{}", String::from_utf8_lossy(&output.stderr));
+    assert!(out.contains("found = [3, 3, 3, 3, 3, 0]"), "{out}");
+    assert!(out.contains("`first` at 0x100000000: 24 bytes"), "{out}");
+    assert!(out.contains("00000010  00 00 00 00 03 00 00 00"), "{out}");
+}
+
+#[test]
+fn push_constants_of_a_dispatch_and_of_a_pass_hold_addresses() {
+    // The second dispatch begins at the second node: 4, 5, 3, 4, 5, and the node behind is 77 then.
+    let push = "push_constants = [{ address_of = 'rest', offset = 16 }, { u64 = 0 }]\n";
+    let head = HEAD.replace("shader = 'main'\n", &format!("shader = 'main'\n{push}"));
+    let found = words(&(head + NODES)).unwrap().0;
+    assert_eq!(found, [4, 5, 3, 4, 5, 0]);
+    // Only the push constants of a pass name `first`, which is bound.
+    let case = std::fs::read_to_string("shaders/pass/addresses/nested/scene.toml").unwrap();
+    let case =
+        case.replacen("push_constants = { value = { sceneInfo = { address_of = \"info\" } } }\n", "", 1);
+    let case = case.replace("../../../../", "")
+        + "[[pass]]\nraygen = \"all:raygen\"\n\
+        push_constants = { address_of = \"info\" }\n";
+    let case = case.replacen("type = \"buffer\"", "type = \"storage_buffer\"\nset = 1\nbinding = 0", 1);
+    let case = case.replacen("self = { address_of = \"info\" }", "self = 0x1_0000_0000", 1);
+    let assembled = scene(&case).unwrap_or_else(|error| panic!("{}", error.render()));
+    // `self` is the address itself, so that nothing else names the buffer: the first by name.
+    assert_eq!(assembled.resources.memory.named_buffer("info").map(|(base, _)| base), Some(0x1_0000_0000));
+    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    let outputs = assembled.resources.buffer(0, 1).expect("the output").bytes();
+    assert_eq!(outputs[20..24], 41_u32.to_le_bytes());
+}
+
+/// `tests/addresses/constant.comp`: a constant is the address of a material, and its upper half and
+/// one the length of an array.
+const CONSTANT: &str = "version = 1\n[shaders.main]\npath = 'tests/addresses/constant.spv'\n\
+    specialization = { 3 = { address_of = 'materials', offset = 4 } }\n[[dispatch]]\nshader = 'main'\n\
+    [resources.materials]\ntype = 'buffer'\ndata = { u32 = [7, 8] }\n\
+    [resources.plain]\ntype = 'storage_buffer'\nbinding = 1\nsize = 4\n\
+    [resources.out]\ntype = 'storage_buffer'\nbinding = 0\n";
+
+#[test]
+fn a_specialization_constant_is_an_address() {
+    let assembled = scene(&format!("{CONSTANT}size = 12\n")).unwrap();
+    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    let bytes = |binding| assembled.resources.buffer(0, binding).expect("a buffer").bytes();
+    assert_eq!(bytes(1), 8_u32.to_le_bytes());
+    // The array has 1 + 1 elements.
+    assert_eq!(bytes(0)[8..12], 2_u32.to_le_bytes());
+}
+
+#[test]
+fn a_length_that_depends_on_an_address_lays_out_no_data() {
+    let data = "data = { value = { found = 9, lengths = [1] } }\n";
+    let error = scene(&format!("{CONSTANT}{data}")).unwrap_err().render();
+    assert!(error.contains("the length of an array depends on a specialization constant"), "{error}");
+    // A number is known from the beginning: here the address that `materials` has.
+    let given = CONSTANT.replace("{ address_of = 'materials', offset = 4 }", "{ u64 = 0x1_0000_0004 }");
+    let data = "data = { value = { found = 9, lengths = [1, 0] } }\n";
+    let assembled = scene(&format!("{given}{data}")).unwrap_or_else(|error| panic!("{}", error.render()));
+    assembled.run::<64>(&assembled.resources, &|_| ()).unwrap();
+    let bytes = assembled.resources.buffer(0, 0).expect("a buffer").bytes();
+    assert_eq!(bytes, [9_u32, 1, 2].map(u32::to_le_bytes).concat());
+}
+
+#[test]
+fn a_trace_shows_addresses_by_the_names_of_buffers() {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["trace-one-ray", "shaders/pass/addresses/nested/scene.toml", "--pixel", "0,0"])
+        .output()
+        .expect("the command starts");
+    let out = String::from_utf8_lossy(&output.stdout);
+    assert!(out.contains("0x0 -> materials + 0x40"), "{out}");
+    // What a shader leaves in a buffer that is bound nowhere: t = 2, as bits.
+    assert!(out.contains("instances  byte 12  uint 0 -> 1073741824"), "{out}");
+}
+
+#[test]
 fn rust_gives_buffers_addresses() {
     use anyhit::{Instance, Ray, Scene};
     let scene = || Scene::new([Instance::sphere([0.0; 3], 0.5)]).unwrap();

@@ -34,10 +34,11 @@ fn main() {
     libtest_mimic::run(&arguments, trials).exit();
 }
 
-/// The demo's scenes, at a size that a debug build draws at once.
+/// The demo's scenes and the example renderer, at a size that a debug build draws at once.
 fn demo(root: &Path) -> Vec<Case> {
-    let scenes = ["swept-spheres.toml", "swept-spheres-slang.toml"];
-    let scenes = scenes.iter().flat_map(|scene| Case::of(&root.join("scenes").join(scene)).expect("a scene"));
+    let scenes =
+        ["scenes/swept-spheres.toml", "scenes/swept-spheres-slang.toml", "examples/renderer/scene.toml"];
+    let scenes = scenes.iter().flat_map(|scene| Case::of(&root.join(scene)).expect("a scene"));
     scenes.map(|case| Case { size: Some([24, 14]), ..case }).collect()
 }
 
@@ -80,7 +81,7 @@ fn rendering(path: &Path, found: &str) -> Result<(), Failed> {
 fn scene(case: &Case) -> anyhit::error::Result<anyhit::scene::ResolvedScene> {
     let options = anyhit::scene::LoadOptions {
         size: case.size,
-        variant: case.variant.as_ref().map(|one| one.0),
+        variant: case.variant.clone(),
         ..anyhit::scene::LoadOptions::default()
     };
     anyhit::scene::load(&case.scene, &anyhit::scene::DiskFiles, &options)

@@ -95,11 +95,20 @@ fn inspect_tells_everything_that_would_not_run() {
 }
 
 #[test]
-fn source_text_is_answered_with_the_command_that_compiles_it() {
-    let source = "shaders/demo/swept-spheres/grass.rchit";
-    let (code, out, err) = run(&["inspect", source]);
+#[cfg(feature = "wgsl")]
+fn inspect_compiles_a_source() {
+    let text = "@compute @workgroup_size(2) fn nothing() {}\n";
+    let path = scratch("nothing.wgsl", text.as_bytes());
+    let (code, out, err) = run(&["inspect", path.to_str().expect("UTF-8")]);
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    assert!(out.contains("GLCompute `nothing`: supported"), "{out}");
+    let path = scratch("nothing.txt", text.as_bytes());
+    let (code, out, err) = run(&["inspect", path.to_str().expect("UTF-8")]);
     assert_eq!((code, out.as_str()), (Some(2), ""));
-    assert!(err.contains(&format!("anyhit compile {source}")), "{err}");
+    assert!(err.contains("is text, not a SPIR-V module") && err.contains("or `--language`"), "{err}");
+    let (code, out, _) = run(&["inspect", "--language", "wgsl", path.to_str().expect("UTF-8")]);
+    assert_eq!(code, Some(0));
+    assert!(out.contains("GLCompute `nothing`: supported"), "{out}");
 }
 
 #[test]
@@ -437,4 +446,52 @@ fn old_names_are_accepted_and_noted() {
     });
     let (code, _, err) = run(&["smoke", "--budget", "1", "--fuel", "1", module]);
     assert!(code == Some(2) && err.contains("cannot be used with"), "{err}");
+}
+
+/// Whatever a command with `--json` fails of has one shape, and the class that the exit code tells.
+#[test]
+fn errors_in_json_have_one_shape() {
+    let broken = scratch("class-broken.spv", b"no module");
+    let broken = broken.to_str().expect("UTF-8");
+    let recording = scratch("class-broken.safetensors", b"no recording");
+    let recording = recording.to_str().expect("UTF-8");
+    let few: &[&str] = &["inspect", "--json", GRASS, "--limit", "module-bytes=16"];
+    for (arguments, code, class) in [
+        (&["inspect", "--json", broken][..], 2, "error"),
+        (few, 5, "limit"),
+        (&["inspect", "--json", GRASS, "--layout", "NoSuchStruct"], 2, "error"),
+        (&["smoke", "--json", broken], 2, "error"),
+        (&["verify", "--json", recording], 2, "error"),
+        (&["verify", "--json", "no/such/folder"], 2, "error"),
+        (&["trace-one-ray", "--json", "no/such/scene.toml"], 2, "error"),
+    ] {
+        let (status, out, err) = run(arguments);
+        assert_eq!(status, Some(code), "{arguments:?}: {err}");
+        let told: Value = serde_json::from_str(&out).unwrap_or_else(|_| panic!("{arguments:?}: {out}"));
+        let errors = told["errors"].as_array().expect("errors");
+        let first = &errors[0];
+        assert_eq!(first["class"], class, "{arguments:?}");
+        let report = first["report"].as_str().expect("a report");
+        assert!(err.starts_with(report.lines().next().expect("a line")), "{err}");
+        assert!(report.contains(first["message"].as_str().expect("a message")), "{report}");
+        assert!(first["notes"].is_array());
+    }
+}
+
+#[test]
+fn what_does_not_run_has_the_class_of_its_error() {
+    let path = scratch("class-refused.spv", &refused_module());
+    let path = path.to_str().expect("UTF-8");
+    let (code, out, _) = run(&["inspect", "--json", path]);
+    let report: Value = serde_json::from_str(&out).expect("JSON");
+    // To inspect is no failure.
+    assert_eq!((code, report.get("errors")), (Some(0), None));
+    assert_eq!(report["entry_points"][0]["errors"][0]["class"], "unsupported");
+    let (code, out, _) = run(&["smoke", "--json", path]);
+    let report: Value = serde_json::from_str(&out).expect("JSON");
+    assert_eq!((code, &report["errors"][0]["class"]), (Some(4), &json!("unsupported")));
+    assert_eq!(report["entry_points"][0]["errors"][0]["class"], "unsupported");
+    let (_, out, _) = run(&["inspect", "--json", GRASS]);
+    let report: Value = serde_json::from_str(&out).expect("JSON");
+    assert_eq!(report["entry_points"][0]["errors"], json!([]));
 }

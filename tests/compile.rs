@@ -329,18 +329,20 @@ fn slang_includes_from_other_folders() {
     includes_from(&folder, "a.slang", "sky.slangh", "float3 colour_of_sky() { return float3(1.0); }\n");
 }
 
-/// A `slangc` that writes its arguments down and gives a module, whatever its source says.
+/// A `slangc` that writes its arguments down, says what the file `warnings` holds, and gives a
+/// module, whatever its source says.
 #[cfg(unix)]
 fn stand_in_for_slangc(folder: &Folder) -> std::path::PathBuf {
     use std::os::unix::fs::PermissionsExt;
     let module =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/compute/prefix-sum/main.comp.spv");
     let script = format!(
-        "#!/bin/sh\nprintf '%s\\n' \"$@\" >> '{}/arguments'\nwhile [ $# -gt 0 ]; do [ \"$1\" = -o ] && cp '{}' \"$2\"; shift; done\n",
+        "#!/bin/sh\nprintf '%s\\n' \"$@\" >> '{0}/arguments'\ncat '{0}/warnings' >&2\nwhile [ $# -gt 0 ]; do [ \"$1\" = -o ] && cp '{1}' \"$2\"; shift; done\n",
         folder.0.display(),
         module.display()
     );
     folder.write("slangc", &script);
+    folder.write("warnings", "");
     let path = folder.0.join("slangc");
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
     path
@@ -404,6 +406,147 @@ fn a_flag_that_writes_files_is_refused_where_it_stands() {
     let (code, err, _) = run_with_flags("module-flags", shader);
     assert_eq!(code, Some(2));
     assert!(err.contains("`compiler_flags` are for a `source`: a module is compiled already"), "{err}");
+}
+
+const BUFFERS: &str = "[[dispatch]]\nshader = 'a'\n\
+    [resources.a]\ntype = 'storage_buffer'\nbinding = 0\nsize = 4096\n\
+    [resources.b]\ntype = 'storage_buffer'\nbinding = 1\nsize = 4096\n\
+    [resources.c]\ntype = 'storage_buffer'\nbinding = 2\nsize = 4096\n";
+
+/// Runs `anyhit` in a folder with its stand-in for slangc and a cache: code, output, errors.
+#[cfg(unix)]
+fn anyhit_in(folder: &Folder, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    command.args(arguments).current_dir(&folder.0).env("SLANGC", folder.0.join("slangc"));
+    let output = command.env("ANYHIT_CACHE", folder.0.join("cache")).output().unwrap();
+    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+/// The command says them, a scene notes them, and so does a module out of the cache.
+#[test]
+#[cfg(unix)]
+fn warnings_of_a_compiler_are_shown_each_time() {
+    let folder = Folder::new("warnings");
+    stand_in_for_slangc(&folder);
+    folder.write(
+        "warnings",
+        "warning[E31000]: unknown attribute\n  --> a.slang:2:3\n   |\n2 | [x]\n   |  ^ 'x'\n---'\n",
+    );
+    folder.write("a.slang", "// the stand-in does not read it");
+    folder.write("scene.toml", &format!("version = 1\n[shaders]\na = 'a.slang'\n{BUFFERS}"));
+    let warning = "a.slang:2:3: [E31000] unknown attribute: 'x'\n";
+    let (code, out, err) = anyhit_in(&folder, &["compile", "a.slang"]);
+    assert_eq!((code, out.as_str(), err), (Some(0), "", format!("warning: {warning}")));
+    for _ in 0..2 {
+        let (code, _, err) = anyhit_in(&folder, &["run", "scene.toml"]);
+        assert_eq!(code, Some(0), "{err}");
+        assert_eq!(err.matches(&format!("note: warning of the compiler: {warning}")).count(), 1, "{err}");
+        let (code, out, err) = anyhit_in(&folder, &["inspect", "--json", "a.slang"]);
+        assert_eq!((code, err), (Some(0), format!("warning: {warning}")));
+        assert!(out.starts_with('{') && out.ends_with("}\n"), "{out}");
+    }
+    // `compile` itself, then once with lines for the scene, and once with all for `inspect`.
+    let arguments = std::fs::read_to_string(folder.0.join("arguments")).unwrap();
+    assert_eq!(arguments.lines().filter(|argument| *argument == "-target").count(), 3);
+}
+
+/// What scene and command line say of a source goes before its extension.
+#[test]
+#[cfg(unix)]
+fn language_stage_and_entry_point_reach_slangc() {
+    let folder = Folder::new("said");
+    stand_in_for_slangc(&folder);
+    folder.write("a.rgen", "// the stand-in does not read it");
+    let shader = "[shaders.a]\nsource = 'a.rgen'\nlanguage = 'hlsl'\nstage = 'compute'\n";
+    folder.write("scene.toml", &format!("version = 1\n{shader}{BUFFERS}"));
+    let arguments = || std::fs::read_to_string(folder.0.join("arguments")).unwrap();
+    let (code, _, err) = anyhit_in(&folder, &["run", "scene.toml"]);
+    assert_eq!(code, Some(0), "{err}");
+    assert!(
+        arguments().starts_with("-lang\nhlsl\na.rgen\n-entry\nmain\n-stage\ncompute\n-o\n"),
+        "{}",
+        arguments()
+    );
+    folder.write("arguments", "");
+    folder.write("b.slang", "");
+    let line = [
+        "compile",
+        "b.slang",
+        "--entry",
+        "trace",
+        "--stage",
+        "closest_hit",
+        "-DX=1",
+        "--flag",
+        "-fvk-t-shift 9 0",
+    ];
+    let (code, _, err) = anyhit_in(&folder, &line);
+    assert_eq!(code, Some(0), "{err}");
+    assert!(arguments().starts_with("b.slang\n-entry\ntrace\n-stage\nclosesthit\n-o\n"), "{}", arguments());
+    assert!(arguments().contains("\n-DX=1\n-fvk-t-shift\n9\n0\n"), "{}", arguments());
+    // What cannot be meant is told where it stands.
+    for (shader, place, message) in [
+        ("path = 'a.spv'\nstage = 'miss'", "scene.toml:4:9", "`stage` is for a `source`"),
+        ("source = 'a.wgsl'\nstage = 'miss'", "scene.toml:4:9", "says the stages of its entry points itself"),
+        ("source = 'a.txt'\nlanguage = 'glsl'", "scene.toml:4:12", "say the `stage`"),
+        ("source = 'a.rgen'\nlanguage = 'hlsll'", "scene.toml:4:12", "did you mean `hlsl`?"),
+        ("source = 'a.rgen'\nstage = 'anyhit'", "scene.toml:4:9", "did you mean `any_hit`?"),
+        (
+            "source = 'b.slang'\nstage = 'miss'\nentry = '-o'",
+            "scene.toml:",
+            "`-o` is no name of an entry point",
+        ),
+    ] {
+        folder.write("scene.toml", &format!("version = 1\n[shaders.a]\n{shader}\n{BUFFERS}"));
+        let (code, _, err) = anyhit_in(&folder, &["run", "scene.toml"]);
+        assert!(code == Some(2) && err.contains(place) && err.contains(message), "{shader}: {err}");
+        assert_eq!(err.matches("error: ").count(), 1, "{shader}: {err}");
+    }
+}
+
+/// What the first scene says of a source is what the command line said.
+#[test]
+#[cfg(unix)]
+fn a_first_scene_keeps_how_its_sources_are_compiled() {
+    let folder = Folder::new("init-flags");
+    stand_in_for_slangc(&folder);
+    folder.write("a.slang", "// the stand-in does not read it");
+    std::fs::create_dir_all(folder.0.join("inc")).unwrap();
+    let line =
+        ["scene", "--init", "a.slang", "-I", "inc", "-DX=1", "--flag=-fvk-t-shift 10 0", "-o", "s.toml"];
+    let (code, _, err) = anyhit_in(&folder, &line);
+    assert_eq!(code, Some(0), "{err}");
+    let text = std::fs::read_to_string(folder.0.join("s.toml")).unwrap();
+    let entry = "compute = { source = \"a.slang\", include_folders = [\"inc\"], \
+         compiler_flags = [\"-DX=1\", \"-fvk-t-shift\", \"10\", \"0\"] }";
+    assert!(text.contains(entry), "{text}");
+    folder.write("arguments", "");
+    let (code, _, err) = anyhit_in(&folder, &["smoke", "a.slang", "-Iinc", "-DX=2"]);
+    assert_eq!(code, Some(0), "{err}");
+    let arguments = std::fs::read_to_string(folder.0.join("arguments")).unwrap();
+    assert!(arguments.contains("\n-I\ninc\n-DX=2\n"), "{arguments}");
+}
+
+/// A plain `.glsl` is of the stage that is said.
+#[test]
+#[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
+fn glsl_of_a_stage_that_only_the_scene_says() {
+    let folder = Folder::new("glsl-stage");
+    let text = "#version 460\nlayout(set = 0, binding = 0) buffer Out { uint values[]; };\nvoid main() { values[0] = 7; }\n";
+    folder.write("a.glsl", text);
+    folder.write(
+        "scene.toml",
+        "version = 1\n[shaders.a]\nsource = 'a.glsl'\nstage = 'compute'\n[[dispatch]]\nshader = 'a'\n\
+         [resources.out]\ntype = 'storage_buffer'\nbinding = 0\nsize = 4\n[[expect.buffer]]\nname = 'out'\nu32 = [7]\n",
+    );
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
+    let output = command.arg("test").arg(&folder.0).env("ANYHIT_CACHE", "off").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    let source = Source::from_text_as(Language::Glsl(anyhit::compile::SourceStage::Compute), "a.glsl", text);
+    assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
+    let error = Source::from_text("a.glsl", text).unwrap_err().render();
+    assert!(error.contains("which stage a plain .glsl file is of"), "{error}");
 }
 
 /// One source, compiled twice with other definitions: each dispatch runs its own.

@@ -11,3 +11,5 @@ mod launch;
 mod one_ray;
 #[path = "../examples/one_shader.rs"]
 mod one_shader;
+#[path = "../examples/renderer.rs"]
+mod renderer;

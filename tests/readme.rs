@@ -41,15 +41,19 @@ fn commands_are_real() {
 fn links_lead_somewhere() {
     let mut mistakes = Vec::new();
     let mut count = 0;
-    for document in DOCUMENTS {
-        for (at, _) in read(document).match_indices("](") {
-            let text = read(document);
-            let target = text[at + 2..].split([')', '#']).next().unwrap_or_default().to_owned();
+    let pages = fs::read_dir(root().join("docs")).expect("the pages");
+    let pages = pages.map(|entry| entry.expect("a page").file_name().into_string().expect("a plain name"));
+    let pages = pages.filter(|name| name.ends_with(".md")).map(|name| format!("docs/{name}"));
+    for document in DOCUMENTS.iter().map(|&name| name.to_owned()).chain(pages) {
+        let text = read(&document);
+        let folder = Path::new(&document).parent().unwrap_or(Path::new(""));
+        for (at, _) in text.match_indices("](") {
+            let target = text[at + 2..].split([')', '#']).next().unwrap_or_default();
             if target.is_empty() || target.contains("://") {
                 continue;
             }
             count += 1;
-            if let Err(wrong) = exists(&target) {
+            if let Err(wrong) = exists(&folder.join(target).to_string_lossy()) {
                 mistakes.push(format!("{document}: {wrong}"));
             }
         }
@@ -68,6 +72,40 @@ fn excerpts_stand_in_the_files_they_are_from() {
         let block = readme[start..].split("```").next().unwrap_or_default();
         assert!(block.lines().count() > 10, "the block of {language} is too short to be it");
         assert!(read(file).contains(block.trim_end()), "the README's {language} is not from {file}");
+    }
+}
+
+/// What the page about renderers shows of the example is in the example.
+#[test]
+fn the_page_about_renderers_shows_the_example() {
+    let without_comments = |text: &str| -> String {
+        let lines = text.lines().map(|line| line.split(" # ").next().unwrap_or_default().trim());
+        lines.filter(|line| !line.starts_with('#')).collect::<Vec<_>>().join("\n")
+    };
+    let page = read("docs/renderer.md");
+    let blocks = |language: &str| -> Vec<String> {
+        let fence = format!("```{language}\n");
+        let starts = page.match_indices(&fence).map(|(at, fence)| at + fence.len());
+        starts.map(|at| without_comments(page[at..].split("\n```").next().unwrap_or_default())).collect()
+    };
+    let (scene, shader) = ("examples/renderer/scene.toml", "examples/renderer/raytrace.slang");
+    let shown = [
+        ("toml", scene, "[pipeline]"),
+        ("toml", scene, "[resources.topLevelAS]"),
+        ("toml", scene, "[resources.textures]"),
+        ("toml", scene, "[resources.instances]"),
+        ("toml", scene, "[resources.scene_info.data]"),
+        ("toml", scene, "[push_constants]"),
+        ("toml", scene, "[[pass]]"),
+        ("slang", shader, "Instance instance"),
+    ];
+    for (language, file, start) in shown {
+        let block = blocks(language).into_iter().find(|block| block.starts_with(start));
+        let block = block.unwrap_or_else(|| panic!("the page has no block that begins with `{start}`"));
+        let text = without_comments(&read(file));
+        for paragraph in block.split("\n\n") {
+            assert!(text.contains(paragraph), "this is not in {file}:\n{paragraph}");
+        }
     }
 }
 

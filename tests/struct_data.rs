@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhit::scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
-use anyhit::{Error, Module, StructData};
+use anyhit::{ComputeTest, Error, Hit, Module, Ray, ShaderTest, StructData};
 use pretty_assertions::assert_eq;
 
 use crate::support::assembly::assemble as spirv;
@@ -241,7 +241,7 @@ fn blocks_are_known_by_where_the_data_is_bound() {
     let loaded = load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default()).unwrap();
     let assembled = assemble(&loaded).unwrap();
     assert_eq!(assembled.resources.push_constants.as_ref().unwrap().bytes(), words(&[64, 0, 7]));
-    let record = loaded.sbt.raygen[0].data.bytes().unwrap();
+    let record = loaded.pipeline.sbt.raygen[0].data.bytes().unwrap();
     assert_eq!(record, words(&[1.0, 2.0, 3.0].map(bits)));
 }
 
@@ -253,9 +253,34 @@ fn matrices_that_slang_stores_as_arrays_are_written_by_rows() {
         "data = { struct = 'Bones', value = { a = [[1, 2, 3], [4, 5, 6]], b = [[1, 2], [3, 4], [5, 6]] } }";
     let wanted = [1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     assert_eq!(bytes(text), words(&wanted.map(bits)));
+    // A piece in place of the value lies as it is, and the array can be named.
+    let text = "data = { struct = 'Bones', value = { a = { f32 = [1, 2, 3, 4, 5, 6] }, b = { data = [[1, 2], [3, 4], \
+                [5, 6]] } } }";
+    assert_eq!(bytes(text), words(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(bits).repeat(2)));
     let report = scene("data = { struct = 'Bones', value = { a = [[1, 2], [3, 4]] } }").unwrap_err().render();
     assert!(report.contains("`a[0]` is"), "{report}");
     assert!(report.contains("3 elements are needed, 2 are given"), "{report}");
+}
+
+/// Shaders declare as much of the push constants as they use.
+#[test]
+fn a_block_that_begins_another_is_no_ambiguity() {
+    let short = SHADER
+        .replace("OpMemberName %Push 1 \"frame\"", "")
+        .replace("OpMemberDecorate %Push 1 Offset 8", "")
+        .replace("%Push = OpTypeStruct %scene %uint", "%Push = OpTypeStruct %scene");
+    let renamed = SHADER.replace("OpMemberName %Push 1 \"frame\"", "OpMemberName %Push 1 \"sample\"");
+    let push_constants = |other: &str| {
+        let text = "version = 1\npush_constants = { value = { sceneInfo = 64, frame = 7 } }\n[shaders]\n\
+                    a = 'other.spv'\nb = 'rgen.spv'\n[pipeline]\nraygen = ['a', 'b']\n";
+        let modules = [spirv(other), spirv(SHADER)];
+        let files = [("s.toml", text.as_bytes()), ("other.spv", &modules[0]), ("rgen.spv", &modules[1])];
+        load(Path::new("s.toml"), &EmbeddedFiles(&files), &LoadOptions::default())
+    };
+    let scene = push_constants(&short).unwrap();
+    assert_eq!(scene.push_constants.bytes().unwrap(), words(&[64, 0, 7]));
+    let report = push_constants(&renamed).unwrap_err().render();
+    assert!(report.contains("the block of push constants differs between the shaders"), "{report}");
 }
 
 #[test]
@@ -266,7 +291,8 @@ fn pieces_of_data_stand_for_members() {
     );
     let found = bytes(&text);
     assert_eq!(found[24..32], words(&[10, 1]));
-    assert_eq!(found[32..56], words(&[1.0, 3.0, 5.0, 2.0, 4.0, 6.0].map(bits)));
+    // A piece is the bytes that a program on a device copies there, whichever way the matrix lies.
+    assert_eq!(found[32..56], words(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(bits)));
     assert_eq!(found[56..84], words(&[1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0].map(bits)));
     assert_eq!(found[96..], words(&[7.0, 8.0].map(bits)));
     refused(
@@ -494,4 +520,27 @@ struct SceneInfo_natural: 104 bytes
     let (code, _, err) = inspect(&["--layout", "Light"]);
     assert_eq!(code, Some(2));
     assert!(err.contains("`Lights.rest`: 20 bytes"), "{err}");
+}
+
+#[test]
+fn a_shader_by_itself_takes_data_by_the_names_of_members() {
+    let folder = "spirv-fixtures/pass/resources/record-and-push-constants";
+    let module = Module::open(format!("{folder}/main.rchit.spv")).unwrap();
+    let constants = StructData::push_constants(&module).unwrap().set("values[1]", 0.5).unwrap();
+    let record = StructData::shader_record(&module).unwrap();
+    let record = record.set("colour", [0.25, 0.5, 8.0, 9.0]).unwrap().set("tag", 7).unwrap();
+    let record = record.set("table[0]", 1.5).unwrap();
+    let hit = Hit::sphere([0.0; 3], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+    let test = ShaderTest::new(&module, "main").unwrap().hit(hit);
+    let outcome = test.push_constants_data(&constants).shader_record_data(&record).run().unwrap();
+    // The record's colour.xy and tag; of geometry 0 table[0], plus values[1], which lies at 52.
+    assert_eq!(outcome.payload.vec4(), [0.25, 0.5, 7.0, 2.0]);
+
+    let module = Module::open("spirv-fixtures/pass/compute/print/main.comp.spv").unwrap();
+    let constants = StructData::push_constants(&module).unwrap().set("scale", 3.0).unwrap();
+    let test = ComputeTest::new(&module, "main").unwrap().buffer(0, 1, &[[0.0_f32; 2]; 2]);
+    let outcome = test.push_constants_data(&constants).run().unwrap();
+    // halves[at] = vec2(at, scale) / 2, for the two invocations of a workgroup.
+    assert_eq!(outcome.read_buffer::<[f32; 2]>(0, 1).unwrap(), [[0.0, 1.5], [0.5, 1.5]]);
+    assert_eq!(outcome.printed.len(), 1);
 }

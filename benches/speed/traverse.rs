@@ -98,6 +98,18 @@ pub fn run(table: &mut Table) {
         let name = "traverse 64 instances together";
         measure_with(table, name, &scene.tiled(), &rays, every, trace_packets);
     }
+    // Rays that go nowhere, as a total internal reflection makes that nobody handles: origins on
+    // the ground, all among the boxes of the tree.
+    for (name, trace) in [
+        ("direction zero, triangles", trace as TraceFn),
+        ("direction zero, triangles together", trace_packets),
+    ] {
+        if table.wants(name) {
+            let scene = scenes::heightfield(grid);
+            let rays: Vec<Ray> = scene.camera.rays(table.picture).iter().map(nowhere).collect();
+            measure_with(table, name, &scene.tlas(GeometryFlags::OPAQUE), &rays, every, trace);
+        }
+    }
     for (name, trace) in [
         ("traverse triangles shuffled together", trace_packets as TraceFn),
         ("traverse triangles shuffled", trace),
@@ -108,6 +120,14 @@ pub fn run(table: &mut Table) {
             measure_with(table, name, &scene.tlas(GeometryFlags::OPAQUE), &rays, every, trace);
         }
     }
+}
+
+/// A ray from the ground below another one's way, with a direction of zero.
+fn nowhere(ray: &Ray) -> Ray {
+    let [x, y, z] = ray.origin;
+    let down = if ray.direction[1] < 0.0 { -y / ray.direction[1] } else { 1.0 };
+    let origin = [x + down * ray.direction[0], 0.0, z + down * ray.direction[2]];
+    Ray { origin, direction: [0.0; 3], ..*ray }
 }
 
 /// A way to trace rays; returns the number of hits and a description.

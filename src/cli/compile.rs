@@ -7,8 +7,12 @@ use clap::Args;
 use crate::atomic_file;
 use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
-use crate::compile::{CompileOptions, DebugInfoLevel, Optimize, Source, compile, fixtures};
+use crate::cli::source::SourceArgs;
+use crate::compile::{
+    CompileOptions, DebugInfoLevel, Optimize, Source, SourceWords, compile_with_warnings, fixtures,
+};
 use crate::error::{Error, ErrorKind, Result};
+use crate::input::InputLimits;
 
 /// Compiles GLSL, WGSL, Slang or HLSL to SPIR-V.
 #[derive(Args, Clone, Debug)]
@@ -30,9 +34,8 @@ pub struct CompileArgs {
     /// The level of optimisation: 0 or 2 [default: the compiler's own]
     #[arg(short = 'O', value_name = "LEVEL", conflicts_with = "fixtures", value_parser = ["0", "2"])]
     optimize: Option<String>,
-    /// Look for included files in a folder, too; may be repeated
-    #[arg(short = 'I', value_name = "FOLDER", conflicts_with = "fixtures")]
-    include_folders: Vec<PathBuf>,
+    #[command(flatten)]
+    how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Compile the sources in shaders/ whose modules in spirv-fixtures/ are out of date, in the
@@ -66,6 +69,7 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
     };
     let options = CompileOptions { debug, optimize, ..CompileOptions::default() };
     let limits = args.limits.limits();
+    let words = args.how.words();
     let mut errors = Vec::new();
     for path in &args.sources {
         let mut file = path.file_name().unwrap_or_default().to_owned();
@@ -75,13 +79,25 @@ fn compile_sources(args: &CompileArgs) -> Result<()> {
             Some(output) if args.sources.len() == 1 && !output.is_dir() => output.clone(),
             Some(folder) => folder.join(file),
         };
-        let result = Source::read_within(Path::new(""), &path.to_string_lossy(), &limits)
-            .map(|source| source.include_folders(&args.include_folders))
-            .and_then(|source| compile(&source, &options))
-            .and_then(|spirv| atomic_file::write(&output, spirv));
-        errors.extend(result.err());
+        errors.extend(compile_source(path, &output, &words, &options, &limits).err());
     }
     if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
+}
+
+fn compile_source(
+    path: &Path,
+    output: &Path,
+    words: &SourceWords,
+    options: &CompileOptions,
+    limits: &InputLimits,
+) -> Result<()> {
+    let settings = words.settings(path)?.unwrap_or_default();
+    let name = path.to_string_lossy();
+    let source = Source::read_as(settings.language(&name)?, Path::new(""), &name, limits)?;
+    let source = source.include_folders(&settings.include_folders);
+    let compiled = compile_with_warnings(&source, &settings.over(options))?;
+    output::warnings(&compiled.warnings);
+    atomic_file::write(output, compiled.spirv)
 }
 
 fn regenerate(force: bool) -> Result<()> {

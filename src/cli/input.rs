@@ -27,6 +27,14 @@ impl InputLimitArgs {
     }
 }
 
+/// Which variant of a scene is meant.
+#[derive(Args, Clone, Debug, Default)]
+pub struct VariantArgs {
+    /// Use the shaders of the scene's `[[variant]]` of this name
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
+}
+
 /// Limits of what is read and of what it may ask for, and where a scene may read.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SceneFileArgs {

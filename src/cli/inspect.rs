@@ -8,8 +8,9 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
+use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
@@ -21,7 +22,7 @@ use crate::scene::struct_lookup::{StructTable, find};
 /// Lists a module's entry points, interface and requirements, and what in it is unsupported.
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
-    /// A SPIR-V module, or `-` for standard input
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE", required_unless_present = "layout")]
     module: Option<PathBuf>,
     /// Print how structs lie in buffers: offset, size, stride, type and name of each member.
@@ -29,6 +30,8 @@ pub struct InspectArgs {
     /// and pointers
     #[arg(long, value_name = "STRUCT", num_args = 0..=1)]
     layout: Option<Option<String>>,
+    #[command(flatten)]
+    how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Print JSON
@@ -39,8 +42,13 @@ pub struct InspectArgs {
 /// Runs the command. Entry points that are not supported are a finding, not an error.
 ///
 /// # Errors
-/// What reading and loading the module reports.
+/// What reading, compiling and loading the module reports.
 pub fn run(args: InspectArgs) -> Result<()> {
+    let json = args.json;
+    inspect(args).map_err(|error| output::json_error(json, error))
+}
+
+fn inspect(args: InspectArgs) -> Result<()> {
     // In `inspect --layout FILE` what looks like a struct's name is the module.
     let (path, layout) = match (args.module, args.layout) {
         (Some(path), layout) => (path, layout),
@@ -49,7 +57,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
     if path.as_os_str().is_empty() {
         return Err(Error::new(ErrorKind::InvalidArgument, "a module is needed: `inspect MODULE --layout`"));
     }
-    let module = Arc::new(module_file::read(&path, &args.limits.limits())?);
+    let module = Arc::new(module_file::read_or_compile(&path, &args.limits.limits(), &args.how.words())?);
     if let Some(name) = layout {
         return print_layouts(&module, &path, name.as_deref(), args.json);
     }
@@ -126,6 +134,7 @@ struct EntryReport {
     stage: &'static str,
     supported: bool,
     reasons: Vec<String>,
+    errors: Vec<ErrorReport>,
     interface: Vec<VariableReport>,
 }
 
@@ -228,14 +237,16 @@ impl ModuleReport {
 
 impl EntryReport {
     fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
-        let reasons = program::lower(module, entry).err();
-        let reasons = reasons.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
+        let error = program::lower(module, entry).err();
+        let errors = error.as_ref().map_or_else(Vec::new, ErrorReport::all);
+        let reasons = error.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
         let variables = module.interface_of(entry);
         Self {
             name: entry.name.clone(),
             stage: entry.stage.name(),
             supported: reasons.is_empty(),
             reasons,
+            errors,
             interface: variables.iter().map(|variable| VariableReport::of(module, variable)).collect(),
         }
     }

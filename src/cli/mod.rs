@@ -19,6 +19,7 @@ pub mod render;
 pub mod run;
 pub mod scene;
 pub mod smoke;
+mod source;
 mod stability;
 mod stats;
 #[cfg(feature = "stress")]

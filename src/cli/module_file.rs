@@ -1,8 +1,13 @@
 //! Reads a module from a file that the command line names.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use crate::compile::{CompileOptions, DebugInfoLevel, Language, SOURCE_EXTENSIONS, Source, compile_once};
+use crate::cli::output;
+use crate::compile::{
+    CompileOptions, DebugInfoLevel, SOURCE_EXTENSIONS, Source, SourceSettings, SourceWords,
+    compile_once_with_warnings,
+};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
@@ -41,15 +46,36 @@ pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
 /// Loads a SPIR-V file, or compiles a shader's source with full debug information and loads that.
 ///
 /// # Errors
-/// As [`read`], but that source is welcome; what [`compile_once`] reports.
-pub fn read_or_compile(path: &Path, limits: &InputLimits) -> Result<Module> {
-    if Language::of(path).is_none() {
+/// As [`read`], but that source is welcome; what [`compile_once_with_warnings`] reports.
+pub fn read_or_compile(path: &Path, limits: &InputLimits, words: &SourceWords) -> Result<Module> {
+    let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
+    if words.settings(path)?.is_none() {
         return read(path, limits);
     }
-    let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
-    let source = Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
-    let spirv = compile_once(&source, &options)?;
-    module::load_with(&spirv, *limits).map_err(|error| error.at(Place::File(path.to_owned())))
+    // The content decides before the extension does.
+    let (module, _) = Module::open_with(path, limits, None, words, &options)?;
+    output::warnings(&module.warnings);
+    Ok(Arc::unwrap_or_clone(module))
+}
+
+/// Compiles a shader's source, and loads it; what its compiler warns of is printed.
+///
+/// # Errors
+/// What [`compile_once_with_warnings`] and [`module::load_with`] report.
+pub fn compile(
+    path: &Path,
+    limits: &InputLimits,
+    settings: &SourceSettings,
+    options: &CompileOptions,
+) -> Result<(Vec<u8>, Module)> {
+    let name = path.to_string_lossy();
+    let source = Source::read_as(settings.language(&name)?, Path::new(""), &name, limits)?;
+    let source = source.include_folders(&settings.include_folders);
+    let compiled = compile_once_with_warnings(&source, &settings.over(options))?;
+    output::warnings(&compiled.warnings);
+    let module = module::load_with(&compiled.spirv, *limits)
+        .map_err(|error| error.at(Place::File(path.to_owned())))?;
+    Ok((compiled.spirv, module))
 }
 
 /// The error for text where SPIR-V's binary form is wanted.
@@ -57,26 +83,14 @@ fn source_text(path: &Path, bytes: &[u8]) -> Option<Error> {
     let text = std::str::from_utf8(bytes).ok().filter(|text| !text.is_empty() && !text.contains('\0'))?;
     let shown = path.display();
     let typed = shell::word(&shown.to_string());
-    let (what, note) = match Language::of(path) {
-        Some(language) => {
-            let name = match language {
-                Language::Glsl(_) => "GLSL",
-                Language::Wgsl => "WGSL",
-                Language::Slang => "Slang",
-                Language::Hlsl => "HLSL",
-            };
-            (name, format!("compile it first: anyhit compile {typed}"))
-        }
-        None if text.contains("OpCapability") => {
-            ("SPIR-V assembly", format!("assemble it first: spirv-as {typed}"))
-        }
-        None => (
-            "text",
-            format!(
-                "a compiled module (usually .spv) is needed here; of sources the extension says the language: \
-                 {SOURCE_EXTENSIONS}"
-            ),
-        ),
+    let (what, note) = if text.contains("OpCapability") {
+        ("SPIR-V assembly", format!("assemble it first: spirv-as {typed}"))
+    } else {
+        let note = format!(
+            "a compiled module (usually .spv) is needed here; of sources the extension says the language, or \
+             `--language`: {SOURCE_EXTENSIONS}"
+        );
+        ("text", note)
     };
     let message = format!("{shown} is {what}, not a SPIR-V module");
     Some(Error::new(ErrorKind::InvalidArgument, message).note(note))
@@ -93,18 +107,17 @@ mod tests {
     #[test]
     fn an_unknown_extension_lists_the_known_ones() {
         let text = source_text(Path::new("a.shader"), b"void main() {}").unwrap().render();
-        assert!(text.contains("of sources the extension says the language: GLSL: .rgen .rint"), "{text}");
+        assert!(
+            text.contains("the extension says the language, or `--language`: GLSL: .rgen .rint"),
+            "{text}"
+        );
         assert!(text.contains("WGSL: .wgsl; Slang: .slang; HLSL: .hlsl"), "{text}");
-        let typed = message("a b/hit.rchit", b"void main() {}").unwrap();
-        assert!(typed.ends_with("anyhit compile \"a b/hit.rchit\""), "{typed}");
+        let typed = message("a b/hit.spvasm", b"OpCapability Shader").unwrap();
+        assert!(typed.ends_with("spirv-as \"a b/hit.spvasm\""), "{typed}");
     }
 
     #[test]
     fn text_is_told_from_modules() {
-        assert_eq!(
-            message("a/hit.rchit", b"#version 460\n").unwrap(),
-            "a/hit.rchit is GLSL, not a SPIR-V module; compile it first: anyhit compile a/hit.rchit"
-        );
         assert!(message("a.spvasm", b"OpCapability Shader\n").unwrap().contains("spirv-as a.spvasm"));
         assert!(message("a.txt", b"hello").unwrap().contains("is text"));
         let magic = 0x0723_0203u32.to_le_bytes();

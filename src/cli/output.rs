@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorReport, Result, Warning};
 use crate::machine::Printed;
 use crate::scene::image::PictureKind;
 
@@ -20,6 +20,17 @@ use crate::scene::image::PictureKind;
 /// `Io` where standard output cannot be written for another reason, a full disk say.
 pub fn print(text: impl Display) -> Result<()> {
     write_to(&mut stdout().lock(), text)
+}
+
+/// With `--json`, prints an error before which nothing was printed, as `{"errors": [...]}`, and
+/// returns it.
+pub fn json_error(json: bool, error: Error) -> Error {
+    if json {
+        let errors = serde_json::json!({ "errors": ErrorReport::all(&error) });
+        // The error itself is worth more than that it could not be printed here, too.
+        let _ = print(format_args!("{errors:#}\n"));
+    }
+    error
 }
 
 /// Prints what shaders printed (`NonSemantic.DebugPrintf`), each text on a line of its own. Returns
@@ -45,6 +56,11 @@ pub fn hint(text: impl Display) {
 /// Prints notes to standard error, a line each.
 pub fn notes(notes: &[String]) {
     notes.iter().for_each(|note| hint(format_args!("note: {note}")));
+}
+
+/// Prints what a compiler warned of to standard error, a line each.
+pub fn warnings(warnings: &[Warning]) {
+    warnings.iter().for_each(|warning| hint(format_args!("warning: {warning}")));
 }
 
 /// Notes that the user gave a flag by its old name, which is still accepted.

@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::input::SceneFileArgs;
+use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
+use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
@@ -58,6 +59,8 @@ pub struct RenderArgs {
     files: SceneFileArgs,
 
     #[command(flatten)]
+    variant: VariantArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
 
     #[command(flatten)]
@@ -81,8 +84,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
         kind.check()?;
     }
-    let options =
-        LoadOptions { size: args.size, precision: args.precision, streams: true, ..LoadOptions::default() };
+    let options = LoadOptions {
+        size: args.size,
+        precision: args.precision,
+        streams: true,
+        variant: args.variant.variant.clone(),
+    };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
     let mut resolved = match &args.scene {
@@ -91,7 +98,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     output::notes(&resolved.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut resolved);
-    if resolved.sbt.raygen.is_empty() && !resolved.dispatches.is_empty() {
+    if !resolved.launches() && !resolved.dispatches.is_empty() {
         return Err(compute_only(&resolved));
     }
     let Some((output, image)) = output_image(&resolved) else {
@@ -122,7 +129,10 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let load_time = begin.elapsed();
 
     let size = assembled.size;
-    let bar = progress_bar(size.iter().map(|&side| u64::from(side)).product());
+    let bar = progress_bar(match assembled.is_frame() {
+        true => assembled.invocations(),
+        false => size.iter().map(|&side| u64::from(side)).product(),
+    });
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
@@ -171,9 +181,16 @@ pub fn run(args: RenderArgs) -> Result<()> {
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.
 fn compute_only(scene: &ResolvedScene) -> Error {
-    let path = scene.path.display();
+    let path = shell::word(&scene.path.display().to_string());
     let save = match scene.output() {
-        Some(output) => format!("anyhit run {path} --save {}=out.png", output.name),
+        Some(output) => {
+            // A name ends at the first `=`.
+            let what = match output.name.contains('=') {
+                true => format!("{},{}", output.set, output.binding),
+                false => output.name.clone(),
+            };
+            format!("anyhit run {path} --save {}", shell::word(&format!("{what}=out.png")))
+        }
         None => format!("anyhit run {path}"),
     };
     let message = "the scene has no ray generation shader: it dispatches compute shaders";

@@ -10,7 +10,7 @@ use std::time::Instant;
 use clap::Args;
 
 use crate::atomic_file;
-use crate::cli::input::{SceneFileArgs, name_of};
+use crate::cli::input::{SceneFileArgs, VariantArgs, name_of};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -57,6 +57,8 @@ pub struct RunArgs {
     #[command(flatten)]
     files: SceneFileArgs,
     #[command(flatten)]
+    variant: VariantArgs,
+    #[command(flatten)]
     stability: StabilityArgs,
     #[command(flatten)]
     limits: LimitArgs,
@@ -76,7 +78,11 @@ pub fn run(args: RunArgs) -> Result<()> {
     let mut scene = match is_scene {
         true => {
             args.bare_module.check_unused()?;
-            let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
+            let options = LoadOptions {
+                precision: args.precision,
+                variant: args.variant.variant.clone(),
+                ..LoadOptions::default()
+            };
             match streamed {
                 None => args.files.scene(&args.file, &options)?,
                 Some(bytes) => {
@@ -87,6 +93,11 @@ pub fn run(args: RunArgs) -> Result<()> {
         false if args.precision.is_some() => {
             return Err(dump::invalid(
                 "`--precision` needs a scene: a module by itself meets no geometry".into(),
+            ));
+        }
+        false if args.variant.variant.is_some() => {
+            return Err(dump::invalid(
+                "`--variant` needs a scene: a module by itself has no variants".into(),
             ));
         }
         false => args.bare_module.scene(&args.file, streamed, args.files.limits())?,

@@ -7,6 +7,8 @@ use clap::Args;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
+use crate::cli::source::SourceArgs;
+use crate::debug::shell;
 use crate::error::Result;
 use crate::harness::init;
 use crate::machine::LaunchLimits;
@@ -21,6 +23,8 @@ pub struct SceneArgs {
     #[arg(short, long, value_name = "FILE", default_value = "scene.toml")]
     output: PathBuf,
     #[command(flatten)]
+    how: SourceArgs,
+    #[command(flatten)]
     files: SceneFileArgs,
     #[command(flatten)]
     limits: LimitArgs,
@@ -32,13 +36,15 @@ pub struct SceneArgs {
 /// What modules lack, and a file that is there already.
 pub fn run(args: SceneArgs) -> Result<()> {
     let limits = args.limits.limits(LaunchLimits::TESTS);
-    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits)?;
+    let written = init::scene(&args.init, &args.output, &args.files.files()?, &limits, &args.how.words())?;
+    output::warnings(&written.warnings);
     let (path, command) = (written.path.display(), written.command);
+    let typed = shell::word(&path.to_string());
     output::print(match written.failure {
-        None => format!("{path}: written\nrun it: anyhit {command} {path}\n"),
+        None => format!("{path}: written\nrun it: anyhit {command} {typed}\n"),
         Some(failure) => format!(
             "{path}: written; it does not run yet: {}\n\
-             fill in what the shaders need, then run it: anyhit {command} {path}\n",
+             fill in what the shaders need, then run it: anyhit {command} {typed}\n",
             failure.message()
         ),
     })

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
+use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::limits::LaunchLimitArgs;
+use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
 use crate::machine::LaunchLimits;
 
@@ -19,12 +21,14 @@ use crate::machine::LaunchLimits;
 /// acceleration structures are made up from what the module declares: integers 0 to 3, floats in
 /// [0, 1), identity matrices. New sets of values are tried until every basic block was entered or
 /// new sets enter no further block. Exit codes: 0 all ran to their end, 1 one trapped or entered
-/// less than `--min-coverage`, 2 one is not supported or the module is invalid.
+/// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang), or `-` for standard input
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
     #[arg(value_name = "MODULE")]
     module: PathBuf,
+    #[command(flatten)]
+    how: SourceArgs,
     #[command(flatten)]
     limits: InputLimitArgs,
     /// Print JSON
@@ -69,7 +73,8 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = Arc::new(module_file::read_or_compile(&args.module, &args.limits.limits())?);
+    let module = module_file::read_or_compile(&args.module, &args.limits.limits(), &args.how.words());
+    let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }
@@ -81,14 +86,25 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         time_limit: args.seconds,
     };
     let report = smoke::run(&module, options);
+    let verdict = verdict(&report, args.min_coverage.unwrap_or(0.0));
     if args.json {
-        let json = serde_json::to_string_pretty(&report)
+        let errors = verdict.as_ref().err().map_or_else(Vec::new, ErrorReport::all);
+        let json = serde_json::to_string_pretty(&JsonReport { report: &report, errors })
             .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", args.module.display())))?;
         output::print(format_args!("{json}\n"))?;
     } else {
         output::print(report.text())?;
     }
-    verdict(&report, args.min_coverage.unwrap_or(0.0))
+    verdict
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct JsonReport<'a> {
+    #[serde(flatten)]
+    report: &'a SmokeReport,
+    /// What the exit code tells of.
+    errors: Vec<ErrorReport>,
 }
 
 /// The worst verdict as an error, for the exit code.

@@ -68,9 +68,10 @@ impl StabilityArgs {
             return perturbed(scene, assembled, one, json, &perturbation);
         }
         let (found, trap) = match one {
-            Some(one) => shadow_one(scene, assembled, one)?,
-            None => shadow(scene, assembled)?,
-        };
+            Some(one) => shadow_one(scene, assembled, one),
+            None => shadow(scene, assembled),
+        }
+        .map_err(|error| output::json_error(json, error))?;
         match json {
             true => output::print(format_args!("{:#}\n", found.json(trap.as_ref())))?,
             false => output::print(found.text())?,
@@ -87,9 +88,10 @@ fn perturbed(
     perturbation: &Perturbation,
 ) -> Result<()> {
     let found = match one {
-        Some(one) => perturb_one(scene, assembled, one, perturbation)?,
-        None => perturb(scene, assembled, perturbation)?,
-    };
+        Some(one) => perturb_one(scene, assembled, one, perturbation),
+        None => perturb(scene, assembled, perturbation),
+    }
+    .map_err(|error| output::json_error(json, error))?;
     match json {
         true => output::print(format_args!("{:#}\n", found.json()))?,
         false => output::print(found.text())?,

@@ -9,6 +9,7 @@ use crate::pipeline::{BandedLaunch, Stats};
 use crate::program::race_analysis::Memory;
 use crate::scene::Assembled;
 use crate::scene::image_entry::ImageContent;
+use crate::scene::pass::{Dispatch, PassWork};
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
 pub fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {
@@ -43,10 +44,8 @@ pub fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> Strin
 
 /// The lines of `--stats` about shaders that ran on one thread, with the reason.
 pub fn single_threaded(assembled: &Assembled) -> String {
-    let pipeline = assembled.pipeline.programs.iter();
-    let dispatched = assembled.dispatches.iter().map(|dispatch| &dispatch.compute.program);
     let mut text = String::new();
-    for program in pipeline.chain(dispatched).filter(|program| program.order_dependent) {
+    for program in assembled.programs().filter(|program| program.order_dependent) {
         text += &format!(
             "one thread, one invocation after the other: {} `{}` depends on their order (it uses what an atomic \
              returns, exchanges, or adds floats)\n",
@@ -54,19 +53,28 @@ pub fn single_threaded(assembled: &Assembled) -> String {
             program.name
         );
     }
-    if !assembled.pipeline.order_dependent()
-        && let Some(memory) = assembled.pipeline.shared_memory(assembled.size, &assembled.resources)
-    {
-        text += &shared_memory_line("the launch's", memory);
-    }
-    for dispatch in &assembled.dispatches {
-        let compute = &dispatch.compute;
-        let memory = compute
-            .shared_memory(dispatch.groups, &assembled.resources)
-            .filter(|_| !compute.program.order_dependent);
-        if let Some(memory) = memory {
-            text += &shared_memory_line(&format!("GLCompute `{}`'s", compute.program.name), memory);
-        }
+    let is_frame = assembled.is_frame();
+    for (number, pass) in assembled.passes.iter().enumerate() {
+        let resources = assembled.pass_resources(pass, &assembled.resources);
+        let (memory, owner) = match &pass.work {
+            PassWork::Launch(launch) => {
+                let pipeline = assembled.pipeline_at(launch.pipeline);
+                let ordered = pipeline.order_dependent();
+                let memory = pipeline.shared_memory(launch.size, &resources).filter(|_| !ordered);
+                let owner = match is_frame {
+                    true => format!("the launch's of pass {}", pass.label(number)),
+                    false => "the launch's".to_owned(),
+                };
+                (memory, owner)
+            }
+            PassWork::Dispatch(index) => {
+                let Dispatch { compute, groups, .. } = &assembled.dispatches[*index];
+                let ordered = compute.program.order_dependent;
+                let memory = compute.shared_memory(*groups, &resources).filter(|_| !ordered);
+                (memory, format!("GLCompute `{}`'s", compute.program.name))
+            }
+        };
+        text += &memory.map_or_else(String::new, |memory| shared_memory_line(&owner, memory));
     }
     text
 }
@@ -143,10 +151,8 @@ pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
     for (count, what) in rows.iter().filter(|(count, _)| *count > 0) {
         text += &format!("elided            {count:>9} {what}\n");
     }
-    let programs = assembled.pipeline.programs.iter();
-    let dispatched = assembled.dispatches.iter().map(|dispatch| &dispatch.compute.program);
     let (mut operations, mut builtins, mut kept) = (0, 0, 0);
-    for program in programs.chain(dispatched) {
+    for program in assembled.programs() {
         operations += program.eliminated.operations;
         builtins += program.eliminated.builtins;
         kept += program.ops.len();

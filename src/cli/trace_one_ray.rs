@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::input::SceneFileArgs;
+use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
@@ -36,6 +36,10 @@ pub struct TraceOneRayArgs {
     /// first [default: 0]
     #[arg(long, value_name = "N", requires = "invocation")]
     dispatch: Option<usize>,
+    /// The pass to look at, by its name or its number from 0; the passes before it run first
+    /// [default: the first launch]
+    #[arg(long, value_name = "NAME|N", conflicts_with = "dispatch")]
+    pass: Option<String>,
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
@@ -48,6 +52,8 @@ pub struct TraceOneRayArgs {
     json: bool,
     #[command(flatten)]
     files: SceneFileArgs,
+    #[command(flatten)]
+    variant: VariantArgs,
     #[command(flatten)]
     stability: StabilityArgs,
     #[command(flatten)]
@@ -87,8 +93,22 @@ pub struct TraceOneRayArgs {
 /// What the scene or the arguments lack, and the trap that ended a shader, after what happened
 /// before it is printed.
 pub fn run(args: TraceOneRayArgs) -> Result<()> {
-    let request = args.request()?;
-    let options = LoadOptions { precision: args.precision, ..LoadOptions::default() };
+    let json = args.json;
+    let trap = trace(args).map_err(|error| output::json_error(json, error))?;
+    trap.map_or(Ok(()), Err)
+}
+
+/// Prints what was found; the error that it ended with is part of it.
+fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
+    let request = match args.pass.clone() {
+        Some(pass) => Request::InPass(pass, Box::new(args.request()?)),
+        None => args.request()?,
+    };
+    let options = LoadOptions {
+        precision: args.precision,
+        variant: args.variant.variant.clone(),
+        ..LoadOptions::default()
+    };
     let mut scene = match &args.scene {
         Some(path) => args.files.scene(path, &options)?,
         None => demo::scene(&options)?,
@@ -99,7 +119,8 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
     output::notes(&session.assembled().notes);
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
-        return args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
+        let found = args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
+        return Ok(found.err());
     }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
@@ -114,7 +135,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
         let options = RenderOptions { colour: !plain && stdout().is_terminal(), all: args.all };
         output::print(render::text(&transcript, options))?;
     }
-    trap.map_or(Ok(()), Err)
+    Ok(trap)
 }
 
 impl TraceOneRayArgs {
@@ -144,6 +165,7 @@ impl TraceOneRayArgs {
             sbt_stride: self.sbt_stride.unwrap_or(1),
             miss_index: self.miss_index.unwrap_or(0),
             payload: Vec::new(),
+            pass: None,
         }))
     }
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::input::{InputLimit, read_argument, read_regular};
 use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
 use crate::recording::{Comparison, Recording, compare};
@@ -62,6 +62,8 @@ struct VerifyReport {
     files: Vec<VerifiedFile>,
     /// The limits that were exceeded, in words.
     failures: Vec<String>,
+    /// Files that cannot be used, then limits that were exceeded.
+    errors: Vec<ErrorReport>,
 }
 
 #[derive(Debug, Serialize)]
@@ -79,7 +81,8 @@ struct VerifiedFile {
 pub fn run(args: VerifyArgs) -> Result<()> {
     let (mut files, mut errors) = (Vec::new(), Vec::new());
     let limits = args.limits.limits();
-    for (path, named) in recordings(&args.paths)? {
+    let recordings = recordings(&args.paths).map_err(|error| output::json_error(args.json, error))?;
+    for (path, named) in recordings {
         // Only what is named may be a pipe.
         let bytes = match named {
             true => read_argument(&path, InputLimit::FileBytes, &limits),
@@ -94,7 +97,9 @@ pub fn run(args: VerifyArgs) -> Result<()> {
         }
     }
     let failures: Vec<String> = files.iter().flat_map(|file| args.failures(file)).collect();
-    let report = VerifyReport { files, failures };
+    // A file that could not be read comes first, as the first error gives the exit code.
+    errors.extend(failures.iter().map(|text| Error::new(ErrorKind::Expectation, text.clone())));
+    let report = VerifyReport { files, failures, errors: errors.iter().map(ErrorReport::of).collect() };
     if args.json {
         let json = serde_json::to_string_pretty(&report)
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
@@ -102,9 +107,6 @@ pub fn run(args: VerifyArgs) -> Result<()> {
     } else if !report.files.is_empty() {
         output::print(text(&report.files, args.against))?;
     }
-    let passed = report.failures.into_iter().map(|text| Error::new(ErrorKind::Expectation, text));
-    // A file that could not be read comes first, as the first error gives the exit code.
-    errors.extend(passed);
     if errors.is_empty() { Ok(()) } else { Err(Error::several(errors)) }
 }
 

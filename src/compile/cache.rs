@@ -19,7 +19,9 @@ use std::sync::Once;
 use std::time::{Duration, SystemTime};
 
 use super::source::bytes_hash;
-use super::{CompileOptions, Language, Source, compile, content_hash, glslang_tool, slang};
+use super::{
+    CompileOptions, Compiled, Language, Source, compile_with_warnings, content_hash, glslang_tool, slang,
+};
 use crate::atomic_file;
 use crate::error::{Error, Result};
 
@@ -39,7 +41,7 @@ const MAX_UNUSED: Duration = Duration::from_secs(30 * DAY);
 const DAY: u64 = 24 * 60 * 60;
 
 /// The first words of every entry, with the version of the format and of the processing of modules.
-const MAGIC: &str = "anyhit module 1";
+const MAGIC: &str = "anyhit module 2";
 
 /// Begins the entries of every version.
 const MAGIC_OF_ALL: &[u8] = b"anyhit module ";
@@ -48,34 +50,42 @@ const MAGIC_OF_ALL: &[u8] = b"anyhit module ";
 /// text and name, included files, options and version of the compiler.
 ///
 /// # Errors
-/// As [`compile()`].
+/// As [`compile()`](super::compile()).
 pub fn compile_once(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+    compile_once_with_warnings(source, options).map(|compiled| compiled.spirv)
+}
+
+/// Compiles as [`compile_once`] does; what the compiler warned of is kept with the module.
+///
+/// # Errors
+/// As [`compile()`](super::compile()).
+pub fn compile_once_with_warnings(source: &Source, options: &CompileOptions) -> Result<Compiled> {
     match folder() {
         Some(folder) => compile_once_in(&folder, source, options),
-        None => compile(source, options),
+        None => compile_with_warnings(source, options),
     }
 }
 
-/// Compiles as [`compile_once`] does, with the cache in a given folder.
+/// Compiles as [`compile_once_with_warnings`] does, with the cache in a given folder.
 ///
 /// # Errors
-/// As [`compile()`].
-pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+/// As [`compile()`](super::compile()).
+pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions) -> Result<Compiled> {
     let key = key(source, options)?;
     let path = folder.join(&key);
-    if let Some(spirv) = fs::read(&path).ok().and_then(|entry| content(&key, &entry)) {
+    if let Some(compiled) = fs::read(&path).ok().and_then(|entry| content(&key, &entry)) {
         touch(&path);
-        return Ok(spirv);
+        return Ok(compiled);
     }
-    let spirv = compile(source, options)?;
+    let compiled = compile_with_warnings(source, options)?;
     // A failure to write only makes the next compilation slower.
-    let _ = write(&path, &entry(&key, &spirv));
+    let _ = write(&path, &entry(&key, &compiled));
     static SWEEP_ONCE: Once = Once::new();
     SWEEP_ONCE.call_once(|| {
         let limit = env::var(LIMIT_VARIABLE);
         sweep(folder, limit_bytes(limit.as_deref().unwrap_or_default()), SystemTime::now());
     });
-    Ok(spirv)
+    Ok(compiled)
 }
 
 /// Updates the time of an entry's last use.
@@ -186,18 +196,27 @@ fn key(source: &Source, options: &CompileOptions) -> Result<String> {
     Ok(bytes_hash(text.as_bytes()))
 }
 
-/// The bytes of an entry: `MAGIC HASH`, a line end, the module. The hash is over key and module.
-fn entry(key: &str, spirv: &[u8]) -> Vec<u8> {
-    let hash = bytes_hash(&[key.as_bytes(), spirv].concat());
-    [format!("{MAGIC} {hash}\n").as_bytes(), spirv].concat()
+/// The bytes of an entry: `MAGIC HASH`, a line with the warnings as JSON, the module. The hash is
+/// over the key and what follows the first line.
+fn entry(key: &str, compiled: &Compiled) -> Vec<u8> {
+    let warnings = serde_json::to_string(&compiled.warnings).unwrap_or_default();
+    let body = [warnings.as_bytes(), b"\n", &compiled.spirv].concat();
+    let hash = bytes_hash(&[key.as_bytes(), &body].concat());
+    [format!("{MAGIC} {hash}\n").as_bytes(), &body].concat()
 }
 
-/// The module of an entry, if its hash is right.
-fn content(key: &str, entry: &[u8]) -> Option<Vec<u8>> {
-    let at = entry.iter().position(|&byte| byte == b'\n')?;
-    let (head, spirv) = (&entry[..at], &entry[at + 1..]);
-    let hash = bytes_hash(&[key.as_bytes(), spirv].concat());
-    (head == format!("{MAGIC} {hash}").as_bytes()).then(|| spirv.to_vec())
+/// The module of an entry with its warnings, if its hash is right.
+fn content(key: &str, entry: &[u8]) -> Option<Compiled> {
+    let line = |bytes: &[u8]| bytes.iter().position(|&byte| byte == b'\n');
+    let at = line(entry)?;
+    let (head, body) = (&entry[..at], &entry[at + 1..]);
+    let hash = bytes_hash(&[key.as_bytes(), body].concat());
+    if head != format!("{MAGIC} {hash}").as_bytes() {
+        return None;
+    }
+    let at = line(body)?;
+    let warnings = serde_json::from_slice(&body[..at]).ok()?;
+    Some(Compiled { spirv: body[at + 1..].to_vec(), warnings })
 }
 
 /// Writes an entry. Should it be lost with the machine's power, its hash says so.
@@ -210,7 +229,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 #[cfg(all(test, feature = "wgsl"))]
 mod tests {
     use super::*;
-    use crate::error::ErrorKind;
+    use crate::error::{ErrorKind, Warning};
 
     const SHADER: &str = "@compute @workgroup_size(1) fn main() {}\n";
 
@@ -244,8 +263,10 @@ mod tests {
         let path = entries(folder.path()).remove(0);
         let key = path.file_name().unwrap().to_str().unwrap().to_owned();
         // The compiler does not run if there is a valid entry.
-        fs::write(&path, entry(&key, b"planted")).unwrap();
-        assert_eq!(take(), b"planted");
+        let warning = Warning { file: "a.wgsl".into(), line: 3, column: 0, message: "two\nlines".into() };
+        let planted = Compiled { spirv: b"pla\nnted".to_vec(), warnings: vec![warning] };
+        fs::write(&path, entry(&key, &planted)).unwrap();
+        assert_eq!(take(), planted);
         let whole = entry(&key, &module);
         let mut flipped = whole.clone();
         *flipped.last_mut().unwrap() ^= 1;

@@ -1,7 +1,9 @@
-//! `spirv-fixtures/`: the compiled form of every source under `shaders/`, with a record of how each
-//! was made, so that tests need no compiler and never run a module that is older than its source.
+//! `spirv-fixtures/`: the compiled form of every source under `shaders/` and of the example
+//! renderer, with a record of how each was made, so that tests need no compiler and never run a
+//! module that is older than its source.
 //!
-//! `shaders/a/b.rchit` has its fixture at `spirv-fixtures/a/b.rchit.spv`. Comments in the source
+//! `shaders/a/b.rchit` has its fixture at `spirv-fixtures/a/b.rchit.spv`, and
+//! `examples/renderer/c.slang` at `spirv-fixtures/renderer/c.slang.spv`. Comments in the source
 //! request flags and further fixtures:
 //!
 //! ```text
@@ -23,8 +25,10 @@ use super::{CompileOptions, Language, Source, compile, content_hash, tool};
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};
 
-/// The folder of the sources, in the root of the repository.
+/// The folder of most sources, in the root of the repository.
 pub const SOURCES: &str = "shaders";
+/// All folders of sources, each with what stands before the names of its fixtures.
+const SOURCE_FOLDERS: [(&str, &str); 2] = [(SOURCES, ""), ("examples/renderer", "renderer/")];
 /// The folder of the compiled modules, in the root of the repository.
 pub const FIXTURES: &str = "spirv-fixtures";
 /// The name of the record file, in [`FIXTURES`].
@@ -178,8 +182,13 @@ fn make(source: &Source, flags: &str) -> Result<(Vec<u8>, String)> {
 /// All fixtures that the sources under a root request, sorted by name.
 fn requested(root: &Path) -> Result<Vec<RequestedFixture>> {
     let mut requested = Vec::new();
-    for name in files(&root.join(SOURCES), &|path| Language::of(path).is_some())? {
-        let source = Source::read_in(root, &format!("{SOURCES}/{name}"))?;
+    let mut sources = Vec::new();
+    for (folder, before) in SOURCE_FOLDERS {
+        let names = files(&root.join(folder), &|path| Language::of(path).is_some())?;
+        sources.extend(names.iter().map(|name| (format!("{folder}/{name}"), format!("{before}{name}"))));
+    }
+    for (source, name) in sources {
+        let source = Source::read_in(root, &source)?;
         let mut flags = String::new();
         for line in source.text().lines() {
             let Some(request) = line.trim_start().strip_prefix("//@") else { continue };

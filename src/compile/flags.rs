@@ -6,7 +6,7 @@
 use super::{CompileOptions, DebugInfoLevel, Language, Optimize};
 
 /// Flags that `slangc` is given as they are, which take no value.
-const SLANG_FLAGS: [&str; 18] = [
+const SLANG_FLAGS: [&str; 36] = [
     "-force-glsl-scalar-layout",
     "-fvk-use-scalar-layout",
     "-fvk-use-c-layout",
@@ -20,16 +20,93 @@ const SLANG_FLAGS: [&str; 18] = [
     "-emit-spirv-directly",
     "-emit-spirv-via-glsl",
     "-preserve-params",
+    "-parameter-blocks-use-register-spaces",
+    "-spirv-unified-descriptor-heap-stride",
     "-ignore-capabilities",
     "-restrictive-capability-check",
     "-default-image-format-unknown",
-    "-enable-experimental-passes",
+    "-zero-initialize",
     "-unscoped-enum",
+    "-msvc-style-bitfield-packing",
+    "-disable-short-circuit",
+    "-disable-dynamic-dispatch",
+    "-disable-specialization",
+    "-disable-non-essential-validations",
+    "-minimum-slang-optimization",
+    "-incomplete-library",
+    "-allow-glsl",
+    "-enable-effect-annotations",
+    "-enable-experimental-passes",
+    "-enable-experimental-dynamic-dispatch",
+    "-experimental-feature",
+    "-validate-uniformity",
+    "-no-mangle",
+    "-debug-info-include-source",
+    "-report-dynamic-dispatch-sites",
 ];
 
-/// Flags that `slangc` is given as they are, with the value that follows.
-const SLANG_VALUES: [&str; 6] =
-    ["-capability", "-profile", "-fp-mode", "-std", "-warnings-disable", "-bindless-space-index"];
+/// Flags that `slangc` is given as they are, with the values that follow.
+const SLANG_VALUES: [(&str, &[FlagValue]); 21] = [
+    ("-fvk-b-shift", &[FlagValue::Number, FlagValue::Space]),
+    ("-fvk-t-shift", &[FlagValue::Number, FlagValue::Space]),
+    ("-fvk-s-shift", &[FlagValue::Number, FlagValue::Space]),
+    ("-fvk-u-shift", &[FlagValue::Number, FlagValue::Space]),
+    ("-fvk-bind-globals", &[FlagValue::Number, FlagValue::Number]),
+    ("-bindless-space-index", &[FlagValue::Number]),
+    ("-spirv-resource-heap-stride", &[FlagValue::Number]),
+    ("-spirv-sampler-heap-stride", &[FlagValue::Number]),
+    ("-conformance", &[FlagValue::Conformance]),
+    ("-specialize", &[FlagValue::Text]),
+    ("-capability", &[FlagValue::Text]),
+    ("-profile", &[FlagValue::Text]),
+    ("-std", &[FlagValue::Text]),
+    ("-fp-mode", &[FlagValue::Text]),
+    ("-floating-point-mode", &[FlagValue::Text]),
+    ("-denorm-mode-fp16", &[FlagValue::Text]),
+    ("-denorm-mode-fp32", &[FlagValue::Text]),
+    ("-denorm-mode-fp64", &[FlagValue::Text]),
+    ("-line-directive-mode", &[FlagValue::Text]),
+    ("-warnings-disable", &[FlagValue::Text]),
+    ("-warnings-as-errors", &[FlagValue::Text]),
+];
+
+/// Begins flags of warnings: `-Wall`, `-W41017`, `-Wno-uninitialized`.
+const SLANG_WARNING: &str = "-W";
+
+/// What follows a flag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum FlagValue {
+    /// Anything that does not look like a flag.
+    Text,
+    /// A number.
+    Number,
+    /// The number of a register space or descriptor set, or `all`.
+    Space,
+    /// A type, an interface, and the number that stands for the type.
+    Conformance,
+}
+
+impl FlagValue {
+    /// What a list of flags calls it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Text => "VALUE",
+            Self::Number => "N",
+            Self::Space => "SPACE",
+            Self::Conformance => "TYPE:INTERFACE[=N]",
+        }
+    }
+
+    fn takes(self, value: &str) -> bool {
+        let is_number = || value.parse::<u32>().is_ok();
+        match self {
+            Self::Text => true,
+            Self::Number => is_number(),
+            Self::Space => value == "all" || is_number(),
+            Self::Conformance => value.contains(':'),
+        }
+    }
+}
 
 /// Compiler flags that were checked for the language of a source.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -105,9 +182,17 @@ impl CompilerFlags {
                     return Err(refused(begin, format!("naga has no flag `{flag}`")));
                 }
                 _ if is_slang && SLANG_FLAGS.contains(&flag) => all.passed.push(flag.to_owned()),
-                _ if is_slang && SLANG_VALUES.contains(&flag) => {
-                    let value = value("")?;
-                    all.passed.extend([flag.to_owned(), value]);
+                _ if is_slang && is_warning_flag(flag) => all.passed.push(flag.to_owned()),
+                _ if is_slang && slang_values(flag).is_some() => {
+                    all.passed.push(flag.to_owned());
+                    for &kind in slang_values(flag).unwrap_or_default() {
+                        let value = value("")?;
+                        if !kind.takes(&value) {
+                            let message = format!("`{value}` is no {} of the flag `{flag}`", kind.name());
+                            return Err(refused(at - 1, message));
+                        }
+                        all.passed.push(value);
+                    }
                 }
                 _ => match (flag.strip_prefix("-D"), flag.strip_prefix("-I")) {
                     (Some(attached), _) => {
@@ -147,6 +232,7 @@ impl CompilerFlags {
             debug: self.debug.unwrap_or(options.debug),
             optimize: self.optimize.unwrap_or(options.optimize),
             flags: self.clone(),
+            entry_point: options.entry_point.clone(),
         }
     }
 
@@ -157,6 +243,17 @@ impl CompilerFlags {
             None => format!("-D{name}"),
         })
     }
+}
+
+/// What follows a flag that `slangc` is given with values.
+fn slang_values(flag: &str) -> Option<&'static [FlagValue]> {
+    SLANG_VALUES.iter().find(|(name, _)| *name == flag).map(|(_, values)| *values)
+}
+
+/// Whether a flag says which warnings there are, by the name or number of one or of a group.
+fn is_warning_flag(flag: &str) -> bool {
+    let is_part = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    flag.strip_prefix(SLANG_WARNING).is_some_and(|name| !name.is_empty() && name.chars().all(is_part))
 }
 
 fn is_identifier(name: &str) -> bool {
@@ -174,10 +271,15 @@ fn known(language: Language) -> String {
         }
         Language::Slang | Language::Hlsl => {
             let name = if language == Language::Slang { "a Slang" } else { "an HLSL" };
-            let values: String = SLANG_VALUES.iter().map(|flag| format!(", {flag} VALUE")).collect();
+            let with_values = |(flag, values): &(&str, &[FlagValue])| {
+                let values: String = values.iter().map(|value| format!(" {}", value.name())).collect();
+                format!(", {flag}{values}")
+            };
+            let values: String = SLANG_VALUES.iter().map(with_values).collect();
             let list = SLANG_FLAGS.join(", ");
             format!(
-                "of {name} source the flags are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -g2, -O0 to -O3{values}, {list}"
+                "of {name} source the flags are: -D NAME[=VALUE], -I FOLDER, -g0, -g, -g2, -O0 to -O3{values}, \
+                 -WNAME, -Wno-NAME, {list}"
             )
         }
     }
@@ -209,6 +311,30 @@ mod tests {
     }
 
     #[test]
+    fn flags_that_decide_bindings_are_given_as_they_are_with_both_values() {
+        let list = [
+            "-fvk-b-shift",
+            "0",
+            "all",
+            "-fvk-t-shift",
+            "10",
+            "0",
+            "-fvk-bind-globals",
+            "3",
+            "1",
+            "-conformance",
+            "Material:IMaterial=0",
+            "-Wno-39029",
+            "-Wall",
+            "-fvk-invert-y",
+        ];
+        for language in [Language::Slang, Language::Hlsl] {
+            assert_eq!(CompilerFlags::parse(language, &list).unwrap().passed, list);
+        }
+        assert_eq!(CompilerFlags::parse(GLSL, &list).unwrap_err().at, 0);
+    }
+
+    #[test]
     fn what_a_compiler_does_not_take_is_refused_with_its_list() {
         for (language, flags, at, message, note) in [
             (
@@ -237,6 +363,25 @@ mod tests {
             (Language::Slang, &["-I-o"], 0, "`-o` is no value of the flag `-I-o`", ""),
             (Language::Slang, &["-capability", "-o"], 1, "`-o` is no value of the flag `-capability`", ""),
             (Language::Slang, &["-capability"], 0, "the flag `-capability` needs a value", ""),
+            (Language::Slang, &["-fvk-t-shift", "10"], 0, "the flag `-fvk-t-shift` needs a value", ""),
+            (
+                Language::Hlsl,
+                &["-fvk-t-shift", "ten", "0"],
+                1,
+                "`ten` is no N of the flag `-fvk-t-shift`",
+                "-fvk-t-shift N SPACE, ",
+            ),
+            (Language::Hlsl, &["-fvk-u-shift", "1", "any"], 2, "`any` is no SPACE of the flag", ""),
+            (Language::Hlsl, &["-fvk-bind-globals", "1", "all"], 2, "`all` is no N of the flag", ""),
+            (
+                Language::Slang,
+                &["-conformance", "Material"],
+                1,
+                "`Material` is no TYPE:INTERFACE[=N] of the flag `-conformance`",
+                "",
+            ),
+            (Language::Slang, &["-W"], 0, "slangc is not given the flag `-W` here", ""),
+            (Language::Slang, &["-Wa/b"], 0, "slangc is not given the flag `-Wa/b` here", "-Wno-NAME"),
             (Language::Slang, &["-D1=2"], 0, "`1` is no name that `-D` can define", ""),
             (Language::Slang, &["file.slang"], 0, "slangc is not given the flag `file.slang` here", ""),
             (

@@ -7,16 +7,17 @@ use glslang::{
     SpirvVersion, Target, VulkanVersion,
 };
 
-use super::{CompileOptions, DebugInfoLevel, Source, SourceStage, bytes, glslang_debug, message};
+use super::message::{self, Severity};
+use super::{CompileOptions, Compiled, DebugInfoLevel, Source, SourceStage, bytes, glslang_debug};
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::contained;
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Compiled> {
     contained("glslang", ErrorKind::InvalidSource, || translate(source, stage, options))
 }
 
-fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
+fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Compiled> {
     if source.text().contains('\0') {
         let text = format!("{}: the text holds a zero byte", source.name());
         return Err(Error::new(ErrorKind::InvalidSource, text));
@@ -45,10 +46,11 @@ fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> R
         debug => {
             let preprocessed = shader.get_preprocessed_code();
             glslang_debug::compile(source, &preprocessed, stage, debug)
-                .map_err(|log| message::error(source, message::glslang(&log), &log))?
+                .map_err(|log| message::error(source, message::glslang(&log, Severity::Error), &log))?
         }
     };
-    Ok(bytes(&words))
+    let warnings = message::warnings(source, message::glslang(&shader.get_log(), Severity::Warning));
+    Ok(Compiled { spirv: bytes(&words), warnings })
 }
 
 fn shader_stage(stage: SourceStage) -> ShaderStage {
@@ -86,7 +88,7 @@ impl IncludeHandler for Includes<'_> {
 fn failed(source: &Source, error: &GlslangError) -> Error {
     match error {
         GlslangError::PreprocessError(log) | GlslangError::ParseError(log) | GlslangError::LinkError(log) => {
-            message::error(source, message::glslang(&log.log), &log.log)
+            message::error(source, message::glslang(&log.log, Severity::Error), &log.log)
         }
         other => message::error(source, Vec::new(), &other.to_string()),
     }

@@ -3,7 +3,8 @@
 use std::process::Command;
 
 use super::external::{Tool, Workspace, printed};
-use super::{CompileOptions, DebugInfoLevel, Optimize, Source, SourceStage, message};
+use super::message::{self, Severity};
+use super::{CompileOptions, Compiled, DebugInfoLevel, Optimize, Source, SourceStage};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The environment variable that names the tool to use, also where glslang is built in.
@@ -19,7 +20,7 @@ pub(super) fn is_requested() -> bool {
 }
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Compiled> {
     let tool = tool()?;
     let workspace = Workspace::new(source)?;
     let mut command = Command::new(&tool.path);
@@ -61,13 +62,15 @@ pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOpti
     command.args(options.flags.define_arguments());
     let result = workspace.run(command.arg("-o").arg(workspace.output()).arg(source.name()))?;
     let printed = printed(&result);
-    if result.status.success() {
-        return workspace.module(printed);
-    }
-    let diagnostics = match is_glslc(&tool) {
-        true => message::glslc(&printed),
-        false => message::glslang(&printed),
+    let diagnostics = |wanted| match is_glslc(&tool) {
+        true => message::glslc(&printed, wanted),
+        false => message::glslang(&printed, wanted),
     };
+    if result.status.success() {
+        let warnings = message::warnings(source, diagnostics(Severity::Warning));
+        return Ok(Compiled { spirv: workspace.module(printed)?, warnings });
+    }
+    let diagnostics = diagnostics(Severity::Error);
     // The source is valid, but the tool is too old for it.
     if let Some(diagnostic) = diagnostics.iter().find(|diagnostic| diagnostic.text.contains(UNKNOWN)) {
         let message =

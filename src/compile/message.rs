@@ -4,9 +4,28 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Source;
-use crate::error::{Error, ErrorKind, Place};
+use crate::error::{Error, ErrorKind, Place, Warning};
 
-/// One error message of a compiler.
+/// Which messages of a compiler are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Severity {
+    /// Those of a compilation that failed.
+    Error,
+    /// Those of one that did not.
+    Warning,
+}
+
+impl Severity {
+    /// The word that slangc and glslc print, the other one, and what glslang begins a line with.
+    fn words(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::Error => ("error", "warning", "ERROR: "),
+            Self::Warning => ("warning", "error", "WARNING: "),
+        }
+    }
+}
+
+/// One message of a compiler.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct CompilerDiagnostic {
     /// The file's name as the compiler gave it; empty for the source itself.
@@ -52,14 +71,30 @@ pub(super) fn error(source: &Source, diagnostics: Vec<CompilerDiagnostic>, outpu
     Error::several(errors.collect())
 }
 
+/// Makes warnings of diagnostics; a compiler may say one twice.
+pub(super) fn warnings(source: &Source, diagnostics: Vec<CompilerDiagnostic>) -> Vec<Warning> {
+    let mut warnings: Vec<Warning> = Vec::new();
+    for diagnostic in diagnostics {
+        let file = if diagnostic.file.is_empty() { source.name().to_owned() } else { diagnostic.file };
+        let number = |number| u32::try_from(number).unwrap_or(u32::MAX);
+        let (line, column) = (number(diagnostic.line), number(diagnostic.column));
+        let warning = Warning { file, line, column, message: diagnostic.text };
+        if !warnings.contains(&warning) {
+            warnings.push(warning);
+        }
+    }
+    warnings
+}
+
 /// Parses a log of glslang: `ERROR: FILE:LINE: TEXT`, where `0` is the source itself. A list, for
 /// example of required extensions, follows on separate lines.
-pub(super) fn glslang(log: &str) -> Vec<CompilerDiagnostic> {
+pub(super) fn glslang(log: &str, wanted: Severity) -> Vec<CompilerDiagnostic> {
+    let (.., begin) = wanted.words();
     let mut diagnostics: Vec<CompilerDiagnostic> = Vec::new();
     let mut list_follows = false;
     for line in log.lines().map(str::trim) {
-        if let Some(text) = line.strip_prefix("ERROR: ") {
-            let diagnostic = glslang_error(text);
+        if let Some(text) = line.strip_prefix(begin) {
+            let diagnostic = glslang_message(text);
             list_follows = diagnostic.as_ref().is_some_and(|diagnostic| diagnostic.text.ends_with(':'));
             diagnostics.extend(diagnostic);
         } else if let Some(last) = diagnostics.last_mut().filter(|_| list_follows && !line.is_empty()) {
@@ -72,8 +107,8 @@ pub(super) fn glslang(log: &str) -> Vec<CompilerDiagnostic> {
     diagnostics
 }
 
-/// Parses a line of the log, after `ERROR: `.
-fn glslang_error(line: &str) -> Option<CompilerDiagnostic> {
+/// Parses a line of the log, after `ERROR: ` or `WARNING: `.
+fn glslang_message(line: &str) -> Option<CompilerDiagnostic> {
     let (place, text) = line.split_once(": ")?;
     // With a column the format is FILE:LINE:COLUMN. It is split from the right, because a file's
     // name may contain colons.
@@ -95,9 +130,10 @@ fn glslang_error(line: &str) -> Option<CompilerDiagnostic> {
 }
 
 /// Parses the output of `glslc`: `FILE:LINE: error: TEXT`.
-pub(super) fn glslc(output: &str) -> Vec<CompilerDiagnostic> {
+pub(super) fn glslc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> {
+    let word = format!(": {}: ", wanted.words().0);
     let diagnostics = output.lines().filter_map(|line| {
-        let (place, text) = line.split_once(": error: ")?;
+        let (place, text) = line.split_once(&word)?;
         let (file, line) = place.rsplit_once(':').unwrap_or((place, "0"));
         let line = line.parse().unwrap_or(0);
         Some(CompilerDiagnostic {
@@ -112,14 +148,23 @@ pub(super) fn glslc(output: &str) -> Vec<CompilerDiagnostic> {
 }
 
 /// Parses the output of `slangc`: `error[E1]: TITLE`, then ` --> FILE:LINE:COLUMN` and carets below
-/// the line; older versions print `FILE(LINE): error 1: TEXT`.
-pub(super) fn slangc(output: &str) -> Vec<CompilerDiagnostic> {
+/// the line; older versions print `FILE(LINE): error 1: TEXT`. Warnings keep their number, by which
+/// `-Wno-NUMBER` silences them.
+pub(super) fn slangc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> {
+    let (word, other, _) = wanted.words();
+    let old = format!("): {word} ");
     let mut diagnostics: Vec<CompilerDiagnostic> = Vec::new();
     let mut title = None;
+    // Whether carets belong to the last of the wanted messages.
+    let mut is_of_last = false;
     for line in output.lines() {
-        if let Some(text) = line.strip_prefix("error") {
-            title = text.split_once(": ").map(|(_, text)| text.to_owned());
-        } else if line.starts_with("warning") || line.starts_with("note") {
+        if let Some(text) = line.strip_prefix(word) {
+            title = text.split_once(": ").map(|(number, text)| match wanted {
+                Severity::Error => text.to_owned(),
+                Severity::Warning => format!("{number} {text}").trim_start().to_owned(),
+            });
+        } else if line.starts_with(other) || line.starts_with("note") {
+            is_of_last = false;
             title = None;
         } else if let Some(place) = line.trim_start().strip_prefix("--> ")
             && let Some(text) = title.take()
@@ -129,8 +174,10 @@ pub(super) fn slangc(output: &str) -> Vec<CompilerDiagnostic> {
             let line = parts.next().and_then(|part| part.parse().ok()).unwrap_or(0);
             let file = parts.next().unwrap_or(place).to_owned();
             diagnostics.push(CompilerDiagnostic { file, line, column, width: 0, text });
+            is_of_last = true;
         } else if let Some((_, carets)) = line.split_once("| ")
             && let Some(last) = diagnostics.last_mut()
+            && is_of_last
             && last.width == 0
             && carets.trim_start().starts_with('^')
         {
@@ -140,7 +187,7 @@ pub(super) fn slangc(output: &str) -> Vec<CompilerDiagnostic> {
             if !detail.trim().is_empty() {
                 last.text = format!("{}: {}", last.text, detail.trim());
             }
-        } else if let Some((place, text)) = line.split_once("): error ") {
+        } else if let Some((place, text)) = line.split_once(&old) {
             let (file, number) = place.rsplit_once('(').unwrap_or((place, "0"));
             let text = text.split_once(": ").map_or(text, |(_, text)| text).to_owned();
             let line = number.parse().unwrap_or(0);
@@ -188,7 +235,7 @@ mod tests {
                    ERROR: 0:7:5: 'y' : redefinition\n\
                    ERROR: 0:7:9: '' : compilation terminated \n\
                    ERROR: 2 compilation errors.  No code generated.\n";
-        let diagnostics = glslang(log);
+        let diagnostics = glslang(log, Severity::Error);
         let short: Vec<_> =
             diagnostics.iter().map(|c| (c.file.as_str(), c.line, c.column, c.text.as_str())).collect();
         assert_eq!(
@@ -207,7 +254,8 @@ mod tests {
                    GL_GOOGLE_include_directive\nGL_ARB_shading_language_include\n\
                    ERROR: 0:2:2: '#include' : must be followed by a header name\nno list\n\
                    ERROR: 2 compilation errors.  No code generated.\n\nSPIR-V is not generated\n";
-        let texts: Vec<_> = glslang(log).into_iter().map(|diagnostic| diagnostic.text).collect();
+        let texts: Vec<_> =
+            glslang(log, Severity::Error).into_iter().map(|diagnostic| diagnostic.text).collect();
         let extensions = "GL_GOOGLE_include_directive, GL_ARB_shading_language_include";
         let first = format!(
             "'#include': required extension not requested: Possible extensions include: {extensions}"
@@ -219,7 +267,7 @@ mod tests {
     fn glslc_output() {
         let output = "a.rmiss:4: error: 'blue' : undeclared identifier\na.rmiss:9: warning: odd\n\
                       1 error generated.\nglslc: error: 'b.frag': failed to read\n";
-        let diagnostics = glslc(output);
+        let diagnostics = glslc(output, Severity::Error);
         assert_eq!(diagnostics.len(), 2);
         assert_eq!((diagnostics[0].file.as_str(), diagnostics[0].line), ("a.rmiss", 4));
         assert_eq!(diagnostics[0].text, "'blue': undeclared identifier");
@@ -230,18 +278,41 @@ mod tests {
     fn slangc_output_new_and_old() {
         let output = "warning[E1]: odd\n --> a.slang:1:1\n  |\n1 | x\n  | ^ odd\n\
                       error[E30027]: member not found\n --> e.slang:3:56\n  |\n3 | a b\n  |   ^^ 'd' is not a member.\n--'\n";
-        let diagnostic = &slangc(output)[0];
-        assert_eq!(slangc(output).len(), 1);
+        let diagnostic = &slangc(output, Severity::Error)[0];
+        assert_eq!(slangc(output, Severity::Error).len(), 1);
         assert_eq!((diagnostic.file.as_str(), diagnostic.line, diagnostic.column), ("e.slang", 3, 56));
         assert_eq!(
             (diagnostic.width, diagnostic.text.as_str()),
             (2, "member not found: 'd' is not a member.")
         );
-        let old = &slangc("e.slang(3): error 30027: 'd' is not a member of 'P'.\n")[0];
+        let old = &slangc("e.slang(3): error 30027: 'd' is not a member of 'P'.\n", Severity::Error)[0];
         assert_eq!(
             (old.file.as_str(), old.line, old.text.as_str()),
             ("e.slang", 3, "'d' is not a member of 'P'.")
         );
+    }
+
+    #[test]
+    fn warnings_of_each_compiler() {
+        let text = |found: Vec<CompilerDiagnostic>| -> Vec<String> {
+            let source = Source::from_text("a.slang", "").unwrap();
+            warnings(&source, found).iter().map(ToString::to_string).collect()
+        };
+        let output = "warning[E31000]: unknown attribute\n  --> b.hlsl:22:7\n   |\n22 | [[vk::x]]\n   |   ^^^^^ 'vk_x'\n---'\n\
+                      error[E1]: wrong\n --> b.hlsl:9:9\n  |\n1 | x\n  | ^ not this\n";
+        let twice = [output, output].concat();
+        assert_eq!(
+            text(slangc(&twice, Severity::Warning)),
+            ["b.hlsl:22:7: [E31000] unknown attribute: 'vk_x'"]
+        );
+        let old = "b.slang(3): warning 30081: implicit conversion\n";
+        assert_eq!(text(slangc(old, Severity::Warning)), ["b.slang:3: implicit conversion"]);
+        let log =
+            "WARNING: 0:3: '#extension' : extension not supported: GL_X\nERROR: 0:4: 'x' : undeclared\n";
+        let wanted = "a.slang:3: '#extension': extension not supported: GL_X";
+        assert_eq!(text(glslang(log, Severity::Warning)), [wanted]);
+        let output = "a.rmiss:4: error: 'x' : undeclared\na.rmiss:9: warning: odd\n";
+        assert_eq!(text(glslc(output, Severity::Warning)), ["a.rmiss:9: odd"]);
     }
 
     #[test]

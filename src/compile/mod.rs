@@ -23,8 +23,10 @@ mod external;
 pub mod fixtures;
 mod flags;
 mod glslang_tool;
+mod language;
 mod message;
 mod open;
+mod settings;
 mod slang;
 mod source;
 
@@ -35,11 +37,13 @@ mod glslang_debug;
 #[cfg(feature = "wgsl")]
 mod wgsl;
 
-pub use cache::compile_once;
+pub use cache::{compile_once, compile_once_with_warnings};
 pub use flags::{CompilerFlags, RefusedFlag};
-pub use source::{EXTENSIONS as SOURCE_EXTENSIONS, Language, Source, SourceStage, content_hash};
+pub use language::{EXTENSIONS as SOURCE_EXTENSIONS, Language, LanguageName, SourceStage};
+pub use settings::{SourceSettings, SourceWords};
+pub use source::{Source, content_hash};
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorKind, Result, Warning};
 
 /// How to compile.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -51,6 +55,26 @@ pub struct CompileOptions {
     pub optimize: Optimize,
     /// Definitions, and flags that an outside compiler is given as they are.
     pub flags: CompilerFlags,
+    /// With Slang and HLSL the one entry point to compile; all of them where there is none.
+    pub entry_point: Option<SourceEntryPoint>,
+}
+
+/// An entry point of a Slang or HLSL source.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct SourceEntryPoint {
+    /// The name of its function.
+    pub name: String,
+    /// The stage, which a function without `[shader("...")]` needs.
+    pub stage: Option<SourceStage>,
+}
+
+impl SourceEntryPoint {
+    /// The entry point that is said of a source, which is `main` where only the stage is; `None`
+    /// where nothing is said, and in other languages than Slang and HLSL.
+    pub(crate) fn said(language: Language, name: Option<&str>, stage: Option<SourceStage>) -> Option<Self> {
+        let is_said = language.is_slang_or_hlsl() && (name.is_some() || stage.is_some());
+        is_said.then(|| Self { name: name.unwrap_or("main").to_owned(), stage })
+    }
 }
 
 /// The debug information about its source that a module holds.
@@ -102,6 +126,15 @@ impl CompileOptions {
     }
 }
 
+/// A module that was compiled.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compiled {
+    /// The bytes of a `.spv` file.
+    pub spirv: Vec<u8>,
+    /// What the compiler warned of, each once.
+    pub warnings: Vec<Warning>,
+}
+
 /// Compiles one source to a SPIR-V module, as the bytes of a `.spv` file.
 ///
 /// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL, Slang and HLSL give one
@@ -112,6 +145,14 @@ impl CompileOptions {
 /// [`ErrorKind::UnsupportedTool`] where this build or machine lacks the compiler;
 /// [`ErrorKind::Io`] where a file cannot be read or written.
 pub fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+    compile_with_warnings(source, options).map(|compiled| compiled.spirv)
+}
+
+/// Compiles as [`compile()`] does, and keeps what the compiler warned of.
+///
+/// # Errors
+/// As [`compile()`].
+pub fn compile_with_warnings(source: &Source, options: &CompileOptions) -> Result<Compiled> {
     source.check_includes()?;
     match source.language() {
         #[cfg(feature = "glsl")]

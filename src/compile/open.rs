@@ -3,7 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{CompileOptions, DebugInfoLevel, Language, Source, compile_once};
+use super::{
+    CompileOptions, DebugInfoLevel, SOURCE_EXTENSIONS, Source, SourceSettings, SourceWords,
+    compile_once_with_warnings,
+};
 use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::module::{Module, load, load_with};
@@ -34,10 +37,34 @@ impl Module {
         limits: &InputLimits,
         root: Option<&RootFolder>,
     ) -> Result<Arc<Self>> {
-        let path = path.as_ref();
-        let language = Language::of(path);
+        Self::open_as(path.as_ref(), limits, root, &SourceWords::default()).map(|(module, _)| module)
+    }
+
+    /// Opens a module as [`Module::open_within`] does, a source as these words say; returns what
+    /// they mean for it, where it is one.
+    ///
+    /// # Errors
+    /// As [`Module::open_within`], and where the words make no sense for the source.
+    pub fn open_as(
+        path: &Path,
+        limits: &InputLimits,
+        root: Option<&RootFolder>,
+        words: &SourceWords,
+    ) -> Result<(Arc<Self>, Option<SourceSettings>)> {
+        Self::open_with(path, limits, root, words, &options())
+    }
+
+    /// Opens a module as [`Module::open_as`] does, a source compiled with these options.
+    pub(crate) fn open_with(
+        path: &Path,
+        limits: &InputLimits,
+        root: Option<&RootFolder>,
+        words: &SourceWords,
+        options: &CompileOptions,
+    ) -> Result<(Arc<Self>, Option<SourceSettings>)> {
+        let settings = words.settings(path)?;
         // The content decides before the extension does, and with it which limit holds.
-        let most = match language {
+        let most = match settings {
             Some(_) if limits.get(InputLimit::SourceBytes) > limits.get(InputLimit::ModuleBytes) => {
                 InputLimit::SourceBytes
             }
@@ -45,18 +72,21 @@ impl Module {
         };
         let bytes = read_argument(path, most, limits)?;
         let text = bytes.first().is_some_and(|first| first.is_ascii_graphic() || first.is_ascii_whitespace());
-        if text && language.is_some() {
+        if let Some(settings) = settings.filter(|_| text) {
             limits
                 .check(InputLimit::SourceBytes, bytes.len() as u64, ErrorKind::InvalidArgument)
                 .map_err(|error| error.context(path.display()))?;
-            let source = Source::from_bytes(path, bytes)?.confined(*limits, root.cloned());
-            return Self::compile(&source, &options());
+            let language = settings.language(&path.to_string_lossy())?;
+            let source =
+                Source::from_bytes(language, path, bytes)?.include_folders(&settings.include_folders);
+            let source = source.confined(*limits, root.cloned());
+            return Ok((Self::compile(&source, &settings.over(options))?, Some(settings)));
         }
         let module = load_with(&bytes, *limits).map_err(|error| {
             let error = error.at(Place::File(path.to_path_buf()));
-            if text { error.note(format!("if it is a source: {}", super::source::EXTENSIONS)) } else { error }
+            if text { error.note(format!("if it is a source: {SOURCE_EXTENSIONS}")) } else { error }
         });
-        Ok(Arc::new(module?))
+        Ok((Arc::new(module?), None))
     }
 
     /// A module from the bytes of SPIR-V: `include_bytes!("a.spv")`.
@@ -95,9 +125,10 @@ impl Module {
     /// # Errors
     /// As [`Module::open`].
     pub fn compile(source: &Source, options: &CompileOptions) -> Result<Arc<Self>> {
-        let spirv = compile_once(source, options)?;
-        let module = load_with(&spirv, *source.limits())
+        let compiled = compile_once_with_warnings(source, options)?;
+        let mut module = load_with(&compiled.spirv, *source.limits())
             .map_err(|error| error.at(Place::File(source.name().into())))?;
+        module.warnings = compiled.warnings;
         Ok(Arc::new(module))
     }
 }

@@ -4,19 +4,36 @@ use std::path::Path;
 use std::process::Command;
 
 use super::external::{Tool, Workspace, printed};
-use super::{CompileOptions, DebugInfoLevel, Optimize, Source, message};
-use crate::error::Result;
+use super::message::{self, Severity};
+use super::{CompileOptions, Compiled, DebugInfoLevel, Language, Optimize, Source};
+use crate::error::{Error, ErrorKind, Result};
 
 /// The message of `slangc` if its library that optimises SPIR-V is missing.
 const NO_OPTIMIZER: &str = "failed to load downstream compiler 'spirv-opt'";
 
 /// Compiles all entry points of a source into one module, each under its own name.
-pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compiled> {
+    if let Some(entry) = &options.entry_point
+        && (entry.name.is_empty() || entry.name.starts_with('-') || entry.name.contains(char::is_control))
+    {
+        let text = format!("`{}` is no name of an entry point", entry.name);
+        return Err(Error::new(ErrorKind::InvalidArgument, text));
+    }
     let workspace = Workspace::new(source)?;
     let folders = source.external_include_folders()?;
     let run = |optimize| {
         let mut command = Command::new(tool()?.path);
-        command.arg(source.name()).arg("-o").arg(workspace.output());
+        // Of other extensions slangc would take the file for GLSL, or for none of its own.
+        if Language::of(Path::new(source.name())) != Some(source.language()) {
+            let name = if source.language() == Language::Hlsl { "hlsl" } else { "slang" };
+            command.args(["-lang", name]);
+        }
+        command.arg(source.name());
+        if let Some(entry) = &options.entry_point {
+            command.args(["-entry", &entry.name]);
+            command.args(entry.stage.iter().flat_map(|stage| ["-stage", stage.slang_name()]));
+        }
+        command.arg("-o").arg(workspace.output());
         command.args(["-target", "spirv", "-fvk-use-entrypoint-name"]);
         for folder in &folders {
             command.arg("-I").arg(folder);
@@ -43,13 +60,15 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
     }
     let printed = printed(&result);
     if !result.status.success() {
-        let error = message::error(source, message::slangc(&printed), &printed);
+        let error = message::error(source, message::slangc(&printed, Severity::Error), &printed);
         return Err(match printed.contains(NO_OPTIMIZER) {
             true => error.note("this slangc has no optimiser beside it: compile with -O0"),
             false => error,
         });
     }
-    Ok(without_machine_paths(&workspace.module(printed)?, workspace.folder()))
+    let warnings = message::warnings(source, message::slangc(&printed, Severity::Warning));
+    let spirv = without_machine_paths(&workspace.module(printed)?, workspace.folder());
+    Ok(Compiled { spirv, warnings })
 }
 
 /// The module with file names relative to a folder. slangc's debug information holds absolute ones,

@@ -7,84 +7,9 @@ use std::sync::Arc;
 
 use hmac_sha256::Hash as Sha256;
 
+use super::language::{Language, unknown_language};
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits, RootFolder, is_stream, read_argument, read_regular};
-
-/// The extensions that are known.
-pub const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
-
-/// A pipeline stage, named by the file extension that glslang knows it by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SourceStage {
-    /// `.rgen`
-    RayGeneration,
-    /// `.rint`
-    Intersection,
-    /// `.rahit`
-    AnyHit,
-    /// `.rchit`
-    ClosestHit,
-    /// `.rmiss`
-    Miss,
-    /// `.rcall`
-    Callable,
-    /// `.comp`
-    Compute,
-}
-
-impl SourceStage {
-    const ALL: [Self; 7] = [
-        Self::RayGeneration,
-        Self::Intersection,
-        Self::AnyHit,
-        Self::ClosestHit,
-        Self::Miss,
-        Self::Callable,
-        Self::Compute,
-    ];
-
-    /// The file extension, without a dot.
-    pub(super) fn extension(self) -> &'static str {
-        match self {
-            Self::RayGeneration => "rgen",
-            Self::Intersection => "rint",
-            Self::AnyHit => "rahit",
-            Self::ClosestHit => "rchit",
-            Self::Miss => "rmiss",
-            Self::Callable => "rcall",
-            Self::Compute => "comp",
-        }
-    }
-}
-
-/// The language of a source, known by its file extension.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Language {
-    /// GLSL: one stage a file, entry point `main`.
-    Glsl(SourceStage),
-    /// WGSL (`.wgsl`), with naga's ray-tracing extensions.
-    Wgsl,
-    /// Slang (`.slang`).
-    Slang,
-    /// HLSL (`.hlsl`).
-    Hlsl,
-}
-
-impl Language {
-    /// The language of a file name, by its extension; `None` for headers and everything else.
-    pub fn of(path: &Path) -> Option<Self> {
-        let extension = path.extension()?.to_str()?;
-        let stage = |name: &str| SourceStage::ALL.into_iter().find(|stage| stage.extension() == name);
-        Some(match extension {
-            "wgsl" => Self::Wgsl,
-            "slang" => Self::Slang,
-            "hlsl" => Self::Hlsl,
-            // `a.rchit.glsl`; a plain `.glsl` is a header.
-            "glsl" => Self::Glsl(stage(Path::new(path.file_stem()?).extension()?.to_str()?)?),
-            extension => Self::Glsl(stage(extension)?),
-        })
-    }
-}
 
 /// A shader's source text and where it came from.
 #[derive(Clone, PartialEq, Eq)]
@@ -124,8 +49,17 @@ impl Source {
     /// # Errors
     /// As [`Source::read_in`].
     pub fn read_within(folder: &Path, name: &str, limits: &InputLimits) -> Result<Self> {
+        let language = Language::of(Path::new(name)).ok_or_else(|| unknown_language(name))?;
+        Self::read_as(language, folder, name, limits)
+    }
+
+    /// Reads a source file as [`Source::read_within`] does, in a language that its name need not
+    /// say.
+    ///
+    /// # Errors
+    /// As [`Source::read_in`].
+    pub fn read_as(language: Language, folder: &Path, name: &str, limits: &InputLimits) -> Result<Self> {
         let path = folder.join(name);
-        let language = Language::of(&path).ok_or_else(|| unknown_language(name))?;
         // What comes out of a pipe is gone: an outside tool is given the text.
         let is_file = !is_stream(&path);
         let text = read_text(&path, limits)?;
@@ -148,21 +82,18 @@ impl Source {
 
     /// The text that a file of the current folder holds, read already; its includes are looked up
     /// beside it.
-    ///
-    /// # Errors
-    /// As [`Source::from_text`].
-    pub(crate) fn of_file(name: String, text: &str) -> Result<Self> {
-        Ok(Self { is_file: true, ..Self::from_text(name, text)? })
+    pub(crate) fn of_file(language: Language, name: String, text: &str) -> Self {
+        Self { is_file: true, ..Self::new(name, text, language) }
     }
 
     /// The source that the bytes of a file are, read already.
     ///
     /// # Errors
     /// As [`Source::read`].
-    pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
+    pub(crate) fn from_bytes(language: Language, path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let text = text_of(path, bytes)?;
         let is_file = !is_stream(path);
-        Ok(Self { is_file, ..Self::from_text(path.to_string_lossy(), text)? })
+        Ok(Self { is_file, ..Self::new(path.to_string_lossy(), text, language) })
     }
 
     /// With these limits, and with includes from this folder alone where one is given.
@@ -180,6 +111,20 @@ impl Source {
         let name = name.into();
         let language = Language::of(Path::new(&name)).ok_or_else(|| unknown_language(&name))?;
         Ok(Self::new(name, text, language))
+    }
+
+    /// A source from memory as [`Source::from_text`] makes it, in a language that its name need not
+    /// say.
+    ///
+    /// ```
+    /// use anyhit::compile::{Language, Source, SourceStage};
+    ///
+    /// let language = Language::Glsl(SourceStage::Miss);
+    /// let source = Source::from_text_as(language, "sky.glsl", "void main() {}");
+    /// assert_eq!(source.language(), language);
+    /// ```
+    pub fn from_text_as(language: Language, name: impl Into<String>, text: impl Into<Arc<str>>) -> Self {
+        Self::new(name, text, language)
     }
 
     /// Adds folders where included files are looked for, in their order, after the including file's
@@ -374,24 +319,9 @@ fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String> {
     })
 }
 
-fn unknown_language(name: &str) -> Error {
-    Error::new(ErrorKind::InvalidArgument, format!("`{name}`: the extension is of no shader language"))
-        .note(EXTENSIONS)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn extensions_tell_language_and_stage() {
-        let of = |name: &str| Language::of(Path::new(name));
-        assert_eq!(of("a.rchit"), Some(Language::Glsl(SourceStage::ClosestHit)));
-        assert_eq!(of("a.rmiss.glsl"), Some(Language::Glsl(SourceStage::Miss)));
-        assert_eq!(of("a.hlsl"), Some(Language::Hlsl));
-        assert_eq!(of("common.glsl"), None);
-        assert_eq!(of("a.rchit.spv"), None);
-    }
 
     #[test]
     fn lines_that_include() {

@@ -3,7 +3,7 @@
 use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::{CompileOptions, DebugInfoLevel, Source, bytes};
+use super::{CompileOptions, Compiled, DebugInfoLevel, Source, bytes};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::contained;
 
@@ -11,7 +11,7 @@ use crate::input::contained;
 pub(super) const NAGA_VERSION: &str = "30.0.1";
 
 /// Compiles to SPIR-V 1.6, or the version that naga raises it to.
-pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compiled> {
     contained("naga", ErrorKind::InvalidSource, || translate(source, options)).map_err(|error| {
         // A panic of naga's knows no place.
         let known = error.places().next().is_some() || error.message().starts_with(source.name());
@@ -19,7 +19,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u
     })
 }
 
-fn translate(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
+fn translate(source: &Source, options: &CompileOptions) -> Result<Compiled> {
     let text = source.text();
     let mut front = naga::front::wgsl::Frontend::new_with_options(naga::front::wgsl::Options {
         parse_doc_comments: false,
@@ -60,7 +60,7 @@ fn translate(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     };
     let words = spv::write_vec(&module, &info, &settings, None)
         .map_err(|error| Error::new(ErrorKind::InvalidSource, format!("{}: {error}", source.name())))?;
-    Ok(bytes(&words))
+    Ok(Compiled { spirv: bytes(&words), warnings: Vec::new() })
 }
 
 fn invalid(source: &Source, message: String, labels: impl Iterator<Item = (naga::Span, String)>) -> Error {

@@ -1,31 +1,46 @@
 //! Explains one invocation of a dispatch.
 
-use std::borrow::Cow;
-
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
 use crate::debug::session::{Request, Session, count_events, invalid, run_counts};
-use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, TrapReport, VERSION};
-use crate::error::{Error, Result};
+use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
+use crate::error::{Error, ErrorReport, Result};
 use crate::pipeline::{Pipeline, RunPart};
-use crate::scene::assemble::Pass;
+use crate::scene::pass::{Pass, PassWork};
 
 impl Session {
     /// The invocation of a dispatch that a request means. By default that is the one in the middle
-    /// of the first dispatch, of a scene that neither launches nor has rays.
-    pub(super) fn invocation(&self, request: &Request) -> Option<(usize, [u32; 3])> {
-        match request {
+    /// of the pass, or of the first dispatch of a scene that neither launches nor has rays.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the pass is none, or a launch.
+    pub(super) fn invocation(&self, request: &Request) -> Result<Option<(usize, [u32; 3])>> {
+        let middle = |number: usize| {
+            let dispatch = self.assembled.dispatches.get(number)?;
+            let size = dispatch.compute.workgroup_size();
+            let middle = |axis: usize| dispatch.groups[axis].saturating_mul(size[axis]) / 2;
+            Some((number, std::array::from_fn(middle)))
+        };
+        Ok(match request {
             Request::Invocation { dispatch, id } => Some((*dispatch, *id)),
-            Request::Default if self.scene.rays.is_empty() => {
-                let first = self.assembled.dispatches.first()?;
-                let size = first.compute.workgroup_size();
-                let middle = |axis: usize| first.groups[axis].saturating_mul(size[axis]) / 2;
-                let launches = self.assembled.pipeline.sbt.ray_generation.is_some();
-                (!launches).then(|| (0, std::array::from_fn(middle)))
+            Request::Default if self.scene.rays.is_empty() && !self.scene.launches() => middle(0),
+            Request::InPass(key, request) => {
+                let number = self.assembled.pass_number(key)?;
+                let pass = &self.assembled.passes[number];
+                match (&pass.work, &**request) {
+                    (PassWork::Dispatch(dispatch), Request::Default) => middle(*dispatch),
+                    (PassWork::Dispatch(dispatch), Request::Invocation { id, .. }) => Some((*dispatch, *id)),
+                    (PassWork::Launch(_), Request::Invocation { .. }) => {
+                        let message =
+                            format!("pass {} launches a pipeline: it is no dispatch", pass.label(number));
+                        return Err(invalid(message).note("`--pixel X,Y` looks at an invocation of a launch"));
+                    }
+                    _ => None,
+                }
             }
             _ => None,
-        }
+        })
     }
 
     /// Runs everything before a dispatch, then the workgroup of an invocation, and returns the
@@ -41,24 +56,26 @@ impl Session {
             });
         };
         let all = &self.assembled.resources;
-        let is_wanted = |pass: &&Pass| matches!(pass, Pass::Dispatch(at) if *at == number);
-        for before in self.assembled.passes.iter().take_while(|pass| !is_wanted(pass)) {
+        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
+        let passes = &self.assembled.passes;
+        let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
+        for before in &passes[..at] {
             self.assembled.run_pass::<64>(before, all, &|_| ())?;
         }
         let mut builder = Pipeline::builder();
         builder.shader(dispatch.compute.program.clone());
         let pipeline = builder.build()?;
-        let resources: Cow<'_, _> = dispatch.resources(all);
+        let resources = self.assembled.pass_resources(&passes[at], all);
         // What was printed before is not the invocation's.
         let take = || all.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         take();
         let (mut snapshot, mut writes, mut left_out) = (None, Vec::<MemoryChange>::new(), 0);
         let observed =
             dispatch.compute.run_invocation(&resources, dispatch.groups, id, &mut |part| match part {
-                RunPart::Begins => snapshot = Some(Snapshot::take(&resources)),
+                RunPart::Begins => snapshot = Some(Snapshot::take(all)),
                 RunPart::Ends => {
                     let Some(before) = snapshot.take() else { return };
-                    let (more, also) = before.changes(&self.scene, &pipeline, &resources, None);
+                    let (more, also) = before.changes(&self.scene, &pipeline, (all, &passes[at]), None);
                     writes.extend(more);
                     left_out += also;
                 }
@@ -66,13 +83,14 @@ impl Session {
         let printed = take().into_iter().filter(|line| line.launch_id == id);
         let counts = run_counts(&count_events(&observed.events));
         let shader = &self.scene.dispatches[number].shader;
-        let names = Names::of_dispatch(&self.scene, shader, &pipeline);
+        let names = Names::of_dispatch(&self.scene, shader, &pipeline).with_memory(&resources.memory);
         let root = EventReader::new(&pipeline, names, observed.events).root();
         let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
         let transcript = Transcript {
             version: VERSION,
             scene: self.scene.path.display().to_string(),
             ray_name: None,
+            pass: (!self.scene.passes.is_empty()).then(|| passes[at].key(at)),
             launch: None,
             dispatch: Some(DispatchIndex {
                 dispatch: number,
@@ -85,7 +103,7 @@ impl Session {
             writes_left_out: left_out,
             printed: printed.map(|line| line.text).collect(),
             counts,
-            trap: observed.trap.as_ref().map(TrapReport::of),
+            trap: observed.trap.as_ref().map(ErrorReport::of),
         };
         Ok((transcript, observed.trap))
     }

@@ -4,6 +4,7 @@ use crate::debug::values::TypedValue;
 use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
 
 /// `DescriptorSet` and `Binding`, numbers of decorations.
@@ -112,7 +113,9 @@ impl<'a> BufferLayout<'a> {
 
     fn leaf(&self, ty: TypeId, scalar: TypeId, offset: u64, path: String) -> Option<BufferMember> {
         match self.module.ty(scalar) {
-            Type::Int { width: 32 | 64, .. } | Type::Float { width: 32 | 64, encoding: None } => {
+            Type::Int { width: 32 | 64, .. }
+            | Type::Float { width: 32 | 64, encoding: None }
+            | Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => {
                 Some(BufferMember { path, offset, size: self.module.size_of(ty)?, ty })
             }
             _ => None,

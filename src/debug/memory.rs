@@ -11,6 +11,8 @@ use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
+use crate::scene::pass::Pass;
+use crate::scene::resolved::RebindingSource;
 
 /// The number of changes that are listed; the others are counted.
 const MAX_CHANGES: usize = 256;
@@ -19,6 +21,8 @@ const MAX_CHANGES: usize = 256;
 #[derive(Debug)]
 pub struct Snapshot {
     contents: BTreeMap<(Binding, usize), ResourceContent>,
+    /// By name, the words of the buffers that device addresses alone reach.
+    unbound: BTreeMap<String, Vec<u32>>,
 }
 
 #[derive(Debug)]
@@ -35,19 +39,28 @@ impl Snapshot {
             Descriptor::Image(image) => Some(ResourceContent::Image(image.copied())),
             _ => None,
         };
-        Self { contents: descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?))).collect() }
+        let contents = descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?)));
+        let unbound = unbound(resources).map(|(name, buffer)| (name.to_string(), words(buffer)));
+        Self { contents: contents.collect(), unbound: unbound.collect() }
     }
 
-    /// The changes since the snapshot, in the order of the resources, and how many are left out.
+    /// The changes since the snapshot that a pass made in these resources, in their order, and how
+    /// many are left out.
     ///
     /// The output image's texel at the launch index is listed even if it did not change.
     pub fn changes(
         &self,
         scene: &ResolvedScene,
         pipeline: &Pipeline,
-        resources: &Resources,
+        (resources, pass): (&Resources, &Pass),
         id: Option<[u32; 3]>,
     ) -> (Vec<MemoryChange>, usize) {
+        // Where the pass finds what is bound at a binding.
+        let seen = |at: (Binding, usize)| {
+            let source = RebindingSource::Bound([at.0.set, at.0.binding, at.1 as u32]);
+            let rebound = pass.rebindings.iter().find(|one| one.source == source);
+            rebound.map_or(at.0, |one| Binding { set: one.at[0], binding: one.at[1] })
+        };
         let output = scene.output().map(|output| Binding { set: output.set, binding: output.binding });
         let mut all = Vec::new();
         for (at, descriptor) in descriptors(resources) {
@@ -56,20 +69,18 @@ impl Snapshot {
                     changed_texels(before, after, id.filter(|_| Some(at.0) == output && at.1 == 0))
                 }
                 (Some(ResourceContent::Words(before)), Descriptor::Buffer(after)) => {
-                    changed_words(BufferLayout::of(pipeline, at.0), before, &words(after))
+                    changed_words(BufferLayout::of(pipeline, seen(at)), before, &words(after))
                 }
                 _ => continue,
             };
             let name = name(scene, at.0);
-            all.extend(changes.into_iter().map(|Change { target, member, before, after }| MemoryChange {
-                resource: name.clone(),
-                set: at.0.set,
-                binding: at.0.binding,
-                at: target,
-                member,
-                before,
-                after,
-            }));
+            let change = |change: Change| change.of(&name, Some(at.0), resources);
+            all.extend(changes.into_iter().map(change));
+        }
+        for (name, buffer) in unbound(resources) {
+            let Some(before) = self.unbound.get(&**name) else { continue };
+            let changes = changed_words(None, before, &words(buffer));
+            all.extend(changes.into_iter().map(|change| change.of(name, None, resources)));
         }
         let left_out = all.len().saturating_sub(MAX_CHANGES);
         all.truncate(MAX_CHANGES);
@@ -82,6 +93,21 @@ struct Change {
     member: Option<String>,
     before: TypedValue,
     after: TypedValue,
+}
+
+impl Change {
+    fn of(self, resource: &str, place: Option<Binding>, resources: &Resources) -> MemoryChange {
+        let Self { target, member, before, after } = self;
+        MemoryChange {
+            resource: resource.to_owned(),
+            set: place.map(|place| place.set),
+            binding: place.map(|place| place.binding),
+            at: target,
+            member,
+            before: before.with_places(&resources.memory),
+            after: after.with_places(&resources.memory),
+        }
+    }
 }
 
 /// Changed texels of the first mip level, and the texel at `wanted`, changed or not.
@@ -141,6 +167,15 @@ fn descriptors(resources: &Resources) -> impl Iterator<Item = ((Binding, usize),
     resources.descriptors.iter().flat_map(|(&binding, all)| {
         all.iter().enumerate().map(move |(element, descriptor)| ((binding, element), descriptor))
     })
+}
+
+/// The buffers with a name that no descriptor refers to.
+fn unbound(resources: &Resources) -> impl Iterator<Item = (&Arc<str>, &Arc<Buffer>)> {
+    let is_bound = |buffer: &Arc<Buffer>| {
+        descriptors(resources)
+            .any(|(_, one)| matches!(one, Descriptor::Buffer(it) if Arc::ptr_eq(it, buffer)))
+    };
+    resources.memory.named_buffers().filter(move |(_, buffer)| !is_bound(buffer))
 }
 
 fn words(buffer: &Buffer) -> Vec<u32> {

@@ -102,6 +102,8 @@ pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> 
 #[derive(Clone, Copy, Debug)]
 pub struct Names<'a> {
     scene: Option<&'a ResolvedScene>,
+    /// The scene's description of the pipeline.
+    resolved: Option<&'a resolved::ResolvedPipeline>,
     pipeline: &'a Pipeline,
     memory: Option<&'a DeviceMemory>,
     /// The shader of a dispatch, which is the pipeline's only one.
@@ -123,9 +125,11 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// The names of a scene and of the pipeline that was assembled from it.
-    pub fn new(scene: &'a ResolvedScene, pipeline: &'a Pipeline) -> Self {
-        Self { scene: Some(scene), pipeline, memory: None, compute: None }
+    /// The names of a scene and of a pipeline that was assembled from it: the named one with an
+    /// index, or `[pipeline]`.
+    pub fn new(scene: &'a ResolvedScene, index: Option<usize>, pipeline: &'a Pipeline) -> Self {
+        let resolved = Some(scene.pipeline_at(index));
+        Self { scene: Some(scene), resolved, pipeline, memory: None, compute: None }
     }
 
     /// The names of a scene and of a pipeline of the shader of one of its dispatches alone.
@@ -134,12 +138,12 @@ impl<'a> Names<'a> {
         shader: &'a resolved::ResolvedShader,
         pipeline: &'a Pipeline,
     ) -> Self {
-        Self { scene: Some(scene), pipeline, memory: None, compute: Some(shader) }
+        Self { scene: Some(scene), resolved: None, pipeline, memory: None, compute: Some(shader) }
     }
 
     /// The names of a pipeline without a scene file: only entry points have names.
     pub fn unnamed(pipeline: &'a Pipeline) -> Self {
-        Self { scene: None, pipeline, memory: None, compute: None }
+        Self { scene: None, resolved: None, pipeline, memory: None, compute: None }
     }
 
     /// The file that a shader comes from.
@@ -148,7 +152,7 @@ impl<'a> Names<'a> {
             return self.scene.map(|scene| &scene.shaders[compute.module]);
         }
         // The pipeline's groups are the scene's, in the same order.
-        let scene_groups = self.scene.map_or(&[][..], |scene| &scene.groups);
+        let scene_groups = self.resolved.map_or(&[][..], |resolved| &resolved.groups);
         let found = self.pipeline.groups.iter().zip(scene_groups).find_map(|pair| match pair {
             (Group::General(one), resolved::ResolvedGroup::RayGeneration(named))
             | (Group::General(one), resolved::ResolvedGroup::Miss(named))
@@ -182,12 +186,12 @@ impl<'a> Names<'a> {
 
     /// The name of a record of the miss table.
     pub fn miss_record(&self, index: u64) -> Option<String> {
-        name_of(&self.scene?.sbt.miss, index)
+        name_of(&self.resolved?.sbt.miss, index)
     }
 
     /// The name of a record of the hit table.
     pub fn hit_record(&self, index: u64) -> Option<String> {
-        name_of(&self.scene?.sbt.hit, index)
+        name_of(&self.resolved?.sbt.hit, index)
     }
 
     /// The index of an acceleration structure among the scene's, and its name.

@@ -64,6 +64,7 @@ impl Writer {
     fn transcript(&mut self, transcript: &Transcript) {
         let mut title = vec![transcript.scene.clone()];
         title.extend(transcript.ray_name.iter().map(|name| format!("ray \"{name}\"")));
+        title.extend(transcript.pass.iter().map(|pass| format!("pass {pass}")));
         if let Some(launch) = &transcript.launch {
             let [x, y, z] = launch.id;
             let [width, height, depth] = launch.size;
@@ -469,8 +470,11 @@ impl Writer {
             change(&write.before, &write.after)
         };
         let name = self.page.styled(TextStyle::Name, &write.resource);
-        let (set, binding) = (write.set, write.binding);
-        self.page.line(format_args!("  {name} (set {set}, binding {binding})  {at}  {change}"));
+        let place = match (write.set, write.binding) {
+            (Some(set), Some(binding)) => format!(" (set {set}, binding {binding})"),
+            _ => String::new(),
+        };
+        self.page.line(format_args!("  {name}{place}  {at}  {change}"));
     }
 
     fn nested(&mut self, write: impl FnOnce(&mut Self)) {

@@ -8,10 +8,10 @@ use crate::debug::command;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
-use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, TrapReport, VERSION};
-use crate::error::{Error, ErrorKind, Result};
+use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::machine::{RayQueryEvent, RayQueryStep};
-use crate::pipeline::{Event, Stats};
+use crate::pipeline::{Event, Launch, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
 use crate::scene::{Assembled, ResolvedScene, assemble};
 
@@ -26,6 +26,8 @@ pub enum Request {
     Pixel([u32; 3]),
     /// A given ray, without ray generation.
     Ray(GivenRay),
+    /// A request in a pass of the scene, by its name or number; all others are in the first launch.
+    InPass(String, Box<Request>),
     /// An invocation of a compute shader.
     Invocation {
         /// Which dispatch of the scene, from 0.
@@ -60,42 +62,49 @@ impl Session {
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
     pub fn run(&self, request: &Request) -> Result<(Transcript, Option<Error>)> {
-        if let Some((dispatch, id)) = self.invocation(request) {
+        if let Some((dispatch, id)) = self.invocation(request)? {
             return self.run_invocation(dispatch, id);
         }
         let (ray_name, request) = self.resolve(request)?;
-        let snapshot = Snapshot::take(&self.assembled.resources);
+        let all = &self.assembled.resources;
+        let single = self.assembled.single_launch(request.pass.as_deref())?;
+        single.run_before(all)?;
+        let resources = single.resources(all);
+        let run = Launch { pipeline: &single.pipeline, resources: &resources };
+        let snapshot = Snapshot::take(all);
         let mut events: Vec<Event> = Vec::new();
-        let (launch, outcome) = match request {
-            ResolvedRequest::Pixel(id) => {
-                let size = self.assembled.size;
-                let run = self.assembled.launch().run_one(id, size, &mut events, &mut ());
-                (Some(LaunchIndex { id, size }), run)
+        let (launch, outcome) = match request.what {
+            SingleRun::Pixel(id) => {
+                let size = single.size;
+                (Some(LaunchIndex { id, size }), run.run_one(id, size, &mut events, &mut ()))
             }
-            ResolvedRequest::Ray(ray) => (None, self.trace(&ray, &mut events)),
+            SingleRun::Ray(ray) => {
+                let tlas = if let Some((_, tlas)) = self.scene.tlas.first() { tlas } else { Tlas::empty() };
+                let operands = ray.operands(&single.pipeline)?;
+                (None, run.trace(tlas, operands, &mut events).map(|outcome| outcome.stats))
+            }
         };
         let (stats, trap) = match outcome {
             // The other invocations of the subgroup are not part of the transcript.
-            Ok(_) if self.assembled.pipeline.uses_subgroups() => (count_events(&events), None),
+            Ok(_) if single.pipeline.uses_subgroups() => (count_events(&events), None),
             Ok(stats) => (stats, None),
             Err(error) if error.kind() == ErrorKind::Trap => (count_events(&events), Some(error)),
             Err(error) => return Err(error),
         };
         let printed = self.assembled.resources.printed.as_ref().map_or_else(Vec::new, |all| all.take());
-        let names =
-            Names::new(&self.scene, &self.assembled.pipeline).with_memory(&self.assembled.resources.memory);
-        let root = EventReader::new(&self.assembled.pipeline, names, events).root();
+        let names = Names::new(&self.scene, single.index, &single.pipeline).with_memory(&all.memory);
+        let root = EventReader::new(&single.pipeline, names, events).root();
         let Some(root) = root else {
             return Err(Error::new(ErrorKind::InvalidScene, "the ray generation record is a null handle"));
         };
-        let (writes, writes_left_out) = {
-            let Assembled { pipeline, resources, .. } = &self.assembled;
-            snapshot.changes(&self.scene, pipeline, resources, launch.map(|launch| launch.id))
-        };
+        let id = launch.map(|launch| launch.id);
+        let (writes, writes_left_out) =
+            snapshot.changes(&self.scene, &single.pipeline, (all, &single.pass), id);
         let transcript = Transcript {
             version: VERSION,
             scene: self.scene.path.display().to_string(),
             ray_name,
+            pass: single.told(),
             launch,
             dispatch: None,
             root,
@@ -103,7 +112,7 @@ impl Session {
             writes_left_out,
             printed: printed.into_iter().map(|line| line.text).collect(),
             counts: run_counts(&stats),
-            trap: trap.as_ref().map(TrapReport::of),
+            trap: trap.as_ref().map(ErrorReport::of),
         };
         Ok((transcript, trap))
     }
@@ -123,37 +132,50 @@ impl Session {
     /// # Errors
     /// As [`Session::run`].
     pub fn resolve(&self, request: &Request) -> Result<(Option<String>, ResolvedRequest)> {
+        let (pass, request) = match request {
+            Request::InPass(pass, request) => (Some(pass), &**request),
+            request => (None, request),
+        };
         let entry = match request {
-            Request::Pixel(id) => return Ok((None, ResolvedRequest::Pixel(self.check_launch_index(*id)?))),
-            Request::Ray(ray) => return Ok((None, ResolvedRequest::Ray(check(ray)?))),
+            Request::Pixel(id) => return Ok((None, self.pixel(pass, *id)?)),
+            Request::Ray(ray) => {
+                let key = ray.pass.as_ref().map(|key| &key.value.0);
+                let pass = pass.or(key).cloned();
+                return Ok((None, ResolvedRequest { pass, what: SingleRun::Ray(check(ray)?) }));
+            }
             Request::Named(name) => self.named(name)?,
+            Request::InPass(..) => return Err(invalid("a request is in one pass")),
             Request::Invocation { .. } => {
                 let message =
                     "rounding is examined of rays and launch indices, not of an invocation of a dispatch";
                 return Err(invalid(message)
                     .note("`anyhit run` with --shadow or --perturb examines whole dispatches"));
             }
-            Request::Default => match self.scene.rays.first() {
+            // A pass that is asked for is looked at in its middle, whatever rays the scene has.
+            Request::Default => match self.scene.rays.first().filter(|_| pass.is_none()) {
                 Some(entry) => entry,
                 None => {
-                    let centre = self.assembled.size.map(|side| side / 2);
-                    return Ok((None, ResolvedRequest::Pixel(self.check_launch_index(centre)?)));
+                    let size = self.assembled.single_launch(pass.map(String::as_str))?.size;
+                    return Ok((None, self.pixel(pass, size.map(|side| side / 2))?));
                 }
             },
         };
-        match entry {
-            RayEntry::Pixel { name, pixel } => {
+        let own = entry.pass().map(|key| &key.value.0);
+        let pass = pass.or(own);
+        Ok(match entry {
+            RayEntry::Pixel { name, pixel, .. } => {
                 let [x, y] = pixel.value;
-                Ok((name.clone(), ResolvedRequest::Pixel(self.check_launch_index([x, y, 0])?)))
+                (name.clone(), self.pixel(pass, [x, y, 0])?)
             }
-            RayEntry::Given(ray) => Ok((ray.name.clone(), ResolvedRequest::Ray(check(ray)?))),
-        }
+            RayEntry::Given(ray) => {
+                let what = SingleRun::Ray(check(ray)?);
+                (ray.name.clone(), ResolvedRequest { pass: pass.cloned(), what })
+            }
+        })
     }
 
     fn named(&self, wanted: &str) -> Result<&RayEntry> {
-        let name = |entry: &RayEntry| match entry {
-            RayEntry::Pixel { name, .. } | RayEntry::Given(GivenRay { name, .. }) => name.clone(),
-        };
+        let name = |entry: &RayEntry| entry.name().cloned();
         self.scene.rays.iter().find(|entry| name(entry).as_deref() == Some(wanted)).ok_or_else(|| {
             // Numbers that are wrong are told as such.
             if let Err(error) = command::ray(wanted) {
@@ -167,9 +189,10 @@ impl Session {
         })
     }
 
-    /// Checks that a launch index is inside the launch, and returns it.
-    fn check_launch_index(&self, id: [u32; 3]) -> Result<[u32; 3]> {
-        if self.assembled.pipeline.sbt.ray_generation.is_none() {
+    /// A launch index of a pass, which must be inside its launch.
+    fn pixel(&self, pass: Option<&String>, id: [u32; 3]) -> Result<ResolvedRequest> {
+        let single = self.assembled.single_launch(pass.map(String::as_str))?;
+        if single.pipeline.sbt.ray_generation.is_none() {
             let message = "the scene has no ray generation shader, so there is no pixel to look at";
             let error = invalid(message).note("give a ray by its numbers: --ray \"0,0,5 0,0,-1\"");
             return Err(match self.scene.dispatches.is_empty() {
@@ -177,9 +200,9 @@ impl Session {
                 false => error.note("or an invocation of its dispatch: --invocation 0,0,0"),
             });
         }
-        let size = self.assembled.size;
+        let size = single.size;
         if id.iter().zip(&size).all(|(at, side)| at < side) {
-            return Ok(id);
+            return Ok(ResolvedRequest { pass: pass.cloned(), what: SingleRun::Pixel(id) });
         }
         let words = |all: [u32; 3]| match all {
             [x, y, 0] => format!("{x},{y}"),
@@ -195,17 +218,20 @@ impl Session {
         ))
         .note(format!("pixels go from 0,0 to {last}")))
     }
-
-    fn trace(&self, ray: &GivenRay, events: &mut Vec<Event>) -> Result<Stats> {
-        let tlas = if let Some((_, tlas)) = self.scene.tlas.first() { tlas } else { Tlas::empty() };
-        let operands = ray.operands(&self.assembled.pipeline)?;
-        self.assembled.launch().trace(tlas, operands, events).map(|outcome| outcome.stats)
-    }
 }
 
 /// A request that was checked against its scene.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ResolvedRequest {
+pub struct ResolvedRequest {
+    /// The pass, by its name or number; `None` for the first launch.
+    pub pass: Option<String>,
+    /// What runs in it.
+    pub what: SingleRun,
+}
+
+/// A ray, or an invocation of ray generation.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SingleRun {
     /// A launch index.
     Pixel([u32; 3]),
     /// A valid ray.
@@ -218,10 +244,11 @@ impl ResolvedRequest {
     /// # Errors
     /// As `check`.
     pub fn of(entry: &RayEntry) -> Result<Self> {
-        match entry {
-            RayEntry::Pixel { pixel, .. } => Ok(Self::Pixel([pixel.value[0], pixel.value[1], 0])),
-            RayEntry::Given(ray) => check(ray).map(Self::Ray),
-        }
+        let what = match entry {
+            RayEntry::Pixel { pixel, .. } => SingleRun::Pixel([pixel.value[0], pixel.value[1], 0]),
+            RayEntry::Given(ray) => SingleRun::Ray(check(ray)?),
+        };
+        Ok(Self { pass: entry.pass().map(|key| key.value.0.clone()), what })
     }
 }
 
@@ -258,17 +285,6 @@ pub(crate) fn check(ray: &GivenRay) -> Result<GivenRay> {
             .note("SPIR-V allows at most one of OpaqueKHR, NoOpaqueKHR, CullOpaqueKHR, CullNoOpaqueKHR; of SkipTrianglesKHR and the culls by face; of SkipTrianglesKHR and SkipAABBsKHR"));
     }
     Ok(ray.clone())
-}
-
-impl TrapReport {
-    pub(super) fn of(error: &Error) -> Self {
-        Self {
-            message: error.message().to_owned(),
-            class: error.class().name(),
-            notes: error.notes().to_vec(),
-            report: error.render(),
-        }
-    }
 }
 
 pub(super) fn invalid(message: impl Into<String>) -> Error {

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::debug::values::{FloatValue, TypedValue};
+use crate::error::ErrorReport;
 
 /// The version of the JSON.
 pub const VERSION: u32 = 1;
@@ -22,6 +23,9 @@ pub struct Transcript {
     pub scene: String,
     /// The name of the scene's `[[ray]]`, if it has one.
     pub ray_name: Option<String>,
+    /// The pass, by its name or number, of a scene with several; omitted for others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pass: Option<String>,
     /// The launch index; `None` for a ray from the host.
     pub launch: Option<LaunchIndex>,
     /// The invocation of a dispatch; omitted for launches and rays.
@@ -39,7 +43,7 @@ pub struct Transcript {
     /// Rays and shaders counted.
     pub counts: RunCounts,
     /// The trap that ended the run, if one did.
-    pub trap: Option<TrapReport>,
+    pub trap: Option<ErrorReport>,
 }
 
 /// An invocation of a launch.
@@ -73,19 +77,6 @@ pub struct RunCounts {
     pub ray_queries: u64,
     /// Shader runs by execution model.
     pub shaders: BTreeMap<&'static str, u64>,
-}
-
-/// The report of a trap.
-#[derive(Clone, Debug, Serialize)]
-pub struct TrapReport {
-    /// The message, one line.
-    pub message: String,
-    /// The class of the error, as the exit code tells it: `trap`.
-    pub class: &'static str,
-    /// Notes: the shader, the values and the callers.
-    pub notes: Vec<String>,
-    /// The whole report as the terminal shows it.
-    pub report: String,
 }
 
 /// An observed action of a shader.
@@ -474,10 +465,10 @@ pub struct HitReport {
 pub struct MemoryChange {
     /// The scene's name of the resource.
     pub resource: String,
-    /// Descriptor set.
-    pub set: u32,
+    /// Descriptor set; `None` for a buffer that is reached by its device address alone.
+    pub set: Option<u32>,
     /// The binding number in the set.
-    pub binding: u32,
+    pub binding: Option<u32>,
     /// The location of the change in the resource.
     pub at: ChangeLocation,
     /// The path of the member that changed, if the buffer's type is known.

@@ -19,8 +19,8 @@ const INVOCATIONS: u64 = 4096;
 /// The invocation and the source line that wrote a number.
 #[derive(Clone, Debug)]
 pub struct Writer {
-    /// The invocation of ray generation, where the launch was looked at.
-    pub launch_id: Option<[u32; 3]>,
+    /// The pass and its invocation of ray generation, where launches were looked at.
+    pub invocation: Option<(usize, [u32; 3])>,
     /// The line.
     pub line: Option<TranscriptLine>,
 }
@@ -44,6 +44,9 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
             Descriptor::Buffer(buffer) => Target::Buffer(buffer.clone(), *byte as u64 & !3),
             _ => return None,
         },
+        Subject::UnboundBuffer(name, byte) => {
+            Target::Buffer(resources.memory.named_buffer(name)?.1.clone(), *byte as u64 & !3)
+        }
         Subject::Texel(at, [x, y]) => match descriptor(&resources, *at)? {
             Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => {
                 let texel = *y as usize * image.shape().extent[0] as usize + *x as usize;
@@ -53,50 +56,65 @@ pub fn writer(loaded: &Loaded, subject: &Subject, ray: Option<usize>) -> Option<
         },
         _ => return None,
     };
-    let pipeline = &loaded.assembled.pipeline;
-    let launch = Launch { pipeline, resources: &resources };
-    let mut finder = WriteFinder::new(pipeline, target);
-    let named = |name: &String| loaded.scene.rays.iter().position(|ray| name_of(ray) == Some(name));
+    let named = |name: &String| loaded.scene.rays.iter().position(|ray| ray.name() == Some(name));
     let ray = match subject {
         Subject::Ray(name, _) => Some(named(name)?),
         _ => ray,
     };
-    if let Some(ray) = ray {
-        let mut observer: &mut dyn Observer<1> = &mut finder;
-        let mut ignore = |_| ();
-        let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
-        let ray = &loaded.scene.rays[ray];
-        let _ = trace(&loaded.scene, &launch, loaded.assembled.size, ray, &mut on_event, &mut observer);
-        return Some(Writer { launch_id: None, line: finder.line() });
+    match ray {
+        Some(ray) => writer_of_ray(loaded, &loaded.scene.rays[ray], &resources, target),
+        None => writer_of_launches(loaded, &resources, &target),
     }
-    let [width, height, depth] = loaded.assembled.size;
-    let alone = !pipeline.uses_subgroups() && pipeline.sbt.ray_generation.is_some();
-    if !alone || u64::from(width) * u64::from(height) * u64::from(depth) > INVOCATIONS {
-        return None;
-    }
-    let mut launch_id = None;
-    for index in 0..width * height * depth {
-        let id = [index % width, index / width % height, index / width / height];
-        let before = finder.writes;
-        let mut observer: &mut dyn Observer<1> = &mut finder;
-        let mut ignore = |_| ();
-        let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
-        let run = launch.run_one(id, loaded.assembled.size, &mut on_event, &mut observer);
-        if finder.writes > before {
-            launch_id = Some(id);
-        }
-        if run.is_err() {
-            break;
-        }
-    }
-    launch_id.map(|id| Writer { launch_id: Some(id), line: finder.line() })
 }
 
-fn name_of(ray: &RayEntry) -> Option<&String> {
-    match ray {
-        RayEntry::Pixel { name, .. } => name.as_ref(),
-        RayEntry::Given(given) => given.name.as_ref(),
+fn writer_of_ray(loaded: &Loaded, ray: &RayEntry, resources: &Resources, target: Target) -> Option<Writer> {
+    let single = loaded.assembled.single_launch(ray.pass().map(|key| key.value.0.as_str())).ok()?;
+    single.run_before(resources).ok()?;
+    let resources = single.resources(resources);
+    let launch = Launch { pipeline: &single.pipeline, resources: &resources };
+    let mut finder = WriteFinder::new(&single.pipeline, target);
+    let mut observer: &mut dyn Observer<1> = &mut finder;
+    let mut ignore = |_| ();
+    let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
+    let _ = trace(&loaded.scene, &launch, single.size, ray, &mut on_event, &mut observer);
+    Some(Writer { invocation: None, line: finder.line() })
+}
+
+/// Runs the passes up to the last launch; `None` where no launch wrote, or one cannot be searched.
+fn writer_of_launches(loaded: &Loaded, resources: &Resources, target: &Target) -> Option<Writer> {
+    let assembled = &loaded.assembled;
+    let last = assembled.passes.iter().rposition(|pass| pass.launch().is_some())?;
+    let mut found = None;
+    for (number, pass) in assembled.passes[..=last].iter().enumerate() {
+        let Some(one) = pass.launch() else {
+            assembled.run_pass::<64>(pass, resources, &|_| ()).ok()?;
+            continue;
+        };
+        let [width, height, depth] = one.size;
+        let pipeline = assembled.pass_pipeline(one);
+        let count = u64::from(width) * u64::from(height) * u64::from(depth);
+        if pipeline.uses_subgroups() || count > INVOCATIONS {
+            return None;
+        }
+        let resources = assembled.pass_resources(pass, resources);
+        let launch = Launch { pipeline: &pipeline, resources: &resources };
+        let mut finder = WriteFinder::new(&pipeline, target.clone());
+        for index in 0..width * height * depth {
+            let id = [index % width, index / width % height, index / width / height];
+            let before = finder.writes;
+            let mut observer: &mut dyn Observer<1> = &mut finder;
+            let mut ignore = |_| ();
+            let mut on_event: &mut dyn FnMut(crate::pipeline::Event) = &mut ignore;
+            let run = launch.run_one(id, one.size, &mut on_event, &mut observer);
+            if finder.writes > before {
+                found = Some(Writer { invocation: Some((number, id)), line: finder.line() });
+            }
+            if run.is_err() {
+                return found;
+            }
+        }
     }
+    found
 }
 
 fn descriptor(resources: &Resources, [set, binding, element]: [u32; 3]) -> Option<&Descriptor> {
@@ -104,6 +122,7 @@ fn descriptor(resources: &Resources, [set, binding, element]: [u32; 3]) -> Optio
 }
 
 /// The memory whose writes are searched.
+#[derive(Clone)]
 enum Target {
     /// A word of the payload of the first ray.
     Payload(u32),

@@ -7,6 +7,7 @@ use bytemuck::AnyBitPattern;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::texels::Texels;
+use crate::harness::typed::{AddressRoots, pointed};
 use crate::harness::value::Value;
 use crate::machine::{Binding, Resources};
 use crate::module::ty::{Type, TypeId};
@@ -17,6 +18,8 @@ use crate::program::Program;
 pub(super) struct Bound {
     pub programs: Vec<Arc<Program>>,
     pub resources: Resources,
+    /// What holds addresses beside resources and push constants.
+    pub roots: AddressRoots,
 }
 
 impl Bound {
@@ -28,11 +31,16 @@ impl Bound {
     }
 
     pub fn read_buffer_at<T: AnyBitPattern>(&self, address: u64) -> Result<Vec<T>> {
-        let found = self.resources.memory.buffer(address);
-        let (buffer, offset) = found
-            .filter(|(buffer, offset)| *offset <= buffer.size())
-            .ok_or_else(|| invalid(format!("no buffer lies at address {address:#x}")))?;
-        rows(&buffer.bytes()[offset as usize..])
+        rows(&bytes_at(&self.resources, address)?)
+    }
+
+    pub fn buffer_at(&self, address: u64) -> Result<Value> {
+        bytes_at(&self.resources, address)?;
+        let programs: Vec<_> = self.programs.iter().map(|program| &**program).collect();
+        pointed(&programs, &self.resources, &self.roots, address).ok_or_else(|| {
+            invalid(format!("no pointer leads to address {address:#x}"))
+                .note("`read_buffer_at` gives what lies there nevertheless")
+        })
     }
 
     pub fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
@@ -93,6 +101,16 @@ macro_rules! reads_what_is_bound {
                 self.bound.read_buffer_at(address)
             }
 
+            /// What lies at a device address by the names of its members, as the type of the first
+            /// pointer that leads there: a list where the buffer holds several.
+            ///
+            /// # Errors
+            /// `InvalidArgument` where no buffer lies there, or no pointer leads there from push
+            /// constants, shader records and what is bound.
+            pub fn buffer_at(&self, address: u64) -> Result<crate::harness::value::Value> {
+                self.bound.buffer_at(address)
+            }
+
             /// The texels of an image.
             ///
             /// # Errors
@@ -104,6 +122,15 @@ macro_rules! reads_what_is_bound {
     };
 }
 pub(super) use reads_what_is_bound;
+
+/// The content of the buffer at a device address, from that address on.
+pub(super) fn bytes_at(resources: &Resources, address: u64) -> Result<Vec<u8>> {
+    let found = resources.memory.buffer(address);
+    let (buffer, offset) = found
+        .filter(|(buffer, offset)| *offset <= buffer.size())
+        .ok_or_else(|| invalid(format!("no buffer lies at address {address:#x}")))?;
+    Ok(buffer.bytes().split_off(offset as usize))
+}
 
 pub(super) fn texels(resources: &Resources, set: u32, binding: u32) -> Result<Texels> {
     let image = resources.image(set, binding).cloned().map(Texels::new);

@@ -17,8 +17,8 @@ use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, Scen
 pub struct Case {
     /// The scene file.
     pub scene: PathBuf,
-    /// The variant: its place in the list and its name.
-    pub variant: Option<(usize, String)>,
+    /// The name of the variant.
+    pub variant: Option<String>,
     /// The size of the launch, where it is not the scene's.
     pub size: Option<[u32; 2]>,
     /// Whether the launch is a test: that of a `scene.toml` is, unless it has rays that are tests
@@ -133,8 +133,7 @@ impl Case {
         let rests = rays.iter().any(Option::is_some) && !launches;
         let launch = root.has("expect") || !(is_test_file(scene) || rests);
         drop(root);
-        let variants = file.variants.into_iter().enumerate();
-        let variants = variants.map(|(at, variant)| Some((at, variant.name.value)));
+        let variants = file.variants.into_iter().map(|variant| Some(variant.name.value));
         let rays: Vec<_> = rays.into_iter().flatten().collect();
         let case = |variant| {
             let rays = rays.clone();
@@ -150,7 +149,7 @@ impl Case {
         let path = path.strip_prefix(root).unwrap_or(&path).display().to_string().replace('\\', "/");
         let path = path.strip_suffix(".test").unwrap_or(&path);
         match &self.variant {
-            Some((_, variant)) => format!("{path} ({variant})"),
+            Some(variant) => format!("{path} ({variant})"),
             None => path.to_owned(),
         }
     }
@@ -211,7 +210,7 @@ impl Case {
     /// # Errors
     /// All mistakes of the case.
     pub fn load_limited(&self, limits: &RunLimits) -> Result<Loaded> {
-        let variant = self.variant.as_ref().map(|(at, _)| *at);
+        let variant = self.variant.clone();
         let mut scene = load(
             &self.scene,
             &self.files,

@@ -110,7 +110,8 @@ impl ComputeTest {
             error.note(format!("of a dispatch of {x} x {y} x {z} workgroups"))
         })?;
         let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
-        Ok(ComputeOutcome { stats, printed, bound: Bound { programs: vec![program.clone()], resources } })
+        let bound = Bound { programs: vec![program.clone()], resources, roots: Vec::new() };
+        Ok(ComputeOutcome { stats, printed, bound })
     }
 }
 

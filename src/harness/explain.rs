@@ -9,7 +9,7 @@ use crate::debug::reader::EventReader;
 use crate::debug::render::{self, RenderOptions};
 use crate::harness::memory;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
-use crate::machine::Resources;
+use crate::machine::{DeviceMemory, Resources};
 use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
 
 /// A result that can explain how it came about.
@@ -30,7 +30,7 @@ pub(super) enum What {
     /// A ray; it is traced again, on a copy of the resources as they are then.
     Ray { tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
     /// A single shader: its events, and what answered its calls.
-    Shader { events: Vec<Event>, calls: Vec<String> },
+    Shader { events: Vec<Event>, calls: Vec<String>, memory: DeviceMemory },
 }
 
 impl What {
@@ -40,6 +40,7 @@ impl What {
         traces: &[TraceCall],
         executes: &[ExecuteCall],
         calls: &[CallableCall],
+        memory: &DeviceMemory,
     ) -> Self {
         let trace = |call: &TraceCall| {
             let (ray, number) = (call.trace.ray, call.number + 1);
@@ -66,25 +67,28 @@ impl What {
             )
         };
         let (traces, executes) = (traces.iter().map(trace), executes.iter().map(execute));
-        Self::Shader { events, calls: traces.chain(executes).chain(calls.iter().map(call)).collect() }
+        let calls = traces.chain(executes).chain(calls.iter().map(call)).collect();
+        Self::Shader { events, calls, memory: memory.clone() }
     }
 }
 
 impl Explanation {
     /// Renders the explanation.
     pub fn text(&self) -> String {
-        let (title, events, calls) = match &self.what {
+        let (title, events, calls, memory) = match &self.what {
             What::Ray { tlas, operands, resources } => {
                 let resources = memory::copied(resources);
                 let launch = Launch { pipeline: &self.pipeline, resources: &resources };
                 let mut events: Vec<Event> = Vec::new();
                 // A trap is among the events, too.
                 let _ = launch.trace(tlas, operands.clone(), &mut events);
-                ("the ray, traced again", events, &[][..])
+                ("the ray, traced again", events, &[][..], resources.memory)
             }
-            What::Shader { events, calls } => ("the shader by itself", events.clone(), &calls[..]),
+            What::Shader { events, calls, memory } => {
+                ("the shader by itself", events.clone(), &calls[..], memory.clone())
+            }
         };
-        let names = Names::unnamed(&self.pipeline);
+        let names = Names::unnamed(&self.pipeline).with_memory(&memory);
         let Some(root) = EventReader::new(&self.pipeline, names, events).root() else { return String::new() };
         let mut text = render::step(title, &root, RenderOptions::default());
         for call in calls {

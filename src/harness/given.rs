@@ -8,6 +8,7 @@ use bytemuck::NoUninit;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::blocks;
 use crate::harness::data::Bytes;
+use crate::harness::device_buffers::DeviceBuffers;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::struct_data::StructData;
@@ -21,7 +22,7 @@ pub(super) struct Given {
     pub resources: Resources,
     buffers: Vec<(Binding, RustLayout)>,
     push_constants: Option<RustLayout>,
-    /// Why a buffer cannot lie at the address that it was given.
+    /// Why a buffer cannot lie at its address, or cannot be bound by its name.
     mistake: Option<Error>,
 }
 
@@ -35,8 +36,26 @@ impl Given {
     pub fn buffer_at<T: NoUninit>(&mut self, address: u64, elements: &[T]) {
         let buffer = Buffer::new(bytemuck::cast_slice(elements));
         if let Err(message) = self.resources.memory.add_buffer_at(address, &buffer, None) {
-            self.mistake.get_or_insert(Error::new(ErrorKind::InvalidArgument, message));
+            self.mistaken(message);
         }
+    }
+
+    pub fn device_buffers(&mut self, buffers: &DeviceBuffers) {
+        if let Err(message) = self.resources.memory.extend(&buffers.memory()) {
+            self.mistaken(message);
+        }
+    }
+
+    pub fn bind_buffer(&mut self, set: u32, binding: u32, name: &str) {
+        match self.resources.memory.named_buffer(name) {
+            Some((_, buffer)) => self.descriptor(set, binding, Descriptor::Buffer(buffer.clone())),
+            None => self.mistaken(format!("no buffer with an address is named `{name}`")),
+        }
+    }
+
+    /// Keeps the first mistake.
+    fn mistaken(&mut self, message: String) {
+        self.mistake.get_or_insert(Error::new(ErrorKind::InvalidArgument, message));
     }
 
     pub fn descriptor(&mut self, set: u32, binding: u32, descriptor: Descriptor) {
@@ -114,6 +133,22 @@ macro_rules! gives_resources {
             #[must_use]
             pub fn buffer_at<T: bytemuck::NoUninit>(mut self, address: u64, elements: &[T]) -> Self {
                 self.given.buffer_at(address, elements);
+                self
+            }
+
+            /// Puts buffers and acceleration structures at their device addresses, for shaders
+            /// that reach them by pointers. An address that something has already is an error of
+            /// the run.
+            #[must_use]
+            pub fn device_buffers(mut self, buffers: &crate::harness::device_buffers::DeviceBuffers) -> Self {
+                self.given.device_buffers(buffers);
+                self
+            }
+
+            /// Binds one of the device buffers, by its name, as a storage or uniform buffer.
+            #[must_use]
+            pub fn bind_buffer(mut self, set: u32, binding: u32, name: &str) -> Self {
+                self.given.bind_buffer(set, binding, name);
                 self
             }
 

@@ -1,15 +1,20 @@
 //! A first case for compiled shaders, written from what their modules declare.
 
+mod pointees;
 mod resources;
 mod scene;
+mod sources;
+mod traces;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::atomic_file;
-use crate::error::{Error, ErrorKind, Result};
+use crate::compile::SourceWords;
+use crate::error::{Error, ErrorKind, Result, Warning};
 use crate::harness::init::resources::{ELEMENTS, Resources};
+use crate::harness::init::traces::BindingTable;
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::suite::{Outcome, Suite, SuiteOptions};
 use crate::input::{InputLimit, read_regular};
@@ -62,7 +67,7 @@ pub fn case(
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path, files, &is_ray_tracing)?;
+        shaders.add(path, files, &SourceWords::default(), &is_ray_tracing)?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing stage";
@@ -131,14 +136,23 @@ impl Shader {
 
 #[derive(Default)]
 struct Shaders {
-    /// Names and files.
-    files: Vec<(String, PathBuf)>,
+    /// Names, files, and how these are compiled where more than the file's name says it.
+    files: Vec<(String, PathBuf, Option<SourceWords>)>,
     all: Vec<Shader>,
+    /// What the compilers of sources warned of.
+    warnings: Vec<Warning>,
 }
 
 impl Shaders {
-    fn add(&mut self, path: &Path, files: &SceneFiles, is_wanted: &dyn Fn(Stage) -> bool) -> Result<()> {
-        let module = Module::open_within(path, &files.limits, files.root.as_ref())?;
+    fn add(
+        &mut self,
+        path: &Path,
+        files: &SceneFiles,
+        words: &SourceWords,
+        is_wanted: &dyn Fn(Stage) -> bool,
+    ) -> Result<()> {
+        let (module, settings) = Module::open_as(path, &files.limits, files.root.as_ref(), words)?;
+        self.warnings.extend(module.warnings.iter().cloned());
         let entries = module.entry_points.iter().filter(|entry| is_wanted(entry.stage));
         let entries: Vec<EntryPoint> = entries.cloned().collect();
         let mut name = match &entries[..] {
@@ -148,7 +162,7 @@ impl Shaders {
         };
         let plain = name.clone();
         let mut number = 1;
-        while self.files.iter().any(|(known, _)| *known == name) {
+        while self.files.iter().any(|(known, ..)| *known == name) {
             number += 1;
             name = format!("{plain}_{number}");
         }
@@ -159,8 +173,24 @@ impl Shaders {
             };
             self.all.push(Shader { module: module.clone(), entry, reference });
         }
-        self.files.push((name, path.to_path_buf()));
+        let said = settings.is_some() && *words != SourceWords::default();
+        self.files.push((name, path.to_path_buf(), said.then(|| words.clone())));
         Ok(())
+    }
+
+    /// The lines below `[shaders]`.
+    fn file_lines(&self, folder: &Path) -> Result<String> {
+        let mut out = String::new();
+        for (name, path, words) in &self.files {
+            let file = relative(path, folder)?;
+            let value = match words {
+                None => format!("{file:?}"),
+                Some(words) => sources::table(&file, words, folder)?,
+            };
+            // Writing to a string does not fail.
+            let _ = writeln!(out, "{name} = {value}");
+        }
+        Ok(out)
     }
 
     fn of(&self, stage: Stage) -> impl Iterator<Item = &Shader> {
@@ -169,14 +199,11 @@ impl Shaders {
 
     /// What the scene file gives zeros.
     fn zeros(&self) -> Vec<String> {
-        let mut resources = Resources::new(ELEMENTS);
-        for shader in &self.all {
-            resources.add(&shader.module, &shader.entry);
-        }
-        let mut zeros: Vec<String> =
-            resources.buffers().map(|name| format!("`size` of [resources.{name}]")).collect();
-        zeros.extend(resources.push_constants.map(|_| "`push_constants`".to_owned()));
-        zeros.extend(resources.record.map(|_| "`record` of the hit groups".to_owned()));
+        let resources = Resources::of(&self.all, ELEMENTS);
+        let mut zeros: Vec<String> = resources.buffers().map(|name| format!("[resources.{name}]")).collect();
+        let (has_push_constants, has_records) = resources.has();
+        zeros.extend(has_push_constants.then(|| "`push_constants`".to_owned()));
+        zeros.extend(has_records.then(|| "`record` in [pipeline]".to_owned()));
         let payload = |shader: &Shader| {
             let variables = shader.module.interface_of(&shader.entry);
             variables.iter().any(|one| one.storage_class == storage::INCOMING_RAY_PAYLOAD)
@@ -188,22 +215,15 @@ impl Shaders {
     /// The scene file.
     fn scene(&self, folder: &Path) -> Result<String> {
         let launches = self.of(Stage::RayGeneration).next().is_some();
-        let mut resources = Resources::new(ELEMENTS);
-        for shader in &self.all {
-            resources.add(&shader.module, &shader.entry);
-        }
+        let resources = Resources::of(&self.all, ELEMENTS);
         let mut out = String::from("version = 1\ntitle = \"a first case\"\n");
         if launches {
             out.push_str("launch = [1, 1]\n");
         }
-        if let Some(size) = resources.push_constants {
-            let _ = writeln!(out, "push_constants = {{ zeros = {size} }}");
-        }
+        out.push_str(&resources.push_constants().unwrap_or_default());
         out.push_str(&self.geometry());
         out.push_str("\n[shaders]\n");
-        for (name, path) in &self.files {
-            let _ = writeln!(out, "{name} = {:?}", relative(path, folder)?);
-        }
+        out.push_str(&self.file_lines(folder)?);
         out.push_str(&self.pipeline(&resources));
         out.push_str(&resources.text());
         if self.all.iter().any(|shader| !matches!(shader.entry.stage, Stage::RayGeneration | Stage::Callable))
@@ -235,41 +255,63 @@ impl Shaders {
     }
 
     fn pipeline(&self, resources: &Resources) -> String {
-        let list = |stage| {
-            let names: Vec<_> = self.of(stage).map(|shader| format!("{:?}", shader.reference)).collect();
-            names.join(", ")
-        };
+        let table = self.binding_table();
         let mut out = String::from("\n[pipeline]\n");
-        for (key, stage) in
-            [("raygen", Stage::RayGeneration), ("miss", Stage::Miss), ("callable", Stage::Callable)]
-        {
-            if self.of(stage).next().is_some() {
-                let _ = writeln!(out, "{key} = [{}]", list(stage));
+        out.push_str(&resources.record_layouts());
+        let raygen = self.of(Stage::RayGeneration).count();
+        let callable = self.of(Stage::Callable).count();
+        let miss = table.miss.max(self.of(Stage::Miss).count());
+        for (key, stage, count) in [
+            ("raygen", Stage::RayGeneration, raygen),
+            ("miss", Stage::Miss, miss),
+            ("callable", Stage::Callable, callable),
+        ] {
+            let record = |at: usize| match self.of(stage).nth(at) {
+                None => "{}".to_owned(),
+                Some(shader) => match resources.record([shader].into_iter()) {
+                    None => format!("{:?}", shader.reference),
+                    Some(data) => format!("{{ shader = {:?}, record = {data} }}", shader.reference),
+                },
+            };
+            let records: Vec<_> = (0..count).map(record).collect();
+            if !records.is_empty() {
+                let _ = writeln!(out, "{key} = [{}]", records.join(", "));
             }
         }
-        // The nth shaders of each stage make a group.
-        let stages = [
-            ("closest_hit", Stage::ClosestHit),
-            ("any_hit", Stage::AnyHit),
-            ("intersection", Stage::Intersection),
-        ];
-        let groups = stages.iter().map(|(_, stage)| self.of(*stage).count()).max().unwrap_or(0);
-        if groups == 0 {
+        out.push_str(&table.comment);
+        let groups = self.groups();
+        if groups.is_empty() {
             return out;
         }
         out.push_str("hit = [\n");
-        for at in 0..groups {
-            let members = stages
+        for members in &groups {
+            let mut keys: Vec<String> = members
                 .iter()
-                .filter_map(|(key, stage)| Some(format!("{key} = {:?}", self.of(*stage).nth(at)?.reference)));
-            let mut members: Vec<String> = members.collect();
-            if let Some(size) = resources.record {
-                members.push(format!("record = {{ zeros = {size} }}"));
+                .map(|shader| format!("{} = {:?}", key(shader.entry.stage), shader.reference))
+                .collect();
+            if let Some(data) = resources.record(members.iter().copied()) {
+                keys.push(format!("record = {data}"));
             }
-            let _ = writeln!(out, "    {{ {} }},", members.join(", "));
+            let _ = writeln!(out, "    {{ {} }},", keys.join(", "));
+            for _ in 0..table.null_records {
+                out.push_str("    {},\n");
+            }
         }
         out.push_str("]\n");
         out
+    }
+
+    /// The hit groups: the nth shaders of each stage make one.
+    fn groups(&self) -> Vec<Vec<&Shader>> {
+        let stages = [Stage::ClosestHit, Stage::AnyHit, Stage::Intersection];
+        let count = stages.iter().map(|stage| self.of(*stage).count()).max().unwrap_or(0);
+        let group = |at| stages.iter().filter_map(|stage| self.of(*stage).nth(at)).collect();
+        (0..count).map(group).collect()
+    }
+
+    /// What the shader binding table needs for the rays that the shaders trace.
+    fn binding_table(&self) -> BindingTable {
+        BindingTable::of(&self.all, self.groups().len(), self.of(Stage::Miss).count())
     }
 
     /// A ray that meets the primitive, and an empty table that the first run fills.

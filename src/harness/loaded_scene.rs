@@ -5,20 +5,29 @@ use std::sync::Arc;
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
+use crate::accel::motion::Motion;
 use crate::accel::{Tlas, TlasInstance};
-use crate::compile::CompilerFlags;
+use crate::compile::SourceSettings;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::{Request, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
+use crate::harness::memory::copied;
+use crate::harness::run::fresh_resources;
+use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
+use crate::harness::typed;
 use crate::harness::value::Value;
+use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
+use crate::module::Module;
 use crate::pipeline::Stats;
+use crate::scene::addresses::Addresses;
+use crate::scene::assemble::read;
 use crate::scene::read::nearest;
-use crate::scene::resolved::ShaderCode;
+use crate::scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
 use crate::scene::resources::Resource;
-use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, assemble, load, load_text};
+use crate::scene::{Assembled, LoadOptions, ResolvedScene, SceneFiles, assemble, load, load_text};
 
 /// A scene file with everything that it names: load it, change it, launch it, as often as wanted.
 ///
@@ -66,7 +75,9 @@ impl Source {
 enum Change {
     Buffer(String, Vec<u8>),
     PushConstants(Vec<u8>),
+    ShaderRecord(String, Vec<u8>),
     Transform(usize, [[f32; 4]; 3]),
+    Motion(usize, Motion),
     Shader(String, PathBuf, ShaderCode),
     MaxRecursion(u32),
 }
@@ -104,6 +115,24 @@ impl LoadedScene {
         self.change(Change::Buffer(name.to_owned(), bytemuck::cast_slice(elements).to_vec()))
     }
 
+    /// The device address of a buffer or an acceleration structure, by its name: for data that
+    /// replace the scene's. It stays, whatever is changed.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where nothing of that name has an address: a buffer of type `buffer` has
+    /// one, one that says `address = true`, and what an `address_of` names.
+    pub fn address_of(&self, name: &str) -> Result<u64> {
+        let mut errors = Vec::new();
+        let addresses = Addresses::assign(&self.scene, &mut errors);
+        if !errors.is_empty() {
+            return Err(Error::several(errors));
+        }
+        addresses.of_name(name).ok_or_else(|| {
+            let names = addresses.names();
+            unknown("address of a buffer or acceleration structure", name, names)
+        })
+    }
+
     /// Replaces the scene's push constants.
     ///
     /// # Errors
@@ -112,13 +141,104 @@ impl LoadedScene {
         self.change(Change::PushConstants(bytemuck::bytes_of(constants).to_vec()))
     }
 
-    /// Replaces the transform of an instance, by its `InstanceId`: three rows of four numbers.
+    /// Replaces the scene's push constants by a struct that is written by the names of its members.
+    ///
+    /// # Errors
+    /// None: it returns a result as its siblings do.
+    pub fn set_push_constants_data(&mut self, constants: &StructData) -> Result<&mut Self> {
+        self.set_push_constants_bytes(constants.bytes())
+    }
+
+    /// Replaces the bytes of the scene's push constants.
+    ///
+    /// # Errors
+    /// None: it returns a result as its siblings do.
+    pub fn set_push_constants_bytes(&mut self, bytes: &[u8]) -> Result<&mut Self> {
+        self.change(Change::PushConstants(bytes.to_vec()))
+    }
+
+    /// Replaces the data of a shader record: of a ray generation, miss, hit or callable record by
+    /// its `name`, or by the name of a shader that no other record has.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene has no such record, or several.
+    pub fn set_shader_record<T: NoUninit>(&mut self, name: &str, record: &T) -> Result<&mut Self> {
+        self.set_shader_record_bytes(name, bytemuck::bytes_of(record))
+    }
+
+    /// Replaces the data of a shader record by a struct that is written by the names of its
+    /// members.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::set_shader_record`].
+    pub fn set_shader_record_data(&mut self, name: &str, record: &StructData) -> Result<&mut Self> {
+        self.set_shader_record_bytes(name, record.bytes())
+    }
+
+    /// Replaces the bytes of a shader record's data.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::set_shader_record`].
+    pub fn set_shader_record_bytes(&mut self, name: &str, bytes: &[u8]) -> Result<&mut Self> {
+        self.change(Change::ShaderRecord(name.to_owned(), bytes.to_vec()))
+    }
+
+    /// The module of a shader, by its name below `[shaders]`, for [`StructData`]; a source is
+    /// compiled. Specialization constants have their default values.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene uses no shader of that name; mistakes in it.
+    pub fn module(&self, name: &str) -> Result<Arc<Module>> {
+        let shaders = &self.scene.shaders;
+        let found = shaders.iter().position(|one| one.name == name);
+        let index = found.ok_or_else(|| unknown("shader", name, shaders.iter().map(|one| &*one.name)))?;
+        match self.scene.loaded.get(&index) {
+            Some(module) => Ok(module.clone()),
+            None => read(&shaders[index], &self.scene.files).map(Arc::new),
+        }
+    }
+
+    /// How an instance moves, by its `InstanceId`; `None` for one at rest.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene has no such instance.
+    pub fn motion(&self, instance: usize) -> Result<Option<&Motion>> {
+        Ok(self.instance(instance)?.motion.as_ref())
+    }
+
+    /// The transform of an instance at rest, by its `InstanceId`; of one that moves its transform
+    /// at time 0.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene has no such instance.
+    pub fn transform(&self, instance: usize) -> Result<[[f32; 4]; 3]> {
+        let found = self.instance(instance)?;
+        Ok(found.motion.as_ref().and_then(|motion| motion.at(0.0)).unwrap_or(found.transform))
+    }
+
+    fn instance(&self, instance: usize) -> Result<&TlasInstance> {
+        let instances = self.scene.tlas.first().map_or(&[][..], |(_, tlas)| tlas.instances());
+        instances.get(instance).ok_or_else(|| no_instance(instance, instances.len()))
+    }
+
+    /// Replaces the transform of an instance, by its `InstanceId`: three rows of four numbers. An
+    /// instance that moved is at rest then, as where Vulkan's instance is replaced by one without
+    /// motion: to move a motion along would round both of its keys. [`LoadedScene::set_motion`]
+    /// sets them.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no such instance, `InvalidScene` for a matrix that no
     /// instance may have.
     pub fn set_transform(&mut self, instance: usize, rows: [[f32; 4]; 3]) -> Result<&mut Self> {
         self.change(Change::Transform(instance, rows))
+    }
+
+    /// Replaces the motion of an instance, by its `InstanceId`; one at rest moves from then on.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::set_transform`].
+    pub fn set_motion(&mut self, instance: usize, motion: Motion) -> Result<&mut Self> {
+        self.change(Change::Motion(instance, motion))
     }
 
     /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
@@ -128,7 +248,7 @@ impl LoadedScene {
     /// `InvalidArgument` where the scene uses no shader of that name. Mistakes in the source are
     /// those of [`LoadedScene::launch`].
     pub fn set_shader_source(&mut self, name: &str, file_name: &str, text: &str) -> Result<&mut Self> {
-        let code = ShaderCode::Source(text.as_bytes().to_vec(), Vec::new(), CompilerFlags::default());
+        let code = ShaderCode::Source(text.as_bytes().to_vec(), SourceSettings::of(Path::new(file_name)));
         self.change(Change::Shader(name.to_owned(), file_name.into(), code))
     }
 
@@ -155,7 +275,7 @@ impl LoadedScene {
     /// # Errors
     /// As [`LoadedScene::open`].
     pub fn set_launch_size(&mut self, size: [u32; 2]) -> Result<&mut Self> {
-        let options = LoadOptions { size: Some(size), ..self.options };
+        let options = LoadOptions { size: Some(size), ..self.options.clone() };
         let mut scene = self.source.read(&options)?;
         self.changes.iter().try_for_each(|change| change.apply(&mut scene))?;
         (self.options, self.scene) = (options, scene);
@@ -168,25 +288,72 @@ impl LoadedScene {
         Ok(self)
     }
 
-    /// Runs the launch, where the scene has a ray generation shader, and then its dispatches, on
-    /// buffers and images as the scene describes them.
+    /// Runs the passes of the scene: its launch, where it has a ray generation shader, and then its
+    /// dispatches, or what `[[pass]]` lists. Buffers and images begin as the scene describes them.
     ///
     /// # Errors
     /// Every mistake in shaders, groups and images, each at its place in the scene; the first trap.
     pub fn launch(&self) -> Result<SceneOutcome> {
-        let mut assembled = assemble(&self.scene)?;
-        let printed = Arc::default();
-        assembled.resources.printed = Some(Arc::clone(&printed));
-        let stats = assembled.run::<64>(&assembled.resources, &|_| ())?;
-        let mut programs = assembled.pipeline.programs.clone();
-        programs.extend(assembled.dispatches.iter().map(|dispatch| dispatch.compute.program.clone()));
-        let names = self.scene.resources.iter().filter(|one| one.element == 0);
-        Ok(SceneOutcome {
+        let assembled = assemble(&self.scene)?;
+        let resources = fresh_resources(&assembled.resources);
+        let stats = assembled.run::<64>(&resources, &|_| ())?;
+        Ok(self.outcome(&assembled, None, stats, resources))
+    }
+
+    /// Runs one pass alone, by its name or its number from 0: on buffers and images as the scene
+    /// describes them, not as the passes before it leave them.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::launch`], and `InvalidArgument` where the scene has no such pass.
+    pub fn launch_pass(&self, pass: &str) -> Result<SceneOutcome> {
+        let assembled = assemble(&self.scene)?;
+        let number = assembled.pass_number(pass)?;
+        let resources = fresh_resources(&assembled.resources);
+        let stats = assembled.run_pass::<64>(&assembled.passes[number], &resources, &|_| ())?;
+        Ok(self.outcome(&assembled, Some(number), stats, resources))
+    }
+
+    /// Runs the passes one after the other, as [`LoadedScene::launch`] does, and returns what each
+    /// of them left behind: buffers and images as they are after it, its own counts and lines.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::launch`].
+    pub fn launch_each(&self) -> Result<Vec<SceneOutcome>> {
+        let assembled = assemble(&self.scene)?;
+        let resources = fresh_resources(&assembled.resources);
+        let mut outcomes = Vec::new();
+        for (number, pass) in assembled.passes.iter().enumerate() {
+            let stats = assembled.run_pass::<64>(pass, &resources, &|_| ());
+            let stats = stats.map_err(|error| assembled.in_pass(number, error))?;
+            let printed = resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+            let mut outcome = self.outcome(&assembled, Some(number), stats, copied(&resources));
+            outcome.printed = printed;
+            outcomes.push(outcome);
+        }
+        Ok(outcomes)
+    }
+
+    fn outcome(
+        &self,
+        assembled: &Assembled,
+        pass: Option<usize>,
+        stats: Stats,
+        resources: Resources,
+    ) -> SceneOutcome {
+        let bound = self.scene.resources.iter().filter(|one| one.element == 0);
+        let bound = bound.map(|one| (one.name.clone(), Found::Binding([one.set, one.binding])));
+        let unbound = self.scene.unbound.iter().filter_map(|one| {
+            let (address, _) = resources.memory.named_buffer(&one.name)?;
+            Some((one.name.clone(), Found::Address(address)))
+        });
+        let programs = assembled.programs().cloned().collect();
+        SceneOutcome {
+            pass: pass.map(|number| assembled.passes[number].key(number)),
             stats,
-            printed: printed.take(),
-            names: names.map(|one| (one.name.clone(), [one.set, one.binding])).collect(),
-            bound: Bound { programs, resources: assembled.resources },
-        })
+            printed: resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take()),
+            names: bound.chain(unbound).collect(),
+            bound: Bound { programs, roots: typed::roots(assembled), resources },
+        }
     }
 
     /// Explains a ray, a pixel or an invocation, as `anyhit trace-one-ray` prints it.
@@ -203,31 +370,35 @@ impl Change {
     fn apply(&self, scene: &mut ResolvedScene) -> Result<()> {
         match self {
             Self::Buffer(name, bytes) => {
-                let is_buffer = |resource: &Resource| {
-                    matches!(resource, Resource::StorageBuffer(_) | Resource::UniformBuffer(_))
-                };
-                let all = || scene.resources.iter().filter(|one| is_buffer(&one.resource));
-                let unknown = unknown("buffer", name, all().map(|one| one.name.as_str()));
-                let mut buffers = scene.resources.iter_mut().filter(|one| is_buffer(&one.resource));
-                let found = buffers.find(|one| one.name == *name).ok_or(unknown)?;
-                if let Resource::StorageBuffer(content) | Resource::UniformBuffer(content) =
-                    &mut found.resource
-                {
-                    *content = bytes.clone().into();
-                }
+                scene.keep_addresses();
+                let ResolvedScene { resources, unbound, .. } = scene;
+                let names = resources.iter().filter(|one| one.resource.data().is_some());
+                let names = names.map(|one| one.name.as_str());
+                let names = names.chain(unbound.iter().map(|one| one.name.as_str()));
+                let unknown = unknown("buffer", name, names);
+                let bound = resources.iter_mut().find_map(|one| match &mut one.resource {
+                    Resource::StorageBuffer(content) | Resource::UniformBuffer(content) => {
+                        (one.name == *name).then_some(content)
+                    }
+                    _ => None,
+                });
+                let mut unbound = unbound.iter_mut();
+                let unbound = || unbound.find(|one| one.name == *name).map(|one| &mut one.data);
+                *bound.or_else(unbound).ok_or(unknown)? = bytes.clone().into();
             }
-            Self::PushConstants(bytes) => scene.push_constants = bytes.clone().into(),
+            Self::PushConstants(bytes) => {
+                scene.keep_addresses();
+                scene.push_constants = bytes.clone().into();
+            }
+            Self::ShaderRecord(name, bytes) => {
+                scene.keep_addresses();
+                record(scene, name)?.data = bytes.clone().into();
+            }
             Self::Transform(instance, rows) => {
-                let count = scene.tlas.first().map_or(0, |(_, tlas)| tlas.instances().len());
-                let Some((_, tlas)) = scene.tlas.first_mut().filter(|_| *instance < count) else {
-                    let message = format!("the scene has no instance {instance}, only {count}");
-                    return Err(invalid(message));
-                };
-                let mut instances: Vec<TlasInstance> = tlas.instances().to_vec();
-                instances[*instance].transform = *rows;
-                instances[*instance].motion = None;
-                *tlas = Tlas::with_precision(instances, tlas.precision())
-                    .map_err(|error| error.context(format!("instance {instance}")))?;
+                change_instance(scene, *instance, |found| (found.transform, found.motion) = (*rows, None))?;
+            }
+            Self::Motion(instance, motion) => {
+                change_instance(scene, *instance, |found| found.motion = Some(motion.clone()))?;
             }
             Self::Shader(name, path, code) => {
                 let unknown = unknown("shader", name, scene.shaders.iter().map(|one| one.name.as_str()));
@@ -235,41 +406,115 @@ impl Change {
                 shader.path.clone_from(path);
                 shader.code.clone_from(code);
             }
-            Self::MaxRecursion(depth) => scene.max_recursion_depth = Some(*depth),
+            Self::MaxRecursion(depth) => {
+                scene.all_pipelines_mut().for_each(|one| one.max_recursion_depth = Some(*depth));
+            }
         }
         Ok(())
     }
 }
 
-/// What a scene's launch and dispatches left behind.
+fn change_instance(
+    scene: &mut ResolvedScene,
+    instance: usize,
+    change: impl FnOnce(&mut TlasInstance),
+) -> Result<()> {
+    let count = scene.tlas.first().map_or(0, |(_, tlas)| tlas.instances().len());
+    let Some((_, tlas)) = scene.tlas.first_mut().filter(|_| instance < count) else {
+        return Err(no_instance(instance, count));
+    };
+    let mut instances: Vec<TlasInstance> = tlas.instances().to_vec();
+    change(&mut instances[instance]);
+    *tlas = Tlas::with_precision(instances, tlas.precision())
+        .map_err(|error| error.context(format!("instance {instance}")))?;
+    Ok(())
+}
+
+fn no_instance(instance: usize, count: usize) -> Error {
+    invalid(format!("the scene has no instance {instance}, only {count}"))
+}
+
+/// The shader record with a name, or with a shader of that name.
+fn record<'s>(scene: &'s mut ResolvedScene, wanted: &str) -> Result<&'s mut ResolvedRecord> {
+    // Each record: the pipeline, the table and the place in it, its name and those of its shaders.
+    let mut known: Vec<([usize; 3], Option<&str>, Vec<&str>)> = Vec::new();
+    for (at, pipeline) in scene.all_pipelines().enumerate() {
+        for (table, records) in pipeline.sbt.tables().into_iter().enumerate() {
+            for (place, record) in records.iter().enumerate() {
+                let group = record.group.map(|group| &pipeline.groups[group]);
+                let shaders = group.into_iter().flat_map(ResolvedGroup::shaders);
+                let shaders = shaders.map(|shader| &*scene.shaders[shader.module].name).collect();
+                known.push(([at, table, place], record.name.as_deref(), shaders));
+            }
+        }
+    }
+    let named: Vec<_> = known.iter().filter(|(_, name, _)| *name == Some(wanted)).collect();
+    let found = match named.is_empty() {
+        false => named,
+        true => known.iter().filter(|(.., shaders)| shaders.contains(&wanted)).collect(),
+    };
+    let [(at, ..)] = &found[..] else {
+        if found.is_empty() {
+            let names = known.iter().flat_map(|(_, name, shaders)| match name {
+                Some(name) => vec![*name],
+                None => shaders.clone(),
+            });
+            return Err(unknown("shader record", wanted, names));
+        }
+        let message = format!("the scene has {} shader records `{wanted}`", found.len());
+        return Err(invalid(message).note("`name` of a record in the pipeline tells them apart"));
+    };
+    let [pipeline, table, place] = *at;
+    let pipeline = scene.all_pipelines_mut().nth(pipeline);
+    let sbt = &mut pipeline.expect("bug in anyhit: a record of no pipeline").sbt;
+    Ok(&mut sbt.tables_mut()[table][place])
+}
+
+/// What the passes of a scene, or one of them, left behind.
 #[derive(Clone, Debug)]
 pub struct SceneOutcome {
+    /// The pass after which this is, by its name or number; `None` after all of them.
+    pub pass: Option<String>,
     /// How many rays were traced and shaders run.
     pub stats: Stats,
     /// What shaders printed (`debugPrintfEXT`), in launch order.
     pub printed: Vec<PrintedLine>,
-    /// Set and binding of each resource of the scene.
-    names: Vec<(String, [u32; 2])>,
+    /// Where each resource of the scene is.
+    names: Vec<(String, Found)>,
     bound: Bound,
 }
 
+/// Where a resource is found.
+#[derive(Clone, Copy, Debug)]
+enum Found {
+    /// At a set and binding.
+    Binding([u32; 2]),
+    /// At a device address alone.
+    Address(u64),
+}
+
 impl SceneOutcome {
-    /// A buffer by the names of its members.
+    /// A buffer by the names of its members; one that is bound nowhere as the type of the first
+    /// pointer to it.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no such buffer, or no shader uses it.
     pub fn buffer(&self, name: &str) -> Result<Value> {
-        let [set, binding] = self.place(name)?;
-        self.bound.buffer(set, binding)
+        match self.find(name)? {
+            Found::Binding([set, binding]) => self.bound.buffer(set, binding),
+            Found::Address(address) => self.bound.buffer_at(address),
+        }
     }
 
-    /// A buffer as a row of a plain Rust type.
+    /// A buffer as a row of a plain Rust type; also one that is reached by its address alone.
     ///
     /// # Errors
     /// `InvalidArgument` where the scene has no such buffer, or its size is no multiple.
     pub fn read_buffer<T: AnyBitPattern>(&self, name: &str) -> Result<Vec<T>> {
-        let [set, binding] = self.place(name)?;
-        bound::rows(&self.bound.buffer_bytes(set, binding)?)
+        match self.find(name)? {
+            Found::Binding([set, binding]) => bound::rows(&self.bound.buffer_bytes(set, binding)?),
+            Found::Address(address) => self.bound.read_buffer_at(address),
+        }
     }
 
     /// The texels of an image.
@@ -277,11 +522,13 @@ impl SceneOutcome {
     /// # Errors
     /// `InvalidArgument` where the scene has no such image.
     pub fn image(&self, name: &str) -> Result<Texels> {
-        let [set, binding] = self.place(name)?;
-        self.bound.image(set, binding)
+        match self.find(name)? {
+            Found::Binding([set, binding]) => self.bound.image(set, binding),
+            Found::Address(_) => Err(invalid(format!("`{name}` is a buffer"))),
+        }
     }
 
-    fn place(&self, name: &str) -> Result<[u32; 2]> {
+    fn find(&self, name: &str) -> Result<Found> {
         let found = self.names.iter().find(|(known, _)| known == name).map(|(_, place)| *place);
         found.ok_or_else(|| unknown("resource", name, self.names.iter().map(|(known, _)| known.as_str())))
     }

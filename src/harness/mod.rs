@@ -21,6 +21,7 @@ pub mod compute_test;
 pub mod cost;
 pub mod coverage;
 pub mod data;
+pub mod device_buffers;
 pub mod expect;
 pub mod explain;
 mod given;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::case::Loaded;
-use crate::harness::expect::{Difference, Fix, Observed, PictureDifference, Subject, printed_diff};
+use crate::harness::expect::{Difference, Fix, Observed, PictureDifference, printed_diff};
 use crate::scene::Files;
 use crate::scene::image::Picture;
 
@@ -58,7 +58,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
     let output = loaded.scene.output();
     let image = output.and_then(|output| {
         let binding = [output.set, output.binding, output.element];
-        observed.images.iter().find(|image| image.binding == binding)
+        observed.images.iter().find(|image| image.binding == Some(binding))
     });
     let Some((bytes, (image, linear))) = image.and_then(|bytes| Some((bytes, bytes.image.as_ref()?))) else {
         let message = "the scene has no output image: give one storage image `output = true`";
@@ -92,7 +92,7 @@ fn picture_difference(loaded: &Loaded, observed: &Observed, path: PathBuf) -> Re
     let message =
         format!("`{}`: {count} of {} pixels differ, the first at ({x}, {y})", bytes.name, pixels.len() / 4);
     let mut difference = differs(&path, message);
-    difference.subject = Subject::Texel(bytes.binding, [x, y]);
+    difference.subject = bytes.texel([x, y]);
     difference.fix = Some(renewed);
     difference.picture = PictureDifference::new(&bytes.name, found.extent, expected, pixels).map(Box::new);
     Ok(Some(difference))

@@ -20,8 +20,8 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Shader, Stats};
 use crate::program::Program;
-use crate::scene::assemble::Pass;
 use crate::scene::file::RayEntry;
+use crate::scene::pass::PassWork;
 use crate::scene::resources::Output;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -57,24 +57,24 @@ pub fn rays(
 pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &mut Recorder) -> Observed {
     launch(scene, assembled, |resources| {
         let mut stats = Stats::default();
-        for pass in &assembled.passes {
-            let more = match pass {
-                Pass::Launch(pass) => {
-                    let (mut sink, counts) = recorder.parts();
-                    let (pipeline, resources) =
-                        (pass.pipeline(&assembled.pipeline), pass.resources(resources));
+        for (number, pass) in assembled.passes.iter().enumerate() {
+            let resources = assembled.pass_resources(pass, resources);
+            let more = match &pass.work {
+                PassWork::Launch(launch) => {
+                    let (mut sink, counts) = recorder.parts(launch.pipeline);
+                    let pipeline = assembled.pass_pipeline(launch);
+                    let size = launch.size;
                     let launch = Launch { pipeline: &pipeline, resources: &resources };
-                    launch.run_observed(pass.size, &mut |event| sink.event(&event), counts)?
+                    launch.run_observed(size, &mut |event| sink.event(&event), counts)
                 }
-                Pass::Dispatch(at) => {
+                PassWork::Dispatch(at) => {
                     let (mut sink, counts) = recorder.dispatch(*at);
                     let dispatch = &assembled.dispatches[*at];
-                    let resources = dispatch.resources(resources);
                     let on_event = &mut |event: Event| sink.event(&event);
-                    dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)?
+                    dispatch.compute.run_observed(&resources, dispatch.groups, on_event, counts)
                 }
             };
-            stats = stats.plus(&more);
+            stats = stats.plus(&more.map_err(|error| assembled.in_pass(number, error))?);
         }
         Ok(stats)
     })
@@ -114,7 +114,7 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
         let key = Binding { set: binding.set, binding: binding.binding };
         let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
         let name = binding.name.clone();
-        let place = [binding.set, binding.binding, binding.element];
+        let place = Some([binding.set, binding.binding, binding.element]);
         match found {
             Some(Descriptor::Buffer(buffer)) => {
                 let bytes = buffer.bytes();
@@ -129,21 +129,41 @@ pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, obser
             _ => {}
         }
     }
+    for unbound in &scene.unbound {
+        if let Some((_, buffer)) = resources.memory.named_buffer(&unbound.name) {
+            let (name, bytes) = (unbound.name.clone(), buffer.bytes());
+            observed.buffers.push(Bytes { name, binding: None, row: None, bytes, image: None });
+        }
+    }
 }
 
-/// Counts the cost of every ray of a launch. Each invocation runs by itself.
+/// Counts the cost of every ray of a scene's launches. Each invocation runs by itself.
 ///
 /// # Errors
 /// The trap of the first invocation that traps, and `UnsupportedModule` where invocations cannot
 /// run by themselves.
 pub fn costs(assembled: &Assembled) -> Result<Costs> {
-    if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
+    let resources = fresh_resources(&assembled.resources);
+    let last = assembled.passes.iter().rposition(|pass| pass.launch().is_some());
+    let mut sum = Costs::default();
+    for pass in &assembled.passes[..last.map_or(0, |last| last + 1)] {
+        let Some(launch) = pass.launch() else {
+            assembled.run_pass::<64>(pass, &resources, &|_| ())?;
+            continue;
+        };
+        let (pipeline, resources) =
+            (assembled.pass_pipeline(launch), assembled.pass_resources(pass, &resources));
+        sum = sum.or(costs_of(&Launch { pipeline: &pipeline, resources: &resources }, launch.size)?);
+    }
+    Ok(sum)
+}
+
+fn costs_of(launch: &Launch<'_>, size: [u32; 3]) -> Result<Costs> {
+    if launch.pipeline.uses_subgroups() && launch.pipeline.subgroup_size > 1 {
         let message = "what single rays cost, of a pipeline with subgroup instructions";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
             .note("set the subgroup size to 1 to count each invocation by itself"));
     }
-    let resources = fresh_resources(&assembled.resources);
-    let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
     let run = |meter: &mut Meter, id: [u32; 3]| {
         meter.begin(Some(id));
         let meter = &*meter;
@@ -151,10 +171,10 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
         let mut sink: &mut dyn FnMut(Event) = &mut sink;
         let mut counter = meter.counter();
         let mut counter: &mut dyn Observer<1> = &mut counter;
-        launch.run_one(id, assembled.size, &mut sink, &mut counter)
+        launch.run_one(id, size, &mut sink, &mut counter)
     };
-    let all = in_tasks(assembled, |_, ids| {
-        let mut meter = Meter::new(&assembled.pipeline);
+    let all = in_tasks(launch, size, |_, ids| {
+        let mut meter = Meter::new(launch.pipeline);
         for id in ids {
             run(&mut meter, id)?;
         }
@@ -168,16 +188,17 @@ pub fn costs(assembled: &Assembled) -> Result<Costs> {
 /// task is given its number and the launch ids of its invocations; the results are in the tasks'
 /// order.
 pub(super) fn in_tasks<T: Send>(
-    assembled: &Assembled,
+    launch: &Launch<'_>,
+    size: [u32; 3],
     task: impl Fn(u64, &mut dyn Iterator<Item = [u32; 3]>) -> T + Sync,
 ) -> Vec<T> {
     const INVOCATIONS: u64 = 256;
-    let [width, height, depth] = assembled.size.map(u64::from);
+    let [width, height, depth] = size.map(u64::from);
     let id =
         |index: u64| [index % width, index / width % height, index / width / height].map(|axis| axis as u32);
     let count = width * height * depth;
-    let ordered = assembled.pipeline.order_dependent()
-        || assembled.pipeline.shared_memory(assembled.size, &assembled.resources).is_some();
+    let ordered =
+        launch.pipeline.order_dependent() || launch.pipeline.shared_memory(size, launch.resources).is_some();
     if ordered {
         return vec![task(0, &mut (0..count).map(id))];
     }
@@ -207,43 +228,18 @@ pub fn run_ray(
 ) -> Observed {
     let entry = &scene.rays[at];
     let resources = fresh_resources(&assembled.resources);
-    let launch = Launch { pipeline: &assembled.pipeline, resources: &resources };
     let mut observed = Observed::default();
-    let mut events: Vec<Event> = Vec::new();
-    let outcome = if measurements.recorder.is_none() && !measurements.costs {
-        trace(scene, &launch, assembled.size, entry, &mut events, &mut ())
-    } else {
-        let mut meter = Meter::new(launch.pipeline);
-        meter.begin(None);
-        let mut unused = Recorder::default();
-        let recorder = measurements.recorder.as_deref_mut().unwrap_or(&mut unused);
-        let (mut sink, counts) = recorder.parts();
-        let mut both = CoverageAndCost(counts, meter.counter());
-        let mut sink = |event: Event| {
-            meter.event(&event);
-            sink.event(&event);
-            events.push(event);
-        };
-        let mut sink: &mut dyn FnMut(Event) = &mut sink;
-        let mut both: &mut dyn Observer<1> = &mut both;
-        let outcome = trace(scene, &launch, assembled.size, entry, &mut sink, &mut both);
-        observed.costs = Some(meter.costs());
-        outcome
-    };
-    let name = match entry {
-        RayEntry::Pixel { name, .. } => name,
-        RayEntry::Given(given) => &given.name,
-    };
+    let outcome = single_ray(scene, assembled, entry, &resources, measurements, &mut observed);
     match outcome {
-        Ok(stats) => {
+        Ok((stats, found)) => {
             observed.stats = Some(stats);
-            observed.rays.push((name.clone(), Ok(first_ray(launch.pipeline, &events))));
+            observed.rays.push((entry.name().cloned(), Ok(found)));
         }
         Err(error) => {
             if error.kind() == ErrorKind::Trap {
                 observed.trap = Some(error.clone());
             }
-            observed.rays.push((name.clone(), Err(error)));
+            observed.rays.push((entry.name().cloned(), Err(error)));
         }
     }
     read_resources(scene, &resources, &mut observed);
@@ -252,6 +248,43 @@ pub fn run_ray(
         observed.stability = Some(ResolvedRequest::of(entry).and_then(found));
     }
     observed
+}
+
+/// Runs a ray in its pass, after the passes before it.
+fn single_ray(
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    entry: &RayEntry,
+    resources: &Resources,
+    measurements: &mut RayMeasurements<'_>,
+    observed: &mut Observed,
+) -> Result<(Stats, RayFound)> {
+    let single = assembled.single_launch(entry.pass().map(|key| key.value.0.as_str()))?;
+    single.run_before(resources)?;
+    let resources = single.resources(resources);
+    let launch = Launch { pipeline: &single.pipeline, resources: &resources };
+    let mut events: Vec<Event> = Vec::new();
+    let stats = if measurements.recorder.is_none() && !measurements.costs {
+        trace(scene, &launch, single.size, entry, &mut events, &mut ())?
+    } else {
+        let mut meter = Meter::new(launch.pipeline);
+        meter.begin(None);
+        let mut unused = Recorder::default();
+        let recorder = measurements.recorder.as_deref_mut().unwrap_or(&mut unused);
+        let (mut sink, counts) = recorder.parts(single.index);
+        let mut both = CoverageAndCost(counts, meter.counter());
+        let mut sink = |event: Event| {
+            meter.event(&event);
+            sink.event(&event);
+            events.push(event);
+        };
+        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut both: &mut dyn Observer<1> = &mut both;
+        let outcome = trace(scene, &launch, single.size, entry, &mut sink, &mut both);
+        observed.costs = Some(meter.costs());
+        outcome?
+    };
+    Ok((stats, first_ray(launch.pipeline, &events)))
 }
 
 /// An observer that records coverage and counts cost.

@@ -105,6 +105,14 @@ impl Scene {
         bound::rows(&buffer.bytes())
     }
 
+    /// The buffer at a device address now, as a row of a plain Rust type, from that address on.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where no buffer lies there, or its size is no multiple.
+    pub fn read_buffer_at<T: AnyBitPattern>(&self, address: u64) -> Result<Vec<T>> {
+        bound::rows(&bound::bytes_at(&self.given.resources, address)?)
+    }
+
     /// The texels of an image now.
     ///
     /// # Errors

@@ -14,6 +14,7 @@ use crate::harness::explain::{Explain, Explanation, What};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::rust_layout::RustLayout;
 use crate::harness::scene::Scene;
+use crate::harness::typed::record_roots;
 use crate::harness::value::Value;
 use crate::machine::printed::PrintedLine;
 use crate::ops::pointer::storage;
@@ -332,7 +333,8 @@ impl Pipeline {
     }
 
     fn bound(&self, scene: &Scene) -> Bound {
-        Bound { programs: self.programs.clone(), resources: scene.resources().clone() }
+        let (programs, resources) = (self.programs.clone(), scene.resources().clone());
+        Bound { programs, resources, roots: record_roots(self) }
     }
 }
 

@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::value::Value;
-use crate::machine::{Binding, Buffer, Descriptor};
+use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
+use crate::pipeline::{Pipeline, Sbt};
 use crate::program::Program;
 use crate::scene::Assembled;
+use crate::scene::pass::Pass;
 
 /// The most elements of a buffer in which further pointers are searched.
 const ELEMENTS: usize = 64;
@@ -27,21 +29,60 @@ pub fn typed(assembled: &Assembled, binding: Binding, bytes: &[u8]) -> Option<Va
     })
 }
 
+/// The content of a buffer that is bound nowhere, by its name and the type of the first pointer to
+/// it.
+pub fn typed_unbound(assembled: &Assembled, name: &str, bytes: &[u8]) -> Option<Value> {
+    let (address, buffer) = assembled.resources.memory.named_buffer(name)?;
+    let replaced = |other: &Arc<Buffer>| match Arc::ptr_eq(other, buffer) {
+        true => Buffer::new(bytes),
+        false => other.clone(),
+    };
+    let memory = assembled.resources.memory.with_buffers(replaced);
+    let resources = Resources { memory, ..assembled.resources.clone() };
+    let programs: Vec<_> = programs(assembled).collect();
+    pointed(&programs, &resources, &roots(assembled), address)
+}
+
+/// What holds the first addresses: blocks of a storage class with their content.
+pub type AddressRoots = Vec<(u32, Arc<Buffer>)>;
+
+/// The push constants and shader records of a scene.
+pub fn roots(assembled: &Assembled) -> AddressRoots {
+    let own = assembled.dispatches.iter().filter_map(|one| one.push_constants.clone());
+    let launches = assembled.passes.iter().filter_map(Pass::launch);
+    let own = own.chain(launches.filter_map(|launch| launch.push_constants.clone()));
+    let pipelines = std::iter::once(&assembled.pipeline).chain(&assembled.pipelines);
+    let mut roots: AddressRoots = pipelines.flat_map(record_roots).collect();
+    roots.extend(own.map(|buffer| (storage::PUSH_CONSTANT, buffer)));
+    roots
+}
+
+/// The shader records of a pipeline.
+pub fn record_roots(pipeline: &Pipeline) -> AddressRoots {
+    let Sbt { ray_generation, miss, hit, callable } = &pipeline.sbt;
+    let records = ray_generation.iter().chain([miss, hit, callable].into_iter().flatten().flatten());
+    records.filter_map(|record| Some((storage::SHADER_RECORD_BUFFER, record.data.clone()?))).collect()
+}
+
 /// The content of a buffer at a device address by the type of the first pointer to its beginning:
-/// in what shaders bind, their push constants, and the buffers to which pointers there lead. `None`
-/// where no pointer leads to it.
-pub fn pointed(assembled: &Assembled, address: u64) -> Option<Value> {
-    let resources = &assembled.resources;
+/// in what shaders bind, their push constants, other roots, and the buffers to which pointers there
+/// lead. `None` where no pointer leads to it.
+pub fn pointed(
+    programs: &[&Program],
+    resources: &Resources,
+    roots: &[(u32, Arc<Buffer>)],
+    address: u64,
+) -> Option<Value> {
     let mut seen: HashSet<(u64, usize, TypeId)> = HashSet::new();
     let mut open: VecDeque<(usize, TypeId, Vec<u8>)> = VecDeque::new();
-    for (at, program) in programs(assembled).enumerate() {
+    for (at, program) in programs.iter().enumerate() {
         for (class, binding, ty) in bound(program) {
             let Some(ty) = ty else { continue };
             let mut buffers: Vec<Arc<Buffer>> = Vec::new();
             if class == storage::PUSH_CONSTANT {
                 buffers.extend(resources.push_constants.clone());
-                buffers.extend(assembled.dispatches.iter().filter_map(|one| one.push_constants.clone()));
             }
+            buffers.extend(roots.iter().filter(|root| root.0 == class).map(|root| root.1.clone()));
             let descriptors = binding.and_then(|binding| resources.descriptors.get(&binding));
             buffers.extend(descriptors.into_iter().flatten().filter_map(|descriptor| match descriptor {
                 Descriptor::Buffer(buffer) => Some(buffer.clone()),
@@ -51,7 +92,6 @@ pub fn pointed(assembled: &Assembled, address: u64) -> Option<Value> {
             open.extend(buffers.iter().map(|buffer| (at, block, buffer.bytes())));
         }
     }
-    let programs: Vec<&Program> = programs(assembled).collect();
     while let Some((at, ty, bytes)) = open.pop_front() {
         let layout = Layout::new(&programs[at].module, ty, Rules::Explicit);
         for (target, pointee, stride) in layout.addresses(&bytes) {
@@ -91,8 +131,7 @@ fn block(module: &Module, mut ty: TypeId) -> TypeId {
 
 /// The shaders of a scene.
 pub fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
-    let dispatched = assembled.dispatches.iter().map(|dispatch| &*dispatch.compute.program);
-    assembled.pipeline.programs.iter().map(|program| &**program).chain(dispatched)
+    assembled.programs().map(|program| &**program)
 }
 
 /// Storage class, binding and type of what a program's interface binds.

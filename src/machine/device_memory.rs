@@ -115,6 +115,17 @@ impl DeviceMemory {
         copy
     }
 
+    /// Takes over the allocations of another address space, at their addresses.
+    ///
+    /// # Errors
+    /// The message where one overlaps an allocation that is here already.
+    pub fn extend(&mut self, other: &Self) -> Result<(), String> {
+        for Allocation { base, size, name, content } in &other.allocations {
+            self.insert_at(*base, *size, name.as_deref(), content.clone())?;
+        }
+        Ok(())
+    }
+
     /// Why an address cannot be given to a buffer.
     ///
     /// # Errors
@@ -179,6 +190,11 @@ impl DeviceMemory {
     pub fn named_buffer(&self, name: &str) -> Option<(u64, &Arc<Buffer>)> {
         let named = self.allocations.iter().find(|one| one.name.as_deref() == Some(name))?;
         Some((named.base, named.buffer()?))
+    }
+
+    /// All buffers that have a name, by their addresses.
+    pub fn named_buffers(&self) -> impl Iterator<Item = (&Arc<str>, &Arc<Buffer>)> {
+        self.allocations.iter().filter_map(|one| Some((one.name.as_ref()?, one.buffer()?)))
     }
 
     /// The buffer in whose regions an address lies, and the offset there, which may be beyond the

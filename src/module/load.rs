@@ -153,6 +153,7 @@ impl<'w> Loader<'w> {
                 debug_info: DebugInfo::default(),
                 result_types: IdMap::like(&definitions),
                 definitions,
+                warnings: Vec::new(),
             },
             debug: DebugReader::new(words),
             extents: Vec::new(),

@@ -34,6 +34,7 @@ mod refuse_function_tests;
 #[cfg(test)]
 mod refuse_tests;
 
+use crate::error::Warning;
 use crate::module::constant::Constant;
 use crate::module::debug_info::DebugInfo;
 use crate::module::decoration::Decorations;
@@ -176,6 +177,8 @@ pub struct Module {
     pub definitions: IdMap<Definition>,
     /// The types of the results of instructions in functions.
     pub result_types: IdMap<TypeId>,
+    /// What the compiler of its source warned of; none where the module was not compiled here.
+    pub warnings: Vec<Warning>,
 }
 
 impl Module {

@@ -147,8 +147,9 @@ impl Addresses {
     /// Those of sizes, and given addresses that overlap, each at its place.
     pub fn assign(scene: &ResolvedScene, errors: &mut Vec<Error>) -> Self {
         let names = Names::of(scene);
-        let mut wanted: BTreeSet<&str> =
-            scene.address_targets().iter().map(|of| of.target.value.as_str()).collect();
+        let targets = scene.address_targets();
+        let mut wanted: BTreeSet<&str> = targets.iter().map(|of| of.target.value.as_str()).collect();
+        wanted.extend(scene.kept_addresses.iter().map(String::as_str));
         // A view has an address where its buffer has one.
         let views = scene.resources.iter().filter_map(|one| match &one.resource {
             Resource::BufferView(view) => Some((one.name.as_str(), view)),
@@ -244,7 +245,12 @@ impl Addresses {
         Ok(start + offset)
     }
 
-    /// Whether a buffer has an address, by its name.
+    /// The names of what has an address.
+    pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.by_name.keys().map(String::as_str)
+    }
+
+    /// The address of a buffer or an acceleration structure, by its name.
     pub fn of_name(&self, name: &str) -> Option<u64> {
         self.by_name.get(name).map(|&(start, _)| start)
     }

@@ -1,6 +1,5 @@
 //! Makes a pipeline and its resources from a resolved scene.
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
@@ -12,9 +11,10 @@ use crate::input::{InputLimit, InputLimits};
 use crate::machine::image as machine;
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::interface::Stage;
+use crate::module::ty::Type;
 use crate::module::{self, Module};
-use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt, Stats};
+use crate::ops::translate::array_length;
+use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt};
 use crate::program::descriptors::stand_in;
 use crate::program::{Program, lower};
 use crate::scene::addresses::Addresses;
@@ -22,17 +22,20 @@ use crate::scene::descriptors;
 use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
+use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork};
 use crate::scene::resolved::{
-    self, ResolvedGroup, ResolvedPass, ResolvedRecord, ResolvedScene, ResolvedShader, ShaderCode,
-    ShaderModule,
+    self, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedScene,
+    ResolvedShader, ShaderCode, ShaderModule,
 };
 use crate::scene::resources::{BufferView, Resource};
 
 /// A scene that can be launched.
 #[derive(Clone, Debug)]
 pub struct Assembled {
-    /// Shaders and the shader binding table.
+    /// `[pipeline]`: shaders and the shader binding table.
     pub pipeline: Pipeline,
+    /// `[pipelines.NAME]`, in the scene's order.
+    pub pipelines: Vec<Pipeline>,
     /// The contents of the descriptor sets.
     pub resources: Resources,
     /// Width, height and depth of the launch.
@@ -46,80 +49,16 @@ pub struct Assembled {
     pub passes: Vec<Pass>,
 }
 
-/// One pass of a frame.
-#[derive(Clone, Debug)]
-pub enum Pass {
-    /// A launch of the scene's pipeline.
-    Launch(LaunchPass),
-    /// The dispatch with this index in [`Assembled::dispatches`].
-    Dispatch(usize),
-}
-
-/// A launch of the scene's pipeline.
-#[derive(Clone, Debug)]
-pub struct LaunchPass {
-    /// The record of the ray generation shader; `None` for that of the pipeline.
-    pub record: Option<Record>,
-    /// Width, height and depth.
-    pub size: [u32; 3],
-    /// Push constants of its own, in place of the scene's.
-    pub push_constants: Option<Arc<Buffer>>,
-}
-
-impl LaunchPass {
-    /// The pipeline with the record that is launched.
-    pub fn pipeline<'a>(&self, pipeline: &'a Pipeline) -> Cow<'a, Pipeline> {
-        let Some(record) = &self.record else { return Cow::Borrowed(pipeline) };
-        let mut own = pipeline.clone();
-        own.sbt.ray_generation = Some(record.clone());
-        Cow::Owned(own)
-    }
-
-    /// These resources with the push constants of the launch.
-    pub fn resources<'a>(&self, resources: &'a Resources) -> Cow<'a, Resources> {
-        with_push_constants(resources, &self.push_constants)
-    }
-}
-
-/// These resources with other push constants, if there are any.
-fn with_push_constants<'a>(resources: &'a Resources, own: &Option<Arc<Buffer>>) -> Cow<'a, Resources> {
-    match own {
-        None => Cow::Borrowed(resources),
-        own => Cow::Owned(Resources { push_constants: own.clone(), ..resources.clone() }),
-    }
-}
-
-/// A dispatch of a compute shader.
-#[derive(Clone, Debug)]
-pub struct Dispatch {
-    /// The shader.
-    pub compute: Compute,
-    /// The number of workgroups along x, y and z.
-    pub groups: [u32; 3],
-    /// Push constants of its own, in place of the scene's.
-    pub push_constants: Option<Arc<Buffer>>,
-}
-
-impl Dispatch {
-    /// These resources with the push constants of the dispatch.
-    pub fn resources<'a>(&self, resources: &'a Resources) -> Cow<'a, Resources> {
-        with_push_constants(resources, &self.push_constants)
-    }
-}
-
 impl Assembled {
-    /// Whether it is more than one launch of the pipeline, or a launch that is not its first.
-    pub fn is_frame(&self) -> bool {
-        let own = |pass: &Pass| matches!(pass, Pass::Launch(LaunchPass { record: None, .. }));
-        self.passes.iter().any(|pass| matches!(pass, Pass::Launch(_)) && !own(pass))
-    }
-
     /// Returns the scene with programs that are not optimised; see [`Program::unoptimized`].
     ///
     /// # Errors
     /// As [`lower()`].
     pub fn unoptimized(&self) -> Result<Self> {
         let mut reference = Self { pipeline: self.pipeline.unoptimized()?, ..self.clone() };
+        for pipeline in &mut reference.pipelines {
+            *pipeline = pipeline.unoptimized()?;
+        }
         for dispatch in &mut reference.dispatches {
             dispatch.compute = dispatch.compute.unoptimized()?;
         }
@@ -129,59 +68,6 @@ impl Assembled {
     /// The launch of the pipeline.
     pub fn launch(&self) -> Launch<'_> {
         Launch { pipeline: &self.pipeline, resources: &self.resources }
-    }
-
-    /// How many invocations [`Assembled::run`] runs, shaders that they call not counted; of more
-    /// than 2^64 the greatest number.
-    pub fn invocations(&self) -> u64 {
-        let count = |sides: [u32; 3]| sides.iter().fold(1, |all: u64, &side| all.saturating_mul(side.into()));
-        let dispatch = |one: &Dispatch| count(one.groups).saturating_mul(count(one.compute.workgroup_size()));
-        let pass = |pass: &Pass| match pass {
-            Pass::Launch(launch) => count(launch.size),
-            Pass::Dispatch(index) => dispatch(&self.dispatches[*index]),
-        };
-        self.passes.iter().map(pass).fold(0, u64::saturating_add)
-    }
-
-    /// Runs the passes of the scene on these resources, W lanes at a time; `done` receives how many
-    /// more invocations have ended.
-    ///
-    /// # Errors
-    /// The first trap, as [`Launch::run`] and [`Compute::run`] report it.
-    pub fn run<const W: usize>(&self, resources: &Resources, done: &(dyn Fn(u64) + Sync)) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
-        let mut stats = Stats::default();
-        for pass in &self.passes {
-            stats = stats.plus(&self.run_pass::<W>(pass, resources, done)?);
-        }
-        Ok(stats)
-    }
-
-    /// Runs one of its passes.
-    ///
-    /// # Errors
-    /// As [`Assembled::run`].
-    pub fn run_pass<const W: usize>(
-        &self,
-        pass: &Pass,
-        resources: &Resources,
-        done: &(dyn Fn(u64) + Sync),
-    ) -> Result<Stats>
-    where
-        LaneKernel: Width<W>,
-    {
-        match pass {
-            Pass::Launch(launch) => {
-                let (pipeline, resources) = (launch.pipeline(&self.pipeline), launch.resources(resources));
-                Launch { pipeline: &pipeline, resources: &resources }.run::<W>(launch.size, done)
-            }
-            Pass::Dispatch(index) => {
-                let dispatch = &self.dispatches[*index];
-                dispatch.compute.run::<W>(&dispatch.resources(resources), dispatch.groups, done)
-            }
-        }
     }
 }
 
@@ -209,11 +95,7 @@ fn assemble_excluding(
     let mut errors = Vec::new();
     let addresses = &Addresses::assign(scene, &mut errors);
     let mut shaders = Shaders { scene, loaded: HashMap::new(), addresses, programs: Vec::new() };
-    let built = pipeline(&mut shaders, &mut errors);
-    let (pipeline, raygen) = match built {
-        Ok((pipeline, raygen)) => (Ok(pipeline), raygen),
-        Err(error) => (Err(error), Vec::new()),
-    };
+    let built: Vec<_> = scene.all_pipelines().map(|one| pipeline(&mut shaders, one, &mut errors)).collect();
     let dispatches = dispatches(&mut shaders, &mut errors);
     let mut resources = resources(scene, excluded, addresses, &mut errors);
     if scene.missing_descriptors == MissingDescriptors::Zeros {
@@ -224,20 +106,22 @@ fn assemble_excluding(
             }
         }
     }
-    let pipeline = match pipeline {
-        // A pipeline that lacks a shader fails for that reason, which is already reported.
-        Err(error) if errors.is_empty() => {
-            errors.push(error);
-            None
+    let mut pipelines: Vec<(Pipeline, Vec<Option<Record>>)> = Vec::new();
+    // A pipeline that lacks a shader fails for that reason, which is already reported.
+    let reported = !errors.is_empty();
+    for (built, resolved) in built.into_iter().zip(scene.all_pipelines()) {
+        match (built, &resolved.name) {
+            (Ok(built), _) => pipelines.push(built),
+            (Err(_), _) if reported => {}
+            (Err(error), Some(name)) => errors.push(error.context(format!("pipeline `{name}`"))),
+            (Err(error), None) => errors.push(error),
         }
-        other => other.ok(),
-    };
+    }
     for (name, tlas) in &scene.tlas {
-        let checks = [
-            scene.device.check_structure(tlas),
-            scene.pipeline_flags.check_structure(tlas),
-            pipeline.as_ref().map_or(Ok(()), |pipeline| pipeline.check_motion(tlas)),
-        ];
+        let mut checks = vec![scene.device.check_structure(tlas)];
+        for (pipeline, _) in &pipelines {
+            checks.extend([pipeline.flags.check_structure(tlas), pipeline.check_motion(tlas)]);
+        }
         let context = |error: Error| error.context(format!("acceleration structure `{name}`"));
         errors.extend(checks.into_iter().filter_map(|check| check.err().map(context)));
     }
@@ -245,40 +129,56 @@ fn assemble_excluding(
     errors.extend(descriptors::mismatches(scene, programs));
     let own = |dispatch: &Dispatch| scene.device.check_module(&dispatch.compute.program.module).err();
     errors.extend(dispatches.iter().filter_map(own));
-    let (Some(pipeline), true) = (pipeline, errors.is_empty()) else {
-        return Err(deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown)));
-    };
+    let warnings = shaders.warnings();
+    if !errors.is_empty() {
+        let error = deduplicate(errors, scene.files.limits.get(InputLimit::ErrorsShown));
+        // A binding that is not where the source says, for one, is only understood by them.
+        return Err(warnings.into_iter().fold(error, Error::note));
+    }
     let programs = || shaders.programs.iter().map(|(.., program)| &**program);
-    let mut notes = descriptors::stride_notes(scene, programs());
+    let mut notes = warnings;
+    notes.extend(descriptors::stride_notes(scene, programs()));
     notes.extend(descriptors::missing_note(scene, programs()));
-    let passes = passes(scene, &pipeline, &raygen, dispatches.len(), addresses)?;
-    Ok(Assembled { pipeline, resources, size: scene.launch, dispatches, notes, passes })
+    let passes = passes(scene, &pipelines, dispatches.len(), addresses)?;
+    let mut pipelines = pipelines.into_iter().map(|(pipeline, _)| pipeline);
+    let pipeline = pipelines.next().expect("bug in anyhit: a scene without a pipeline");
+    let pipelines = pipelines.collect();
+    Ok(Assembled { pipeline, pipelines, resources, size: scene.launch, dispatches, notes, passes })
 }
 
 /// What the scene runs, in order: what `[[pass]]` lists, else the launch and then the dispatches.
+/// The pipelines are `[pipeline]` and then the named ones, with their ray generation records.
 fn passes(
     scene: &ResolvedScene,
-    pipeline: &Pipeline,
-    raygen: &[Option<Record>],
+    pipelines: &[(Pipeline, Vec<Option<Record>>)],
     dispatches: usize,
     addresses: &Addresses,
 ) -> Result<Vec<Pass>> {
     let pass = |pass: &ResolvedPass| {
-        Ok(match pass {
-            ResolvedPass::Dispatch(index) => Pass::Dispatch(*index),
-            ResolvedPass::Launch { raygen: index, size, push_constants } => {
+        let work = match &pass.work {
+            ResolvedPassWork::Dispatch(index) => PassWork::Dispatch(*index),
+            ResolvedPassWork::Launch { pipeline, raygen, size, push_constants } => {
                 let data = push_constants.as_ref().map(|data| data.encode(addresses)).transpose()?;
-                let push_constants = data.as_deref().map(Buffer::new);
-                Pass::Launch(LaunchPass { record: raygen[*index].clone(), size: *size, push_constants })
+                let (_, records) = &pipelines[pipeline.map_or(0, |index| index + 1)];
+                PassWork::Launch(LaunchPass {
+                    pipeline: *pipeline,
+                    record: records[*raygen].clone(),
+                    size: *size,
+                    push_constants: data.as_deref().map(Buffer::new),
+                })
             }
-        })
+        };
+        Ok(Pass { name: pass.name.clone(), rebindings: pass.rebindings.clone(), work })
     };
     if !scene.passes.is_empty() {
         return scene.passes.iter().map(pass).collect();
     }
-    let own = LaunchPass { record: None, size: scene.launch, push_constants: None };
-    let launch = pipeline.sbt.ray_generation.is_some().then_some(Pass::Launch(own));
-    Ok(launch.into_iter().chain((0..dispatches).map(Pass::Dispatch)).collect())
+    let unnamed = |work| Pass { name: None, rebindings: Vec::new(), work };
+    let own = LaunchPass { pipeline: None, record: None, size: scene.launch, push_constants: None };
+    let launches = pipelines[0].0.sbt.ray_generation.is_some();
+    let launch = launches.then_some(unnamed(PassWork::Launch(own)));
+    let dispatches = (0..dispatches).map(|index| unnamed(PassWork::Dispatch(index)));
+    Ok(launch.into_iter().chain(dispatches).collect())
 }
 
 /// Removes duplicate errors, as several groups may name one shader. A missing tool is reported only
@@ -316,6 +216,24 @@ impl<'a> Shaders<'a> {
         self.loaded.entry(index).or_insert_with(read).clone()
     }
 
+    /// What the compilers of its sources warned of, a line each.
+    fn warnings(&self) -> Vec<String> {
+        let most =
+            usize::try_from(self.scene.files.limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX);
+        let mut warnings = Vec::new();
+        for index in 0..self.scene.shaders.len() {
+            let own = self.loaded.get(&index).and_then(|module| module.as_ref().ok());
+            let Some(module) = self.scene.loaded.get(&index).or(own) else { continue };
+            for warning in &module.warnings {
+                let text = format!("warning of the compiler: {warning}");
+                if warnings.len() < most && !warnings.contains(&text) {
+                    warnings.push(text);
+                }
+            }
+        }
+        warnings
+    }
+
     fn program(&mut self, shader: &'a ResolvedShader, stage: Stage) -> Result<Arc<Program>> {
         if let Some((.., program)) =
             self.programs.iter().find(|(known, of, _)| *known == shader && *of == stage)
@@ -324,9 +242,23 @@ impl<'a> Shaders<'a> {
         }
         let mut module = self.module(shader.module)?;
         if !shader.specialization.is_empty() {
-            let specialized = Arc::make_mut(&mut module);
-            for (key, value) in &shader.specialization {
-                value.specialize(specialized, key, Some(self.addresses))?;
+            let specialize = |module: &mut Arc<Module>, addresses| {
+                let specialized = Arc::make_mut(module);
+                let mut values = shader.specialization.iter();
+                values.try_for_each(|(key, value)| value.specialize(specialized, key, addresses))
+            };
+            // Data is laid out before addresses are known, as these depend on its size.
+            let has_addresses = shader.specialization.iter().any(|(_, value)| value.target().is_some());
+            let mut as_laid_out = module.clone();
+            specialize(&mut module, Some(self.addresses))?;
+            if has_addresses && self.scene.loaded.contains_key(&shader.module) {
+                specialize(&mut as_laid_out, None)?;
+                if !same_array_lengths(&as_laid_out, &module) {
+                    let message = "the length of an array depends on a specialization constant that is an \
+                                   address, and data is laid out by this module before addresses are known";
+                    let error = Error::new(ErrorKind::InvalidScene, message).at(shader.place.clone());
+                    return Err(error.note("give the address as a number, with `address` of its buffer"));
+                }
             }
         }
         let entry =
@@ -350,17 +282,32 @@ impl<'a> Shaders<'a> {
     }
 }
 
+/// Whether the arrays of one module have the same lengths under two specializations.
+fn same_array_lengths(a: &Module, b: &Module) -> bool {
+    let lengths = |module: &Module| -> Vec<usize> {
+        let length = |ty: &Type| match *ty {
+            Type::Array { length, .. } => Some(array_length(module, length)),
+            _ => None,
+        };
+        module.types.iter().filter_map(length).collect()
+    };
+    lengths(a) == lengths(b)
+}
+
 /// Loads a module; a source is compiled first.
-pub(super) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
+pub(crate) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> {
     let context = |error: Error| error.context(shader.path.display()).at(shader.place.clone());
     match &shader.code {
         ShaderCode::SpirV(bytes) => module::load_with(bytes, files.limits).map_err(context),
-        ShaderCode::Source(bytes, folders, flags) => {
+        ShaderCode::Source(bytes, settings) => {
             let name = shader.path.display().to_string();
+            let language = settings.language(&name).map_err(|error| error.at(shader.place.clone()))?;
             let source = match std::str::from_utf8(bytes) {
                 // A file on disk may include other files.
-                Ok(text) if Path::new(&shader.path).is_file() => compile::Source::of_file(name, text)?,
-                Ok(text) => compile::Source::from_text(name, text)?,
+                Ok(text) if Path::new(&shader.path).is_file() => {
+                    compile::Source::of_file(language, name, text)
+                }
+                Ok(text) => compile::Source::from_text_as(language, name, text),
                 Err(_) => {
                     let message = format!("{name} is not UTF-8");
                     return Err(Error::new(ErrorKind::InvalidSource, message).at(shader.place.clone()));
@@ -368,11 +315,14 @@ pub(super) fn read(shader: &ShaderModule, files: &SceneFiles) -> Result<Module> 
             };
             let options =
                 compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
-            let options = flags.over(&options);
-            let source = source.include_folders(folders).confined(files.limits, files.root.clone());
-            let spirv =
-                compile::compile_once(&source, &options).map_err(|error| error.at(shader.place.clone()))?;
-            module::load_with(&spirv, files.limits).map_err(context)
+            let options = settings.over(&options);
+            let source =
+                source.include_folders(&settings.include_folders).confined(files.limits, files.root.clone());
+            let compiled = compile::compile_once_with_warnings(&source, &options)
+                .map_err(|error| error.at(shader.place.clone()))?;
+            let mut module = module::load_with(&compiled.spirv, files.limits).map_err(context)?;
+            module.warnings = compiled.warnings;
+            Ok(module)
         }
     }
 }
@@ -394,11 +344,12 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     let at = |error: Error| error.at(one.shader.place.clone());
     let program = shaders.program(&one.shader, Stage::Compute)?;
     let mut compute = Compute::new(program).map_err(at)?;
-    if let Some(operations) = shaders.scene.fuel {
+    let limits = &shaders.scene.pipeline;
+    if let Some(operations) = limits.fuel {
         compute = compute.fuel(operations);
     }
-    compute = compute.launch_limits(shaders.scene.launch_limits);
-    if let Some(size) = shaders.scene.subgroup_size {
+    compute = compute.launch_limits(limits.launch_limits);
+    if let Some(size) = limits.subgroup_size {
         compute = compute.subgroup_size(size).map_err(at)?;
     }
     let push_constants =
@@ -407,12 +358,16 @@ fn dispatch<'a>(shaders: &mut Shaders<'a>, one: &'a resolved::ResolvedDispatch) 
     Ok(Dispatch { compute, groups: one.groups, push_constants })
 }
 
-/// The pipeline, and all its ray generation records.
-fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<(Pipeline, Vec<Option<Record>>)> {
-    let scene = shaders.scene;
+/// A pipeline, and all its ray generation records.
+fn pipeline<'a>(
+    shaders: &mut Shaders<'a>,
+    resolved: &'a ResolvedPipeline,
+    errors: &mut Vec<Error>,
+) -> Result<(Pipeline, Vec<Option<Record>>)> {
+    let device = shaders.scene.device.clone();
     let mut builder = Pipeline::builder();
     let mut groups = Vec::new();
-    for group in &scene.groups {
+    for group in &resolved.groups {
         let mut add = |shader, stage| match shaders.program(shader, stage) {
             Ok(program) => Some(builder.shader(program)),
             Err(error) => {
@@ -451,28 +406,28 @@ fn pipeline(shaders: &mut Shaders<'_>, errors: &mut Vec<Error>) -> Result<(Pipel
             }
         }
     };
-    let raygen: Vec<Option<Record>> = scene.sbt.raygen.iter().map(&mut record).collect();
+    let raygen: Vec<Option<Record>> = resolved.sbt.raygen.iter().map(&mut record).collect();
     *builder.sbt() = Sbt {
         ray_generation: raygen.first().cloned().flatten(),
-        miss: scene.sbt.miss.iter().map(&mut record).collect(),
-        hit: scene.sbt.hit.iter().map(&mut record).collect(),
-        callable: scene.sbt.callable.iter().map(&mut record).collect(),
+        miss: resolved.sbt.miss.iter().map(&mut record).collect(),
+        hit: resolved.sbt.hit.iter().map(&mut record).collect(),
+        callable: resolved.sbt.callable.iter().map(&mut record).collect(),
     };
-    builder.device(scene.device.clone()).flags(scene.pipeline_flags);
-    if let Some(depth) = scene.max_recursion_depth {
+    builder.device(device).flags(resolved.flags);
+    if let Some(depth) = resolved.max_recursion_depth {
         builder.max_recursion(depth);
     }
-    if let Some(operations) = scene.fuel {
+    if let Some(operations) = resolved.fuel {
         builder.fuel(operations);
     }
-    if let Some(depth) = scene.max_callable_depth {
+    if let Some(depth) = resolved.max_callable_depth {
         builder.max_callable_depth(depth);
     }
-    if let Some(bytes) = scene.max_stack_size {
+    if let Some(bytes) = resolved.max_stack_size {
         builder.max_stack_size(bytes);
     }
-    builder.launch_limits(scene.launch_limits);
-    if let Some(size) = scene.subgroup_size {
+    builder.launch_limits(resolved.launch_limits);
+    if let Some(size) = resolved.subgroup_size {
         builder.subgroup_size(size);
     }
     Ok((builder.build()?, raygen))

@@ -166,11 +166,18 @@ impl DataPieces {
                     grown(bytes, all, files).map_err(|error| error.at(span.place()))?;
                     let start = bytes.len();
                     bytes.reserve_exact(all as usize);
-                    mesh.encode(span, meshes, bytes)?;
+                    let mut late = mesh.encode(span, meshes, bytes)?;
                     let end = bytes.len();
                     match piece.repeat {
                         0 => bytes.truncate(start),
-                        repeat => (1..repeat).for_each(|_| bytes.extend_from_within(start..end)),
+                        repeat if late.is_empty() => {
+                            (1..repeat).for_each(|_| bytes.extend_from_within(start..end));
+                        }
+                        repeat => {
+                            let content = bytes.split_off(start);
+                            late.iter_mut().for_each(|(at, _)| *at -= start);
+                            (0..repeat).for_each(|_| data.append(&content, &late));
+                        }
                     }
                     continue;
                 }

@@ -90,13 +90,17 @@ mod tests {
             scene.shaders.iter().map(|module| module.code.clone()).collect()
         };
         assert_eq!(codes(&disk), codes(&embedded));
-        assert_eq!(disk.groups.len(), embedded.groups.len());
+        assert_eq!(disk.pipeline.groups.len(), embedded.pipeline.groups.len());
     }
 
     #[test]
     fn both_scenes_name_entry_points_that_exist() {
         for scene in [scene(&LoadOptions::default()).unwrap(), slang()] {
-            let records = [scene.sbt.raygen.len(), scene.sbt.miss.len(), scene.sbt.hit.len()];
+            let records = [
+                scene.pipeline.sbt.raygen.len(),
+                scene.pipeline.sbt.miss.len(),
+                scene.pipeline.sbt.hit.len(),
+            ];
             assert_eq!(records, [1, 2, 4]);
             let has = |shader: &ResolvedShader, stage: Stage| {
                 let ShaderCode::SpirV(bytes) = &scene.shaders[shader.module].code else { panic!() };
@@ -104,7 +108,7 @@ mod tests {
                 let entry = |e: &&_| matches_entry(e, &shader.entry, stage);
                 assert!(module.entry_points.iter().any(|e| entry(&e)), "{} {stage:?}", shader.entry);
             };
-            for group in &scene.groups {
+            for group in &scene.pipeline.groups {
                 match group {
                     ResolvedGroup::RayGeneration(shader) => has(shader, Stage::RayGeneration),
                     ResolvedGroup::Miss(shader) => has(shader, Stage::Miss),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::compile::{CompilerFlags, Language};
+use crate::compile::{CompilerFlags, Language, LanguageName, SourceStage};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
@@ -18,6 +18,7 @@ use crate::scene::device;
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::models::{ModelEntry, OpenModels};
+use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, launch};
 use crate::scene::read::{
     Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
 };
@@ -46,6 +47,8 @@ pub struct SceneFile {
     pub device: Option<DeviceProfile>,
     /// `[pipeline]`
     pub pipeline: Option<PipelineEntry>,
+    /// `[pipelines.NAME]`
+    pub pipelines: Vec<Entry<NamedPipelineEntry>>,
     /// `[samplers.NAME]`
     pub samplers: Vec<Entry<Sampler>>,
     /// `[resources.NAME]`
@@ -55,7 +58,7 @@ pub struct SceneFile {
     /// `[[dispatch]]`
     pub dispatches: Vec<DispatchEntry>,
     /// `[[pass]]`
-    pub passes: Vec<Spanned<PassEntry>>,
+    pub passes: Vec<PassEntry>,
     /// `precision`
     pub precision: Option<Precision>,
     /// `launch`
@@ -97,6 +100,7 @@ impl SceneFile {
             shaders: entries(&root, "shaders"),
             device: root.optional("device"),
             pipeline: root.optional("pipeline"),
+            pipelines: entries(&root, "pipelines"),
             samplers: entries(&root, "samplers"),
             resources: entries(&root, "resources"),
             push_constants: root.optional("push_constants"),
@@ -142,86 +146,6 @@ fn entries<T: Parse>(root: &Table<'_>, key: &'static str) -> Vec<Entry<T>> {
     table.iter().map(|(name, value)| Entry { name, content: T::parse(value) }).collect()
 }
 
-fn launch(root: &Table<'_>) -> Option<Spanned<[u32; 3]>> {
-    let value = root.value("launch")?;
-    let Spanned { value: size, span } = sides(value)?;
-    // maxRayDispatchInvocationCount is at least 2^30, and no device offers more.
-    let count = size.iter().fold(1_u128, |count, side| count * u128::from(*side));
-    if count == 0 || count > 1 << 30 {
-        return value.wrong(format!("{count} invocations: a launch has 1 to 2^30"));
-    }
-    Some(Spanned { value: size, span })
-}
-
-/// Reads one to three sizes; missing ones are 1.
-fn sides(value: TomlValue<'_>) -> Option<Spanned<[u32; 3]>> {
-    let Spanned { value: OneOrMore(given), span } = Spanned::<OneOrMore<u32>>::parse(value)?;
-    if given.is_empty() || given.len() > 3 {
-        return value.wrong("one to three sizes are needed: `[width, height, depth]`");
-    }
-    let mut size = [1; 3];
-    size[..given.len()].copy_from_slice(&given);
-    Some(Spanned { value: size, span })
-}
-
-/// A dispatch of a compute shader.
-#[derive(Clone, Debug)]
-pub struct DispatchEntry {
-    /// The shader.
-    pub shader: Spanned<String>,
-    /// The number of workgroups along x, y and z.
-    pub groups: [u32; 3],
-    /// Push constants of its own, in place of the scene's.
-    pub push_constants: Option<DataPieces>,
-}
-
-impl Parse for DispatchEntry {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let table = Table::new(value)?;
-        let shader = table.required("shader");
-        let groups = table.value("groups").map_or(Some([1; 3]), |value| Some(sides(value)?.value));
-        let push_constants = table.optional("push_constants");
-        table.finish();
-        Some(Self { shader: shader?, groups: groups?, push_constants })
-    }
-}
-
-/// One pass of a frame.
-#[derive(Clone, Debug)]
-pub enum PassEntry {
-    /// A launch of the pipeline from one of its ray generation shaders.
-    Launch {
-        /// The name of the shader's record in `[pipeline]`, or of its shader.
-        raygen: Spanned<String>,
-        /// The size of the launch; the scene's where there is none.
-        size: Option<[u32; 3]>,
-        /// Push constants of its own, in place of the scene's.
-        push_constants: Option<DataPieces>,
-    },
-    /// A dispatch of a compute shader.
-    Dispatch(DispatchEntry),
-}
-
-impl Parse for PassEntry {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let table = Table::new(value)?;
-        match (table.has("raygen"), table.has("shader")) {
-            (true, false) => {}
-            (false, true) => return DispatchEntry::parse(value).map(Self::Dispatch),
-            _ => {
-                return value.wrong(
-                    "a pass is a launch from a `raygen` of the pipeline, or a dispatch of a compute `shader`",
-                );
-            }
-        }
-        let raygen = table.required("raygen");
-        let size = launch(&table);
-        let push_constants = table.optional("push_constants");
-        table.finish();
-        Some(Self::Launch { raygen: raygen?, size: size.map(|size| size.value), push_constants })
-    }
-}
-
 /// A file with shaders.
 #[derive(Clone, Debug)]
 pub struct ShaderEntry {
@@ -231,6 +155,10 @@ pub struct ShaderEntry {
     pub path: Option<Spanned<String>>,
     /// The source text that it comes from.
     pub source: Option<Spanned<String>>,
+    /// The language of the source, where its extension or `language` says it.
+    pub language: Option<Language>,
+    /// The stage of GLSL, or of the one entry point that is compiled of Slang and HLSL.
+    pub stage: Option<SourceStage>,
     /// Folders where included files are searched, after the source's own.
     pub include_folders: Vec<Spanned<String>>,
     /// Flags of the compiler of the source.
@@ -249,6 +177,8 @@ impl Parse for ShaderEntry {
             let (path, source) = if is_source { (None, path) } else { (path, None) };
             return Some(Self {
                 span: value.span(),
+                language: source.as_ref().and_then(|file| Language::of(Path::new(&file.value))),
+                stage: None,
                 path,
                 source,
                 include_folders: Vec::new(),
@@ -261,7 +191,9 @@ impl Parse for ShaderEntry {
         let path = table.optional("path");
         let source = table.optional("source");
         let include_folders = table.or("include_folders", Vec::new());
-        let compiler_flags = compiler_flags(&table, source.as_ref());
+        let stage = table.optional("stage");
+        let language = language(&table, source.as_ref(), stage);
+        let compiler_flags = compiler_flags(&table, source.as_ref(), language.flatten());
         let entry = table.or("entry", "main".to_string());
         let specialization = table.value("specialization").map_or(Some(Vec::new()), specialization);
         table.finish();
@@ -273,6 +205,8 @@ impl Parse for ShaderEntry {
             span: value.span(),
             path,
             source,
+            language: language?,
+            stage,
             include_folders,
             compiler_flags,
             entry,
@@ -281,17 +215,53 @@ impl Parse for ShaderEntry {
     }
 }
 
-/// Reads the flags of the compiler of a source; the source's extension says which one that is.
-fn compiler_flags(table: &Table<'_>, source: Option<&Spanned<String>>) -> Option<CompilerFlags> {
+impl Named for LanguageName {
+    const WHAT: &'static str = "language";
+    const NAMES: &'static [(&'static str, Self)] = &LanguageName::NAMES;
+}
+
+impl Named for SourceStage {
+    const WHAT: &'static str = "stage";
+    const NAMES: &'static [(&'static str, Self)] = &SourceStage::NAMES;
+}
+
+/// Reads the language of a source; `Some(None)` where nothing says it, which is told where it is
+/// compiled.
+fn language(
+    table: &Table<'_>,
+    source: Option<&Spanned<String>>,
+    stage: Option<SourceStage>,
+) -> Option<Option<Language>> {
+    let name = table.optional("language");
+    let said = ["stage", "language"].map(|key| (key, table.value(key)));
+    let mut said = said.into_iter().filter_map(|(key, value)| Some((key, value?)));
+    let Some(source) = source else {
+        return match said.next() {
+            Some((key, value)) => {
+                value.wrong(format!("`{key}` is for a `source`: a module is compiled already"))
+            }
+            None => Some(None),
+        };
+    };
+    match Language::said(name, stage, Path::new(&source.value)) {
+        Ok(language) => Some(language),
+        Err(message) => said.next().and_then(|(_, value)| value.wrong(message)),
+    }
+}
+
+/// Reads the flags of the compiler of a source; its language says which one that is.
+fn compiler_flags(
+    table: &Table<'_>,
+    source: Option<&Spanned<String>>,
+    language: Option<Language>,
+) -> Option<CompilerFlags> {
     let Some(value) = table.value("compiler_flags") else { return Some(CompilerFlags::default()) };
     let flags = <OneOrMore<Spanned<String>>>::parse(value)?.0;
-    let Some(source) = source else {
+    if source.is_none() {
         return value.wrong("`compiler_flags` are for a `source`: a module is compiled already");
-    };
+    }
     // Of a source in no known language this is told where it is compiled.
-    let Some(language) = Language::of(Path::new(&source.value)) else {
-        return Some(CompilerFlags::default());
-    };
+    let Some(language) = language else { return Some(CompilerFlags::default()) };
     let words: Vec<&str> = flags.iter().map(|flag| flag.value.as_str()).collect();
     let refused = match CompilerFlags::parse(language, &words) {
         Ok(flags) => return Some(flags),
@@ -399,6 +369,22 @@ impl Parse for PipelineEntry {
     }
 }
 
+/// `[pipelines.NAME]`: a pipeline that passes name.
+#[derive(Clone, Debug)]
+pub struct NamedPipelineEntry(pub PipelineEntry);
+
+impl Parse for NamedPipelineEntry {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        let mut scenes_own = ["memory", "printed_bytes", "unbound"].into_iter().filter(|key| table.has(key));
+        if let Some(key) = scenes_own.next() {
+            let found = table.value(key)?;
+            return found.wrong(format!("`{key}` holds for all passes: it stands in `[pipeline]`"));
+        }
+        PipelineEntry::parse(value).map(Self)
+    }
+}
+
 /// What happens at a descriptor that shaders use and the scene does not bind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MissingDescriptors {
@@ -485,9 +471,29 @@ pub enum RayEntry {
         name: Option<String>,
         /// x and y of the launch index.
         pixel: Spanned<[u32; 2]>,
+        /// The pass that it is looked at in; the first launch where there is none.
+        pass: Option<Spanned<PassKey>>,
     },
     /// A ray by its numbers.
     Given(GivenRay),
+}
+
+impl RayEntry {
+    /// Its name, if it has one.
+    pub fn name(&self) -> Option<&String> {
+        match self {
+            Self::Pixel { name, .. } => name.as_ref(),
+            Self::Given(given) => given.name.as_ref(),
+        }
+    }
+
+    /// The pass that it names.
+    pub fn pass(&self) -> Option<&Spanned<PassKey>> {
+        match self {
+            Self::Pixel { pass, .. } => pass.as_ref(),
+            Self::Given(given) => given.pass.as_ref(),
+        }
+    }
 }
 
 /// The operands of a trace.
@@ -517,6 +523,8 @@ pub struct GivenRay {
     pub miss_index: u32,
     /// The payload's first words; the rest is zeros.
     pub payload: Vec<u32>,
+    /// The pass with whose pipeline it is traced; the first launch where there is none.
+    pub pass: Option<Spanned<PassKey>>,
 }
 
 impl GivenRay {
@@ -583,10 +591,11 @@ impl Parse for RayEntry {
         let name = table.optional("name");
         // The harness reads this table.
         let _ = table.value("expect");
+        let pass = table.optional("pass");
         if table.has("pixel") {
             let pixel = table.required("pixel");
             table.finish();
-            return Some(Self::Pixel { name, pixel: pixel? });
+            return Some(Self::Pixel { name, pixel: pixel?, pass });
         }
         let (origin, direction) = (table.required("origin"), table.required("direction"));
         let (t_min, t_max) = (table.or("t_min", 0.0), table.or("t_max", f32::INFINITY));
@@ -611,6 +620,7 @@ impl Parse for RayEntry {
             sbt_stride,
             miss_index,
             payload: payload?,
+            pass,
         }))
     }
 }

@@ -6,11 +6,13 @@ mod tables;
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
+use crate::scene::encoding::AddressOf;
 use crate::scene::geometry::InstanceEntry;
 use crate::scene::mesh::material::{Texture, TextureSlot};
 use crate::scene::mesh::model::{Model, Part};
 use crate::scene::mesh_piece::tables::{
-    GeometryColumn, InstanceColumn, MaterialColumn, geometry, instance, material, places,
+    Column, ColumnKind, GeometryColumn, InstanceColumn, MaterialColumn, NOTHING, geometry, instance,
+    material, places,
 };
 use crate::scene::models::MeshSelection;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, unknown_name};
@@ -27,17 +29,23 @@ pub struct MeshPiece {
 #[derive(Clone, Debug)]
 enum MeshContent {
     /// A row of each vertex.
-    Vertices { attributes: Vec<Spanned<String>>, formats: Vec<AttributeFormat>, missing: Option<Vec<f32>> },
+    Vertices {
+        attributes: Vec<Spanned<String>>,
+        formats: Vec<AttributeFormat>,
+        missing: Option<Vec<f32>>,
+        /// The texture whose transform texture coordinates go through.
+        texture_transform: Option<TextureSlot>,
+    },
     /// Three indices a triangle, of two bytes each or of four.
     Indices { is_short: bool },
     /// A row of each instance of an acceleration structure that has one of the geometries.
-    Instances { columns: Vec<InstanceColumn>, tlas: String },
+    Instances { columns: Vec<Column<InstanceColumn>>, tlas: String },
     /// A row of each geometry.
-    Geometries(Vec<GeometryColumn>),
+    Geometries(Vec<Column<GeometryColumn>>),
     /// A row of each material of the file.
-    Materials(Vec<MaterialColumn>),
+    Materials(Vec<Column<MaterialColumn>>),
     /// A row of each geometry: its own material's.
-    OwnMaterials(Vec<MaterialColumn>),
+    OwnMaterials(Vec<Column<MaterialColumn>>),
 }
 
 /// How an attribute is stored.
@@ -263,7 +271,7 @@ impl MeshPiece {
         let mesh = table.optional::<Spanned<String>>("mesh");
         let attributes = table.optional::<OneOrMore<Spanned<String>>>("attribute");
         let name = table.optional::<TableName>("table");
-        let material = table.optional::<OneOrMore<MaterialColumn>>("material");
+        let material = table.optional::<OneOrMore<Column<MaterialColumn>>>("material");
         if !["mesh", "attribute", "table", "material"].iter().any(|key| table.has(key)) {
             return None;
         }
@@ -315,11 +323,9 @@ impl MeshPiece {
                     4
                 }
             }
-            MeshContent::Instances { columns, .. } => columns.iter().map(|column| column.size()).sum(),
-            MeshContent::Geometries(columns) => columns.iter().map(|column| column.size()).sum(),
-            MeshContent::Materials(columns) | MeshContent::OwnMaterials(columns) => {
-                columns.iter().map(|column| column.size()).sum()
-            }
+            MeshContent::Instances { columns, .. } => size(columns),
+            MeshContent::Geometries(columns) => size(columns),
+            MeshContent::Materials(columns) | MeshContent::OwnMaterials(columns) => size(columns),
         }
     }
 
@@ -355,31 +361,37 @@ impl MeshPiece {
         Ok(rows.saturating_mul(row))
     }
 
-    /// Appends its bytes.
+    /// Appends its bytes, and gives the places of the addresses among them, ascending.
     ///
     /// # Errors
     /// `InvalidScene` where no mesh has its name or the mesh lacks an attribute;
     /// `InvalidMesh` for a broken file.
-    pub fn encode(&self, span: &Span, meshes: &SceneMeshes<'_>, bytes: &mut Vec<u8>) -> Result<()> {
-        let mut rows =
-            Rows { bytes, row: self.row() as usize, stride: self.stride.map(|stride| stride as usize) };
+    pub fn encode(
+        &self,
+        span: &Span,
+        meshes: &SceneMeshes<'_>,
+        bytes: &mut Vec<u8>,
+    ) -> Result<Vec<(usize, AddressOf)>> {
+        let stride = self.stride.map(|stride| stride as usize);
+        let mut rows = Rows { bytes, addresses: Vec::new(), row: self.row() as usize, stride };
         let selection = self.selection(meshes)?;
         if let MeshContent::Instances { columns, tlas } = &self.content {
             let places = places(meshes);
             for entry in instances(meshes, selection, tlas) {
-                rows.push(|bytes| instance(entry, columns, &places, bytes));
+                rows.push_columns(columns, |column, bytes| instance(entry, column, &places, bytes));
             }
-            return Ok(());
+            return Ok(rows.addresses);
         }
-        let Some(MeshSelection { model, parts, merged, .. }) = selection else { return Ok(()) };
+        let Some(MeshSelection { model, parts, merged, .. }) = selection else { return Ok(Vec::new()) };
         let named = |error: Error| match &self.mesh {
             Some(name) => error.at_with(name.span.place(), "named here"),
             None => error,
         };
         match &self.content {
-            MeshContent::Vertices { attributes, formats, missing } => {
+            MeshContent::Vertices { attributes, formats, missing, texture_transform } => {
                 for part in parts {
-                    vertex_rows(model, *part, attributes, formats, missing.as_deref(), &mut rows)
+                    let missing = missing.as_deref();
+                    vertex_rows(model, *part, attributes, formats, missing, *texture_transform, &mut rows)
                         .map_err(named)?;
                 }
             }
@@ -405,25 +417,37 @@ impl MeshPiece {
             MeshContent::Geometries(columns) => {
                 let mut at = [0; 2];
                 for part in parts.iter().map(|part| &model.parts[*part]) {
-                    rows.push(|bytes| geometry(part, columns, at, bytes));
+                    rows.push_columns(columns, |column, bytes| geometry(part, column, at, bytes));
                     at = [at[0] + part.vertices, at[1] + part.triangles];
                 }
             }
             MeshContent::Materials(columns) => {
-                model.materials.iter().for_each(|one| rows.push(|bytes| material(one, columns, bytes)));
+                for one in &model.materials {
+                    rows.push_columns(columns, |column, bytes| material(one, column, bytes));
+                }
             }
             MeshContent::OwnMaterials(columns) => {
-                let of_part = |part: &usize| &model.materials[model.parts[*part].material];
-                parts.iter().map(of_part).for_each(|one| rows.push(|bytes| material(one, columns, bytes)));
+                for part in parts {
+                    let one = &model.materials[model.parts[*part].material];
+                    rows.push_columns(columns, |column, bytes| material(one, column, bytes));
+                }
             }
             MeshContent::Instances { .. } => {}
         }
-        Ok(())
+        Ok(rows.addresses)
     }
 }
 
-fn columns<T: Named>(table: &Table<'_>, default: &[T]) -> Vec<T> {
-    table.optional::<OneOrMore<T>>("columns").map_or_else(|| default.to_vec(), |columns| columns.0)
+fn columns<K: ColumnKind>(table: &Table<'_>, default: &[K]) -> Vec<Column<K>> {
+    match table.optional::<OneOrMore<Column<K>>>("columns") {
+        Some(columns) => columns.0,
+        None => default.iter().map(|kind| Column::Own(*kind)).collect(),
+    }
+}
+
+/// The bytes of a row.
+fn size<K: ColumnKind>(columns: &[Column<K>]) -> u64 {
+    columns.iter().map(Column::size).sum()
 }
 
 fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<MeshContent> {
@@ -465,17 +489,46 @@ fn vertices(table: &Table<'_>, mut attributes: Vec<Spanned<String>>) -> Option<M
             formats
         }
     };
-    Some(MeshContent::Vertices { attributes, formats, missing: missing.map(|missing| missing.value.0) })
+    let missing = missing.map(|missing| missing.value.0);
+    let texture_transform = table.optional("texture_transform");
+    Some(MeshContent::Vertices { attributes, formats, missing, texture_transform })
 }
 
 /// Rows of one size.
 struct Rows<'b> {
     bytes: &'b mut Vec<u8>,
+    /// The addresses among them with their places.
+    addresses: Vec<(usize, AddressOf)>,
     row: usize,
     stride: Option<usize>,
 }
 
 impl Rows<'_> {
+    /// Appends a row of columns, given how one is written.
+    fn push_columns<K: ColumnKind>(&mut self, columns: &[Column<K>], write: impl Fn(K, &mut Vec<u8>)) {
+        let mut found = std::mem::take(&mut self.addresses);
+        self.push(|bytes| {
+            for column in columns {
+                match column {
+                    Column::Own(kind) => write(*kind, bytes),
+                    Column::Address { of, stride, by } => {
+                        let at = bytes.len();
+                        write(*by, bytes);
+                        let number = bytes.split_off(at).try_into().map_or(NOTHING, u32::from_le_bytes);
+                        // What is not there has the null address.
+                        if number != NOTHING {
+                            let mut of = of.clone();
+                            of.offset.value += stride * u64::from(number);
+                            found.push((at, of));
+                        }
+                        bytes.extend([0; 8]);
+                    }
+                }
+            }
+        });
+        self.addresses = found;
+    }
+
     fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
         write(self.bytes);
         if let Some(stride) = self.stride {
@@ -491,13 +544,22 @@ fn vertex_rows(
     attributes: &[Spanned<String>],
     formats: &[AttributeFormat],
     missing: Option<&[f32]>,
+    texture_transform: Option<TextureSlot>,
     rows: &mut Rows<'_>,
 ) -> Result<()> {
     let known = &model.parts[part];
+    let mapping = texture_transform.map(|slot| model.materials[known.material].mappings[slot as usize]);
     let mut numbers = Vec::new();
     for attribute in attributes {
         numbers.push(match (known.attributes.contains(&attribute.value), missing) {
-            (true, _) => Some(model.attribute(part, &attribute.value)?),
+            (true, _) => {
+                let mut numbers = model.attribute(part, &attribute.value)?;
+                if let Some(mapping) = mapping.filter(|_| attribute.value.starts_with("texcoord_")) {
+                    let (pairs, _) = numbers.values.as_chunks_mut::<2>();
+                    pairs.iter_mut().for_each(|pair| *pair = mapping.apply(*pair));
+                }
+                Some(numbers)
+            }
             (false, Some(_)) => None,
             (false, None) => {
                 let message = format!("`{}` has no attribute `{}`", known.name, attribute.value);

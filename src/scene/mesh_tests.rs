@@ -23,7 +23,7 @@ const ROOM: &str = r#"{
   "cameras": [{ "type": "perspective", "perspective": { "yfov": 1, "aspectRatio": 2, "znear": 0.5, "zfar": 8 } }],
   "meshes": [
     { "name": "floor", "primitives": [{ "material": 1, "indices": 4,
-      "attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3 } }] },
+      "attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3, "_FEATURE_ID_0": 4 } }] },
     { "name": "lamp", "primitives": [
       { "attributes": { "POSITION": 0 }, "indices": 4, "material": 0 },
       { "attributes": { "POSITION": 0 } }] }
@@ -31,9 +31,11 @@ const ROOM: &str = r#"{
   "materials": [
     { "name": "glow", "emissiveFactor": [1, 0.5, 0.25], "alphaMode": "BLEND",
       "pbrMetallicRoughness": { "metallicFactor": 0 } },
-    { "name": "tiles", "doubleSided": true, "normalTexture": { "index": 1, "scale": 0.5 },
+    { "name": "tiles", "doubleSided": true, "normalTexture": { "index": 1, "scale": 0.5, "extensions": {
+        "KHR_texture_transform": { "offset": [0, 1], "rotation": 1.57079632679, "scale": [0.5, 0.5], "texCoord": 1 } } },
       "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 0.125, 1], "roughnessFactor": 0.75,
-        "baseColorTexture": { "index": 0 } } }
+        "baseColorTexture": { "index": 0, "extensions": {
+          "KHR_texture_transform": { "offset": [0.5, 0.25], "scale": [2, 4] } } } } }
   ],
   "textures": [{ "source": 0, "sampler": 0 }, { "source": 0 }],
   "samplers": [{ "magFilter": 9728, "minFilter": 9729, "wrapS": 33071 }],
@@ -178,6 +180,37 @@ fn a_geometry_of_several_primitives_says_which() {
 }
 
 #[test]
+fn textures_are_transformed_as_their_extension_says() {
+    let columns = "'base_color_transform', 'base_color_texcoord'";
+    let piece = format!("{{ mesh = 'floor', material = [{columns}] }}");
+    let found = floats(&piece);
+    assert_eq!(found[..6], [2.0, 0.0, 0.5, 0.0, 4.0, 0.25]);
+    assert_eq!(found[6].to_bits(), 0);
+    // The extension's example: the lower left quarter of the picture, turned. v counts down, so
+    // that (u, v) becomes (v / 2, 1 - u / 2); a float is not exactly a quarter of a turn.
+    let found = floats("{ mesh = 'floor', material = ['normal_transform', 'normal_texcoord'] }");
+    let wanted = [0.0, 0.5, 0.0, -0.5, 0.0, 1.0];
+    assert!(found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-7), "{found:?}");
+    assert_eq!(found[6].to_bits(), 1);
+    // The lamp's first material has no textures: nothing is transformed.
+    let found = floats("{ mesh = 'lamp', material = ['base_color_transform'] }");
+    assert_eq!(found[..6], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    // Coordinates (0, 0), (1, 1), (0, 0) as 65535ths, by 2 and 4 and moved.
+    let found = floats("{ mesh = 'floor', attribute = 'texcoord', texture_transform = 'base_color' }");
+    let plain = floats("{ mesh = 'floor', attribute = 'texcoord' }");
+    let moved = plain.chunks(2).flat_map(|pair| [2.0 * pair[0] + 0.5, 4.0 * pair[1] + 0.25]);
+    assert_eq!(found, moved.collect::<Vec<_>>());
+    // Other attributes stay.
+    let normals = floats("{ mesh = 'floor', attribute = 'normal', texture_transform = 'base_color' }");
+    assert_eq!(normals, [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn attributes_of_an_application_have_their_name_with_its_underscore() {
+    assert_eq!(words("{ mesh = 'floor', attribute = '_feature_id_0', format = 'u32' }"), [0, 2, 1]);
+}
+
+#[test]
 fn attributes_are_converted_to_formats() {
     assert_eq!(floats("{ mesh = 'floor', attribute = 'normal' }"), [0., 0., 1.].repeat(3));
     // 65535 of 65535 is 1; of three components the fourth is 1.
@@ -226,6 +259,41 @@ fn tables_have_the_columns_that_are_asked_for() {
     assert_eq!(materials, [glow, [0, 0, 0, 0, 0, 1], [0, 0, 0, 0, u32::MAX, 0]].concat());
     let own = floats("{ mesh = 'floor', material = ['base_color', 'roughness', 'normal_scale'] }");
     assert_eq!(own, [0.5, 0.25, 0.125, 1.0, 0.75, 0.5]);
+}
+
+#[test]
+fn tables_point_to_what_their_numbers_count() {
+    let addresses = |piece: &str| {
+        let text = format!(
+            "push_constants = {piece}\n[resources.vertices]\ntype = 'buffer'\nsize = 96\n[geometry.own]\n\
+             type = 'plane'\n[[instance]]\ngeometry = 'own'\n[[model]]\nfile = 'room.gltf'\n"
+        );
+        let (bytes, addresses) = scene(&text).push_constants.flattened();
+        let places: Vec<_> = addresses.iter().map(|(at, of)| (*at, of.offset.value)).collect();
+        (bytes, places)
+    };
+    // Two geometries of three vertices, 12 bytes each, behind 8 bytes of something else.
+    let column = "{ address_of = 'vertices', offset = 8, stride = 12, by = 'first_vertex' }";
+    let lamp =
+        format!("{{ mesh = 'lamp', table = 'geometries', columns = ['vertex_count', 'padding', {column}] }}");
+    assert_eq!(
+        addresses(&lamp),
+        ([[3, 0, 0, 0].to_vec(), vec![0; 12]].concat().repeat(2), vec![(8, 8), (24, 44)])
+    );
+    // The plane is in no file and has no geometry there: null. Then `floor`, 0, and `lamp`, 1.
+    let column = "{ address_of = 'vertices', stride = 16, by = 'geometry' }";
+    let rows = format!("{{ table = 'instances', columns = {column}, stride = 12, repeat = 2 }}");
+    assert_eq!(addresses(&rows), (vec![0; 72], vec![(12, 0), (24, 16), (48, 0), (60, 16)]));
+
+    let of = |piece: &str| mistake(&format!("push_constants = {piece}\n[[model]]\nfile = 'room.gltf'\n"));
+    let count = of(
+        "{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', stride = 4, by = 'vertex_count' } }",
+    );
+    assert!(count.contains("`by` is a column that counts elements, from 0"), "{count}");
+    assert!(count.contains("one of: first_vertex, first_index, first_triangle, mesh, material"), "{count}");
+    let missing =
+        of("{ mesh = 'lamp', table = 'geometries', columns = { address_of = 'a', by = 'material' } }");
+    assert!(missing.contains("`stride` is missing"), "{missing}");
 }
 
 #[test]

@@ -27,6 +27,8 @@ pub mod mesh_piece;
 mod micromap;
 pub mod mip;
 pub mod models;
+pub mod pass;
+pub mod pass_entry;
 pub mod random;
 pub mod read;
 pub mod resolve;

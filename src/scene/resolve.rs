@@ -1,27 +1,29 @@
 //! Resolves a scene's files: names become indices, files become bytes.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
 use crate::input::InputLimit;
+use crate::machine::PrintedBytes;
 use crate::machine::sampler::Sampler;
-use crate::machine::{LaunchFuel, LaunchLimits, PrintedBytes};
 use crate::module::Module;
 use crate::pipeline::DeviceProfile;
 use crate::scene::addresses;
 use crate::scene::data::{DataPieces, DataSources, read_limited};
 use crate::scene::encoding::Data;
-use crate::scene::file::{DispatchEntry, Entry, PassEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
+use crate::scene::file::{Entry, NamedPipelineEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
 use crate::scene::files::{Counted, Files, SceneFiles};
 use crate::scene::geometry::{GeometryEntry, InstanceEntry};
 use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
+use crate::scene::pass_entry::{DispatchEntry, PassEntry};
 use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
+use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
 use crate::scene::resources::ResourceEntry;
 use crate::scene::struct_lookup::DataBlock;
@@ -30,17 +32,18 @@ mod bindings;
 mod modules;
 mod passes;
 mod structures;
+mod variants;
 mod views;
 
 /// The options by which a command line changes a scene.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// The launch's width and height (`--size`); images without a size and cameras follow.
     pub size: Option<[u32; 2]>,
     /// How intersections are computed (`--precision`), instead of the scene's own choice.
     pub precision: Option<Precision>,
-    /// The index of the `[[variant]]` of the scene's own file to use.
-    pub variant: Option<usize>,
+    /// The name of the `[[variant]]` of the scene's own file to use (`--variant`).
+    pub variant: Option<String>,
     /// Whether storage images that are only filled may exceed the limit of images in memory,
     /// because the launch outputs them in bands.
     pub streams: bool,
@@ -142,9 +145,10 @@ struct Resolver<'a> {
     resource_entries: ByName<ResourceEntry>,
     device: Option<DeviceProfile>,
     pipeline: Option<PipelineEntry>,
+    pipelines: ByName<NamedPipelineEntry>,
     push_constants: Option<DataPieces>,
     dispatches: Vec<DispatchEntry>,
-    passes: Vec<Spanned<PassEntry>>,
+    passes: Vec<PassEntry>,
     precision: Precision,
     launch: [u32; 3],
     rays: Vec<RayEntry>,
@@ -152,6 +156,7 @@ struct Resolver<'a> {
     modules: Vec<ShaderModule>,
     /// The modules by their paths, and by what they are compiled with.
     module_places: HashMap<ModuleKey, usize>,
+    /// The groups of all pipelines, one after the other.
     groups: Vec<ResolvedGroup>,
     /// The modules that data by member name asked for, by their paths.
     loaded: RefCell<HashMap<ModuleKey, Result<Arc<Module>>>>,
@@ -168,7 +173,7 @@ impl<'a> Resolver<'a> {
         let mut all = Self {
             files,
             report,
-            options: *options,
+            options: options.clone(),
             geometry: ByName::default(),
             models: Vec::new(),
             open_models: OpenModels::default(),
@@ -179,6 +184,7 @@ impl<'a> Resolver<'a> {
             resource_entries: ByName::default(),
             device: None,
             pipeline: None,
+            pipelines: ByName::default(),
             push_constants: None,
             dispatches: Vec::new(),
             passes: Vec::new(),
@@ -191,10 +197,10 @@ impl<'a> Resolver<'a> {
             groups: Vec::new(),
             loaded: RefCell::default(),
         };
-        let mut variant = None;
+        let mut variants = Vec::new();
         for part in parts {
             // The last part is the scene's own file, whose variants are used.
-            variant = options.variant.and_then(|at| part.variants.into_iter().nth(at));
+            variants = part.variants;
             all.geometry.merge(part.geometry);
             all.shader_entries.merge(part.shaders);
             all.samplers.merge(part.samplers);
@@ -203,6 +209,7 @@ impl<'a> Resolver<'a> {
             all.models.extend(part.models);
             all.device = part.device.or(all.device);
             all.pipeline = part.pipeline.or(all.pipeline);
+            all.pipelines.merge(part.pipelines);
             all.push_constants = part.push_constants.or(all.push_constants);
             all.precision = part.precision.unwrap_or(all.precision);
             all.launch = part.launch.map_or(all.launch, |launch| launch.value);
@@ -216,7 +223,7 @@ impl<'a> Resolver<'a> {
                 all.rays = part.rays;
             }
         }
-        if let Some(variant) = variant {
+        if let Some(variant) = chosen_variant(options, variants, report) {
             let unknown = |entry: &Entry<ShaderEntry>| all.shader_entries.get(&entry.name.value).is_none();
             for entry in variant.shaders.iter().filter(|entry| unknown(entry)) {
                 let message = format!("there is no shader `{}` to replace", entry.name.value);
@@ -239,17 +246,16 @@ impl<'a> Resolver<'a> {
             return None;
         }
         self.expand_models();
+        let readers = self.push_constant_readers();
         let tlas = self.structures();
-        let sbt = self.binding_table();
+        let (pipeline, pipelines) = self.all_pipelines();
         let mut dispatches = self.dispatches();
-        let passes = self.passes(&mut dispatches);
+        let passes = self.passes(&mut dispatches, &pipelines);
         let unbound = self.unbound_buffers();
         let resources = self.bindings(&tlas, &unbound, !dispatches.is_empty());
-        let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &[]);
-        // With `--size`, pixels of the scene's rays may be outside the launch.
-        if self.options.size.is_none() {
-            self.check_rays();
-        }
+        let readers: Vec<_> = readers.iter().collect();
+        let push_constants = self.data(self.push_constants.as_ref(), DataBlock::PushConstants, &readers);
+        self.check_rays(&passes, !pipeline.sbt.raygen.is_empty(), dispatches.len());
         let geometry_names = tlas.iter().map(|(name, _)| self.geometry_names(name)).collect();
         let scene = ResolvedScene {
             path: self.own.source().path.clone(),
@@ -257,24 +263,15 @@ impl<'a> Resolver<'a> {
             tlas: tlas.into_iter().map(|(name, tlas)| Some((name, tlas?))).collect::<Option<_>>()?,
             loaded: self.loaded_modules(),
             shaders: self.modules,
-            groups: self.groups,
-            sbt,
+            pipeline,
+            pipelines,
             resources,
             unbound,
+            kept_addresses: BTreeSet::new(),
             dispatches,
             passes,
             push_constants,
             device: self.device.unwrap_or_default(),
-            pipeline_flags: self.pipeline.as_ref().map_or_else(Default::default, |pipeline| pipeline.flags),
-            max_recursion_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_recursion_depth),
-            subgroup_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.subgroup_size),
-            max_callable_depth: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_callable_depth),
-            max_stack_size: self.pipeline.as_ref().and_then(|pipeline| pipeline.max_stack_size),
-            fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.fuel),
-            launch_limits: LaunchLimits {
-                fuel: self.pipeline.as_ref().and_then(|pipeline| pipeline.launch_fuel).map(LaunchFuel::of),
-                ..LaunchLimits::default()
-            },
             printed_bytes: self
                 .pipeline
                 .as_ref()
@@ -292,17 +289,6 @@ impl<'a> Resolver<'a> {
             addresses::check(&scene, self.report);
         }
         Some(scene)
-    }
-
-    fn check_rays(&self) {
-        for ray in &self.rays {
-            let RayEntry::Pixel { pixel: Spanned { value: [x, y], span }, .. } = ray else { continue };
-            if *x >= self.launch[0] || *y >= self.launch[1] {
-                let [width, height, _] = self.launch;
-                self.report
-                    .push(span.error(format!("pixel {x},{y} is outside the launch of {width} x {height}")));
-            }
-        }
     }
 
     /// The data that shaders read through a block; `own` are the shaders that it is for, all of the
@@ -379,7 +365,7 @@ mod tests {
     use crate::machine::format::Format;
     use crate::machine::sampler::Filter;
     use crate::scene::files::EmbeddedFiles;
-    use crate::scene::resolved::{ResolvedPass, ResolvedRecord, ShaderCode};
+    use crate::scene::resolved::{ResolvedPassWork, ResolvedRecord, ShaderCode};
     use crate::scene::resources::Resource;
     use crate::scene::specialization::SpecializationKey;
 
@@ -403,8 +389,10 @@ mod tests {
             [[pass]]\nraygen = 'second'\nlaunch = 5\n[[pass]]\nshader = 'all:sum'\ngroups = 4\n\
             [[pass]]\nraygen = 'all:first'\n";
         let scene = scene(text, &LoadOptions::default());
-        let launch = |raygen, size| ResolvedPass::Launch { raygen, size, push_constants: None };
-        assert_eq!(scene.passes, [launch(1, [5, 1, 1]), ResolvedPass::Dispatch(0), launch(0, [3, 2, 1])]);
+        let launch =
+            |raygen, size| ResolvedPassWork::Launch { pipeline: None, raygen, size, push_constants: None };
+        let work: Vec<_> = scene.passes.iter().map(|pass| pass.work.clone()).collect();
+        assert_eq!(work, [launch(1, [5, 1, 1]), ResolvedPassWork::Dispatch(0), launch(0, [3, 2, 1])]);
         assert_eq!((scene.dispatches.len(), scene.dispatches[0].groups), (1, [4, 1, 1]));
     }
 
@@ -412,12 +400,45 @@ mod tests {
     fn a_pass_says_what_is_wrong_with_it() {
         let head = "version = 1\n[shaders.all]\npath = 'all.spv'\n[pipeline]\nraygen = 'all:first'\n";
         for (more, told) in [
-            ("[[pass]]\nlaunch = 1\n", "a pass is a launch from a `raygen` of the pipeline, or a dispatch"),
+            ("[[pass]]\nlaunch = 1\n", "a pass is a launch from a `raygen` of a `pipeline`, or a dispatch"),
             ("[[pass]]\nraygen = 'all:fist'\n", "the pipeline has no `raygen` of the name `all:fist`"),
             ("[[pass]]\nraygen = 'x'\n", "there are: all:first"),
             (
                 "[[pass]]\nraygen = 'all:first'\n[[dispatch]]\nshader = 'all'\n",
                 "there is no `[[dispatch]]` beside it",
+            ),
+            ("[[pass]]\npipeline = 'ao'\n", "no pipeline is named `ao`"),
+            (
+                "[[pass]]\npipeline = 'ao'\nshader = 'all'\n",
+                "a pass is a launch from a `raygen` of a `pipeline`",
+            ),
+            ("[pipelines.ao]\n[[pass]]\npipeline = 'ao'\n", "the pipeline of this pass has no `raygen`"),
+            (
+                "[pipelines.ao]\nmemory = 'robust'\n",
+                "`memory` holds for all passes: it stands in `[pipeline]`",
+            ),
+            (
+                "[[pass]]\nraygen = 'all:first'\nname = 'a'\n[[pass]]\nshader = 'all'\nname = 'a'\n",
+                "two passes are named `a`",
+            ),
+            ("[[pass]]\nshader = 'all'\nname = '1'\n", "numbers count the passes, from 0"),
+            ("[[pass]]\nshader = 'all'\n[[ray]]\npixel = [0, 0]\npass = 0\n", "a ray needs a launch"),
+            (
+                "[[pass]]\nshader = 'all'\nname = 'x'\n[[ray]]\npixel = [0, 0]\npass = 'y'\n",
+                "the passes are: 0 `x`",
+            ),
+            ("[[ray]]\npixel = [0, 0]\npass = 1\n", "the scene has no pass `1`"),
+            ("[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n", "no resource is named `a`"),
+            (
+                "[[pass]]\nshader = 'all'\nresources = { image = 'buffer' }\n[resources.buffer]\n\
+                 type = 'buffer'\nsize = 4\n[resources.image]\ntype = 'storage_image'\nbinding = 0\n\
+                 format = 'r32f'\n",
+                "`buffer` is a buffer, and `image` is an image",
+            ),
+            (
+                "[[pass]]\nshader = 'all'\nresources = { a = 'b' }\n[resources.a]\ntype = 'buffer'\nsize = 4\n\
+                 [resources.b]\ntype = 'buffer'\nsize = 4\n",
+                "`a` is bound nowhere",
             ),
         ] {
             let text = format!("{head}{more}");
@@ -442,12 +463,14 @@ mod tests {
         let records = |list: &[ResolvedRecord]| -> Vec<(Option<usize>, Vec<u8>)> {
             list.iter().map(|record| (record.group, record.data.bytes().unwrap().to_vec())).collect()
         };
-        assert_eq!(records(&scene.sbt.raygen), [(Some(0), vec![])]);
-        assert_eq!(records(&scene.sbt.miss), [(Some(1), vec![]), (None, vec![])]);
+        assert_eq!(records(&scene.pipeline.sbt.raygen), [(Some(0), vec![])]);
+        assert_eq!(records(&scene.pipeline.sbt.miss), [(Some(1), vec![]), (None, vec![])]);
         let hit = [(Some(2), vec![0, 0, 0x80, 0x3f]), (Some(2), vec![2, 0, 0, 0]), (Some(3), vec![])];
-        assert_eq!(records(&scene.sbt.hit), hit);
-        assert_eq!(scene.sbt.hit[1].name.as_deref(), Some("b"));
-        let ResolvedGroup::Hit(group) = &scene.groups[3] else { panic!("{:?}", scene.groups[3]) };
+        assert_eq!(records(&scene.pipeline.sbt.hit), hit);
+        assert_eq!(scene.pipeline.sbt.hit[1].name.as_deref(), Some("b"));
+        let ResolvedGroup::Hit(group) = &scene.pipeline.groups[3] else {
+            panic!("{:?}", scene.pipeline.groups[3])
+        };
         assert_eq!(group.closest_hit.as_ref().unwrap().entry, "ch");
         assert!(group.intersection.is_none());
         let any_hit = group.any_hit.as_ref().unwrap();
@@ -455,7 +478,7 @@ mod tests {
         assert_eq!(any_hit.entry, "main");
         let keys: Vec<_> = any_hit.specialization.iter().map(|(key, _)| key.clone()).collect();
         assert_eq!(keys, [SpecializationKey::Id(3), SpecializationKey::Id(4)]);
-        assert_eq!(scene.max_recursion_depth, Some(2));
+        assert_eq!(scene.pipeline.max_recursion_depth, Some(2));
     }
 
     #[test]

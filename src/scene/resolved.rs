@@ -1,11 +1,11 @@
 //! A resolved scene: plain descriptions with all files loaded.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::compile::CompilerFlags;
+use crate::compile::SourceSettings;
 use crate::error::Place;
 use crate::machine::{LaunchLimits, MemoryPolicy, PrintedBytes};
 use crate::module::Module;
@@ -32,14 +32,16 @@ pub struct ResolvedScene {
     /// Modules that are loaded already, as data is laid out by their structs: by their indices in
     /// `shaders`, without specialization.
     pub loaded: HashMap<usize, Arc<Module>>,
-    /// The shader groups, each once.
-    pub groups: Vec<ResolvedGroup>,
-    /// The shader binding table.
-    pub sbt: ShaderBindingTable,
+    /// `[pipeline]`
+    pub pipeline: ResolvedPipeline,
+    /// `[pipelines.NAME]`, which passes name.
+    pub pipelines: Vec<ResolvedPipeline>,
     /// The contents of the descriptor sets, sorted by set, binding and element.
     pub resources: Vec<ResolvedBinding>,
     /// Buffers without a binding of their own, in the order of their names.
     pub unbound: Vec<UnboundBuffer>,
+    /// What keeps its address, although nothing in the scene names it any more.
+    pub kept_addresses: BTreeSet<String>,
     /// Dispatches of compute shaders, in order; a ray-tracing launch comes before them.
     pub dispatches: Vec<ResolvedDispatch>,
     /// What `[[pass]]` lists, in order; without it the launch and the dispatches are the passes.
@@ -48,21 +50,6 @@ pub struct ResolvedScene {
     pub push_constants: Data,
     /// The device that the scene is for.
     pub device: DeviceProfile,
-    /// The pipeline's flags.
-    pub pipeline_flags: PipelineFlags,
-    /// `maxPipelineRayRecursionDepth`, if the scene sets it.
-    pub max_recursion_depth: Option<u32>,
-    /// The number of invocations in a subgroup, if the scene sets it.
-    pub subgroup_size: Option<u32>,
-    /// How deeply callable shaders may call each other, if the scene sets it.
-    pub max_callable_depth: Option<u32>,
-    /// Bytes of registers of the shaders that call each other, if the scene sets it.
-    pub max_stack_size: Option<u64>,
-    /// Instructions that an invocation may execute, counted at back edges, calls and stops, if
-    /// the scene sets it.
-    pub fuel: Option<u64>,
-    /// The limits of each launch and dispatch.
-    pub launch_limits: LaunchLimits,
     /// How many bytes of what shaders print are kept.
     pub printed_bytes: PrintedBytes,
     /// What happens on an access outside its buffer or image.
@@ -79,6 +66,33 @@ pub struct ResolvedScene {
     pub notes: Vec<String>,
     /// How files that shaders and expectations name are read: those beside the scene's own.
     pub files: SceneFiles,
+}
+
+/// A pipeline of the scene. What `[pipeline]` says of fuel, limits and subgroups holds for
+/// dispatches, too.
+#[derive(Clone, Debug, Default)]
+pub struct ResolvedPipeline {
+    /// Its name; `None` for `[pipeline]`.
+    pub name: Option<String>,
+    /// The shader groups, each once.
+    pub groups: Vec<ResolvedGroup>,
+    /// The shader binding table.
+    pub sbt: ShaderBindingTable,
+    /// The pipeline's flags.
+    pub flags: PipelineFlags,
+    /// `maxPipelineRayRecursionDepth`, if the scene sets it.
+    pub max_recursion_depth: Option<u32>,
+    /// The number of invocations in a subgroup, if the scene sets it.
+    pub subgroup_size: Option<u32>,
+    /// How deeply callable shaders may call each other, if the scene sets it.
+    pub max_callable_depth: Option<u32>,
+    /// Bytes of registers of the shaders that call each other, if the scene sets it.
+    pub max_stack_size: Option<u64>,
+    /// Instructions that an invocation may execute, counted at back edges, calls and stops, if
+    /// the scene sets it.
+    pub fuel: Option<u64>,
+    /// The limits of each launch and dispatch.
+    pub launch_limits: LaunchLimits,
 }
 
 /// A file with shaders.
@@ -99,9 +113,8 @@ pub struct ShaderModule {
 pub enum ShaderCode {
     /// The bytes of a SPIR-V module.
     SpirV(Vec<u8>),
-    /// Source text that must be compiled first, folders where included files are searched, and
-    /// flags for the compiler.
-    Source(Vec<u8>, Vec<PathBuf>, CompilerFlags),
+    /// Source text that must be compiled first, and how.
+    Source(Vec<u8>, SourceSettings),
 }
 
 /// One entry point with its specialization.
@@ -138,9 +151,22 @@ pub struct ResolvedDispatch {
 
 /// One pass of a frame.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ResolvedPass {
-    /// A launch of the pipeline.
+pub struct ResolvedPass {
+    /// Its name, if it has one.
+    pub name: Option<String>,
+    /// What it finds instead of what is bound.
+    pub rebindings: Vec<Rebinding>,
+    /// What it runs.
+    pub work: ResolvedPassWork,
+}
+
+/// What a pass runs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ResolvedPassWork {
+    /// A launch of a pipeline.
     Launch {
+        /// The index of a named pipeline; `None` for `[pipeline]`.
+        pipeline: Option<usize>,
         /// Index of the ray generation record.
         raygen: usize,
         /// Width, height and depth.
@@ -150,6 +176,24 @@ pub enum ResolvedPass {
     },
     /// The dispatch with this index in [`ResolvedScene::dispatches`].
     Dispatch(usize),
+}
+
+/// What one pass finds in a descriptor instead of what is bound there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rebinding {
+    /// The descriptor: set, binding and array element.
+    pub at: [u32; 3],
+    /// Where its buffer, image or acceleration structure is bound for the others.
+    pub source: RebindingSource,
+}
+
+/// Whose content a [`Rebinding`] puts into a descriptor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RebindingSource {
+    /// That of another descriptor: set, binding and array element.
+    Bound([u32; 3]),
+    /// A buffer that no descriptor refers to, by its name.
+    Unbound(String),
 }
 
 /// A shader group.
@@ -255,7 +299,47 @@ pub struct UnboundBuffer {
     pub place: Place,
 }
 
+impl ShaderBindingTable {
+    /// Its tables: ray generation, miss, hit and callable records.
+    pub fn tables(&self) -> [&Vec<ResolvedRecord>; 4] {
+        [&self.raygen, &self.miss, &self.hit, &self.callable]
+    }
+
+    /// Its tables, to be changed.
+    pub fn tables_mut(&mut self) -> [&mut Vec<ResolvedRecord>; 4] {
+        [&mut self.raygen, &mut self.miss, &mut self.hit, &mut self.callable]
+    }
+
+    /// The records of all tables.
+    pub fn records(&self) -> impl Iterator<Item = &ResolvedRecord> {
+        self.tables().into_iter().flatten()
+    }
+}
+
 impl ResolvedScene {
+    /// `[pipeline]`, then the named pipelines.
+    pub fn all_pipelines(&self) -> impl Iterator<Item = &ResolvedPipeline> {
+        std::iter::once(&self.pipeline).chain(&self.pipelines)
+    }
+
+    /// `[pipeline]`, then the named pipelines, to be changed.
+    pub fn all_pipelines_mut(&mut self) -> impl Iterator<Item = &mut ResolvedPipeline> {
+        std::iter::once(&mut self.pipeline).chain(&mut self.pipelines)
+    }
+
+    /// The pipeline with an index among the named ones, or `[pipeline]`.
+    pub fn pipeline_at(&self, index: Option<usize>) -> &ResolvedPipeline {
+        index.map_or(&self.pipeline, |index| &self.pipelines[index])
+    }
+
+    /// Whether it launches a pipeline.
+    pub fn launches(&self) -> bool {
+        match self.passes.is_empty() {
+            true => !self.pipeline.sbt.raygen.is_empty(),
+            false => self.passes.iter().any(|pass| matches!(pass.work, ResolvedPassWork::Launch { .. })),
+        }
+    }
+
     /// Everything whose address is written somewhere.
     pub fn address_targets(&self) -> Vec<&AddressOf> {
         let mut targets = Vec::new();
@@ -263,16 +347,27 @@ impl ResolvedScene {
         data.extend(self.dispatches.iter().filter_map(|dispatch| dispatch.push_constants.as_ref()));
         data.extend(self.unbound.iter().map(|buffer| &buffer.data));
         data.extend(self.resources.iter().filter_map(|binding| binding.resource.data()));
-        let ShaderBindingTable { raygen, miss, hit, callable } = &self.sbt;
-        data.extend([raygen, miss, hit, callable].into_iter().flatten().map(|record| &record.data));
+        let launches = self.passes.iter().filter_map(|pass| match &pass.work {
+            ResolvedPassWork::Launch { push_constants, .. } => push_constants.as_ref(),
+            ResolvedPassWork::Dispatch(_) => None,
+        });
+        data.extend(launches);
+        data.extend(self.all_pipelines().flat_map(|pipeline| pipeline.sbt.records()).map(|one| &one.data));
         for data in data {
             data.targets(&mut |of| targets.push(of));
         }
-        let groups = self.groups.iter().flat_map(ResolvedGroup::shaders);
+        let groups = self.all_pipelines().flat_map(|pipeline| &pipeline.groups);
+        let groups = groups.flat_map(ResolvedGroup::shaders);
         let shaders = groups.chain(self.dispatches.iter().map(|dispatch| &dispatch.shader));
         let values = shaders.flat_map(|shader| &shader.specialization);
         targets.extend(values.filter_map(|(_, value)| value.target()));
         targets
+    }
+
+    /// Keeps the addresses as they are, before data that name some of them are replaced.
+    pub fn keep_addresses(&mut self) {
+        let targets: Vec<String> = self.address_targets().iter().map(|of| of.target.value.clone()).collect();
+        self.kept_addresses.extend(targets);
     }
 
     /// The picture that a render saves: the storage image marked as output, or the only one.

@@ -33,15 +33,17 @@ impl RunLimits {
     /// is a default fuel for a launch it lowers that alone, and it keeps no more of what is printed
     /// than is kept by default.
     pub fn give(&self, scene: &mut ResolvedScene) {
-        let launch = &mut scene.launch_limits;
-        launch.max_fuel = if self.launch_fuel.is_none() { self.default.fuel } else { None };
-        launch.fuel = self.launch_fuel.or(launch.fuel).or(self.default.fuel);
-        launch.timeout = self.timeout.or(launch.timeout).or(self.default.timeout);
-        launch.batch_timeout = self.batch_timeout.or(launch.batch_timeout).or(self.default.batch_timeout);
-        scene.fuel = self.fuel.or(scene.fuel);
-        scene.max_recursion_depth = self.max_recursion_depth.or(scene.max_recursion_depth);
-        scene.max_callable_depth = self.max_callable_depth.or(scene.max_callable_depth);
-        scene.max_stack_size = self.max_stack_size.or(scene.max_stack_size);
+        for pipeline in scene.all_pipelines_mut() {
+            let launch = &mut pipeline.launch_limits;
+            launch.max_fuel = if self.launch_fuel.is_none() { self.default.fuel } else { None };
+            launch.fuel = self.launch_fuel.or(launch.fuel).or(self.default.fuel);
+            launch.timeout = self.timeout.or(launch.timeout).or(self.default.timeout);
+            launch.batch_timeout = self.batch_timeout.or(launch.batch_timeout).or(self.default.batch_timeout);
+            pipeline.fuel = self.fuel.or(pipeline.fuel);
+            pipeline.max_recursion_depth = self.max_recursion_depth.or(pipeline.max_recursion_depth);
+            pipeline.max_callable_depth = self.max_callable_depth.or(pipeline.max_callable_depth);
+            pipeline.max_stack_size = self.max_stack_size.or(pipeline.max_stack_size);
+        }
         let own = PrintedBytes(scene.printed_bytes.0.min(PrintedBytes::default().0));
         scene.printed_bytes = self.printed_bytes.map_or(own, PrintedBytes);
     }
@@ -61,7 +63,7 @@ mod tests {
         let scene = load_text(Path::new("a.toml"), &text, &DiskFiles, &LoadOptions::default());
         let mut scene = scene.unwrap_or_else(|error| panic!("{}", error.render()));
         limits.give(&mut scene);
-        (Watchdog::new(scene.launch_limits, invocations).fuel(), scene.printed_bytes.0)
+        (Watchdog::new(scene.pipeline.launch_limits, invocations).fuel(), scene.printed_bytes.0)
     }
 
     #[test]

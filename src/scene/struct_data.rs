@@ -21,7 +21,9 @@ use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
 };
-use crate::scene::struct_lookup::{DataBlock, distinct, find, find_block, layout_note, name_of, strides};
+use crate::scene::struct_lookup::{
+    DataBlock, distinct, find, find_block, layout_note, longest, name_of, strides,
+};
 use crate::scene::tree::Toml;
 
 /// Names of missing members that an error lists.
@@ -186,8 +188,10 @@ impl StructPiece {
             }
         }
         let found = distinct(found);
+        if let Some(longest) = longest(&found) {
+            return Ok(longest);
+        }
         match (&found[..], first_error) {
-            ([one], _) => Ok(*one),
             ([], Some(error)) => Err(error),
             ([], None) => {
                 let what = block.map_or_else(|| "a struct".to_owned(), DataBlock::describe);
@@ -311,6 +315,9 @@ impl Writer<'_> {
         let is_table = matches!(value.toml(), Toml::Table(_));
         match module.ty(layout.ty) {
             Type::Struct { members, .. } => match (is_table, &members[..]) {
+                (true, [only]) if is_storage(layout) && !has_key(value, &only.name) => {
+                    self.piece(layout, value, path, at)
+                }
                 (true, _) => self.members(layout, value, path, at),
                 (false, [only]) if value.elements().is_some() => {
                     if name_of(module, layout.ty).is_some_and(is_column_storage) {
@@ -497,8 +504,9 @@ impl Writer<'_> {
         let wrong_size =
             |size: usize| format!("`{path}` is {ty} of {size} bytes, and the piece has {}", bytes.len());
         if let Type::Matrix { .. } = layout.module.ty(layout.ty) {
-            // The scalars of a piece follow each other column by column.
-            let scalars = layout.scalars();
+            // The scalars of a piece follow each other as they do in memory.
+            let mut scalars = layout.scalars();
+            scalars.sort_by_key(|(offset, _)| *offset);
             let width = scalars.first().map_or(0, |(_, part)| part.size());
             if scalars.len() * width != bytes.len() || width == 0 || !late.is_empty() {
                 return self.wrong(value, wrong_size(scalars.len() * width));
@@ -571,6 +579,16 @@ impl Writer<'_> {
         self.report.push(value.span().error_with(message, "here"));
         None
     }
+}
+
+/// Whether a struct is what Slang makes of a matrix or an array, with one member for its content.
+fn is_storage(layout: Layout<'_>) -> bool {
+    name_of(layout.module, layout.ty)
+        .is_some_and(|name| name.starts_with("_MatrixStorage_") || name.starts_with("_Array_"))
+}
+
+fn has_key(value: TomlValue<'_>, key: &str) -> bool {
+    Table::new(value).is_some_and(|table| table.has(key))
 }
 
 /// Whether a struct is what Slang makes of a matrix whose columns follow each other.

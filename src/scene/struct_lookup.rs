@@ -224,6 +224,27 @@ pub fn distinct(layouts: Vec<Layout<'_>>) -> Vec<Layout<'_>> {
     kept
 }
 
+/// The layout of which all others are the beginning, as shaders declare as much of a block as they
+/// use.
+pub fn longest<'a>(layouts: &[Layout<'a>]) -> Option<Layout<'a>> {
+    let longest = layouts.iter().max_by_key(|layout| layout.size())?;
+    layouts.iter().all(|layout| begins(*layout, *longest)).then_some(*longest)
+}
+
+/// Whether the members of a struct are the first ones of another.
+fn begins(short: Layout<'_>, long: Layout<'_>) -> bool {
+    let (Type::Struct { members: first, .. }, Type::Struct { members: all, .. }) =
+        (short.module.ty(short.ty), long.module.ty(long.ty))
+    else {
+        return false;
+    };
+    first.len() <= all.len()
+        && first.iter().zip(all).all(|(a, b)| {
+            (&a.name, a.offset, a.matrix) == (&b.name, b.offset, b.matrix)
+                && same_layout(short.part(a.ty), long.part(b.ty))
+        })
+}
+
 /// The layout of a struct as the note of an error.
 pub fn layout_note(layout: Layout<'_>) -> String {
     let size = match layout.runtime_stride() {
@@ -267,31 +288,39 @@ fn base_name(name: &str) -> &str {
     SUFFIXES.iter().find_map(|suffix| name.strip_suffix(suffix)).unwrap_or(name)
 }
 
-/// One of several layouts: how a scene may name it, its size, and what it is in.
-fn choice(layout: Layout<'_>) -> String {
+/// The paths of one member that lead to a struct.
+fn owners(layout: Layout<'_>) -> impl Iterator<Item = String> {
+    let (module, ty) = (layout.module, layout.ty);
+    structs(module).flat_map(move |owner| {
+        let Type::Struct { members, .. } = module.ty(owner) else { return Vec::new() };
+        let inside = members.iter().filter(|member| pointed_struct(module, member.ty) == Some(ty));
+        let owner = name_of(module, owner).unwrap_or_default();
+        inside.map(|member| format!("{owner}.{}", member.name)).collect::<Vec<_>>()
+    })
+}
+
+/// How a scene may name a struct: by its name, by a path, or by its id.
+pub fn spelling(layout: Layout<'_>) -> String {
     let (module, ty) = (layout.module, layout.ty);
     let id = module.id_of_type(ty).map_or(0, |id| id.0);
-    let owners = || {
-        structs(module).flat_map(move |owner| {
-            let Type::Struct { members, .. } = module.ty(owner) else { return Vec::new() };
-            let inside = members.iter().filter(|member| pointed_struct(module, member.ty) == Some(ty));
-            let owner = name_of(module, owner).unwrap_or_default();
-            inside.map(|member| format!("{owner}.{}", member.name)).collect::<Vec<_>>()
-        })
-    };
     let means_this = |name: &str| find(module, name).is_ok_and(|found| same_layout(found, layout));
     let own = name_of(module, ty).unwrap_or_default();
     let named = |name: &str| structs(module).filter(|ty| name_of(module, *ty) == Some(name)).count();
-    let spelled = match named(own) {
+    match named(own) {
         1 => own.to_owned(),
-        // A path through a struct whose name repeats would ask for this list again.
-        _ => owners()
+        // A path through a struct whose name repeats would ask for a list of choices again.
+        _ => owners(layout)
             .take(64)
             .find(|path| named(path.split('.').next().unwrap_or_default()) == 1 && means_this(path))
             .unwrap_or_else(|| format!("%{id}")),
-    };
+    }
+}
+
+/// One of several layouts: how a scene may name it, its size, and what it is in.
+fn choice(layout: Layout<'_>) -> String {
+    let spelled = spelling(layout);
     let mut text = format!("`{spelled}`: {} bytes", layout.size());
-    if let Some(owner) = owners().next().filter(|owner| *owner != spelled) {
+    if let Some(owner) = owners(layout).next().filter(|owner| *owner != spelled) {
         let _ = write!(text, ", as in `{owner}`");
     }
     text

@@ -12,13 +12,13 @@ use clap::Args;
 
 use crate::cli::module_file;
 use crate::cli::run::dump::invalid;
-use crate::compile::{self, Language};
+use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
 use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Binding;
+use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
-use crate::module::{self, Module};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::Program;
@@ -42,9 +42,10 @@ pub struct Arguments {
     #[arg(long, value_name = "ID=VALUE")]
     spec: Vec<String>,
     /// The content of a buffer: a size in bytes, data as in a scene file, or a file [default:
-    /// zeros, and an element of a runtime array for each invocation]. `NAME@ADDRESS=...` puts one
-    /// that is bound nowhere at a device address, `NAME@=...` at an automatic one
-    #[arg(long, value_name = "[SET,]BINDING|NAME@[ADDRESS]=SIZE|DATA|FILE")]
+    /// zeros, and an element of a runtime array for each invocation]. `1@ADDRESS=...` puts it at a
+    /// device address, `1@=...` at an automatic one, and nothing behind the `=` means the default;
+    /// `NAME@ADDRESS=...` and `NAME@=...` are buffers that are bound nowhere
+    #[arg(long, value_name = "([SET,]BINDING|NAME)[@[ADDRESS]]=SIZE|DATA|FILE")]
     buffer: Vec<String>,
     /// An image: a size, with a format, or a file [default: a texel of a storage image for each
     /// invocation]
@@ -74,16 +75,24 @@ pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
 struct ResourceArgument {
     binding: Binding,
     element: Option<u32>,
+    /// The device address of a buffer as the scene writes it.
+    address: Option<String>,
     value: String,
 }
 
 impl ResourceArgument {
     fn list(name: &str, all: &[String]) -> Result<Vec<Self>> {
         let given = all.iter().map(|text| {
-            let parts = text.split_once('=').and_then(|(at, value)| Some((binding(at)?, value)));
+            let parts = text.split_once('=').and_then(|(at, value)| {
+                let (at, address) = match at.split_once('@') {
+                    Some((at, address)) if name == "buffer" => (at, Some(address_value(address))),
+                    _ => (at, None),
+                };
+                Some((binding(at)?, address, value))
+            });
             match parts {
-                Some(((binding, element), value)) => {
-                    Ok(Self { binding, element, value: value.trim().to_owned() })
+                Some(((binding, element), address, value)) => {
+                    Ok(Self { binding, element, address, value: value.trim().to_owned() })
                 }
                 None => Err(invalid(format!("`--{name} {text}`: [SET,]BINDING=... is needed"))),
             }
@@ -247,7 +256,7 @@ impl Arguments {
             if !names.insert(name.to_owned()) {
                 return Err(invalid(format!("two buffers are named `{name}`")));
             }
-            let address = if address.is_empty() { "true" } else { address };
+            let address = address_value(address);
             let _ = writeln!(text, "[resources.{}]\ntype = \"buffer\"\naddress = {address}", quoted(name));
             content(&mut text, value);
         }
@@ -267,15 +276,10 @@ impl Arguments {
                     )));
                 }
                 for element in 0..bound {
-                    let value = |list: &[&ResourceArgument]| {
-                        let own = list.iter().find(|one| one.element == Some(element));
-                        let found = own.or_else(|| list.iter().find(|one| one.element.is_none()));
-                        found.map(|one| one.value.clone())
-                    };
+                    let [buffer, image] = [of_element(&given[0], element), of_element(&given[1], element)];
                     let element = elements.map(|_| element);
                     let name = unique_name(&mut names, &variable.name, binding, element);
                     let descriptor = (name, binding, element);
-                    let [buffer, image] = [value(&given[0]), value(&given[1])];
                     resource(&mut text, &module, variable, descriptor, buffer, image, invocations)?;
                 }
             }
@@ -305,11 +309,8 @@ fn read(path: &Path, streamed: Option<Vec<u8>>, limits: &InputLimits) -> Result<
     if Language::of(path).is_none() {
         return module_file::read_with_bytes(path, limits);
     }
-    let source = compile::Source::read_within(Path::new(""), &path.to_string_lossy(), limits)?;
-    let options = compile::CompileOptions { debug: compile::DebugInfoLevel::Lines, ..Default::default() };
-    let bytes = compile::compile_once(&source, &options)?;
-    let module = module::load_with(&bytes, *limits)?;
-    Ok((bytes, module))
+    let options = CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() };
+    module_file::compile(path, limits, &SourceSettings::of(path), &options)
 }
 
 /// A TOML string.
@@ -335,17 +336,29 @@ fn content(text: &mut String, value: &str) {
     };
 }
 
-/// Parses `NAME@[ADDRESS]=...`: name, address and content.
+/// Parses `NAME@[ADDRESS]=...`: name, address and content. A binding with an address is none.
 fn addressed(text: &str) -> Option<(&str, &str, &str)> {
     let (at, value) = text.split_once('=')?;
     let (name, address) = at.split_once('@')?;
-    Some((name.trim(), address.trim(), value.trim()))
+    binding(name).is_none().then_some((name.trim(), address.trim(), value.trim()))
+}
+
+/// An address as a scene writes it; an automatic one where none is given.
+fn address_value(text: &str) -> String {
+    let text = text.trim();
+    if text.is_empty() { "true".to_owned() } else { text.to_owned() }
 }
 
 fn push_constant_size(module: &Module, entry: &EntryPoint) -> Option<u64> {
     let variables = module.interface_of(entry);
     let variable = variables.iter().find(|one| one.storage_class == storage::PUSH_CONSTANT)?;
     module.size_of(variable.ty?)
+}
+
+/// What is given for an element of a binding: its own, or that of all elements.
+fn of_element<'a>(list: &[&'a ResourceArgument], element: u32) -> Option<&'a ResourceArgument> {
+    let own = list.iter().find(|one| one.element == Some(element));
+    own.or_else(|| list.iter().find(|one| one.element.is_none())).copied()
 }
 
 /// The number of elements of an array of descriptors that are bound; `None` for a single
@@ -410,8 +423,8 @@ fn resource(
     module: &Module,
     variable: &InterfaceVariable,
     (name, binding, element): (String, Binding, Option<u32>),
-    buffer: Option<String>,
-    image: Option<String>,
+    buffer: Option<&ResourceArgument>,
+    image: Option<&ResourceArgument>,
     invocations: u64,
 ) -> Result<()> {
     let Binding { set, binding: number } = binding;
@@ -428,9 +441,14 @@ fn resource(
             let storage = variable.storage_class == storage::STORAGE_BUFFER || *buffer_block;
             let kind = if storage { "storage_buffer" } else { "uniform_buffer" };
             let _ = writeln!(text, "type = \"{kind}\"");
+            if let Some(address) = buffer.and_then(|given| given.address.as_ref()) {
+                let _ = writeln!(text, "address = {address}");
+            }
             match buffer {
-                Some(value) => content(text, &value),
-                None => {
+                Some(given) if given.address.is_none() || !given.value.is_empty() => {
+                    content(text, &given.value);
+                }
+                _ => {
                     let runtime = members.last().and_then(|last| match module.ty(last.ty) {
                         Type::RuntimeArray { stride, .. } => {
                             Some(element_for_each(last.offset?, (*stride)?, invocations))
@@ -475,7 +493,7 @@ fn image_table(
     module: &Module,
     ty: ImageType,
     name: &str,
-    given: Option<String>,
+    given: Option<&ResourceArgument>,
     combined: bool,
 ) -> Result<()> {
     let storage = ty.sampled == 2;
@@ -493,18 +511,18 @@ fn image_table(
         let _ = writeln!(text, "dimension = \"{dimension}{arrayed}\"");
     }
     let format = format_name(declared_format(module, &ty));
-    let Some(given) = given else {
+    let Some(given) = given.map(|given| given.value.as_str()) else {
         if !storage {
             return Err(invalid(format!("`{name}` is sampled: give it with --image [SET,]BINDING=FILE")));
         }
         let _ = writeln!(text, "format = \"{format}\"");
         return Ok(());
     };
-    let (sides, own) = given.split_once(',').unwrap_or((&given, format));
+    let (sides, own) = given.split_once(',').unwrap_or((given, format));
     let size: Option<Vec<u32>> = sides.split('x').map(|side| side.trim().parse().ok()).collect();
     let _ = match size {
         Some(size) => writeln!(text, "size = {size:?}\nformat = {}", quoted(own.trim())),
-        None => writeln!(text, "file = {}", quoted(&given)),
+        None => writeln!(text, "file = {}", quoted(given)),
     };
     Ok(())
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::typed::{bound, pointed, programs, typed};
+use crate::harness::typed::{bound, pointed, programs, roots, typed};
 use crate::harness::value::Value;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};
@@ -198,7 +198,10 @@ impl FoundDump {
         };
         let typed = |bytes: &[u8]| {
             let declared = self.binding.and_then(|binding| typed(assembled, binding, bytes));
-            declared.or_else(|| pointed(assembled, address?))
+            declared.or_else(|| {
+                let programs: Vec<_> = programs(assembled).collect();
+                pointed(&programs, &assembled.resources, &roots(assembled), address?)
+            })
         };
         let title = match self.binding {
             Some(Binding { set, binding }) => {

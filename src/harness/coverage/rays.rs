@@ -91,9 +91,9 @@ impl RayCounts {
         }
     }
 
-    /// Gives what was counted its names, and what was never used a zero.
-    pub(super) fn name(&mut self, scene: &ResolvedScene, pipeline: &Pipeline) {
-        let names = Names::new(scene, pipeline);
+    /// Gives what was counted with a pipeline its names, and what was never used a zero.
+    pub(super) fn name(&mut self, scene: &ResolvedScene, index: Option<usize>, pipeline: &Pipeline) {
+        let names = Names::new(scene, index, pipeline);
         let label = |shader: Shader| {
             let label = names.shader(shader);
             let path = names.module(shader).map(|module| module.path.display().to_string());
@@ -133,6 +133,10 @@ impl RayCounts {
                 of.entry(outcome.to_owned()).or_default();
             }
         }
+    }
+
+    /// Gives the surfaces that a scene holds a zero where nothing came to them.
+    pub(super) fn name_surfaces(&mut self, scene: &ResolvedScene) {
         let instances = scene.tlas.iter().flat_map(|(_, tlas)| tlas.instances());
         for kind in instances.filter_map(|instance| instance.blas.kind()) {
             let surfaces: &[Surface] = match kind {

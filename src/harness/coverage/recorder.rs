@@ -16,9 +16,11 @@ use crate::scene::{Assembled, ResolvedScene};
 /// Collects what the shaders of one scene run.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
-    counts: Counts,
+    /// By pipeline: `[pipeline]`, then the named ones.
+    pipelines: Vec<(Counts, RayCounts)>,
     /// By dispatch; its shader is number 0.
     dispatches: Vec<Counts>,
+    /// Of dispatches, which have ray queries alone.
     rays: RayCounts,
 }
 
@@ -44,9 +46,15 @@ impl Sink<'_> {
 }
 
 impl Recorder {
-    /// The parts that events and the interpreter are handed to.
-    pub fn parts(&mut self) -> (Sink<'_>, &mut Counts) {
-        (Sink(&mut self.rays), &mut self.counts)
+    /// The parts that events and the interpreter are handed to, of the named pipeline with an index
+    /// or of `[pipeline]`.
+    pub fn parts(&mut self, pipeline: Option<usize>) -> (Sink<'_>, &mut Counts) {
+        let at = pipeline.map_or(0, |index| index + 1);
+        if self.pipelines.len() <= at {
+            self.pipelines.resize_with(at + 1, Default::default);
+        }
+        let (counts, rays) = &mut self.pipelines[at];
+        (Sink(rays), counts)
     }
 
     /// The recorder of a scene's dispatch, by its index.
@@ -59,15 +67,20 @@ impl Recorder {
 
     /// What was covered of a scene, whose shaders everything was recorded of.
     pub fn coverage(mut self, scene: &ResolvedScene, assembled: &Assembled) -> Coverage {
-        let pipeline = &assembled.pipeline;
-        self.rays.name(scene, pipeline);
+        let pipelines = assembled.all_pipelines().count();
+        self.pipelines.resize_with(pipelines, Default::default);
         let mut lines =
             Lines { coverage: Coverage { rays: self.rays, ..Coverage::default() }, modules: Vec::new() };
-        let names = Names::new(scene, pipeline);
-        for (shader, program) in pipeline.programs.iter().enumerate() {
-            let path = names.module(Shader(shader as u32)).map_or(&scene.path, |module| &module.path);
-            lines.program(program, &self.counts.ran(shader), path);
+        for ((index, pipeline), (counts, mut rays)) in assembled.all_pipelines().zip(self.pipelines) {
+            rays.name(scene, index, pipeline);
+            lines.coverage.rays.add(rays);
+            let names = Names::new(scene, index, pipeline);
+            for (shader, program) in pipeline.programs.iter().enumerate() {
+                let path = names.module(Shader(shader as u32)).map_or(&scene.path, |module| &module.path);
+                lines.program(program, &counts.ran(shader), path);
+            }
         }
+        lines.coverage.rays.name_surfaces(scene);
         let nothing = Counts::default();
         for (at, (dispatch, entry)) in assembled.dispatches.iter().zip(&scene.dispatches).enumerate() {
             let path = scene.shaders.get(entry.shader.module).map_or(&scene.path, |module| &module.path);

@@ -13,8 +13,8 @@ use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 pub struct Bytes {
     /// The name in the scene.
     pub name: String,
-    /// Set, binding, array element.
-    pub binding: [u32; 3],
+    /// Set, binding, array element; `None` for a buffer that is bound nowhere.
+    pub binding: Option<[u32; 3]>,
     /// An image's width, and the bytes of a texel.
     pub row: Option<[usize; 2]>,
     /// The content.
@@ -139,12 +139,18 @@ impl Bytes {
     }
 
     pub(super) fn subject(&self, offset: usize) -> Subject {
-        match self.row {
-            None => Subject::Buffer(self.binding, offset),
-            Some([width, texel]) => {
+        match (self.binding, self.row) {
+            (None, _) => Subject::UnboundBuffer(self.name.clone(), offset),
+            (Some(binding), None) => Subject::Buffer(binding, offset),
+            (Some(_), Some([width, texel])) => {
                 let index = offset / texel;
-                Subject::Texel(self.binding, [(index % width) as u32, (index / width) as u32])
+                self.texel([(index % width) as u32, (index / width) as u32])
             }
         }
+    }
+
+    /// A texel of an image as the subject of a difference.
+    pub fn texel(&self, texel: [u32; 2]) -> Subject {
+        self.binding.map_or(Subject::Launch, |binding| Subject::Texel(binding, texel))
     }
 }

@@ -113,6 +113,8 @@ pub enum Subject {
     Launch,
     /// Bytes of the buffer at set, binding and array element.
     Buffer([u32; 3], usize),
+    /// Bytes of the buffer that is bound nowhere, by its name.
+    UnboundBuffer(String, usize),
     /// A texel of the image at set, binding and array element.
     Texel([u32; 3], [u32; 2]),
     /// A named ray, and the word of its payload where it is one.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::Result;
 use crate::harness::expect::similarity::similarity;
-use crate::harness::expect::{Bytes, Difference, Fix, Subject};
+use crate::harness::expect::{Bytes, Difference, Fix};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::machine::format::Component;
 use crate::scene::image::{Picture, Rgba8, exr_support};
@@ -199,7 +199,7 @@ impl PictureExpectation {
                 (message, numbers.worst())
             }
         };
-        let mut difference = difference(message).about(Subject::Texel(bytes.binding, texel));
+        let mut difference = difference(message).about(bytes.texel(texel));
         difference.picture = Some(Box::new(PictureDifference {
             name: bytes.name.clone(),
             expected: expected_picture,

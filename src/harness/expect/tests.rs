@@ -26,14 +26,14 @@ fn observed() -> Observed {
         trap: None,
         buffers: vec![Bytes {
             name: "outputs".into(),
-            binding: [0, 1, 0],
+            binding: Some([0, 1, 0]),
             row: None,
             bytes: words(&floats),
             image: None,
         }],
         images: vec![Bytes {
             name: "picture".into(),
-            binding: [0, 2, 0],
+            binding: Some([0, 2, 0]),
             row: Some([2, 4]),
             bytes: words(&[10, 11, 12, 13]),
             image: None,

@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use crate::harness::init::Shader;
+use crate::harness::init::pointees::{Block, Pointees, plain};
 use crate::harness::layout::{Layout, Rules};
 use crate::module::Module;
-use crate::module::interface::{EntryPoint, InterfaceVariable};
+use crate::module::interface::InterfaceVariable;
 use crate::module::ty::{ImageType, Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::scene::image::{declared_format, format_name};
@@ -18,37 +20,90 @@ pub(super) const ELEMENTS: usize = 16;
 pub(super) struct Resources {
     /// Elements that a runtime array gets.
     elements: usize,
-    /// By set and binding: name and lines.
-    bound: BTreeMap<(u32, u32), (String, Vec<String>)>,
-    /// Bytes of the push constants.
-    pub push_constants: Option<usize>,
-    /// Bytes of the shader record.
-    pub record: Option<usize>,
+    /// By set and binding.
+    bound: BTreeMap<(u32, u32), BoundResource>,
+    /// The buffers that pointers lead to.
+    pointees: Pointees,
+    push_constants: Option<Data>,
+    /// The blocks of shader records, by the shaders' references.
+    records: BTreeMap<String, Data>,
+}
+
+/// A resource of a scene: its name, its lines and the block of a buffer.
+#[derive(Debug)]
+struct BoundResource {
+    name: String,
+    lines: Vec<String>,
+    block: Option<Block>,
+}
+
+/// A block with its data.
+#[derive(Clone, Debug)]
+struct Data {
+    block: Block,
+    piece: String,
+}
+
+impl Data {
+    fn new(block: Block) -> Self {
+        let piece = format!("{{ zeros = {} }}", block.layout().size());
+        Self { block, piece }
+    }
+
+    fn size(&self) -> usize {
+        self.block.layout().size()
+    }
+
+    /// The layout, in comments.
+    fn comment(&self, what: &str) -> String {
+        let lines = self.block.layout().describe().into_iter().map(|line| format!("#{line}\n"));
+        format!("# {what}:\n{}", lines.collect::<String>())
+    }
 }
 
 impl Resources {
-    pub fn new(elements: usize) -> Self {
-        Self { elements, bound: BTreeMap::new(), push_constants: None, record: None }
+    /// Everything that shaders declare; runtime arrays get so many elements.
+    pub fn of(shaders: &[Shader], elements: usize) -> Self {
+        let mut all = Self {
+            elements,
+            bound: BTreeMap::new(),
+            pointees: Pointees::default(),
+            push_constants: None,
+            records: BTreeMap::new(),
+        };
+        shaders.iter().for_each(|shader| all.add(shader));
+        all.follow_pointers();
+        all
     }
 
-    pub fn add(&mut self, module: &Module, entry: &EntryPoint) {
-        for variable in module.interface_of(entry) {
+    fn add(&mut self, shader: &Shader) {
+        let module = &shader.module;
+        for variable in module.interface_of(&shader.entry) {
             let Some(ty) = variable.ty else { continue };
-            let size = || Layout::new(module, ty, Rules::Explicit).size();
+            let name = shader.reference.split(':').next().unwrap_or_default().to_owned();
+            let block = Block { module: module.clone(), shader: name, ty };
             match variable.storage_class {
-                storage::PUSH_CONSTANT => self.push_constants = self.push_constants.max(Some(size())),
-                storage::SHADER_RECORD_BUFFER => self.record = self.record.max(Some(size())),
+                storage::PUSH_CONSTANT => {
+                    let data = Data::new(block);
+                    if self.push_constants.as_ref().is_none_or(|known| known.size() < data.size()) {
+                        self.push_constants = Some(data);
+                    }
+                }
+                storage::SHADER_RECORD_BUFFER => {
+                    self.records.insert(shader.reference.clone(), Data::new(block));
+                }
                 storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
-                    self.bind(module, &variable, ty);
+                    self.bind(block, &variable);
                 }
                 _ => {}
             }
         }
     }
 
-    fn bind(&mut self, module: &Module, variable: &InterfaceVariable, ty: TypeId) {
+    fn bind(&mut self, block: Block, variable: &InterfaceVariable) {
         let (Some(set), Some(binding)) = (variable.descriptor_set, variable.binding) else { return };
-        let Some(mut lines) = content(module, ty, variable.storage_class, self.elements) else { return };
+        let class = variable.storage_class;
+        let Some(mut lines) = content(&block.module, block.ty, class, self.elements) else { return };
         if self.bound.contains_key(&(set, binding)) {
             return;
         }
@@ -56,18 +111,57 @@ impl Resources {
             lines.push(format!("set = {set}"));
         }
         lines.push(format!("binding = {binding}"));
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
-        let mut name: String = variable.name.chars().map(plain).collect();
-        if name.is_empty() || self.bound.values().any(|(known, _)| *known == name) {
+        let mut name = plain(&variable.name);
+        if name.is_empty() || self.bound.values().any(|known| known.name == name) {
             name = format!("binding_{set}_{binding}");
         }
-        self.bound.insert((set, binding), (name, lines));
+        let is_block = matches!(block.module.ty(block.ty), Type::Struct { .. });
+        self.bound.insert((set, binding), BoundResource { name, lines, block: is_block.then_some(block) });
+    }
+
+    /// Makes the buffers that pointers lead to, and writes their addresses.
+    fn follow_pointers(&mut self) {
+        let mut pointees = Pointees::beside(self.bound.values().map(|one| one.name.as_str()));
+        for data in self.push_constants.iter_mut().chain(self.records.values_mut()) {
+            if let Some(piece) = pointees.piece(&data.block, self.elements) {
+                data.piece = piece;
+            }
+        }
+        for bound in self.bound.values_mut() {
+            let piece = bound.block.as_ref().and_then(|block| pointees.piece(block, self.elements));
+            bound.lines.extend(piece.map(|piece| format!("data = {piece}")));
+        }
+        self.pointees = pointees;
+    }
+
+    /// The push constants with their layout.
+    pub fn push_constants(&self) -> Option<String> {
+        let data = self.push_constants.as_ref()?;
+        Some(format!("{}push_constants = {}\n", data.comment("The push constants"), data.piece))
+    }
+
+    /// The data of a record of these shaders, which is that of its largest block.
+    pub fn record<'a>(&self, shaders: impl Iterator<Item = &'a Shader>) -> Option<&str> {
+        let blocks = shaders.filter_map(|shader| self.records.get(&shader.reference));
+        blocks.max_by_key(|data| data.size()).map(|data| data.piece.as_str())
+    }
+
+    /// The layouts of shader records, in comments.
+    pub fn record_layouts(&self) -> String {
+        let comment = |(shader, data): (&String, &Data)| data.comment(&format!("The record of `{shader}`"));
+        self.records.iter().map(comment).collect()
+    }
+
+    /// Whether there are push constants, and records.
+    pub fn has(&self) -> (bool, bool) {
+        (self.push_constants.is_some(), !self.records.is_empty())
     }
 
     /// The names of the buffers, which are full of zeros.
     pub fn buffers(&self) -> impl Iterator<Item = &str> {
         let is_buffer = |lines: &[String]| lines.iter().any(|line| line.ends_with("_buffer\""));
-        self.bound.values().filter(move |(_, lines)| is_buffer(lines)).map(|(name, _)| name.as_str())
+        let bound = self.bound.values().filter(move |one| is_buffer(&one.lines)).map(|one| one.name.as_str());
+        bound.chain(self.pointees.tables().map(|(name, _)| name))
     }
 
     /// The tables of a scene that renders: a block of two matrices holds a camera, and the first
@@ -75,7 +169,7 @@ impl Resources {
     pub fn text_with_camera(&self) -> String {
         let mut out = String::new();
         let mut has_output = false;
-        for (name, lines) in self.bound.values() {
+        for BoundResource { name, lines, .. } in self.bound.values() {
             let mut lines = lines.clone();
             if !has_output && lines.iter().any(|line| line == "type = \"storage_image\"") {
                 has_output = true;
@@ -93,17 +187,24 @@ impl Resources {
             // Writing to a string does not fail.
             let _ = writeln!(out, "\n[resources.{name}]\n{}", lines.join("\n"));
         }
-        out
+        out + &self.pointed()
     }
 
     /// The tables of the scene file.
     pub fn text(&self) -> String {
         let mut out = String::new();
-        for (name, lines) in self.bound.values() {
+        for BoundResource { name, lines, .. } in self.bound.values() {
             // Writing to a string does not fail.
             let _ = writeln!(out, "\n[resources.{name}]\n{}", lines.join("\n"));
         }
-        out
+        out + &self.pointed()
+    }
+
+    /// The tables of the buffers that pointers lead to.
+    fn pointed(&self) -> String {
+        let table =
+            |(name, lines): (&str, &[String])| format!("\n[resources.{name}]\n{}\n", lines.join("\n"));
+        self.pointees.tables().map(table).collect()
     }
 }
 

@@ -4,9 +4,11 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file;
-use crate::error::{Error, ErrorKind, Result};
+use crate::compile::SourceWords;
+use crate::error::{Error, ErrorKind, Result, Warning};
+use crate::harness::init::Shaders;
 use crate::harness::init::resources::Resources;
-use crate::harness::init::{Shader, Shaders, relative};
+use crate::harness::init::traces::BindingTable;
 use crate::module::interface::Stage;
 use crate::scene::{LoadOptions, RunLimits, SceneFiles, assemble, load};
 
@@ -22,11 +24,14 @@ pub struct WrittenScene {
     pub command: &'static str,
     /// Why it does not run yet, where it does not.
     pub failure: Option<Error>,
+    /// What the compilers of sources warned of.
+    pub warnings: Vec<Warning>,
 }
 
 /// Writes a scene file for modules: their shaders in a pipeline, resources with their layouts, a
 /// camera, a triangle, a linear swept sphere and what else suits the shaders, a launch and its
-/// picture. Then runs it once, within the limits.
+/// picture. Then runs it once, within the limits. Sources are compiled as `words` say, and the
+/// scene says the same of them.
 ///
 /// # Errors
 /// `InvalidArgument` where the file is there already, or no module has an entry point of ray
@@ -36,6 +41,7 @@ pub fn scene(
     file: &Path,
     files: &SceneFiles,
     limits: &RunLimits,
+    words: &SourceWords,
 ) -> Result<WrittenScene> {
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if let Some(root) = &files.root {
@@ -49,7 +55,7 @@ pub fn scene(
     }
     let mut shaders = Shaders::default();
     for path in modules {
-        shaders.add(path, files, &|stage| !matches!(stage, Stage::Other(_)))?;
+        shaders.add(path, files, words, &|stage| !matches!(stage, Stage::Other(_)))?;
     }
     if shaders.all.is_empty() {
         let message = "no module has an entry point of a ray-tracing or compute stage";
@@ -59,12 +65,13 @@ pub fn scene(
     atomic_file::write(file, &text)?;
     let failure = run(file, files, limits).err();
     let has = |stage| shaders.of(stage).next().is_some();
+    let has_picture = text.lines().any(|line| line == "output = true");
     let command = match (has(Stage::RayGeneration), has(Stage::Compute)) {
-        (true, _) => "render",
-        (false, true) => "run",
+        (true, _) if has_picture => "render",
+        (true, _) | (_, true) => "run",
         (false, false) => "trace-one-ray",
     };
-    Ok(WrittenScene { path: file.to_path_buf(), command, failure })
+    Ok(WrittenScene { path: file.to_path_buf(), command, failure, warnings: shaders.warnings })
 }
 
 fn run(file: &Path, files: &SceneFiles, limits: &RunLimits) -> Result<()> {
@@ -79,23 +86,15 @@ impl Shaders {
         let has = |stage| self.of(stage).next().is_some();
         // Outputs are mostly indexed by the launch.
         let [width, height] = LAUNCH;
-        let mut resources = Resources::new(width * height);
-        for shader in &self.all {
-            resources.add(&shader.module, &shader.entry);
-        }
+        let resources = Resources::of(&self.all, width * height);
         let mut out = String::from("version = 1\n");
         if has(Stage::RayGeneration) {
             // Writing to a string does not fail.
             let _ = writeln!(out, "launch = [{width}, {height}]");
         }
-        if let Some(size) = resources.push_constants {
-            // Writing to a string does not fail.
-            let _ = writeln!(out, "push_constants = {{ zeros = {size} }}");
-        }
+        out.push_str(&resources.push_constants().unwrap_or_default());
         out.push_str("\n[shaders]\n");
-        for (name, path) in &self.files {
-            let _ = writeln!(out, "{name} = {:?}", relative(path, folder)?);
-        }
+        out.push_str(&self.file_lines(folder)?);
         let traces = self.all.iter().any(|shader| shader.entry.stage != Stage::Compute);
         if traces {
             out.push_str(&self.pipeline(&resources));
@@ -117,12 +116,13 @@ impl Shaders {
         const ROD: &str = "type = \"lss\"\npositions = [[0.75, -0.5, 0], [1.5, 0.5, 0]]\nradii = [0.5, 0.25]";
         const BALL: &str = "type = \"spheres\"\npositions = [[-1, 0, 0]]\nradii = 0.75";
         const BOX: &str = "type = \"aabbs\"\nboxes = [[[-2, -1, -1], [0, 1, 1]]]";
-        let stages = [Stage::ClosestHit, Stage::AnyHit, Stage::Intersection];
-        let groups = stages.iter().map(|stage| self.of(*stage).count()).max().unwrap_or(0);
+        let BindingTable { groups_of_instance, null_records, .. } = self.binding_table();
+        let groups = self.groups();
         let mut out = String::new();
-        for group in 0..groups.max(1) {
-            let members: Vec<&Shader> =
-                stages.iter().filter_map(|stage| self.of(*stage).nth(group)).collect();
+        // The groups of one instance are for rays of several kinds.
+        let firsts = (0..groups.len().max(1)).step_by(groups_of_instance);
+        for (instance, group) in firsts.enumerate() {
+            let members = groups.get(group).map_or(&[][..], |members| members);
             let reads = |word: &str| members.iter().any(|shader| shader.reads(word));
             let shapes: &[(&str, &str)] = if members.iter().any(|one| one.entry.stage == Stage::Intersection)
             {
@@ -137,11 +137,13 @@ impl Shaders {
                 &[("triangle", TRIANGLE), ("rod", ROD)]
             };
             for (name, lines) in shapes {
-                let name = if group == 0 { (*name).to_owned() } else { format!("{name}_{group}") };
+                let name = if instance == 0 { (*name).to_owned() } else { format!("{name}_{instance}") };
                 let _ = writeln!(out, "\n[geometry.{name}]\n{lines}\n\n[[instance]]\ngeometry = \"{name}\"");
-                if group > 0 {
+                if instance > 0 {
                     // Beside those of the groups before, so that rays meet all.
-                    let _ = writeln!(out, "sbt_offset = {group}\ntranslate = [0, {}, 0]", 2 * group);
+                    let sbt_offset = group * (1 + null_records);
+                    let y = 2 * instance;
+                    let _ = writeln!(out, "sbt_offset = {sbt_offset}\ntranslate = [0, {y}, 0]");
                 }
             }
         }

@@ -38,6 +38,8 @@ impl ShaderTest {
         resources.printed = Some(Arc::default());
         let bindings = resources.bindings(program.bindings());
         let (invocation, attributes) = self.invocation()?;
+        let record = invocation.record.iter().map(|record| record.data.clone());
+        let roots = record.map(|data| (storage::SHADER_RECORD_BUFFER, data)).collect();
         let mut batch: Batch<1> = program.batch();
         batch.invocations.set(0, invocation);
         program.begin(&mut batch, Mask::ALL, self.fuel);
@@ -97,7 +99,7 @@ impl ShaderTest {
         events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
         let explanation = Arc::new(Explanation {
             pipeline: self.pipeline(),
-            what: What::shader(events, &traces, &executes, &calls),
+            what: What::shader(events, &traces, &executes, &calls, &resources.memory),
         });
         let mut payload = self.read(&batch, self.payload_rows());
         payload.explained_by(&explanation);
@@ -112,7 +114,7 @@ impl ShaderTest {
             calls,
             printed: printed.into_iter().map(|line| line.text).collect(),
             data: self.payload_rows().map(|registers| self.data(&batch, registers, "the payload")),
-            bound: Bound { programs: vec![self.program.clone()], resources },
+            bound: Bound { programs: vec![self.program.clone()], resources, roots },
             explanation,
         })
     }

@@ -37,7 +37,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
 use crate::harness::coverage::Blocks;
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::subject::{EntryUnderTest, Progress, Way};
@@ -113,6 +113,7 @@ fn entry_point(
         stage: entry.stage.name(),
         result: SmokeVerdict::Ok,
         reasons: Vec::new(),
+        errors: Vec::new(),
         coverage: None,
         runs: Vec::new(),
     };
@@ -126,10 +127,12 @@ fn entry_point(
                 _ => SmokeVerdict::Unsupported,
             };
             report.reasons = obstacles(module, entry, &error);
+            report.errors = ErrorReport::all(&error);
             return report;
         }
         Err(bug) => {
             report.result = SmokeVerdict::Bug;
+            report.errors.push(bug_report(&bug));
             report.reasons.push(bug);
             return report;
         }
@@ -156,9 +159,11 @@ fn entry_point(
             }
             Ok(Err(error)) => {
                 report.reasons.push(error.to_string());
+                report.errors.push(ErrorReport::of(&error));
                 RunReport { with: way.name(), result: verdict(&error), trap: None, note: None }
             }
             Err(bug) => {
+                report.errors.push(bug_report(&bug));
                 report.reasons.push(bug);
                 RunReport { with: way.name(), result: SmokeVerdict::Bug, trap: None, note: None }
             }
@@ -264,6 +269,12 @@ fn verdict(error: &Error) -> SmokeVerdict {
         ErrorKind::InvalidModule => SmokeVerdict::Invalid,
         _ => SmokeVerdict::Bug,
     }
+}
+
+/// A bug of this crate in the shape of an error, of no class of its own.
+fn bug_report(bug: &str) -> ErrorReport {
+    let class = ErrorClass::Other.name();
+    ErrorReport { message: bug.to_owned(), class, notes: Vec::new(), report: format!("error: {bug}\n") }
 }
 
 /// Keeps a panic from ending the whole test: it is a bug, but of one entry point.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::error::{Error, Place};
+use crate::error::{Error, ErrorReport, Place};
 
 /// Places of blocks that the text shows.
 const SHOWN: usize = 8;
@@ -49,6 +49,8 @@ pub struct EntryReport {
     pub result: SmokeVerdict,
     /// What is unsupported or invalid, where something is.
     pub reasons: Vec<String>,
+    /// The errors behind the reasons.
+    pub errors: Vec<ErrorReport>,
     /// What its runs reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coverage: Option<BlockCoverage>,
@@ -171,11 +173,10 @@ pub struct SmokeTrap {
     pub line: Option<u32>,
     /// The instruction, in words from the start of the module.
     pub word: u32,
-    /// What was accessed, in which function, who called it.
-    pub notes: Vec<String>,
-    /// The report for people.
-    #[serde(skip)]
-    pub text: String,
+    /// The trap as an error: its message is the rule, its notes tell what was accessed, in which
+    /// function, and who called it.
+    #[serde(flatten)]
+    pub error: ErrorReport,
 }
 
 impl SmokeTrap {
@@ -189,14 +190,7 @@ impl SmokeTrap {
             _ => None,
         });
         let (file, line) = line.unzip();
-        Self {
-            rule: error.message().to_owned(),
-            file,
-            line,
-            word,
-            notes: error.notes().to_vec(),
-            text: error.render(),
-        }
+        Self { rule: error.message().to_owned(), file, line, word, error: ErrorReport::of(error) }
     }
 }
 
@@ -266,7 +260,7 @@ impl EntryReport {
                 let _ = writeln!(out, "    the trap at word {} that is told above: {}", trap.word, trap.rule);
                 continue;
             }
-            for line in trap.text.lines() {
+            for line in trap.error.report.lines() {
                 let _ = writeln!(out, "    {line}");
             }
         }

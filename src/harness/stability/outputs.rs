@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::harness::expect::{Bytes, Observed};
-use crate::harness::typed::typed;
+use crate::harness::typed::{typed, typed_unbound};
 use crate::harness::value::Leaf;
 use crate::machine::Binding;
 use crate::machine::format::Class;
@@ -128,9 +128,12 @@ impl<'a> OutputComparison<'a> {
     }
 
     fn buffer(&self, bytes: &Bytes) -> Vec<(String, Leaf)> {
-        let [set, binding, _] = bytes.binding;
         let mut leaves = Vec::new();
-        match typed(self.assembled, Binding { set, binding }, &bytes.bytes) {
+        let value = match bytes.binding {
+            Some([set, binding, _]) => typed(self.assembled, Binding { set, binding }, &bytes.bytes),
+            None => typed_unbound(self.assembled, &bytes.name, &bytes.bytes),
+        };
+        match value {
             Some(value) => value.scalars(&mut String::new(), &mut |path, leaf| {
                 leaves.push((path.to_owned(), leaf));
             }),

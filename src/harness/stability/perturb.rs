@@ -75,7 +75,7 @@ impl Instability {
     }
 }
 
-/// Runs a scene's launch and dispatches several times, each time on a copy of its resources.
+/// Runs a scene's passes several times, each time on a copy of its resources.
 ///
 /// # Errors
 /// The trap of the run without perturbation; `UnsupportedModule` where invocations cannot run one
@@ -89,7 +89,7 @@ pub fn perturb(
     let run = |number: u32, reference: Option<&DecisionLog>| {
         let resources = fresh_resources(&assembled.resources);
         let mut seen = RunDecisions::default();
-        let new = |_| Perturber::new(&context, number, reference);
+        let new = || Perturber::new(&context, number, reference);
         let outcome =
             probe::run(assembled, &resources, &new, &mut |perturber: Perturber<'_>| seen.add(perturber));
         let mut observed = Observed::default();
@@ -121,7 +121,9 @@ pub fn perturb_one(
             outcome
         });
         let mut observed = Observed::default();
-        observed.rays.push((None, Ok(first_ray(&assembled.pipeline, &events))));
+        if let Ok(single) = assembled.single_launch(which.pass.as_deref()) {
+            observed.rays.push((None, Ok(first_ray(&single.pipeline, &events))));
+        }
         read_resources(scene, &resources, &mut observed);
         (observed, seen, outcome)
     };
@@ -224,8 +226,8 @@ fn no_contraction(module: &Module) -> HashSet<u32> {
     decorated.map(|one| one.offset).collect()
 }
 
-/// An invocation: the index of the dispatch's program, or `usize::MAX` for ray generation, and the
-/// launch index.
+/// An invocation: the index of the dispatch's program, or for ray generation `usize::MAX` less the
+/// number of the launch, and the launch index.
 type InvocationKey = (usize, [u32; 3]);
 /// The way of each invocation: branches, and what rays hit.
 type DecisionLog = HashMap<InvocationKey, Vec<u64>>;
@@ -265,6 +267,7 @@ struct Perturber<'a> {
     products: HashMap<Reg, Product>,
     invocation: InvocationKey,
     dispatch: Option<usize>,
+    pipeline: Option<usize>,
     /// The decisions, recorded in the run without perturbation.
     decisions: DecisionLog,
     /// The decisions of the run without perturbation, and how many of them each invocation has
@@ -285,6 +288,7 @@ impl<'a> Perturber<'a> {
             products: HashMap::new(),
             invocation: (usize::MAX, [0; 3]),
             dispatch: None,
+            pipeline: None,
             decisions: HashMap::new(),
             reference,
             progress: HashMap::new(),
@@ -406,12 +410,20 @@ impl Probe for Perturber<'_> {
     fn begin(&mut self, part: RunPart) {
         self.frames.clear();
         self.products.clear();
-        let id = if let RunPart::Invocation(id) = part { id } else { [0; 3] };
-        self.dispatch = if let RunPart::Dispatch(at) = part { Some(at) } else { None };
-        self.invocation = (self.dispatch.map_or(usize::MAX, |at| at), id);
+        (self.dispatch, self.invocation) = match part {
+            RunPart::Invocation { launch, id, .. } => (None, (usize::MAX - launch, id)),
+            RunPart::Dispatch(at) => (Some(at), (at, [0; 3])),
+            RunPart::Ray(_) => (None, (usize::MAX, [0; 3])),
+        };
+        self.pipeline = part.pipeline();
+        let id = self.invocation.1;
         let perturbation = &self.context.perturbation;
         let hash = id.iter().fold(self.invocation.0 as u64, |sum, &axis| mix64(sum) ^ u64::from(axis));
         self.random = SplitMix64(mix64(mix64(perturbation.seed) ^ u64::from(self.run)) ^ mix64(hash));
+    }
+
+    fn first_program(&self) -> usize {
+        self.context.programs.first(self.pipeline)
     }
 
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>) {
@@ -484,7 +496,10 @@ impl Probe for Perturber<'_> {
 
     fn event(&mut self, event: &Event) {
         match event {
-            Event::Enter { shader, .. } => self.frames.push((shader.0 as usize, 0)),
+            Event::Enter { shader, .. } => {
+                let shader = self.first_program() + shader.0 as usize;
+                self.frames.push((shader, 0));
+            }
             Event::Leave { .. } => {
                 self.frames.pop();
             }

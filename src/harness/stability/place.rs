@@ -32,32 +32,42 @@ impl SourceLocation {
     }
 }
 
-/// The programs of a scene: those of its pipeline, then those of its dispatches.
+/// The programs of a scene, in the order of [`Assembled::programs`].
 #[derive(Clone, Debug)]
 pub(super) struct Programs {
     pub all: Vec<Arc<Program>>,
     files: Vec<String>,
+    /// The index of the first program of each pipeline: `[pipeline]`, then the named ones.
+    first: Vec<usize>,
 }
 
 impl Programs {
     pub fn of(scene: &ResolvedScene, assembled: &Assembled) -> Self {
-        let names = Names::new(scene, &assembled.pipeline);
-        let pipeline = assembled.pipeline.programs.iter().enumerate().map(|(at, program)| {
-            let path = names.module(Shader(at as u32)).map(|module| module.path.display().to_string());
-            (program.clone(), path)
+        let pipelines = assembled.all_pipelines().flat_map(|(index, pipeline)| {
+            let names = Names::new(scene, index, pipeline);
+            pipeline.programs.iter().enumerate().map(move |(at, program)| {
+                let path = names.module(Shader(at as u32)).map(|module| module.path.display().to_string());
+                (program.clone(), path)
+            })
         });
         let dispatched = assembled.dispatches.iter().zip(&scene.dispatches).map(|(dispatch, entry)| {
             let path = &scene.shaders[entry.shader.module].path;
             (dispatch.compute.program.clone(), Some(path.display().to_string()))
         });
-        let (all, files) = pipeline
+        let (all, files) = pipelines
             .chain(dispatched)
             .map(|(program, path)| {
                 let path = path.unwrap_or_else(|| format!("{} `{}`", program.stage.name(), program.name));
                 (program, path)
             })
             .unzip();
-        Self { all, files }
+        let first = assembled.all_pipelines().map(|(index, _)| assembled.first_program(index)).collect();
+        Self { all, files, first }
+    }
+
+    /// The index of the first program of a pipeline: a named one by its index, or `[pipeline]`.
+    pub fn first(&self, pipeline: Option<usize>) -> usize {
+        self.first[pipeline.map_or(0, |index| index + 1)]
     }
 
     /// The location of the instruction at a word offset of a shader's module.

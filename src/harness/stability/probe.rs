@@ -2,28 +2,48 @@
 
 use std::cell::RefCell;
 
-use crate::debug::session::ResolvedRequest;
+use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::run::in_tasks;
 use crate::machine::{Batch, Bindings, Observer, Resources};
-use crate::pipeline::{Event, Launch};
+use crate::pipeline::{Event, Launch, Pipeline};
+use crate::scene::pass::{LaunchPass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
 
 /// A part of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum RunPart {
     /// An invocation of ray generation.
-    Invocation([u32; 3]),
+    Invocation {
+        /// Which launch of the scene, from 0.
+        launch: usize,
+        /// The pipeline: a named one by its index, or `[pipeline]`.
+        pipeline: Option<usize>,
+        /// The launch index.
+        id: [u32; 3],
+    },
     /// A dispatch, by the index of its program among [`Programs`](super::place::Programs).
     Dispatch(usize),
-    /// A ray that the host traces.
-    Ray,
+    /// A ray that the host traces, with a pipeline.
+    Ray(Option<usize>),
+}
+
+impl RunPart {
+    /// The pipeline, for what has one.
+    pub fn pipeline(self) -> Option<usize> {
+        match self {
+            Self::Invocation { pipeline, .. } | Self::Ray(pipeline) => pipeline,
+            Self::Dispatch(_) => None,
+        }
+    }
 }
 
 /// Observes the parts of a run one after the other, each in one lane.
 pub(super) trait Probe: Send {
     /// Begins a part: the following calls belong to it.
     fn begin(&mut self, part: RunPart);
+    /// The index of the first program of the part's pipeline among all programs of the scene.
+    fn first_program(&self) -> usize;
     /// See [`Observer::resumed`].
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>);
     /// See [`Observer::stopped`].
@@ -63,71 +83,72 @@ impl<P: Probe> Observer<1> for ProbeObserver<'_, P> {
     }
 }
 
-/// Runs the launch and the dispatches of a scene on resources. Each task of the launch
-/// ([`in_tasks`]) and each dispatch has a probe of its own; all are given to `collect` in order.
+/// Runs the passes of a scene on resources. Each task of a launch ([`in_tasks`]) and each dispatch
+/// has a probe of its own; all are given to `collect` in order.
 pub(super) fn run<P: Probe>(
     assembled: &Assembled,
     resources: &Resources,
-    make_probe: &(impl Fn(u64) -> P + Sync),
+    make_probe: &(impl Fn() -> P + Sync),
     collect: &mut dyn FnMut(P),
 ) -> Result<()> {
-    if assembled.is_frame() {
-        let message = "watching the invocations of a scene whose `[[pass]]` launch the pipeline";
-        return Err(Error::new(ErrorKind::UnsupportedModule, message));
-    }
-    let pipeline = &assembled.pipeline;
-    let mut number = 0;
-    if pipeline.sbt.ray_generation.is_some() {
-        check_single_lane(assembled)?;
-        let launch = Launch { pipeline, resources };
-        let done = in_tasks(assembled, |number, ids| {
-            let probe = RefCell::new(make_probe(number));
-            let mut outcome = Ok(());
-            for id in ids {
-                outcome = invocation(&launch, assembled, id, &probe);
-                if outcome.is_err() {
-                    break;
-                }
+    let mut launches = 0;
+    for pass in &assembled.passes {
+        let resources = assembled.pass_resources(pass, resources);
+        match &pass.work {
+            PassWork::Launch(one) => {
+                let pipeline = assembled.pass_pipeline(one);
+                let run = Launch { pipeline: &pipeline, resources: &resources };
+                watch_launch(run, one, launches, make_probe, collect)?;
+                launches += 1;
             }
-            (probe.into_inner(), outcome)
-        });
-        number = done.len() as u64;
-        for (probe, outcome) in done {
-            collect(probe);
-            outcome?;
+            PassWork::Dispatch(at) => {
+                let (dispatch, first) = (&assembled.dispatches[*at], assembled.dispatch_program(*at));
+                let probe = RefCell::new(make_probe());
+                probe.borrow_mut().begin(RunPart::Dispatch(first));
+                let outcome = dispatch.compute.run_one_lane_observed(
+                    &resources,
+                    dispatch.groups,
+                    &mut ProbeObserver { probe: &probe, first },
+                );
+                collect(probe.into_inner());
+                outcome?;
+            }
         }
-    }
-    for (at, dispatch) in assembled.dispatches.iter().enumerate() {
-        let first = pipeline.programs.len() + at;
-        let probe = RefCell::new(make_probe(number + at as u64));
-        probe.borrow_mut().begin(RunPart::Dispatch(first));
-        let own = dispatch.push_constants.clone();
-        let own = own.map(|constants| Resources { push_constants: Some(constants), ..resources.clone() });
-        let resources = own.as_ref().unwrap_or(resources);
-        let outcome = dispatch.compute.run_one_lane_observed(
-            resources,
-            dispatch.groups,
-            &mut ProbeObserver { probe: &probe, first },
-        );
-        collect(probe.into_inner());
-        outcome?;
     }
     Ok(())
 }
 
-/// Runs one invocation of ray generation.
-pub(super) fn invocation<P: Probe>(
-    launch: &Launch<'_>,
-    assembled: &Assembled,
-    id: [u32; 3],
-    probe: &RefCell<P>,
+/// Runs the invocations of a launch one by one.
+fn watch_launch<P: Probe>(
+    run: Launch<'_>,
+    launch: &LaunchPass,
+    number: usize,
+    make_probe: &(impl Fn() -> P + Sync),
+    collect: &mut dyn FnMut(P),
 ) -> Result<()> {
-    probe.borrow_mut().begin(RunPart::Invocation(id));
-    let mut sink = |event: Event| probe.borrow_mut().event(&event);
-    let mut sink: &mut dyn FnMut(Event) = &mut sink;
-    let mut observer = ProbeObserver { probe, first: 0 };
-    let mut observer: &mut dyn Observer<1> = &mut observer;
-    launch.run_one(id, assembled.size, &mut sink, &mut observer).map(|_| ())
+    check_single_lane(run.pipeline)?;
+    let done = in_tasks(&run, launch.size, |_, ids| {
+        let probe = RefCell::new(make_probe());
+        let mut outcome = Ok(());
+        for id in ids {
+            probe.borrow_mut().begin(RunPart::Invocation { launch: number, pipeline: launch.pipeline, id });
+            let mut sink = |event: Event| probe.borrow_mut().event(&event);
+            let mut sink: &mut dyn FnMut(Event) = &mut sink;
+            let first = probe.borrow().first_program();
+            let mut observer = ProbeObserver { probe: &probe, first };
+            let mut observer: &mut dyn Observer<1> = &mut observer;
+            outcome = run.run_one(id, launch.size, &mut sink, &mut observer).map(|_| ());
+            if outcome.is_err() {
+                break;
+            }
+        }
+        (probe.into_inner(), outcome)
+    });
+    for (probe, outcome) in done {
+        collect(probe);
+        outcome?;
+    }
+    Ok(())
 }
 
 /// Runs one ray from the host, or one invocation of ray generation; `event` receives the events,
@@ -140,24 +161,29 @@ pub(super) fn run_one<P: Probe>(
     probe: P,
     event: &mut dyn FnMut(Event),
 ) -> Result<(P, Result<()>)> {
-    check_single_lane(assembled)?;
+    let single = assembled.single_launch(which.pass.as_deref())?;
+    check_single_lane(&single.pipeline)?;
+    single.run_before(resources)?;
+    let resources = single.resources(resources);
     let probe = RefCell::new(probe);
-    let launch = Launch { pipeline: &assembled.pipeline, resources };
+    let launch = Launch { pipeline: &single.pipeline, resources: &resources };
     let outcome = {
         let mut sink = |one: Event| {
             probe.borrow_mut().event(&one);
             event(one);
         };
         let mut sink: &mut dyn FnMut(Event) = &mut sink;
-        let mut observer = ProbeObserver { probe: &probe, first: 0 };
+        let pipeline = single.index;
+        probe.borrow_mut().begin(match &which.what {
+            SingleRun::Pixel(id) => RunPart::Invocation { launch: 0, pipeline, id: *id },
+            SingleRun::Ray(_) => RunPart::Ray(pipeline),
+        });
+        let first = probe.borrow().first_program();
+        let mut observer = ProbeObserver { probe: &probe, first };
         let mut observer: &mut dyn Observer<1> = &mut observer;
-        match which {
-            ResolvedRequest::Pixel(id) => {
-                probe.borrow_mut().begin(RunPart::Invocation(*id));
-                launch.run_one(*id, assembled.size, &mut sink, &mut observer).map(|_| ())
-            }
-            ResolvedRequest::Ray(given) => {
-                probe.borrow_mut().begin(RunPart::Ray);
+        match &which.what {
+            SingleRun::Pixel(id) => launch.run_one(*id, single.size, &mut sink, &mut observer).map(|_| ()),
+            SingleRun::Ray(given) => {
                 let Some((_, tlas)) = scene.tlas.first() else {
                     let message = "a ray needs a scene with instances";
                     return Err(Error::new(ErrorKind::InvalidScene, message));
@@ -171,8 +197,8 @@ pub(super) fn run_one<P: Probe>(
 }
 
 /// Refuses pipelines whose invocations cannot run one by one.
-fn check_single_lane(assembled: &Assembled) -> Result<()> {
-    if assembled.pipeline.uses_subgroups() && assembled.pipeline.subgroup_size > 1 {
+fn check_single_lane(pipeline: &Pipeline) -> Result<()> {
+    if pipeline.uses_subgroups() && pipeline.subgroup_size > 1 {
         let message = "watching invocations one by one, of a pipeline with subgroup instructions";
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
             .note("set the subgroup size to 1 to run each invocation by itself"));

@@ -20,7 +20,7 @@ use crate::ops::shadow_op::{ShadowOp, shadow_op};
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
-/// Runs a scene's launch and dispatches on a copy of its resources, with shadows. Returns
+/// Runs a scene's passes on a copy of its resources, with shadows. Returns
 /// the findings, and the trap that ended the run, if there is one.
 ///
 /// # Errors
@@ -32,7 +32,7 @@ pub fn shadow(scene: &ResolvedScene, assembled: &Assembled) -> Result<(ShadowFin
     let outcome = probe::run(
         assembled,
         &resources,
-        &|_| ShadowInterpreter::new(&context),
+        &|| ShadowInterpreter::new(&context),
         &mut |interpreter: ShadowInterpreter<'_>| {
             sum.add(&interpreter.findings());
             context.memory().extend(interpreter.memory);
@@ -74,9 +74,10 @@ pub(super) struct ShadowContext {
     pub shadow_ops: Vec<Vec<ShadowOp>>,
     /// The word offsets of branches, by shader and block.
     pub branches: Vec<Vec<u32>>,
-    /// The ray flags that the pipeline adds to those of every ray.
-    pub flags: u32,
-    /// The shadow values of buffers after the launch, for later dispatches.
+    /// The ray flags that a pipeline adds to those of every ray: of `[pipeline]`, then of the named
+    /// ones.
+    flags: Vec<u32>,
+    /// The shadow values of buffers after a pass, for later passes.
     memory: Mutex<Memory>,
 }
 
@@ -91,8 +92,13 @@ impl ShadowContext {
         };
         let shadow_ops = programs.all.iter().map(shadow_ops).collect();
         let branches = programs.all.iter().map(|program| branch_offsets(program)).collect();
-        let flags = assembled.pipeline.flags.ray_flags();
+        let flags = assembled.all_pipelines().map(|(_, pipeline)| pipeline.flags.ray_flags()).collect();
         Self { programs, shadow_ops, branches, flags, memory: Mutex::default() }
+    }
+
+    /// The ray flags that a pipeline adds to those of every ray.
+    pub fn flags(&self, pipeline: Option<usize>) -> u32 {
+        self.flags[pipeline.map_or(0, |index| index + 1)]
     }
 
     /// Locks the shadow values of buffers.

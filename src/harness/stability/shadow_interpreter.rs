@@ -40,6 +40,7 @@ pub(super) struct ShadowInterpreter<'a> {
     scratch: ScratchRegisters,
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
+    pipeline: Option<usize>,
     /// The findings by shader and word offset.
     found: HashMap<(usize, u32), LineFindings>,
 }
@@ -58,6 +59,7 @@ impl<'a> ShadowInterpreter<'a> {
             scratch: ScratchRegisters::default(),
             launch_id: None,
             dispatch: false,
+            pipeline: None,
             found: HashMap::new(),
         }
     }
@@ -405,8 +407,13 @@ impl Probe for ShadowInterpreter<'_> {
         self.rays.clear();
         // A ray from the host has no shadow values.
         self.rays.push(ShadowedTrace::default());
-        self.launch_id = if let RunPart::Invocation(id) = part { Some(id) } else { None };
+        self.launch_id = if let RunPart::Invocation { id, .. } = part { Some(id) } else { None };
+        self.pipeline = part.pipeline();
         self.dispatch = matches!(part, RunPart::Dispatch(_));
+    }
+
+    fn first_program(&self) -> usize {
+        self.context.programs.first(self.pipeline)
     }
 
     fn resumed(&mut self, shader: usize, batch: &mut Batch<1>) {
@@ -535,7 +542,8 @@ impl Probe for ShadowInterpreter<'_> {
                 }
             }
             Event::Traversed { committed, .. } => {
-                let other = |ray: &ShadowedTrace| ray.hit_differs(committed.as_ref(), self.context.flags);
+                let flags = self.context.flags(self.pipeline);
+                let other = |ray: &ShadowedTrace| ray.hit_differs(committed.as_ref(), flags);
                 if self.rays.last().is_some_and(other)
                     && let Some(at) = self.frames.last().map(|frame| frame.wait_offset)
                     && let Some(found) = self.findings_at(at)
@@ -543,7 +551,9 @@ impl Probe for ShadowInterpreter<'_> {
                     found.hits += 1;
                 }
             }
-            Event::Enter { shader, stage, .. } => self.enter_stage(shader.0 as usize, *stage),
+            Event::Enter { shader, stage, .. } => {
+                self.enter_stage(self.first_program() + shader.0 as usize, *stage);
+            }
             Event::Leave { stage, exit, .. } => self.leave(*stage, *exit),
             _ => {}
         }

@@ -484,14 +484,18 @@ impl Tester<'_> {
         failure: &mut TestFailure,
     ) {
         let scene = &self.loaded.scene;
-        let by_name = |name: &String| scene.rays.iter().find(|ray| name_of(ray) == Some(name));
-        let size = self.loaded.assembled.size;
-        let wrote = writer.and_then(|writer| writer.launch_id);
+        let by_name = |name: &String| scene.rays.iter().find(|ray| ray.name() == Some(name));
+        let assembled = &self.loaded.assembled;
+        let size = assembled.single_launch(None).map_or(assembled.size, |single| single.size);
+        let wrote = writer.and_then(|writer| writer.invocation).map(|(number, id)| {
+            let pass = assembled.is_frame().then(|| assembled.passes[number].key(number));
+            in_pass(pass, Request::Pixel(id))
+        });
         let request = match (ray, subject) {
             (Some(ray), _) => scene.rays.get(ray).map(request),
             (None, Subject::Ray(name, _)) => by_name(name).map(request),
             (None, Subject::Invocation(id)) => Some(Request::Pixel(*id)),
-            (None, _) if wrote.is_some() => wrote.map(Request::Pixel),
+            (None, _) if wrote.is_some() => wrote,
             (None, Subject::Texel(_, [x, y])) if *x < size[0] && *y < size[1] => {
                 Some(Request::Pixel([*x, *y, 0]))
             }
@@ -524,23 +528,28 @@ fn unstable(found: &Instability, file: &Path) -> Vec<Difference> {
     found.lines().into_iter().map(new).collect()
 }
 
-fn name_of(ray: &RayEntry) -> Option<&String> {
-    match ray {
-        RayEntry::Pixel { name, .. } => name.as_ref(),
-        RayEntry::Given(given) => given.name.as_ref(),
-    }
-}
-
 fn request(ray: &RayEntry) -> Request {
-    match ray {
+    let request = match ray {
         RayEntry::Pixel { pixel, .. } => Request::Pixel([pixel.value[0], pixel.value[1], 0]),
         RayEntry::Given(given) => Request::Ray(given.clone()),
+    };
+    in_pass(ray.pass().map(|key| key.value.0.clone()), request)
+}
+
+fn in_pass(pass: Option<String>, request: Request) -> Request {
+    match pass {
+        Some(pass) => Request::InPass(pass, Box::new(request)),
+        None => request,
     }
 }
 
 /// The command line that asks for the same, as a shell takes it.
 fn command_line(scene: &str, request: &Request) -> String {
-    let what = match request {
+    format!("anyhit trace-one-ray {}{}", shell::word(scene), arguments(request))
+}
+
+fn arguments(request: &Request) -> String {
+    match request {
         Request::Pixel([x, y, 0]) => format!(" --pixel {x},{y}"),
         Request::Pixel([x, y, z]) => format!(" --pixel {x},{y},{z}"),
         Request::Ray(ray) => match &ray.name {
@@ -553,8 +562,8 @@ fn command_line(scene: &str, request: &Request) -> String {
             format!(" --invocation {x},{y},{z} --dispatch {dispatch}")
         }
         Request::Default => String::new(),
-    };
-    format!("anyhit trace-one-ray {}{what}", shell::word(scene))
+        Request::InPass(pass, request) => format!("{} --pass {}", arguments(request), shell::word(pass)),
+    }
 }
 
 fn named(name: &str) -> String {

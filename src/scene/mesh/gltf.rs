@@ -14,7 +14,9 @@ use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::sampler::{AddressMode, Filter, Sampler};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
-use crate::scene::mesh::material::{FileCamera, Material, PictureSource, Projection, Texture, TextureSlot};
+use crate::scene::mesh::material::{
+    FileCamera, Material, PictureSource, Projection, Texture, TextureMapping, TextureSlot,
+};
 use crate::scene::mesh::model::{Listed, ListedPart, ModelNode, Numbers};
 use crate::scene::mesh::uri::{base64, percent_decoded};
 
@@ -432,6 +434,20 @@ fn material_of(material: &gltf::Material<'_>) -> Material {
     set(TextureSlot::Occlusion, material.occlusion_texture().map(|occlusion| occlusion.texture().index()));
     set(TextureSlot::Emissive, material.emissive_texture().map(|info| info.texture().index()));
     let default = Material::default();
+    let mut mappings = default.mappings;
+    let mut set = |slot: TextureSlot, mapping: Option<TextureMapping>| {
+        mappings[slot as usize] = mapping.unwrap_or_default();
+    };
+    set(TextureSlot::BaseColor, pbr.base_color_texture().map(|info| mapping_of(&info)));
+    set(TextureSlot::MetallicRoughness, pbr.metallic_roughness_texture().map(|info| mapping_of(&info)));
+    set(TextureSlot::Emissive, material.emissive_texture().map(|info| mapping_of(&info)));
+    let normal = material.normal_texture();
+    let normal = normal.map(|info| other_mapping(info.tex_coord(), info.extension_value(TEXTURE_TRANSFORM)));
+    set(TextureSlot::Normal, normal);
+    let occlusion = material.occlusion_texture();
+    let occlusion =
+        occlusion.map(|info| other_mapping(info.tex_coord(), info.extension_value(TEXTURE_TRANSFORM)));
+    set(TextureSlot::Occlusion, occlusion);
     Material {
         name: material.name().unwrap_or_default().to_string(),
         base_color: pbr.base_color_factor(),
@@ -453,8 +469,35 @@ fn material_of(material: &gltf::Material<'_>) -> Material {
         ior: material.ior().unwrap_or(default.ior),
         transmission: material.transmission().map_or(0.0, |transmission| transmission.transmission_factor()),
         textures,
+        mappings,
         ..default
     }
+}
+
+const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
+
+fn mapping_of(info: &gltf::texture::Info<'_>) -> TextureMapping {
+    let own = info.tex_coord();
+    info.texture_transform().map_or(
+        TextureMapping { texcoord: own, ..TextureMapping::default() },
+        |transform| {
+            let texcoord = transform.tex_coord().unwrap_or(own);
+            TextureMapping::new(texcoord, transform.scale(), transform.rotation(), transform.offset())
+        },
+    )
+}
+
+/// The mapping of a normal or occlusion texture, whose transform the reader leaves as JSON.
+fn other_mapping(own: u32, transform: Option<&serde_json::Value>) -> TextureMapping {
+    let Some(transform) = transform else {
+        return TextureMapping { texcoord: own, ..TextureMapping::default() };
+    };
+    let pair = |key: &str, default: f32| {
+        [0, 1].map(|at| transform[key][at].as_f64().map_or(default, |number| number as f32))
+    };
+    let texcoord = transform["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok());
+    let rotation = transform["rotation"].as_f64().unwrap_or(0.0) as f32;
+    TextureMapping::new(texcoord.unwrap_or(own), pair("scale", 1.0), rotation, pair("offset", 0.0))
 }
 
 /// Without filters glTF leaves them to the implementation: linear, as a scene's own.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::machine::sampler::Sampler;
+use crate::math::float::Float;
 use crate::scene::read::Named;
 
 /// A material: glTF's metallic-roughness model, and what an .mtl file adds. The defaults are those
@@ -46,6 +47,41 @@ pub struct Material {
     pub illumination: u32,
     /// The texture of each [`TextureSlot`], an index into the model's textures.
     pub textures: [Option<usize>; TextureSlot::COUNT],
+    /// How each of them is mapped.
+    pub mappings: [TextureMapping; TextureSlot::COUNT],
+}
+
+/// The coordinates at which a texture is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureMapping {
+    /// `texCoord`: the number of the attribute.
+    pub texcoord: u32,
+    /// `KHR_texture_transform`: two rows that are multiplied with (u, v, 1).
+    pub transform: [[f32; 3]; 2],
+}
+
+impl Default for TextureMapping {
+    fn default() -> Self {
+        Self { texcoord: 0, transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] }
+    }
+}
+
+impl TextureMapping {
+    /// Scaled, then turned by an angle in radians, counter-clockwise with v down, then moved.
+    pub fn new(texcoord: u32, scale: [f32; 2], rotation: f32, offset: [f32; 2]) -> Self {
+        let rotation = f64::from(rotation);
+        let (sine, cosine) = (Float::sin(rotation), Float::cos(rotation));
+        let [x, y] = scale.map(f64::from);
+        let row = |u: f64, v: f64, offset: f32| [u as f32, v as f32, offset];
+        let transform = [row(cosine * x, sine * y, offset[0]), row(-sine * x, cosine * y, offset[1])];
+        Self { texcoord, transform }
+    }
+
+    /// Transforms texture coordinates, rounded once.
+    pub fn apply(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        let [u, v] = [u, v].map(f64::from);
+        self.transform.map(|[a, b, c]| (f64::from(a) * u + f64::from(b) * v + f64::from(c)) as f32)
+    }
 }
 
 impl Default for Material {
@@ -69,6 +105,7 @@ impl Default for Material {
             shininess: 0.0,
             illumination: 0,
             textures: [None; TextureSlot::COUNT],
+            mappings: [TextureMapping::default(); TextureSlot::COUNT],
         }
     }
 }

@@ -1,17 +1,75 @@
-//! The columns of tables of instances, geometries and materials.
+//! The columns of tables of instances, geometries and materials, and the addresses among them.
 
 use std::collections::HashMap;
 
 use crate::scene::camera::matrix_of;
+use crate::scene::encoding::AddressOf;
 use crate::scene::geometry::InstanceEntry;
 use crate::scene::mesh::material::{Material, TextureSlot};
 use crate::scene::mesh::model::Part;
 use crate::scene::mesh_piece::SceneMeshes;
-use crate::scene::read::Named;
+use crate::scene::read::{Named, Parse, Spanned, Table, TomlValue};
+use crate::scene::tree::Toml;
 
-/// Writes the enum of a table's columns from a row each: name, bytes.
+/// What the kinds of columns have in common.
+pub(super) trait ColumnKind: Named + PartialEq {
+    /// Its bytes.
+    fn size(self) -> u64;
+    /// The columns that count something, from 0.
+    const NUMBERS: &'static [Self];
+}
+
+/// A column of a table.
+#[derive(Clone, Debug)]
+pub(super) enum Column<K> {
+    /// What the row itself has.
+    Own(K),
+    /// The address of the element of a buffer that the row's number `by` counts to.
+    Address { of: AddressOf, stride: u64, by: K },
+}
+
+impl<K: ColumnKind> Column<K> {
+    pub(super) fn size(&self) -> u64 {
+        match self {
+            Self::Own(kind) => kind.size(),
+            Self::Address { .. } => 8,
+        }
+    }
+}
+
+impl<K: ColumnKind> Parse for Column<K> {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        if !matches!(value.toml(), Toml::Table(_)) {
+            return K::parse(value).map(Self::Own);
+        }
+        let table = Table::new(value)?;
+        let target = table.required::<Spanned<String>>("address_of");
+        let by = table.required::<Spanned<K>>("by");
+        let stride = table.required::<Spanned<u64>>("stride");
+        let offset = table.optional::<Spanned<u64>>("offset");
+        table.finish();
+        let (target, by, stride) = (target?, by?, stride?);
+        if !K::NUMBERS.contains(&by.value) {
+            let names = K::NAMES.iter().filter(|(_, kind)| K::NUMBERS.contains(kind));
+            let names: Vec<_> = names.map(|(name, _)| *name).collect();
+            let error = by.span.error("`by` is a column that counts elements, from 0");
+            value.report().push(error.note(format!("one of: {}", names.join(", "))));
+            return None;
+        }
+        let offset = offset.unwrap_or(Spanned { value: 0, span: target.span.clone() });
+        let fits = stride.value.checked_mul(u32::MAX.into()).and_then(|end| end.checked_add(offset.value));
+        if fits.is_none() {
+            value.report().push(stride.span.error("a stride so large that addresses overflow"));
+            return None;
+        }
+        Some(Self::Address { of: AddressOf { target, offset }, stride: stride.value, by: by.value })
+    }
+}
+
+/// Writes the enum of a table's columns from a row each, name and bytes, and from a list of those
+/// that count.
 macro_rules! columns {
-    ($name:ident $what:literal $($variant:ident $text:literal $size:literal;)*) => {
+    ($name:ident $what:literal counts [$($number:ident)*] $($variant:ident $text:literal $size:literal;)*) => {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(super) enum $name {
             $($variant,)*
@@ -22,8 +80,10 @@ macro_rules! columns {
             const NAMES: &'static [(&'static str, Self)] = &[$(($text, Self::$variant)),*];
         }
 
-        impl $name {
-            pub(super) fn size(self) -> u64 {
+        impl ColumnKind for $name {
+            const NUMBERS: &'static [Self] = &[$(Self::$number),*];
+
+            fn size(self) -> u64 {
                 match self {
                     $(Self::$variant => $size,)*
                 }
@@ -34,6 +94,7 @@ macro_rules! columns {
 
 columns! {
     InstanceColumn "column of the table of instances"
+    counts [Mesh Geometry Material CustomIndex SbtOffset]
     ObjectToWorld "object_to_world" 64;
     WorldToObject "world_to_object" 64;
     ObjectToWorldRows "object_to_world_3x4" 48;
@@ -61,6 +122,7 @@ impl InstanceColumn {
 
 columns! {
     GeometryColumn "column of the table of geometries"
+    counts [FirstVertex FirstIndex FirstTriangle Mesh Material]
     FirstVertex "first_vertex" 4;
     VertexCount "vertex_count" 4;
     FirstIndex "first_index" 4;
@@ -85,6 +147,10 @@ impl GeometryColumn {
 
 columns! {
     MaterialColumn "column of the table of materials"
+    counts [
+        BaseColorTexture MetallicRoughnessTexture NormalTexture
+        OcclusionTexture EmissiveTexture SpecularTexture AlphaTexture
+    ]
     BaseColor "base_color" 16;
     Emissive "emissive" 12;
     EmissiveStrength "emissive_strength" 4;
@@ -110,6 +176,16 @@ columns! {
     EmissiveTexture "emissive_texture" 4;
     SpecularTexture "specular_texture" 4;
     AlphaTexture "alpha_texture" 4;
+    BaseColorTransform "base_color_transform" 24;
+    MetallicRoughnessTransform "metallic_roughness_transform" 24;
+    NormalTransform "normal_transform" 24;
+    OcclusionTransform "occlusion_transform" 24;
+    EmissiveTransform "emissive_transform" 24;
+    BaseColorTexcoord "base_color_texcoord" 4;
+    MetallicRoughnessTexcoord "metallic_roughness_texcoord" 4;
+    NormalTexcoord "normal_texcoord" 4;
+    OcclusionTexcoord "occlusion_texcoord" 4;
+    EmissiveTexcoord "emissive_texcoord" 4;
     Padding "padding" 4;
 }
 
@@ -130,7 +206,7 @@ impl MaterialColumn {
 }
 
 /// What stands in a table for something that is not there.
-const NOTHING: u32 = u32::MAX;
+pub(super) const NOTHING: u32 = u32::MAX;
 
 /// The place of a geometry in its file.
 #[derive(Clone, Copy)]
@@ -153,29 +229,28 @@ pub(super) fn places<'m>(meshes: &SceneMeshes<'m>) -> HashMap<&'m str, PlaceInFi
     places
 }
 
+/// Appends what an instance has in a column.
 pub(super) fn instance(
     entry: &InstanceEntry,
-    columns: &[InstanceColumn],
+    column: InstanceColumn,
     places: &HashMap<&str, PlaceInFile>,
     bytes: &mut Vec<u8>,
 ) {
     let place = entry.geometry.first().and_then(|name| places.get(name.value.as_str()));
     let word = |of: fn(&PlaceInFile) -> u32| place.map_or(NOTHING, of).to_le_bytes();
-    for column in columns {
-        match column {
-            InstanceColumn::ObjectToWorld => square(&entry.transform, bytes),
-            InstanceColumn::WorldToObject => square(&inverse(&entry.transform), bytes),
-            InstanceColumn::ObjectToWorldRows => rows_of(&entry.transform, bytes),
-            InstanceColumn::WorldToObjectRows => rows_of(&inverse(&entry.transform), bytes),
-            InstanceColumn::Mesh => bytes.extend(word(|place| place.mesh)),
-            InstanceColumn::Geometry => bytes.extend(word(|place| place.part)),
-            InstanceColumn::Material => bytes.extend(word(|place| place.material)),
-            InstanceColumn::GeometryCount => bytes.extend((entry.geometry.len() as u32).to_le_bytes()),
-            InstanceColumn::CustomIndex => bytes.extend(entry.custom_index.to_le_bytes()),
-            InstanceColumn::Mask => bytes.extend(u32::from(entry.mask).to_le_bytes()),
-            InstanceColumn::SbtOffset => bytes.extend(entry.sbt_offset.to_le_bytes()),
-            InstanceColumn::Padding => bytes.extend([0; 4]),
-        }
+    match column {
+        InstanceColumn::ObjectToWorld => square(&entry.transform, bytes),
+        InstanceColumn::WorldToObject => square(&inverse(&entry.transform), bytes),
+        InstanceColumn::ObjectToWorldRows => rows_of(&entry.transform, bytes),
+        InstanceColumn::WorldToObjectRows => rows_of(&inverse(&entry.transform), bytes),
+        InstanceColumn::Mesh => bytes.extend(word(|place| place.mesh)),
+        InstanceColumn::Geometry => bytes.extend(word(|place| place.part)),
+        InstanceColumn::Material => bytes.extend(word(|place| place.material)),
+        InstanceColumn::GeometryCount => bytes.extend((entry.geometry.len() as u32).to_le_bytes()),
+        InstanceColumn::CustomIndex => bytes.extend(entry.custom_index.to_le_bytes()),
+        InstanceColumn::Mask => bytes.extend(u32::from(entry.mask).to_le_bytes()),
+        InstanceColumn::SbtOffset => bytes.extend(entry.sbt_offset.to_le_bytes()),
+        InstanceColumn::Padding => bytes.extend([0; 4]),
     }
 }
 
@@ -197,64 +272,74 @@ fn inverse(rows: &[[f32; 4]; 3]) -> [[f32; 4]; 3] {
     [back.x_axis, back.y_axis, back.z_axis].map(|row| row.as_vec4().to_array())
 }
 
-pub(super) fn geometry(part: &Part, columns: &[GeometryColumn], before: [usize; 2], bytes: &mut Vec<u8>) {
+/// Appends what a geometry has in a column, behind so many vertices and triangles of others.
+pub(super) fn geometry(part: &Part, column: GeometryColumn, before: [usize; 2], bytes: &mut Vec<u8>) {
     let [vertices, triangles] = before;
-    for column in columns {
-        let word = match column {
-            GeometryColumn::FirstVertex => vertices,
-            GeometryColumn::VertexCount => part.vertices,
-            GeometryColumn::FirstIndex => 3 * triangles,
-            GeometryColumn::IndexCount => 3 * part.triangles,
-            GeometryColumn::FirstTriangle => triangles,
-            GeometryColumn::TriangleCount => part.triangles,
-            GeometryColumn::Mesh => part.mesh,
-            GeometryColumn::Material => part.material,
-            GeometryColumn::Padding => 0,
-        };
-        bytes.extend((word as u32).to_le_bytes());
-    }
+    let word = match column {
+        GeometryColumn::FirstVertex => vertices,
+        GeometryColumn::VertexCount => part.vertices,
+        GeometryColumn::FirstIndex => 3 * triangles,
+        GeometryColumn::IndexCount => 3 * part.triangles,
+        GeometryColumn::FirstTriangle => triangles,
+        GeometryColumn::TriangleCount => part.triangles,
+        GeometryColumn::Mesh => part.mesh,
+        GeometryColumn::Material => part.material,
+        GeometryColumn::Padding => 0,
+    };
+    bytes.extend((word as u32).to_le_bytes());
 }
 
-pub(super) fn material(one: &Material, columns: &[MaterialColumn], bytes: &mut Vec<u8>) {
+/// Appends what a material has in a column.
+pub(super) fn material(one: &Material, column: MaterialColumn, bytes: &mut Vec<u8>) {
     use MaterialColumn as C;
     let texture = |slot: TextureSlot| {
         let index = one.textures[slot as usize];
         index.map_or(NOTHING, |index| index as u32)
     };
-    for column in columns {
-        let floats: &[f32] = match column {
-            C::BaseColor => &one.base_color,
-            C::Emissive => &one.emissive,
-            C::EmissiveStrength => &[one.emissive_strength],
-            C::Metallic => &[one.metallic],
-            C::Roughness => &[one.roughness],
-            C::AlphaCutoff => &[one.alpha_cutoff],
-            C::NormalScale => &[one.normal_scale],
-            C::OcclusionStrength => &[one.occlusion_strength],
-            C::Ior => &[one.ior],
-            C::Transmission => &[one.transmission],
-            C::Ambient => &one.ambient,
-            C::Diffuse => &one.base_color[..3],
-            C::Specular => &one.specular,
-            C::Shininess => &[one.shininess],
-            C::Dissolve => &one.base_color[3..],
-            _ => &[],
-        };
-        floats.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
-        let word = match column {
-            C::AlphaMode => one.alpha_mode,
-            C::DoubleSided => one.double_sided.into(),
-            C::Illumination => one.illumination,
-            C::BaseColorTexture => texture(TextureSlot::BaseColor),
-            C::MetallicRoughnessTexture => texture(TextureSlot::MetallicRoughness),
-            C::NormalTexture => texture(TextureSlot::Normal),
-            C::OcclusionTexture => texture(TextureSlot::Occlusion),
-            C::EmissiveTexture => texture(TextureSlot::Emissive),
-            C::SpecularTexture => texture(TextureSlot::Specular),
-            C::AlphaTexture => texture(TextureSlot::Alpha),
-            C::Padding => 0,
-            _ => continue,
-        };
-        bytes.extend(word.to_le_bytes());
-    }
+    let transform = |slot: TextureSlot| one.mappings[slot as usize].transform.as_flattened();
+    let texcoord = |slot: TextureSlot| one.mappings[slot as usize].texcoord;
+    let floats: &[f32] = match column {
+        C::BaseColor => &one.base_color,
+        C::Emissive => &one.emissive,
+        C::EmissiveStrength => &[one.emissive_strength],
+        C::Metallic => &[one.metallic],
+        C::Roughness => &[one.roughness],
+        C::AlphaCutoff => &[one.alpha_cutoff],
+        C::NormalScale => &[one.normal_scale],
+        C::OcclusionStrength => &[one.occlusion_strength],
+        C::Ior => &[one.ior],
+        C::Transmission => &[one.transmission],
+        C::Ambient => &one.ambient,
+        C::Diffuse => &one.base_color[..3],
+        C::Specular => &one.specular,
+        C::Shininess => &[one.shininess],
+        C::Dissolve => &one.base_color[3..],
+        C::BaseColorTransform => transform(TextureSlot::BaseColor),
+        C::MetallicRoughnessTransform => transform(TextureSlot::MetallicRoughness),
+        C::NormalTransform => transform(TextureSlot::Normal),
+        C::OcclusionTransform => transform(TextureSlot::Occlusion),
+        C::EmissiveTransform => transform(TextureSlot::Emissive),
+        _ => &[],
+    };
+    floats.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    let word = match column {
+        C::AlphaMode => one.alpha_mode,
+        C::DoubleSided => one.double_sided.into(),
+        C::Illumination => one.illumination,
+        C::BaseColorTexture => texture(TextureSlot::BaseColor),
+        C::MetallicRoughnessTexture => texture(TextureSlot::MetallicRoughness),
+        C::NormalTexture => texture(TextureSlot::Normal),
+        C::OcclusionTexture => texture(TextureSlot::Occlusion),
+        C::EmissiveTexture => texture(TextureSlot::Emissive),
+        C::SpecularTexture => texture(TextureSlot::Specular),
+        C::AlphaTexture => texture(TextureSlot::Alpha),
+        C::BaseColorTexcoord => texcoord(TextureSlot::BaseColor),
+        C::MetallicRoughnessTexcoord => texcoord(TextureSlot::MetallicRoughness),
+        C::NormalTexcoord => texcoord(TextureSlot::Normal),
+        C::OcclusionTexcoord => texcoord(TextureSlot::Occlusion),
+        C::EmissiveTexcoord => texcoord(TextureSlot::Emissive),
+        C::Padding => 0,
+        _ => return,
+    };
+    bytes.extend(word.to_le_bytes());
 }

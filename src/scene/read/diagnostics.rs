@@ -32,8 +32,12 @@ impl Diagnostics {
         usize::try_from(self.limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX).max(1)
     }
 
-    /// Adds a mistake.
+    /// Adds a mistake, once: a file that is named once and needed often is missing once.
     pub fn push(&self, error: Error) {
+        let is_same = |known: &Error| known.message() == error.message() && known.places().eq(error.places());
+        if error.places().next().is_some() && self.errors.borrow().iter().any(is_same) {
+            return;
+        }
         if self.is_full() {
             self.count(1 + error.others().len() + error.not_shown());
         } else {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::compile::CompilerFlags;
+use crate::compile::{SourceEntryPoint, SourceSettings};
 use crate::error::Result;
 use crate::input::InputLimit;
 use crate::module::Module;
@@ -56,10 +56,8 @@ impl ShaderModules for SceneModules<'_, '_> {
 pub(super) struct ModuleKey {
     /// The file.
     pub path: PathBuf,
-    /// Where its includes are searched.
-    pub include_folders: Vec<PathBuf>,
-    /// The flags that it is compiled with.
-    pub flags: CompilerFlags,
+    /// How it is compiled.
+    pub settings: SourceSettings,
 }
 
 impl ModuleKey {
@@ -71,8 +69,14 @@ impl ModuleKey {
         let of_flags = of_flags.map(|folder| file.span.source.sibling(folder));
         Some(Self {
             path: file.span.source.sibling(&file.value),
-            include_folders: folders.chain(of_flags).collect(),
-            flags: entry.compiler_flags.clone(),
+            settings: SourceSettings {
+                language: entry.language,
+                entry_point: entry.stage.and_then(|stage| {
+                    SourceEntryPoint::said(entry.language?, Some(&entry.entry), Some(stage))
+                }),
+                include_folders: folders.chain(of_flags).collect(),
+                flags: entry.compiler_flags.clone(),
+            },
         })
     }
 }
@@ -123,7 +127,7 @@ impl Resolver<'_> {
         };
         let code = match compiled {
             true => ShaderCode::SpirV(bytes),
-            false => ShaderCode::Source(bytes, key.include_folders, key.flags),
+            false => ShaderCode::Source(bytes, key.settings),
         };
         Some(Ok(ShaderModule { name: name.to_string(), path: key.path, code, place: file.span.place() }))
     }

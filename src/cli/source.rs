@@ -1,0 +1,102 @@
+//! What the command line says of shader sources: language, stage, entry point, folders and flags.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::compile::{LanguageName, SourceStage, SourceWords};
+
+/// How sources are compiled that the command line names.
+#[derive(Args, Clone, Debug, Default)]
+pub struct SourceArgs {
+    /// The language of sources, where extensions do not say it: glsl, hlsl, slang or wgsl
+    #[arg(long, value_name = "LANGUAGE", value_parser = language)]
+    language: Option<LanguageName>,
+    /// The stage of a GLSL source whose name does not say it, or of the one entry point that is
+    /// compiled of Slang and HLSL: raygen, intersection, any_hit, closest_hit, miss, callable or
+    /// compute
+    #[arg(long, value_name = "STAGE", value_parser = stage)]
+    stage: Option<SourceStage>,
+    /// Compile one entry point of a Slang or HLSL source [default with --stage: main]
+    #[arg(long, value_name = "NAME")]
+    entry: Option<String>,
+    /// Look for included files in a folder, too; may be repeated
+    #[arg(short = 'I', value_name = "FOLDER")]
+    include_folders: Vec<PathBuf>,
+    /// Define a name for the preprocessor; may be repeated
+    #[arg(short = 'D', value_name = "NAME[=VALUE]")]
+    defines: Vec<String>,
+    /// Give the compiler a flag, as `compiler_flags` of a scene do, with its values behind blanks:
+    /// `--flag "-fvk-t-shift 10 0"`; may be repeated
+    #[arg(long = "flag", value_name = "FLAG", allow_hyphen_values = true)]
+    flags: Vec<String>,
+}
+
+impl SourceArgs {
+    /// What they say.
+    pub fn words(&self) -> SourceWords {
+        let defines = self.defines.iter().map(|define| format!("-D{define}"));
+        let mut given = self.flags.iter().flat_map(|flag| flag.split_whitespace());
+        let (mut folders, mut flags) = (self.include_folders.clone(), Vec::new());
+        // As `-I` beside `--flag`: what a scene would say of folders is relative to its own.
+        while let Some(flag) = given.next() {
+            match flag.strip_prefix("-I") {
+                Some("") => folders.extend(given.next().map(PathBuf::from)),
+                Some(folder) => folders.push(folder.into()),
+                None => flags.push(flag.to_owned()),
+            }
+        }
+        SourceWords {
+            language: self.language,
+            stage: self.stage,
+            entry: self.entry.clone(),
+            include_folders: folders,
+            flags: defines.chain(flags).collect(),
+        }
+    }
+}
+
+fn language(text: &str) -> Result<LanguageName, String> {
+    named(text, &LanguageName::NAMES)
+}
+
+fn stage(text: &str) -> Result<SourceStage, String> {
+    named(text, &SourceStage::NAMES)
+}
+
+fn named<T: Copy>(text: &str, names: &[(&str, T)]) -> Result<T, String> {
+    let found = names.iter().find(|(name, _)| *name == text).map(|(_, found)| *found);
+    let known = || names.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+    found.ok_or_else(|| format!("one of: {}", known()))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        sources: SourceArgs,
+    }
+
+    fn parse(line: &[&str]) -> Option<SourceWords> {
+        let line = std::iter::once("anyhit").chain(line.iter().copied());
+        Command::try_parse_from(line).ok().map(|command| command.sources.words())
+    }
+
+    #[test]
+    fn options_of_sources_become_words() {
+        let line =
+            ["--stage", "any_hit", "-I", "a", "-Ib", "-DX=1", "--flag", "-fvk-t-shift 10 0", "--flag=-Ic"];
+        let words = parse(&line).unwrap();
+        assert_eq!(words.stage, Some(SourceStage::AnyHit));
+        assert_eq!(words.include_folders, ["a", "b", "c"].map(PathBuf::from));
+        assert_eq!(words.flags, ["-DX=1", "-fvk-t-shift", "10", "0"]);
+        assert_eq!(parse(&["--language", "hlsl"]).unwrap().language, Some(LanguageName::Hlsl));
+        assert!(parse(&["--language", "cuda"]).is_none());
+        assert!(parse(&["--stage", "rgen"]).is_none());
+    }
+}

@@ -1,0 +1,58 @@
+//! Variants of a scene: other shaders for the same launch.
+
+use crate::error::{Error, ErrorKind};
+use crate::scene::file::VariantEntry;
+use crate::scene::read::{Diagnostics, list_of};
+use crate::scene::resolve::LoadOptions;
+
+/// The variant that the options name.
+pub(super) fn chosen_variant(
+    options: &LoadOptions,
+    variants: Vec<VariantEntry>,
+    report: &Diagnostics,
+) -> Option<VariantEntry> {
+    for (at, variant) in variants.iter().enumerate() {
+        if variants[..at].iter().any(|other| other.name.value == variant.name.value) {
+            let message = format!("two variants are named `{}`", variant.name.value);
+            report.push(variant.name.span.error(message));
+        }
+    }
+    let wanted = options.variant.as_ref()?;
+    let names = list_of(variants.iter().map(|variant| variant.name.value.as_str()));
+    let found = variants.into_iter().find(|variant| variant.name.value == *wanted);
+    if found.is_none() {
+        let error = Error::new(ErrorKind::InvalidArgument, format!("the scene has no variant `{wanted}`"));
+        report.push(match names.is_empty() {
+            true => error.note("`[[variant]]` of its own file makes one"),
+            false => error.note(format!("there are: {names}")),
+        });
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::{EmbeddedFiles, load_text};
+
+    #[test]
+    fn a_variant_is_chosen_by_its_name() {
+        let text = "version = 1\n[shaders.a]\npath = 'a.spv'\n[pipeline]\nraygen = 'a'\n\
+            [[variant]]\nname = 'O0'\nshaders.a = 'b.spv'\n[[variant]]\nname = 'g'\nshaders.a = 'c.spv'\n";
+        let files = EmbeddedFiles(&[("a.spv", b"SPIR"), ("c.spv", b"C")]);
+        let load = |text: &str, name: &str| {
+            let options = LoadOptions { variant: Some(name.into()), ..LoadOptions::default() };
+            load_text(Path::new("s.toml"), text, &files, &options).map_err(|error| error.render())
+        };
+        assert_eq!(load(text, "g").unwrap().shaders[0].path, Path::new("c.spv"));
+        let unknown = load(text, "O1").unwrap_err();
+        assert!(unknown.contains("the scene has no variant `O1`"), "{unknown}");
+        assert!(unknown.contains("there are: O0, g"), "{unknown}");
+        let twice = load(&text.replace("'g'", "'O0'"), "O0").unwrap_err();
+        assert!(twice.contains("two variants are named `O0`"), "{twice}");
+        let none = load(&text[..text.find("[[variant]]").unwrap()], "g").unwrap_err();
+        assert!(none.contains("`[[variant]]` of its own file makes one"), "{none}");
+    }
+}
