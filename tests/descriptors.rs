@@ -218,9 +218,9 @@ fn elements_of_an_array_are_listed() {
     one_mistake(&array("[]"), "s.toml:6:12", &["an array of descriptors has at least one element"]);
     one_mistake(&array("{ size = 4 }"), "s.toml:6:12", &["expected an array with a table for each element"]);
     one_mistake(
-        &array("[{ size = 4 }, { syze = 4 }]"),
+        &array("[{ size = 4 }, { size = 4, offset = 8 }]"),
         "s.toml:6",
-        &["a buffer needs `data`, or its `size`"],
+        &["`offset` is of a range of another resource"],
     );
     one_mistake(&(array("[{ size = 4 }]") + "size = 4\n"), "s.toml:7:1", &["unknown key `size`"]);
     let again = "[resources.b]\ntype = 'storage_buffer'\nbinding = 3\nelement = 2\nsize = 4\n";

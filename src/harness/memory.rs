@@ -7,11 +7,14 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use crate::machine::image::Image;
 use crate::machine::{Buffer, Descriptor, Resources};
 
+/// The memory of a buffer and of its views.
+type Words = Arc<[AtomicU32]>;
+
 /// Copies resources with their memory. Bindings that shared memory share the copy.
 pub fn copied(resources: &Resources) -> Resources {
     let mut images: Vec<(Arc<Image>, Arc<Image>)> = Vec::new();
     let mut image = |image: &Arc<Image>| once(&mut images, image, || image.copied());
-    let mut memories: Vec<(Arc<[AtomicU32]>, Arc<[AtomicU32]>)> = Vec::new();
+    let mut memories: Vec<(Words, Words)> = Vec::new();
     let words = |words: &[AtomicU32]| words.iter().map(|word| AtomicU32::new(word.load(Relaxed))).collect();
     let mut buffer =
         |buffer: &Arc<Buffer>| buffer.copied(|memory| once(&mut memories, memory, || words(memory)));

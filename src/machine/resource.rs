@@ -134,8 +134,8 @@ impl Buffer {
         })
     }
 
-    /// The same range of a copy of the memory, whose whole is made by `copy`: that of the words of
-    /// another buffer with this memory, if there was one.
+    /// A buffer of this range in a copy of the memory. The closure returns the copied words: for
+    /// all buffers with one memory the same ones.
     pub fn copied(&self, copy: impl FnOnce(&Arc<[AtomicU32]>) -> Arc<[AtomicU32]>) -> Arc<Self> {
         let memory = copy(&self.memory);
         let Self { first, size, null, ref view_of, .. } = *self;

@@ -207,8 +207,8 @@ pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<St
     ))
 }
 
-/// The error of a trap without its callers: message, source position, and access. Other programs run
-/// with the one that trapped.
+/// The error of a trap without its callers: message, source position, and access. Other programs
+/// run with the one that trapped.
 pub(crate) fn trap_error<const W: usize>(
     program: &Program,
     others: &[Arc<Program>],

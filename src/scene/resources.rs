@@ -308,13 +308,17 @@ impl Content {
                 .wrong("only buffers and acceleration structures may be null here, no image or sampler");
         }
         let is_view = ViewEntry::is_one(table, kind);
-        if !is_view {
-            ViewEntry::check_no_range(table, kind);
-        }
         if kind.is_dynamic() && !is_view {
+            // One mistake: what a buffer of its own would say is none beside it.
+            for key in BufferEntry::KEYS.into_iter().chain(ViewEntry::RANGE_KEYS) {
+                table.refused(key);
+            }
             return wrong(
                 "a dynamic descriptor is of a range of another resource: `buffer` names it, and `range` is its size",
             );
+        }
+        if !is_view {
+            ViewEntry::check_no_range(table, kind);
         }
         match kind {
             _ if is_view => ViewEntry::parse(table, kind).map(Self::View),
@@ -368,6 +372,9 @@ pub struct BufferEntry {
 }
 
 impl BufferEntry {
+    /// The keys of a buffer that holds its own bytes.
+    const KEYS: [&str; 3] = ["data", "size", "address"];
+
     fn parse(table: &Table<'_>) -> Option<Self> {
         let (data, size) = (table.optional("data"), table.optional::<Spanned<u64>>("size"));
         let address = table.or("address", AddressChoice::Unsaid);

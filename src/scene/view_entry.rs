@@ -32,10 +32,10 @@ pub struct RangeEntry {
     pub dynamic_offset: Option<Spanned<u64>>,
 }
 
-/// The keys of ranges.
-const RANGE_KEYS: [&str; 3] = ["offset", "range", "dynamic_offset"];
-
 impl ViewEntry {
+    /// The keys of ranges.
+    pub const RANGE_KEYS: [&str; 3] = ["offset", "range", "dynamic_offset"];
+
     /// Whether a resource of this type says that it is a view of another one.
     pub fn is_one(table: &Table<'_>, kind: DescriptorKind) -> bool {
         (kind.is_buffer() || kind.is_texel_buffer()) && table.value("buffer").is_some()
@@ -66,7 +66,9 @@ impl ViewEntry {
 
     /// Reports keys of a range where there is none.
     pub fn check_no_range(table: &Table<'_>, kind: DescriptorKind) {
-        for key in RANGE_KEYS.into_iter().filter(|_| kind.is_buffer() || kind == DescriptorKind::Unbound) {
+        for key in
+            Self::RANGE_KEYS.into_iter().filter(|_| kind.is_buffer() || kind == DescriptorKind::Unbound)
+        {
             if let Some(value) = table.refused(key) {
                 value.wrong::<()>(format!(
                     "`{key}` is of a range of another resource, which `buffer = \"NAME\"` names: `type = \"buffer\"` \

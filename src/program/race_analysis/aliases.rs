@@ -1,5 +1,5 @@
-//! Bindings that are the same memory: whose descriptors are of one image, or of overlapping ranges of
-//! one buffer.
+//! Bindings that are the same memory: whose descriptors are of one image, or of overlapping ranges
+//! of one buffer.
 //!
 //! A descriptor's accesses stay inside its range, so that ranges of a buffer which do not overlap
 //! are different memory. Ranges that do are one, and what an access says of its place counts from
