@@ -245,6 +245,17 @@ fn a_suite_is_held_to_stable_outputs_where_asked() {
     assert!(told.contains("held to stable outputs: 5 of 5 tests, 8 runs"), "{told}");
 }
 
+/// What a binding stores has its shadow where another binding of the buffer loads it.
+#[test]
+fn the_shadow_goes_through_all_bindings_of_a_buffer() {
+    let scene = "shaders/pass/resources/rounded-in-a-range/scene.toml";
+    let output = anyhit(&["run", scene, "--shadow", "--json"], "2");
+    assert!(output.status.success(), "{output:?}");
+    // 2^24 + 1/2 is 2^24 in f32: the difference is 0 in place of 1/2.
+    let report = json(&output);
+    assert!(lines_that_matter(&report).contains(&("main.comp".to_owned(), 12)), "{report:#}");
+}
+
 /// What runs beside the shadow is the run itself: it leaves the same behind.
 #[test]
 fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {

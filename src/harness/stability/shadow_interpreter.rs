@@ -377,9 +377,10 @@ fn memory_keys<'a>(
     chunk: &'a Chunk,
 ) -> Option<impl Fn(u32) -> (usize, u64) + Copy + use<'a>> {
     let (buffer, offset) = memory::access_location(batch, 0, bindings, chunk)?;
-    let buffer = std::ptr::from_ref(buffer) as usize;
+    // Views of one buffer have its memory in common.
+    let (memory, offset) = (buffer.memory_id(), buffer.offset() + offset);
     let width = u64::from(chunk.width / 8);
-    Some(move |word: u32| (buffer, offset + u64::from(word) * width))
+    Some(move |word: u32| (memory, offset + u64::from(word) * width))
 }
 
 /// The difference of two numbers divided by the greater magnitude; 0 below the normal numbers of
