@@ -93,8 +93,8 @@ fn records_are_those_that_rays_ask_for() {
         &scene,
         &[
             "# Rays are traced with SBT offset 1, SBT stride 1, miss index 1.",
-            "miss = [{}, \"miss\"]",
-            "hit = [\n    {},\n    { closest_hit = \"closest_hit\" },\n]",
+            "miss = [{}, { shader = \"miss\", record = { zeros = 4 } }]",
+            "hit = [\n    {},\n    { closest_hit = \"closest_hit\", record = { zeros = 4 } },\n]",
         ],
     );
     // What a buffer or a push constant says is not known.
@@ -120,8 +120,8 @@ fn a_printed_command_runs_in_a_shell() {
     assert!(output.status.success(), "{line}{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A function that traces, as glslang and Slang hand operands to it: the offset in a variable of the
-/// caller, the miss index as a value.
+/// A function that traces, as glslang and Slang hand operands to it: the offset in a variable of
+/// the caller, the miss index as a value.
 const CALLS: &str = r#"
     OpCapability RayTracingKHR
     OpExtension "SPV_KHR_ray_tracing"
@@ -180,6 +180,6 @@ fn operands_are_followed_through_calls() {
     let (scene, text) = written(&folder, &[&module, "pass/hit-object/payload.rmiss.spv"]);
     holds(&scene, &["# Rays are traced with SBT offset 0 and 2, SBT stride 2, miss index 0 and 1."]);
     // Two miss records for one shader, of which the second one is null.
-    holds(&scene, &["miss = [\"miss\", {}]"]);
+    holds(&scene, &["miss = [{ shader = \"miss\", record = { zeros = 4 } }, {}]"]);
     assert!(!text.contains("does not run yet"), "{text}\n{scene}");
 }

@@ -62,7 +62,7 @@ pub mod subgroup;
 pub mod superop;
 pub mod support;
 pub mod symbolic;
-pub mod traced_ray;
+pub mod trace_operands;
 pub mod translate;
 
 use rspirv::spirv::Op as Opcode;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use crate::harness::init::Shader;
-use crate::ops::traced_ray::{TracedRay, merge};
+use crate::ops::trace_operands::{TraceOperands, merge};
 
 /// Records of one kind that a scene is written with at most.
 const MOST: u64 = 16;
@@ -29,12 +29,14 @@ impl BindingTable {
     pub fn of(shaders: &[Shader], groups: usize, miss: usize) -> Self {
         let miss = (0..miss).map(Some).collect();
         let mut table = Self { records: 1, slots: vec![0], miss, comment: String::new() };
-        let mut traces: Vec<(&str, TracedRay)> = Vec::new();
+        let mut traces: Vec<(&str, TraceOperands)> = Vec::new();
         for (at, shader) in shaders.iter().enumerate() {
             // All functions of a module are looked at, once.
             let is_known = shaders[..at].iter().any(|one| std::ptr::eq(&*one.module, &*shader.module));
             if !is_known {
-                traces.extend(TracedRay::all(&shader.module).map(|found| (shader.reference.as_str(), found)));
+                traces.extend(
+                    TraceOperands::all(&shader.module).map(|found| (shader.reference.as_str(), found)),
+                );
             }
         }
         if traces.is_empty() {

@@ -12,7 +12,7 @@ const DEPTH: u32 = 32;
 /// The constants that the operands of an instruction which traces a ray may be; `None` where they
 /// may be something else.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TracedRay {
+pub struct TraceOperands {
     /// `SBT Offset`
     pub sbt_offset: Option<BTreeSet<u64>>,
     /// `SBT Stride`
@@ -21,7 +21,7 @@ pub struct TracedRay {
     pub miss_index: Option<BTreeSet<u64>>,
 }
 
-impl TracedRay {
+impl TraceOperands {
     /// Every instruction of a module that traces a ray.
     pub fn all(module: &Module) -> impl Iterator<Item = Self> + '_ {
         instructions(module).filter_map(move |(_, instruction)| {
