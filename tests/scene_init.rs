@@ -84,9 +84,19 @@ fn records_are_those_that_rays_ask_for() {
     // The shadow ray has miss index 1 and no hit group of its own.
     let (scene, _) = written(&scratch("shadow"), &["demo/swept-spheres/swept_spheres.slang.spv"]);
     holds(&scene, &["SBT offset 0, SBT stride 0, miss index 0 and 1."]);
-    // Offset 1 needs a record behind that of offset 0, and miss index 1 a second miss record.
-    let (scene, _) = written(&scratch("offset"), &["pass/hit-object/slang/main.slang.spv"]);
-    holds(&scene, &["# Rays are traced with SBT offset 1, SBT stride 1, miss index 1."]);
+    // Rays with offset 1 and miss index 1 alone come to the second record of each table.
+    let modules = ["slang/main.slang", "payload.rchit", "payload.rmiss"]
+        .map(|name| format!("pass/hit-object/{name}.spv"));
+    let modules = modules.each_ref().map(String::as_str);
+    let (scene, _) = written(&scratch("offset"), &modules);
+    holds(
+        &scene,
+        &[
+            "# Rays are traced with SBT offset 1, SBT stride 1, miss index 1.",
+            "miss = [{}, { shader = \"miss\", record = { zeros = 4 } }]",
+            "hit = [\n    {},\n    { closest_hit = \"closest_hit\", record = { zeros = 4 } },\n]",
+        ],
+    );
     // What a buffer or a push constant says is not known.
     let modules = ["main.rgen", "main.rchit", "main.rmiss"];
     let modules = modules.map(|name| format!("pass/resources/record-and-push-constants/{name}.spv"));
@@ -108,4 +118,68 @@ fn a_printed_command_runs_in_a_shell() {
     let output = Command::new("/bin/sh").args(["-c", line]).env("PATH", program).current_dir("/").output();
     let output = output.expect("a shell");
     assert!(output.status.success(), "{line}{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// A function that traces, as glslang and Slang hand operands to it: the offset in a variable of
+/// the caller, the miss index as a value.
+const CALLS: &str = r#"
+    OpCapability RayTracingKHR
+    OpExtension "SPV_KHR_ray_tracing"
+    OpMemoryModel Logical GLSL450
+    OpEntryPoint RayGenerationKHR %main "main" %scene %payload
+    OpName %scene "scene"
+    OpDecorate %scene DescriptorSet 0
+    OpDecorate %scene Binding 0
+    OpDecorate %miss1 SpecId 0
+    %void = OpTypeVoid
+    %uint = OpTypeInt 32 0
+    %float = OpTypeFloat 32
+    %v3 = OpTypeVector %float 3
+    %structure = OpTypeAccelerationStructureKHR
+    %scenePointer = OpTypePointer UniformConstant %structure
+    %scene = OpVariable %scenePointer UniformConstant
+    %payloadPointer = OpTypePointer RayPayloadKHR %uint
+    %payload = OpVariable %payloadPointer RayPayloadKHR
+    %local = OpTypePointer Function %uint
+    %zero = OpConstant %uint 0
+    %two = OpConstant %uint 2
+    %mask = OpConstant %uint 255
+    %miss1 = OpSpecConstant %uint 1
+    %f0 = OpConstant %float 0
+    %f1 = OpConstant %float 1
+    %origin = OpConstantComposite %v3 %f0 %f0 %f0
+    %direction = OpConstantComposite %v3 %f0 %f0 %f1
+    %start = OpTypeFunction %void
+    %traces = OpTypeFunction %void %local %uint
+    %main = OpFunction %void None %start
+    %begin = OpLabel
+    %first = OpVariable %local Function
+    %second = OpVariable %local Function
+    OpStore %first %zero
+    %a = OpFunctionCall %void %trace %first %zero
+    OpStore %second %two
+    %b = OpFunctionCall %void %trace %second %miss1
+    OpReturn
+    OpFunctionEnd
+    %trace = OpFunction %void None %traces
+    %offset = OpFunctionParameter %local
+    %miss = OpFunctionParameter %uint
+    %body = OpLabel
+    %tlas = OpLoad %structure %scene
+    %value = OpLoad %uint %offset
+    OpTraceRayKHR %tlas %zero %mask %value %two %miss %origin %f0 %direction %f1 %payload
+    OpReturn
+    OpFunctionEnd
+"#;
+
+#[test]
+fn operands_are_followed_through_calls() {
+    let folder = scratch("calls");
+    std::fs::write(folder.join("calls.spv"), crate::support::assembly::assemble(CALLS)).expect("a module");
+    let module = folder.join("calls.spv").display().to_string();
+    let (scene, text) = written(&folder, &[&module, "pass/hit-object/payload.rmiss.spv"]);
+    holds(&scene, &["# Rays are traced with SBT offset 0 and 2, SBT stride 2, miss index 0 and 1."]);
+    // Two miss records for one shader, of which the second one is null.
+    holds(&scene, &["miss = [{ shader = \"miss\", record = { zeros = 4 } }, {}]"]);
+    assert!(!text.contains("does not run yet"), "{text}\n{scene}");
 }

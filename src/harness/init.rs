@@ -260,20 +260,19 @@ impl Shaders {
         out.push_str(&resources.record_layouts());
         let raygen = self.of(Stage::RayGeneration).count();
         let callable = self.of(Stage::Callable).count();
-        let miss = table.miss.max(self.of(Stage::Miss).count());
-        for (key, stage, count) in [
-            ("raygen", Stage::RayGeneration, raygen),
-            ("miss", Stage::Miss, miss),
-            ("callable", Stage::Callable, callable),
+        for (key, stage, shaders) in [
+            ("raygen", Stage::RayGeneration, (0..raygen).map(Some).collect()),
+            ("miss", Stage::Miss, table.miss),
+            ("callable", Stage::Callable, (0..callable).map(Some).collect()),
         ] {
-            let record = |at: usize| match self.of(stage).nth(at) {
+            let record = |at: Option<usize>| match at.and_then(|at| self.of(stage).nth(at)) {
                 None => "{}".to_owned(),
                 Some(shader) => match resources.record([shader].into_iter()) {
                     None => format!("{:?}", shader.reference),
                     Some(data) => format!("{{ shader = {:?}, record = {data} }}", shader.reference),
                 },
             };
-            let records: Vec<_> = (0..count).map(record).collect();
+            let records: Vec<_> = shaders.into_iter().map(record).collect();
             if !records.is_empty() {
                 let _ = writeln!(out, "{key} = [{}]", records.join(", "));
             }
@@ -284,17 +283,20 @@ impl Shaders {
             return out;
         }
         out.push_str("hit = [\n");
-        for members in &groups {
-            let mut keys: Vec<String> = members
-                .iter()
-                .map(|shader| format!("{} = {:?}", key(shader.entry.stage), shader.reference))
-                .collect();
-            if let Some(data) = resources.record(members.iter().copied()) {
-                keys.push(format!("record = {data}"));
-            }
-            let _ = writeln!(out, "    {{ {} }},", keys.join(", "));
-            for _ in 0..table.null_records {
-                out.push_str("    {},\n");
+        for of_instance in groups.chunks(table.slots.len()) {
+            for record in 0..table.records {
+                let slot = table.slots.iter().position(|slot| *slot == record);
+                let members = slot.and_then(|slot| of_instance.get(slot)).map_or(&[][..], |members| members);
+                let mut keys: Vec<String> = members
+                    .iter()
+                    .map(|shader| format!("{} = {:?}", key(shader.entry.stage), shader.reference))
+                    .collect();
+                if let Some(data) = resources.record(members.iter().copied()) {
+                    keys.push(format!("record = {data}"));
+                }
+                let line =
+                    if keys.is_empty() { "{}".to_owned() } else { format!("{{ {} }}", keys.join(", ")) };
+                let _ = writeln!(out, "    {line},");
             }
         }
         out.push_str("]\n");

@@ -62,6 +62,7 @@ pub mod subgroup;
 pub mod superop;
 pub mod support;
 pub mod symbolic;
+pub mod trace_operands;
 pub mod translate;
 
 use rspirv::spirv::Op as Opcode;

@@ -191,11 +191,14 @@ impl Pointees {
                     spelling(layout),
                     block.shader
                 ));
+                if !apart && layout.runtime_stride().is_none() {
+                    lines.push(format!("size = {}", each.saturating_mul(WITH_ADDRESSES)));
+                }
             }
             // A pointer to a pointer.
-            Some(address) if address.starts_with('{') => {
-                lines
-                    .push(format!("data = {}, repeat = {WITH_ADDRESSES} }}", address.trim_end_matches(" }")));
+            Some(address) if matches!(block.module.ty(block.ty), Type::Pointer { .. }) => {
+                let address = address.trim_end_matches(" }");
+                lines.push(format!("data = {address}, repeat = {WITH_ADDRESSES} }}"));
             }
             _ => {
                 let size = first.saturating_add(elements.saturating_mul(each.max(4)));

@@ -116,11 +116,11 @@ impl Shaders {
         const ROD: &str = "type = \"lss\"\npositions = [[0.75, -0.5, 0], [1.5, 0.5, 0]]\nradii = [0.5, 0.25]";
         const BALL: &str = "type = \"spheres\"\npositions = [[-1, 0, 0]]\nradii = 0.75";
         const BOX: &str = "type = \"aabbs\"\nboxes = [[[-2, -1, -1], [0, 1, 1]]]";
-        let BindingTable { groups_of_instance, null_records, .. } = self.binding_table();
+        let BindingTable { records, slots, .. } = self.binding_table();
         let groups = self.groups();
         let mut out = String::new();
         // The groups of one instance are for rays of several kinds.
-        let firsts = (0..groups.len().max(1)).step_by(groups_of_instance);
+        let firsts = (0..groups.len().max(1)).step_by(slots.len());
         for (instance, group) in firsts.enumerate() {
             let members = groups.get(group).map_or(&[][..], |members| members);
             let reads = |word: &str| members.iter().any(|shader| shader.reads(word));
@@ -141,8 +141,7 @@ impl Shaders {
                 let _ = writeln!(out, "\n[geometry.{name}]\n{lines}\n\n[[instance]]\ngeometry = \"{name}\"");
                 if instance > 0 {
                     // Beside those of the groups before, so that rays meet all.
-                    let sbt_offset = group * (1 + null_records);
-                    let y = 2 * instance;
+                    let (sbt_offset, y) = (instance * records, 2 * instance);
                     let _ = writeln!(out, "sbt_offset = {sbt_offset}\ntranslate = [0, {y}, 0]");
                 }
             }
