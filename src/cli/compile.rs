@@ -40,7 +40,10 @@ pub struct CompileArgs {
     limits: InputLimitArgs,
     /// Compile the sources in shaders/ whose modules in spirv-fixtures/ are out of date, in the
     /// current folder
-    #[arg(long, conflicts_with = "limit")]
+    #[arg(
+        long,
+        conflicts_with_all = ["limit", "language", "stage", "entry", "include_folders", "defines", "flags"]
+    )]
     fixtures: bool,
     /// With --fixtures: compile all sources, also those that have not changed
     #[arg(long, requires = "fixtures", conflicts_with = "sources")]
@@ -148,6 +151,8 @@ mod tests {
         assert!(parse("compile --fixtures a.rgen -g").is_none(), "flags of fixtures stand in the sources");
         assert!(parse("compile --fixtures").is_some());
         assert!(parse("compile --fixtures --limit source-bytes=9").is_none(), "fixtures have the defaults");
+        assert!(parse("compile --fixtures -Icommon").is_none(), "sources say their own");
+        assert!(parse("compile --fixtures --stage miss").is_none(), "sources say their own");
         assert!(parse("compile a.rgen --force").is_none(), "only fixtures are forced");
     }
 }

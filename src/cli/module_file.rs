@@ -1,7 +1,6 @@
 //! Reads a module from a file that the command line names.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use crate::cli::output;
 use crate::compile::{
@@ -49,13 +48,13 @@ pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
 /// As [`read`], but that source is welcome; what [`compile_once_with_warnings`] reports.
 pub fn read_or_compile(path: &Path, limits: &InputLimits, words: &SourceWords) -> Result<Module> {
     let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
-    if words.settings(path)?.is_none() {
-        return read(path, limits);
+    let Some(settings) = words.settings(path)? else { return read(path, limits) };
+    match compile(path, limits, &settings, &options) {
+        Ok((_, module)) => Ok(module),
+        // The content decides, not the extension: SPIR-V is no text.
+        Err(error) if error.kind() == ErrorKind::InvalidSource => read(path, limits).map_err(|_| error),
+        Err(error) => Err(error),
     }
-    // The content decides before the extension does.
-    let (module, _) = Module::open_with(path, limits, None, words, &options)?;
-    output::warnings(&module.warnings);
-    Ok(Arc::unwrap_or_clone(module))
 }
 
 /// Compiles a shader's source, and loads it; what its compiler warns of is printed.

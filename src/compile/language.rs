@@ -80,11 +80,11 @@ impl SourceStage {
 pub enum LanguageName {
     /// GLSL, whose stage is said as well.
     Glsl,
-    /// HLSL.
+    /// HLSL, compiled by slangc.
     Hlsl,
-    /// Slang.
+    /// Slang, compiled by slangc.
     Slang,
-    /// WGSL.
+    /// WGSL, compiled by naga.
     Wgsl,
 }
 

@@ -184,8 +184,16 @@ pub(super) fn slangc(output: &str, wanted: Severity) -> Vec<CompilerDiagnostic> 
             let carets = carets.trim_start();
             let detail = carets.trim_start_matches('^');
             last.width = carets.len() - detail.len();
-            if !detail.trim().is_empty() {
-                last.text = format!("{}: {}", last.text, detail.trim());
+            let detail = detail.trim();
+            // Of many messages the detail says the title again, with a name.
+            let (number, title) = match last.text.split_once("] ") {
+                Some((number, title)) if number.starts_with('[') => (format!("{number}] "), title),
+                _ => (String::new(), last.text.as_str()),
+            };
+            if detail.starts_with(title) {
+                last.text = format!("{number}{detail}");
+            } else if !detail.is_empty() {
+                last.text = format!("{}: {detail}", last.text);
             }
         } else if let Some((place, text)) = line.split_once(&old) {
             let (file, number) = place.rsplit_once('(').unwrap_or((place, "0"));
@@ -305,6 +313,9 @@ mod tests {
             text(slangc(&twice, Severity::Warning)),
             ["b.hlsl:22:7: [E31000] unknown attribute: 'vk_x'"]
         );
+        let again = output.replace("^ 'vk_x'", "^ unknown attribute 'vk_x'");
+        let wanted = ["b.hlsl:22:7: [E31000] unknown attribute 'vk_x'"];
+        assert_eq!(text(slangc(&again, Severity::Warning)), wanted);
         let old = "b.slang(3): warning 30081: implicit conversion\n";
         assert_eq!(text(slangc(old, Severity::Warning)), ["b.slang:3: implicit conversion"]);
         let log =

@@ -51,17 +51,6 @@ impl Module {
         root: Option<&RootFolder>,
         words: &SourceWords,
     ) -> Result<(Arc<Self>, Option<SourceSettings>)> {
-        Self::open_with(path, limits, root, words, &options())
-    }
-
-    /// Opens a module as [`Module::open_as`] does, a source compiled with these options.
-    pub(crate) fn open_with(
-        path: &Path,
-        limits: &InputLimits,
-        root: Option<&RootFolder>,
-        words: &SourceWords,
-        options: &CompileOptions,
-    ) -> Result<(Arc<Self>, Option<SourceSettings>)> {
         let settings = words.settings(path)?;
         // The content decides before the extension does, and with it which limit holds.
         let most = match settings {
@@ -80,7 +69,7 @@ impl Module {
             let source =
                 Source::from_bytes(language, path, bytes)?.include_folders(&settings.include_folders);
             let source = source.confined(*limits, root.cloned());
-            return Ok((Self::compile(&source, &settings.over(options))?, Some(settings)));
+            return Ok((Self::compile(&source, &settings.over(&options()))?, Some(settings)));
         }
         let module = load_with(&bytes, *limits).map_err(|error| {
             let error = error.at(Place::File(path.to_path_buf()));
