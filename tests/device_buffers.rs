@@ -88,7 +88,7 @@ fn a_shader_by_itself_follows_pointers() -> Result<()> {
         assert_eq!(outcome.payload["other"].f32(), 0.25);
         assert!(outcome.explain().contains("materials + 0x40"), "{}", outcome.explain());
     }
-    // Something lies at these addresses already.
+    // These addresses are taken already.
     let error = test.device_buffers(&buffers).run().unwrap_err();
     assert_eq!(error.kind(), ErrorKind::InvalidArgument);
     assert!(error.message().contains("overlap `materials`"), "{error}");

@@ -49,7 +49,7 @@ fn links_lead_somewhere() {
         let folder = Path::new(&document).parent().unwrap_or(Path::new(""));
         for (at, _) in text.match_indices("](") {
             let target = text[at + 2..].split([')', '#']).next().unwrap_or_default();
-            if target.is_empty() || target.contains("://") {
+            if target.is_empty() || target.contains("://") || target.contains(' ') {
                 continue;
             }
             count += 1;

@@ -20,7 +20,7 @@ use crate::machine::{Buffer, DeviceMemory};
 /// use anyhit::{ComputeTest, DeviceBuffers, Module};
 ///
 /// # fn main() -> anyhit::Result<()> {
-/// // Five nodes from `first` on, each `uint value; uint pad; Node next;`; the fifth one becomes 77.
+/// // It lists five nodes from `first` on, `uint value; uint pad; Node next;`; the next becomes 77.
 /// let module = Module::open("tests/addresses/nodes.spv")?;
 /// let mut buffers = DeviceBuffers::new();
 /// let first = buffers.reserve("first", 16)?;
@@ -32,7 +32,7 @@ use crate::machine::{Buffer, DeviceMemory};
 ///     .push_constants(&[first, 0])
 ///     .run()?;
 /// assert_eq!(outcome.read_buffer::<u32>(0, 0)?, [3, 4, 3, 4, 3, 0]);
-/// assert_eq!(outcome.read_buffer_at::<u64>(first)?, [77, second]);
+/// assert_eq!(outcome.read_buffer_at::<u64>(second)?, [77, first]);
 /// # Ok(())
 /// # }
 /// ```
