@@ -11,7 +11,7 @@
 //! (an index that was loaded per lane, a neighbouring texel) count as shared.
 //!
 //! Different bindings may be the same memory: of one buffer or image, or of ranges of a buffer that
-//! overlap ([`AliasedMemory`]). These count as one memory, in which an access is where its view of
+//! overlap (`AliasedMemory`). These count as one memory, in which an access is where its view of
 //! the buffer begins and the offset in that. A binding whose buffer has a device address counts as
 //! memory behind addresses. Non-atomic accesses to workgroup memory are not considered:
 //! its purpose is to be shared, with barriers.

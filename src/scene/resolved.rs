@@ -238,7 +238,7 @@ pub struct ResolvedHitGroup {
 pub struct ResolvedRecord {
     /// The scene's name for it.
     pub name: Option<String>,
-    /// Index into [`ResolvedScene::groups`]; `None` is a null handle.
+    /// Index into [`ResolvedPipeline::groups`]; `None` is a null handle.
     pub group: Option<usize>,
     /// The data after the handle (`ShaderRecordBufferKHR` at offset 0).
     pub data: Data,
