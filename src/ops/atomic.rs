@@ -17,7 +17,7 @@ use rspirv::spirv::{Capability, Op as Opcode};
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::{Batch, Bindings, Mask, Reg, TrapCode};
+use crate::machine::{Batch, Bindings, Mask, Reg, Scalar, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::image::access::TexelRef;
@@ -355,7 +355,9 @@ fn float(kind: AtomicKind, width: u32, old: u64, value: u64) -> u64 {
                     }
                 }
             };
-            u64::from(result.to_bits())
+            // Every NaN is of one pattern: which operand's a sum keeps is the compiler's choice.
+            let (low, high) = result.to_words();
+            u64::from(low) | u64::from(high) << 32
         }};
     }
     match width {
@@ -620,5 +622,11 @@ mod tests {
         assert_eq!(new(AtomicKind::FMax, 32, bits(2.0), bits(f32::NAN)), Some(bits(2.0)));
         assert_eq!(new(AtomicKind::FAdd, 16, 0x3C00, 0x3C00), Some(0x4000)); // 1 + 1
         assert_eq!(new(AtomicKind::FAdd, 64, 1f64.to_bits(), 1f64.to_bits()), Some(2f64.to_bits()));
+        // NaNs with payloads become the pattern that every instruction writes.
+        for kind in [AtomicKind::FAdd, AtomicKind::FMin, AtomicKind::FMax] {
+            assert_eq!(new(kind, 16, 0xFFFF, 0x7E01), Some(0x7E00));
+            assert_eq!(new(kind, 32, 0xFFFF_FFFF, 0x7FC0_0001), Some(0x7FC0_0000));
+            assert_eq!(new(kind, 64, u64::MAX, 0x7FF8_0000_0000_0001), Some(0x7FF8_0000_0000_0000));
+        }
     }
 }
