@@ -12,8 +12,8 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::harness::case::Case;
-use anyhit::module::load;
+use anyhit::internals::harness::case::Case;
+use anyhit::internals::module::load;
 use anyhit::{Hit, Instance, LoadedScene, Module, Pipeline, Program, Ray, Scene, ShaderTest};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
