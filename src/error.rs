@@ -297,6 +297,7 @@ impl Error {
     }
 
     /// The class, which the exit code tells; that of the first of several errors.
+    #[doc(hidden)]
     pub fn class(&self) -> ErrorClass {
         match self.0.kind {
             _ if self.0.is_limit => ErrorClass::Limit,

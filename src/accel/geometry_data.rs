@@ -42,6 +42,7 @@ pub enum GeometryData {
 
 impl GeometryData {
     /// Which kind of primitive it holds (`VkGeometryTypeKHR`).
+    #[doc(hidden)]
     pub fn kind(&self) -> GeometryKind {
         match self {
             Self::Triangles { .. } => GeometryKind::Triangles,

@@ -25,6 +25,7 @@ pub enum ExplainRequest {
     /// The invocation of the ray generation shader at a launch index.
     Pixel([u32; 3]),
     /// A given ray, without ray generation.
+    #[doc(hidden)]
     Ray(GivenRay),
     /// A request in a pass of the scene, by its name or number; all others are in the first launch.
     InPass(String, Box<ExplainRequest>),
@@ -235,6 +236,7 @@ pub enum SingleRun {
     /// A launch index.
     Pixel([u32; 3]),
     /// A valid ray.
+    #[doc(hidden)]
     Ray(GivenRay),
 }
 

@@ -64,6 +64,7 @@ impl Scene {
     }
 
     /// How intersections are computed; exactly unless set. See [`Precision`].
+    #[doc(hidden)]
     #[must_use]
     pub fn precision(mut self, precision: Precision) -> Self {
         let other = self.tlas.at_precision(precision);
@@ -79,11 +80,13 @@ impl Scene {
     }
 
     /// The acceleration structure.
+    #[doc(hidden)]
     pub fn tlas(&self) -> &Arc<Tlas> {
         &self.tlas
     }
 
     /// What is bound.
+    #[doc(hidden)]
     pub fn resources(&self) -> &Resources {
         &self.given.resources
     }

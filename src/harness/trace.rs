@@ -107,10 +107,27 @@ pub struct HitRecord {
     pub opaque: bool,
 }
 
+impl HitRecord {
+    pub(super) fn of(committed: &Committed, custom_index: u32) -> Self {
+        let Committed { candidate, t, hit_kind } = committed;
+        Self {
+            instance: candidate.instance,
+            custom_index,
+            geometry: candidate.geometry,
+            primitive: candidate.primitive,
+            t: *t,
+            kind: *hit_kind,
+            attributes: candidate.intersection.attributes,
+            opaque: candidate.opaque,
+        }
+    }
+}
+
 /// What one ray brought back.
 #[derive(Clone, Debug)]
 pub struct Traced {
     /// The closest hit as the traversal keeps it; `None` for a miss. See [`Traced::hit`].
+    #[doc(hidden)]
     pub committed: Option<Committed>,
     /// The payload, by the names of its members.
     pub payload: Value,
@@ -147,19 +164,10 @@ impl Traced {
     /// Where the ray missed; the message explains the ray.
     #[track_caller]
     pub fn hit(&self) -> HitRecord {
-        let Some(Committed { candidate, t, hit_kind }) = self.committed else {
+        let Some(committed) = &self.committed else {
             panic!("the ray hit nothing\n\n{}", self.explain());
         };
-        HitRecord {
-            instance: candidate.instance,
-            custom_index: self.custom_index,
-            geometry: candidate.geometry,
-            primitive: candidate.primitive,
-            t,
-            kind: hit_kind,
-            attributes: candidate.intersection.attributes,
-            opaque: candidate.opaque,
-        }
+        HitRecord::of(committed, self.custom_index)
     }
 }
 
@@ -258,6 +266,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`Pipeline::trace`].
+    #[doc(hidden)]
     pub fn trace_explained(
         &self,
         scene: &Scene,

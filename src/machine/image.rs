@@ -307,11 +307,13 @@ impl Image {
     }
 
     /// Sets how its texels weight those of another image; only the first call has an effect.
+    #[doc(hidden)]
     pub fn set_sample_weight(&self, filter: SampleWeight) {
         let _ = self.sample_weight.set(filter);
     }
 
     /// How its texels weight others, where they do.
+    #[doc(hidden)]
     pub fn sample_weight(&self) -> Option<SampleWeight> {
         self.sample_weight.get().copied()
     }
@@ -322,11 +324,13 @@ impl Image {
     }
 
     /// Width, height and depth of a level that exists.
+    #[doc(hidden)]
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
         self.levels[level as usize].extent
     }
 
     /// The resident rows of level 0: all of them, except in a band.
+    #[doc(hidden)]
     pub fn rows(&self) -> Range<u32> {
         let [width, height, _] = self.shape.extent;
         let texels = self.shape.texels() as usize;
@@ -339,12 +343,14 @@ impl Image {
     }
 
     /// The index of a resident texel; `None` outside the image, or in a row that is not resident.
+    #[doc(hidden)]
     pub fn index(&self, position: &Position) -> Option<usize> {
         let index = self.texel_index(position)?;
         self.resident.contains(&index).then(|| index - self.resident.start)
     }
 
     /// Whether a texel is inside the image, resident or not.
+    #[doc(hidden)]
     pub fn contains(&self, position: &Position) -> bool {
         self.texel_index(position).is_some()
     }
@@ -364,6 +370,7 @@ impl Image {
     }
 
     /// The bits of the texel at an index that [`Image::index`] gave.
+    #[doc(hidden)]
     #[inline]
     pub fn load(&self, index: usize) -> u128 {
         let size = self.format.texel_size() as usize;
@@ -376,6 +383,7 @@ impl Image {
     }
 
     /// Overwrites the texel at an index that [`Image::index`] gave.
+    #[doc(hidden)]
     #[inline]
     pub fn store(&self, index: usize, bits: u128) {
         match self.format.texel_size() {
@@ -393,6 +401,7 @@ impl Image {
     /// Atomically replaces a texel of at most eight bytes by a function of it, and returns the old
     /// texel. The texel stays where the function returns `None`; the function may run several
     /// times.
+    #[doc(hidden)]
     pub fn update(&self, index: usize, mut function: impl FnMut(u64) -> Option<u64>) -> u64 {
         let size = self.format.texel_size() as usize;
         assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");

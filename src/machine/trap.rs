@@ -357,5 +357,6 @@ pub enum Exit {
     /// `OpTerminateRayKHR`
     Terminated,
     /// The machine stopped it.
+    #[doc(hidden)]
     Trapped(Trap),
 }

@@ -12,7 +12,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::Pipeline;
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
-use crate::pipeline::sbt::Record;
+use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::trapped::{Trapped, missing_record, spent_together};
@@ -30,6 +30,7 @@ pub struct Stats {
     /// Instructions that reorder invocations, which changes nothing here, counted by invocations.
     pub reorders: u64,
     /// Invocations and batches by stage.
+    #[doc(hidden)]
     pub shaders: BTreeMap<Stage, ShaderStats>,
     /// Work that was elided.
     pub elided: Elided,
@@ -252,7 +253,7 @@ impl Launch<'_> {
     fn observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         bindings: &[Bindings],
-        record: &Record,
+        record: &SbtRecord,
         (range, order, watch): (Range<u64>, &LaunchOrder, &Arc<TaskWatch>),
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
@@ -281,7 +282,7 @@ impl Launch<'_> {
         })
     }
 
-    fn ray_generation(&self) -> Result<&Record> {
+    fn ray_generation(&self) -> Result<&SbtRecord> {
         self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
             Error::new(
                 ErrorKind::InvalidScene,
@@ -391,7 +392,7 @@ impl Launch<'_> {
     /// Runs the subgroup of a launch index; the observer sees only the events of that index.
     fn run_subgroup<const W: usize, T: PipelineObserver>(
         &self,
-        record: &Record,
+        record: &SbtRecord,
         id: [u32; 3],
         size: [u32; 3],
         pipeline_observer: &mut T,
@@ -464,7 +465,7 @@ impl Launch<'_> {
 
 /// The tasks of a launch and the data that its worker threads share.
 struct LaunchTasks<'a> {
-    record: &'a Record,
+    record: &'a SbtRecord,
     bindings: &'a [Bindings],
     order: LaunchOrder,
     tasks: &'a TaskQueue,

@@ -38,12 +38,12 @@ use crate::program::race_analysis::{LaunchExtent, Memory};
 
 pub use bands::{Band, BandedLaunch, NotStreamed, StreamedImage};
 pub use compute::{Compute, ObservedInvocation, RunPart};
-pub use device::{DeviceProfile, Features, Limits};
+pub use device::{DeviceFeatures, DeviceLimits, DeviceProfile};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Elided, Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use observer::{Caller, Event, PipelineObserver};
-pub use sbt::{Record, Sbt};
+pub use sbt::{Sbt, SbtRecord};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
 pub(crate) use trapped::{limit_note, trap_error};
@@ -68,27 +68,38 @@ pub const DEFAULT_STACK_SIZE: u64 = 1 << 23;
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     /// The programs that groups name.
+    #[doc(hidden)]
     pub programs: Vec<Arc<Program>>,
     /// The shader groups.
+    #[doc(hidden)]
     pub groups: Vec<Group>,
     /// The shader binding table.
+    #[doc(hidden)]
     pub sbt: Sbt,
     /// `maxPipelineRayRecursionDepth`
+    #[doc(hidden)]
     pub max_recursion: u32,
     /// How deeply callable shaders may call each other.
+    #[doc(hidden)]
     pub max_callable_depth: u32,
     /// How many bytes of registers the shaders of an invocation may hold where one of them traces
     /// or calls another.
+    #[doc(hidden)]
     pub max_stack_size: u64,
     /// Instructions that an invocation may execute; see [`DEFAULT_FUEL`].
+    #[doc(hidden)]
     pub fuel: u64,
     /// The limits of a whole launch.
+    #[doc(hidden)]
     pub launch_limits: LaunchLimits,
     /// `SubgroupSize`
+    #[doc(hidden)]
     pub subgroup_size: u32,
     /// The flags that the pipeline is created with.
+    #[doc(hidden)]
     pub flags: PipelineFlags,
     /// `maxRayDispatchInvocationCount`
+    #[doc(hidden)]
     pub max_invocations: u64,
 }
 
@@ -102,12 +113,14 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`crate::program::lower()`].
+    #[doc(hidden)]
     pub fn unoptimized(&self) -> Result<Self> {
         let unoptimized = |program: &Arc<Program>| Ok(Arc::new(program.unoptimized()?));
         Ok(Self { programs: self.programs.iter().map(unoptimized).collect::<Result<_>>()?, ..self.clone() })
     }
 
     /// The number of words of the largest payload that a shader declares.
+    #[doc(hidden)]
     pub fn payload_words(&self) -> usize {
         let counts = self.programs.iter().filter_map(|program| {
             program
@@ -124,6 +137,7 @@ impl Pipeline {
 
     /// Whether a shader's results depend on how invocations interleave. A launch then runs them one
     /// after the other, in launch order, on one thread.
+    #[doc(hidden)]
     pub fn order_dependent(&self) -> bool {
         self.programs.iter().any(|program| program.order_dependent)
     }
@@ -131,12 +145,14 @@ impl Pipeline {
     /// Memory that the invocations of a launch share otherwise than by atomic instructions that
     /// commute, if there is any. They then run on one thread, in batches of 64 in launch order, at
     /// every batch width.
+    #[doc(hidden)]
     pub fn shared_memory(&self, size: [u32; 3], resources: &Resources) -> Option<Memory> {
         let programs: Vec<&Program> = self.programs.iter().map(|program| &**program).collect();
         LaunchExtent { count: size, local: [1; 3], resources }.shared(&programs)
     }
 
     /// Whether a shader uses subgroup instructions, so that whole subgroups must run together.
+    #[doc(hidden)]
     pub fn uses_subgroups(&self) -> bool {
         self.programs.iter().any(|program| program.uses_subgroups)
     }
@@ -165,6 +181,7 @@ pub struct PipelineBuilder {
 
 impl PipelineBuilder {
     /// Adds a shader.
+    #[doc(hidden)]
     pub fn shader(&mut self, program: impl Into<Arc<Program>>) -> Shader {
         self.programs.push(program.into());
         Shader(self.programs.len() as u32 - 1)
@@ -174,6 +191,7 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// `InvalidScene` if a shader's stage does not fit its member of the group.
+    #[doc(hidden)]
     pub fn group(&mut self, group: Group) -> Result<u32> {
         let check = |shader: Shader, stages: &[Stage]| {
             let program = self.programs.get(shader.0 as usize).ok_or_else(|| {
@@ -213,7 +231,7 @@ impl PipelineBuilder {
     pub fn ray_generation(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
-        self.sbt.ray_generation = Some(Record::new(group));
+        self.sbt.ray_generation = Some(SbtRecord::new(group));
         Ok(self)
     }
 
@@ -224,7 +242,7 @@ impl PipelineBuilder {
     pub fn miss(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
-        self.sbt.miss.push(Some(Record::new(group)));
+        self.sbt.miss.push(Some(SbtRecord::new(group)));
         Ok(self)
     }
 
@@ -235,7 +253,7 @@ impl PipelineBuilder {
     pub fn callable(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
-        self.sbt.callable.push(Some(Record::new(group)));
+        self.sbt.callable.push(Some(SbtRecord::new(group)));
         Ok(self)
     }
 
@@ -254,7 +272,7 @@ impl PipelineBuilder {
             })? = Some(shader);
         }
         let group = self.group(Group::Hit(group))?;
-        self.sbt.hit.push(Some(Record::new(group)));
+        self.sbt.hit.push(Some(SbtRecord::new(group)));
         Ok(self)
     }
 
@@ -296,6 +314,7 @@ impl PipelineBuilder {
     }
 
     /// The old name of [`PipelineBuilder::fuel`].
+    #[doc(hidden)]
     #[deprecated = "call `fuel`"]
     pub fn budget(&mut self, instructions: u64) -> &mut Self {
         self.fuel(instructions)

@@ -106,7 +106,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
         }
         if code == TrapCode::ShaderRecordEmpty {
             return Some("its data is the key `record` of a table in the scene's [pipeline]: `{ shader = ..., record = { \
-                         ... } }`, in Rust Record::with_data or ShaderTest::shader_record".to_owned());
+                         ... } }`, in Rust SbtRecord::with_data or ShaderTest::shader_record".to_owned());
         }
         if code == TrapCode::CallablesTooDeep {
             return Some(format!(

@@ -34,6 +34,7 @@ pub struct SmokeReport {
     /// The seed of all values.
     pub seed: u64,
     /// In the module's order.
+    #[doc(hidden)]
     pub entry_points: Vec<EntryReport>,
 }
 
