@@ -50,9 +50,7 @@
 //! # fn main() -> anyhit::Result<()> {
 //! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/sphere/closest-hit");
 //! let shader = |file| Program::of(&Module::open(format!("{folder}/{file}"))?, "main");
-//! let mut builder = Pipeline::builder();
-//! builder.hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?;
-//! let pipeline = builder.build()?;
+//! let pipeline = Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
 //! let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)])?;
 //!
 //! let traced = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;

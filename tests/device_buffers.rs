@@ -45,7 +45,7 @@ fn a_pipeline_follows_pointers_of_push_constants_and_records() -> Result<()> {
     let module = Module::open(NESTED)?;
     let (buffers, push, materials) = nested(&module)?;
     let mut builder = Pipeline::builder();
-    builder.hit([Program::of(&module, "shade")?])?.miss(Program::of(&module, "sky")?)?;
+    builder = builder.hit([Program::of(&module, "shade")?])?.miss(Program::of(&module, "sky")?)?;
     let record = StructData::shader_record(&module)?.set("material", materials)?;
     let group = builder.sbt().hit[0].as_ref().expect("the record of the hit group").group;
     builder.sbt().hit[0] = Some(SbtRecord::with_data(group, record.bytes()));

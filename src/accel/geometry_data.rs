@@ -54,6 +54,7 @@ impl GeometryData {
 
     /// How many primitives it holds, inactive ones included. An incomplete last primitive does not
     /// count.
+    #[doc(hidden)]
     pub fn primitive_count(&self) -> usize {
         match self {
             Self::Triangles { vertices, indices, .. } => {

@@ -235,11 +235,13 @@ impl CompilerFlags {
     }
 
     /// The include folders of `-I`, as they are written.
+    #[doc(hidden)]
     pub fn include_folders(&self) -> &[String] {
         &self.folders
     }
 
     /// These options, with what the flags say instead.
+    #[doc(hidden)]
     #[must_use]
     pub fn over(&self, options: &CompileOptions) -> CompileOptions {
         CompileOptions {

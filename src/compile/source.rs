@@ -48,6 +48,7 @@ impl Source {
     ///
     /// # Errors
     /// As [`Source::read_in`].
+    #[doc(hidden)]
     pub fn read_within(folder: &Path, name: &str, limits: &InputLimits) -> Result<Self> {
         let language = Language::of(Path::new(name)).ok_or_else(|| unknown_language(name))?;
         Self::read_as(language, folder, name, limits)

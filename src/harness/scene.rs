@@ -22,9 +22,7 @@ pub use crate::harness::instance::Instance;
 /// # fn main() -> anyhit::Result<()> {
 /// let folder = "spirv-fixtures/pass/sphere/closest-hit";
 /// let shader = |name| Program::of(&Module::open(format!("{folder}/{name}"))?, "main");
-/// let mut builder = Pipeline::builder();
-/// builder.hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?;
-/// let pipeline = builder.build()?;
+/// let pipeline = Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
 ///
 /// let scene = Scene::new([
 ///     Instance::sphere([0.0, 0.0, 0.0], 0.5).translate([0.0, 0.0, -3.0]),

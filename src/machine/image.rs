@@ -32,6 +32,7 @@ pub enum Dimension {
 
 impl Dimension {
     /// How many coordinates name a texel within a layer.
+    #[doc(hidden)]
     pub fn axes(self) -> usize {
         match self {
             Self::D1 | Self::D1Array | Self::Buffer => 1,
@@ -41,11 +42,13 @@ impl Dimension {
     }
 
     /// Whether it has several layers, or cubes, that an array index chooses from.
+    #[doc(hidden)]
     pub fn is_arrayed(self) -> bool {
         matches!(self, Self::D1Array | Self::D2Array | Self::CubeArray)
     }
 
     /// Whether its layers are faces of cubes.
+    #[doc(hidden)]
     pub fn is_cube(self) -> bool {
         matches!(self, Self::Cube | Self::CubeArray)
     }
@@ -74,11 +77,13 @@ impl ImageShape {
 
     /// Width, height and depth of a mip level: halved each time, at least 1 (Vulkan, "Image
     /// Miplevel Sizing").
+    #[doc(hidden)]
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
         self.extent.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
     }
 
     /// Texels of a level: of all layers, each sample by itself.
+    #[doc(hidden)]
     pub fn level_texels(&self, level: u32) -> u64 {
         let [width, height, depth] = self.level_extent(level).map(u64::from);
         let plane = width.saturating_mul(height).saturating_mul(depth);
@@ -86,6 +91,7 @@ impl ImageShape {
     }
 
     /// Texels of all levels.
+    #[doc(hidden)]
     pub fn texels(&self) -> u64 {
         (0..self.levels).fold(0, |sum: u64, level| sum.saturating_add(self.level_texels(level)))
     }
@@ -97,6 +103,7 @@ impl ImageShape {
 
     /// # Errors
     /// `InvalidImage` where the parts do not suit each other.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
         let [_, height, depth] = self.extent;
         let dimension = self.dimension;

@@ -211,6 +211,7 @@ impl DeviceProfile {
     ///
     /// # Errors
     /// `InvalidModule`, naming capability and feature, for each that the device does not support.
+    #[doc(hidden)]
     pub fn check_module(&self, module: &Module) -> Result<()> {
         let lacking = module.capabilities.iter().filter_map(|&capability| {
             let feature = self.features.lacking(capability)?;
@@ -295,6 +296,7 @@ impl DeviceProfile {
     ///
     /// # Errors
     /// `InvalidScene` with the rule.
+    #[doc(hidden)]
     pub fn check_null_descriptor(&self, rule: &str) -> Result<()> {
         if self.features.null_descriptor {
             return Ok(());

@@ -33,6 +33,7 @@ pub struct Stats {
     #[doc(hidden)]
     pub shaders: BTreeMap<Stage, ShaderStats>,
     /// Work that was elided.
+    #[doc(hidden)]
     pub elided: Elided,
 }
 

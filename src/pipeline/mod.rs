@@ -228,7 +228,7 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn ray_generation(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+    pub fn ray_generation(mut self, program: impl Into<Arc<Program>>) -> Result<Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
         self.sbt.ray_generation = Some(SbtRecord::new(group));
@@ -239,7 +239,7 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn miss(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+    pub fn miss(mut self, program: impl Into<Arc<Program>>) -> Result<Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
         self.sbt.miss.push(Some(SbtRecord::new(group)));
@@ -250,7 +250,7 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn callable(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+    pub fn callable(mut self, program: impl Into<Arc<Program>>) -> Result<Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
         self.sbt.callable.push(Some(SbtRecord::new(group)));
@@ -261,7 +261,7 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn hit(&mut self, programs: impl IntoIterator<Item = Program>) -> Result<&mut Self> {
+    pub fn hit(mut self, programs: impl IntoIterator<Item = Program>) -> Result<Self> {
         let mut group = HitGroup::default();
         for program in programs {
             let stage = program.stage;
@@ -282,13 +282,15 @@ impl PipelineBuilder {
     }
 
     /// Sets `maxPipelineRayRecursionDepth`.
-    pub fn max_recursion(&mut self, depth: u32) -> &mut Self {
+    #[must_use]
+    pub fn max_recursion(mut self, depth: u32) -> Self {
         self.max_recursion = Some(depth);
         self
     }
 
     /// Sets how deeply callable shaders may call each other: 1 to [`GREATEST_CALLABLE_DEPTH`].
-    pub fn max_callable_depth(&mut self, depth: u32) -> &mut Self {
+    #[must_use]
+    pub fn max_callable_depth(mut self, depth: u32) -> Self {
         self.max_callable_depth = Some(depth);
         self
     }
@@ -296,19 +298,22 @@ impl PipelineBuilder {
     /// Sets how many bytes of registers the shaders of an invocation may hold where one of them
     /// traces or calls another (as `vkCmdSetRayTracingPipelineStackSizeKHR` sets a pipeline's
     /// stack); [`DEFAULT_STACK_SIZE`] unless set.
-    pub fn max_stack_size(&mut self, bytes: u64) -> &mut Self {
+    #[must_use]
+    pub fn max_stack_size(mut self, bytes: u64) -> Self {
         self.max_stack_size = Some(bytes);
         self
     }
 
     /// Sets the limits of a whole launch; unless set, it has none.
-    pub fn launch_limits(&mut self, limits: LaunchLimits) -> &mut Self {
+    #[must_use]
+    pub fn launch_limits(mut self, limits: LaunchLimits) -> Self {
         self.launch_limits = limits;
         self
     }
 
     /// Sets how many instructions an invocation may execute; see [`DEFAULT_FUEL`].
-    pub fn fuel(&mut self, instructions: u64) -> &mut Self {
+    #[must_use]
+    pub fn fuel(mut self, instructions: u64) -> Self {
         self.fuel = Some(instructions);
         self
     }
@@ -316,25 +321,29 @@ impl PipelineBuilder {
     /// The old name of [`PipelineBuilder::fuel`].
     #[doc(hidden)]
     #[deprecated = "call `fuel`"]
-    pub fn budget(&mut self, instructions: u64) -> &mut Self {
+    #[must_use]
+    pub fn budget(self, instructions: u64) -> Self {
         self.fuel(instructions)
     }
 
     /// Sets `SubgroupSize`: a power of two from 1 to 128.
-    pub fn subgroup_size(&mut self, size: u32) -> &mut Self {
+    #[must_use]
+    pub fn subgroup_size(mut self, size: u32) -> Self {
         self.subgroup_size = Some(size);
         self
     }
 
     /// Sets the pipeline's flags.
-    pub fn flags(&mut self, flags: PipelineFlags) -> &mut Self {
+    #[must_use]
+    pub fn flags(mut self, flags: PipelineFlags) -> Self {
         self.flags = flags;
         self
     }
 
     /// Sets the device that the pipeline is for: [`PipelineBuilder::build`] refuses what it does not
     /// support.
-    pub fn device(&mut self, device: DeviceProfile) -> &mut Self {
+    #[must_use]
+    pub fn device(mut self, device: DeviceProfile) -> Self {
         self.device = device;
         self
     }
@@ -344,7 +353,7 @@ impl PipelineBuilder {
     /// # Errors
     /// `InvalidScene` if a record names a group that does not exist or does not fit its table;
     /// `InvalidModule` and `InvalidScene` for what the device does not support.
-    pub fn build(&self) -> Result<Pipeline> {
+    pub fn build(self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
         let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);
         check_subgroup_size(size)?;

@@ -29,6 +29,7 @@ impl SbtRecord {
     }
 
     /// The data as an invocation sees it.
+    #[doc(hidden)]
     pub fn shader_record(&self) -> Option<ShaderRecord> {
         let data = self.data.clone()?;
         let size = data.size();

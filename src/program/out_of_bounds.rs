@@ -34,6 +34,7 @@ impl Program {
     /// Describes the index that was out of bounds in an access that trapped. `last_out_of_bounds`
     /// returns, for an operation that computes an index, when it last was out of bounds, and its
     /// value.
+    #[doc(hidden)]
     pub fn describe_index(
         &self,
         trap: Trap,

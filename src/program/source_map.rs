@@ -6,6 +6,7 @@ use crate::program::Program;
 
 impl Program {
     /// The source line of an operation; `None` where the module has no debug information for it.
+    #[doc(hidden)]
     pub fn place(&self, op: u32) -> Option<Place> {
         self.place_at(self.origins.get(op as usize)?.offset)
     }
@@ -13,12 +14,14 @@ impl Program {
     /// The source line of the instruction at a word offset of the module.
     ///
     /// A [`Place::Text`] spans the line without its indent.
+    #[doc(hidden)]
     pub fn place_at(&self, offset: u32) -> Option<Place> {
         self.place_of(self.module.debug_info.line_at(offset)?)
     }
 
     /// For an instruction without a source line (`OpNoLine`): the last line before it in its block,
     /// else in its function.
+    #[doc(hidden)]
     pub fn place_near(&self, offset: u32) -> Option<Place> {
         let function = self.module.functions.iter().rfind(|function| function.offset <= offset)?;
         self.place_of(self.module.debug_info.line_before(offset, function.offset)?)

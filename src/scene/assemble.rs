@@ -413,22 +413,22 @@ fn pipeline<'a>(
         hit: resolved.sbt.hit.iter().map(&mut record).collect(),
         callable: resolved.sbt.callable.iter().map(&mut record).collect(),
     };
-    builder.device(device).flags(resolved.flags);
+    builder = builder.device(device).flags(resolved.flags);
     if let Some(depth) = resolved.max_recursion_depth {
-        builder.max_recursion(depth);
+        builder = builder.max_recursion(depth);
     }
     if let Some(operations) = resolved.fuel {
-        builder.fuel(operations);
+        builder = builder.fuel(operations);
     }
     if let Some(depth) = resolved.max_callable_depth {
-        builder.max_callable_depth(depth);
+        builder = builder.max_callable_depth(depth);
     }
     if let Some(bytes) = resolved.max_stack_size {
-        builder.max_stack_size(bytes);
+        builder = builder.max_stack_size(bytes);
     }
-    builder.launch_limits(resolved.launch_limits);
+    builder = builder.launch_limits(resolved.launch_limits);
     if let Some(size) = resolved.subgroup_size {
-        builder.subgroup_size(size);
+        builder = builder.subgroup_size(size);
     }
     Ok((builder.build()?, raygen))
 }

@@ -195,8 +195,8 @@ impl Rig {
 
     fn pipeline(&self) -> Pipeline {
         let mut builder = Pipeline::builder();
-        builder.flags(self.flags);
-        builder.ray_generation(program(self.raygen)).expect("a ray generation shader");
+        builder = builder.flags(self.flags);
+        builder = builder.ray_generation(program(self.raygen)).expect("a ray generation shader");
         let miss = builder.shader(program("probe/main.rmiss"));
         let miss = builder.group(Group::General(miss)).expect("a miss group");
         let shaders = ["triangle.rchit", "box.rchit", "swept.rchit", "main.rahit", "box.rahit", "main.rint"]

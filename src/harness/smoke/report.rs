@@ -202,6 +202,7 @@ impl SmokeReport {
     }
 
     /// The worst of all.
+    #[doc(hidden)]
     pub fn worst(&self) -> SmokeVerdict {
         self.entry_points.iter().map(|entry| entry.result).max().unwrap_or(SmokeVerdict::Ok)
     }

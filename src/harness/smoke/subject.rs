@@ -474,7 +474,7 @@ impl Once<'_> {
             return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer).err());
         }
         let mut builder = Pipeline::builder();
-        builder.fuel(fuel).launch_limits(limits);
+        builder = builder.fuel(fuel).launch_limits(limits);
         let shader = builder.shader(program.clone());
         let data = |group| SbtRecord::with_data(group, &given.record);
         match way {
