@@ -61,6 +61,11 @@ pub struct ShaderStats {
 }
 
 impl Stats {
+    /// How many invocations of a stage's shaders ran.
+    pub fn invocations(&self, stage: Stage) -> u64 {
+        self.shaders.get(&stage).map_or(0, |shaders| shaders.invocations)
+    }
+
     /// Counts invocations of a shader without effect.
     pub(super) fn elide(&mut self, stage: Stage, count: u32) {
         self.elided.empty += u64::from(count);

@@ -528,6 +528,27 @@ pub struct GivenRay {
     pub pass: Option<Spanned<PassKey>>,
 }
 
+/// A ray without flags and payload, that every instance's mask lets pass, with an SBT stride of 1.
+impl From<Ray> for GivenRay {
+    fn from(Ray { origin, direction, t_min, t_max }: Ray) -> Self {
+        Self {
+            name: None,
+            origin,
+            direction,
+            t_min,
+            t_max,
+            flags: 0,
+            cull_mask: 0xFF,
+            time: 0.0,
+            sbt_offset: 0,
+            sbt_stride: 1,
+            miss_index: 0,
+            payload: Vec::new(),
+            pass: None,
+        }
+    }
+}
+
 impl GivenRay {
     /// The operands of the trace, with a payload that is large enough for every shader of a
     /// pipeline.
