@@ -290,6 +290,7 @@ impl Error {
     }
 
     /// Takes kind and class of the error that this one tells of.
+    #[cfg(feature = "cli")]
     #[must_use]
     pub(crate) fn classed_as(mut self, cause: &Self) -> Self {
         (self.0.kind, self.0.is_limit) = (cause.0.kind, cause.0.is_limit);

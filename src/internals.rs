@@ -17,7 +17,7 @@ macro_rules! rooms {
 rooms! {
     accel
     #[cfg(feature = "stress")] check_math
-    cli
+    #[cfg(feature = "cli")] cli
     compile
     debug
     error
@@ -31,7 +31,7 @@ rooms! {
     ops
     pipeline
     program
-    recording
+    #[cfg(feature = "recordings")] recording
     scene
     #[cfg(feature = "stress")] stress
 }

@@ -76,6 +76,7 @@ mod accel;
 mod atomic_file;
 #[cfg(feature = "stress")]
 mod check_math;
+#[cfg(feature = "cli")]
 mod cli;
 mod compile;
 mod debug;
@@ -92,6 +93,7 @@ mod module;
 mod ops;
 mod pipeline;
 mod program;
+#[cfg(feature = "recordings")]
 mod recording;
 mod scene;
 #[cfg(feature = "stress")]

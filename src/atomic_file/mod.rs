@@ -31,6 +31,7 @@ use temporary::Temporary;
 pub(crate) use lock::FileLock;
 pub(crate) use temporary::FolderGuard;
 #[cfg(unix)]
+#[cfg(feature = "cli")]
 pub(crate) use temporary::{abandon_all, before_first};
 
 /// The longest content that is put back where a file is written in place and that fails.

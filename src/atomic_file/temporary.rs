@@ -36,6 +36,7 @@ static BEFORE_FIRST: OnceLock<fn()> = OnceLock::new();
 /// Names what is called once, before the first temporary file is made: a program's handling of
 /// signals, which need not be there before. Only the first call has an effect.
 #[cfg(unix)]
+#[cfg(feature = "cli")]
 pub(crate) fn before_first(call: fn()) {
     let _ = BEFORE_FIRST.set(call);
 }
@@ -43,6 +44,7 @@ pub(crate) fn before_first(call: fn()) {
 /// Removes every temporary file and folder, and has threads that would make one wait for ever: for
 /// a process that is about to end.
 #[cfg(unix)]
+#[cfg(feature = "cli")]
 pub(crate) fn abandon_all() {
     let mut live = live();
     for path in std::mem::take(&mut *live) {

@@ -1,6 +1,8 @@
 //! Decodes picture files into texels, and encodes texels as PNG.
 
 mod decode;
+#[cfg(feature = "images")]
+mod png_jpeg;
 mod radiance;
 
 use std::io::{BufWriter, Write};
@@ -299,6 +301,7 @@ impl PngRows<'_> {
 }
 
 /// Writes the RGBA8 pixels from `fill` as a PNG.
+#[cfg(feature = "images")]
 fn png<T>(
     [width, height]: [u32; 2],
     to: &mut (impl Write + Send),
@@ -316,6 +319,16 @@ fn png<T>(
     stream.finish().map_err(failed)?;
     header.finish().map_err(failed)?;
     Ok(filled)
+}
+
+#[cfg(not(feature = "images"))]
+fn png<T>(
+    _: [u32; 2],
+    _: &mut (impl Write + Send),
+    _: &dyn Fn(std::io::Error) -> Error,
+    _: impl FnOnce(&mut (dyn Write + Send)) -> Result<T>,
+) -> Result<T> {
+    Err(missing_images())
 }
 
 /// The conversion of texels of a format to 8-bit RGBA.
@@ -352,6 +365,13 @@ impl PngConversion {
         }
         pixels
     }
+}
+
+/// The error that this build has no crates for PNG and JPEG.
+#[cfg(not(feature = "images"))]
+fn missing_images() -> Error {
+    Error::new(ErrorKind::UnsupportedTool, "this build of anyhit neither reads nor writes PNG and JPEG files")
+        .note("build it with `cargo build --features images`, or use HDR")
 }
 
 /// Whether this build reads and writes OpenEXR files.

@@ -1,11 +1,21 @@
 //! Triangles from OBJ and glTF files, with what belongs to them: normals, texture coordinates,
 //! materials, textures, nodes and cameras.
 
+#[cfg(not(all(feature = "gltf", feature = "obj")))]
+mod absent;
+#[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod material;
 pub mod model;
+#[cfg(feature = "obj")]
 pub mod obj;
+#[cfg(feature = "gltf")]
 mod uri;
+
+#[cfg(not(feature = "gltf"))]
+use absent as gltf;
+#[cfg(not(feature = "obj"))]
+use absent as obj;
 
 /// Triangles with shared vertices.
 #[derive(Clone, Debug, Default, PartialEq)]

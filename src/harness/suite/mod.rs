@@ -1,10 +1,12 @@
 //! Suites: the tests beneath some paths, filtered, run in parallel, and reported in order.
 
+#[cfg(feature = "cli")]
 mod junit;
 mod pictures;
 pub mod report;
 mod run;
 
+#[cfg(feature = "cli")]
 pub use junit::junit;
 pub use run::{SuiteOptions, SuiteReport};
 

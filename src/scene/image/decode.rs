@@ -1,30 +1,22 @@
-//! Picture files as texels, through the crates `png` and `zune-jpeg`, and [`super::radiance`].
+//! Picture files as texels, whatever their format.
 //!
 //! What a file says of itself is believed only as far as its bytes can back it: sides, the memory
 //! of decoding and the texels are compared with the limits before anything of their size is
 //! allocated. Metadata is left out before decoding: a compressed colour profile of a kilobyte may
 //! stand for a gigabyte.
 
-use std::borrow::Cow;
-use std::io::Cursor;
 use std::path::Path;
-
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::{Class, Component, Format};
+#[cfg(not(feature = "images"))]
+use crate::scene::image::missing_images;
+#[cfg(feature = "images")]
+use crate::scene::image::png_jpeg;
 use crate::scene::image::radiance::Radiance;
 use crate::scene::image::{Picture, exr_support, texel_bytes, texel_numbers};
 
-/// Texels that a byte of a PNG file can stand for: deflate makes at most 1032 bytes of one, and a
-/// byte holds at most eight grey texels.
-const PNG_TEXELS: u64 = 1032 * 8;
-/// Texels that a byte of a JPEG file can stand for: a block of 8 x 8 takes a bit or more.
-const JPEG_TEXELS: u64 = 64 * 8;
 /// The fewest bytes of a row of a Radiance file: its first texel.
 const HDR_ROW: u64 = 4;
 
@@ -63,15 +55,16 @@ pub(super) fn invalid(message: impl Into<String>) -> Error {
 }
 
 /// A file's numbers before they are texels of a format.
-struct Decoded {
-    extent: [u32; 2],
+pub(super) struct Decoded {
+    pub extent: [u32; 2],
     /// How many numbers each texel has: grey, grey and alpha, red, green and blue, or these and
     /// alpha.
-    channels: usize,
-    numbers: Numbers,
+    pub channels: usize,
+    pub numbers: Numbers,
 }
 
-enum Numbers {
+#[cfg_attr(not(feature = "images"), allow(dead_code, reason = "Radiance files hold floats alone"))]
+pub(super) enum Numbers {
     Bytes(Vec<u8>),
     /// 16 bits, the high byte first, as PNG has them.
     BigEndian(Vec<u8>),
@@ -81,8 +74,12 @@ enum Numbers {
 fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Picture> {
     limits.check(InputLimit::ImageBytes, bytes.len() as u64, ErrorKind::InvalidImage)?;
     let decoded = match bytes {
-        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => png(bytes, wanted, limits)?,
-        [0xff, 0xd8, 0xff, ..] => jpeg(bytes, wanted, limits)?,
+        #[cfg(not(feature = "images"))]
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => return Err(missing_images()),
+        #[cfg(feature = "images")]
+        [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, ..] => png_jpeg::png(bytes, wanted, limits)?,
+        #[cfg(feature = "images")]
+        [0xff, 0xd8, 0xff, ..] => png_jpeg::jpeg(bytes, wanted, limits)?,
         [0x76, 0x2f, 0x31, 0x01, ..] => {
             exr_support()?;
             exr(bytes, wanted, limits)?
@@ -95,20 +92,20 @@ fn decode(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<
 
 /// What a file's header says of its texels.
 #[derive(Clone, Copy)]
-struct Header {
-    extent: [u32; 2],
-    channels: usize,
+pub(super) struct Header {
+    pub extent: [u32; 2],
+    pub channels: usize,
     /// The bytes of each number.
-    width: usize,
+    pub width: usize,
     /// The greatest number of texels, or of rows, that the file's bytes can stand for.
-    plausible: u64,
+    pub plausible: u64,
     /// How many times what is decoded is held while it is decoded.
-    copies: u64,
+    pub copies: u64,
 }
 
 impl Header {
     /// Compares what decoding takes with the limits, and with what the file's bytes can hold.
-    fn check(&self, held: usize, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
+    pub fn check(&self, held: usize, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
         let [width, height] = self.extent;
         limits.check(InputLimit::ImageSide, u64::from(width.max(height)), ErrorKind::InvalidImage)?;
         let texels = u64::from(width) * u64::from(height);
@@ -134,63 +131,6 @@ impl Header {
     }
 }
 
-fn png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    let broken = |error: png::DecodingError| match error {
-        png::DecodingError::LimitsExceeded => {
-            limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
-        }
-        error => invalid(error.to_string()),
-    };
-    let essential = png_without_metadata(bytes);
-    let memory = usize::try_from(limits.get(InputLimit::ImageBytes)).unwrap_or(usize::MAX);
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(&*essential), png::Limits { bytes: memory });
-    decoder.ignore_checksums(false);
-    // Palettes and fewer than eight bits become bytes, and a transparent colour becomes alpha.
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(broken)?;
-    let (color, depth) = reader.output_color_type();
-    let (width, height) = reader.info().size();
-    let header = Header {
-        extent: [width, height],
-        channels: color.samples(),
-        width: if depth == png::BitDepth::Sixteen { 2 } else { 1 },
-        plausible: (bytes.len() as u64).saturating_mul(PNG_TEXELS),
-        copies: 1,
-    };
-    header.check(bytes.len(), wanted, limits)?;
-    let size = reader.output_buffer_size().ok_or_else(|| invalid("an image of more bytes than there are"))?;
-    let mut numbers = vec![0; size];
-    reader.next_frame(&mut numbers).map_err(broken)?;
-    let numbers = if header.width == 2 { Numbers::BigEndian(numbers) } else { Numbers::Bytes(numbers) };
-    Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
-}
-
-fn jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
-    let broken = |error: zune_jpeg::errors::DecodeErrors| invalid(error.to_string());
-    let options =
-        DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(broken)?;
-    let (Some((width, height)), Some(space)) = (decoder.dimensions(), decoder.input_colorspace()) else {
-        return Err(invalid("a JPEG file without a frame"));
-    };
-    // Grey stays grey; everything else becomes red, green and blue.
-    let space = if space == ColorSpace::Luma { space } else { ColorSpace::RGB };
-    decoder.set_options(options.jpeg_set_out_colorspace(space));
-    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-    let header = Header {
-        extent: [side(width), side(height)],
-        channels: space.num_components(),
-        width: 1,
-        plausible: (bytes.len() as u64).saturating_mul(JPEG_TEXELS),
-        // A progressive JPEG keeps a coefficient of 16 bits for each number.
-        copies: 3,
-    };
-    header.check(bytes.len(), wanted, limits)?;
-    let numbers = decoder.decode().map_err(broken)?;
-    Ok(Decoded { extent: header.extent, channels: header.channels, numbers: Numbers::Bytes(numbers) })
-}
-
 fn radiance(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
     let file = Radiance::new(bytes)?;
     let rows = bytes.len() as u64 / HDR_ROW;
@@ -202,6 +142,8 @@ fn radiance(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Resul
 
 #[cfg(feature = "exr")]
 fn exr(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    use std::io::Cursor;
+
     use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
     let broken = |error: ImageError| match error {
@@ -235,36 +177,6 @@ fn four<T: Copy>(numbers: &[T], channels: usize, opaque: T) -> impl Iterator<Ite
         [red, green, blue] => [red, green, blue, opaque],
         _ => [texel[0], texel[1], texel[2], texel[3]],
     })
-}
-
-/// A PNG file's chunks that its texels depend on; all others are marked as ancillary by their
-/// names (PNG, 5.4). What is broken stays for the decoder to report.
-fn png_without_metadata(bytes: &[u8]) -> Cow<'_, [u8]> {
-    const SIGNATURE: usize = 8;
-    /// Length, name and checksum.
-    const AROUND: usize = 12;
-    let mut kept = Vec::new();
-    let mut at = SIGNATURE;
-    // Up to here, chunks that are kept are not copied yet.
-    let mut from = 0;
-    while let Some(head) = bytes.get(at..at + 8) {
-        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
-        let name = &head[4..8];
-        let Some(end) = at.checked_add(length).and_then(|end| end.checked_add(AROUND)) else { break };
-        if name == b"IEND" {
-            break;
-        }
-        if name[0].is_ascii_lowercase() && name != b"tRNS" {
-            kept.extend_from_slice(&bytes[from..at]);
-            from = end.min(bytes.len());
-        }
-        at = end;
-    }
-    if from == 0 {
-        return bytes.into();
-    }
-    kept.extend_from_slice(&bytes[from..]);
-    kept.into()
 }
 
 fn texels_of(decoded: Decoded, wanted: Option<Format>) -> Picture {
@@ -313,9 +225,12 @@ fn texels_of(decoded: Decoded, wanted: Option<Format>) -> Picture {
     Picture { format, extent, texels: converted }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "images"))]
 mod tests {
+    use std::io::Cursor;
+
     use super::*;
+    use crate::scene::image::png_jpeg::png_without_metadata;
 
     /// A PNG chunk with its checksum.
     fn chunk(name: &[u8; 4], data: &[u8]) -> Vec<u8> {

@@ -1,0 +1,107 @@
+//! PNG and JPEG files, through the crates `png` and `zune-jpeg`.
+
+use std::borrow::Cow;
+use std::io::Cursor;
+
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+use crate::error::{ErrorKind, Result};
+use crate::input::{InputLimit, InputLimits};
+use crate::machine::format::Format;
+use crate::scene::image::decode::{Decoded, Header, Numbers, invalid};
+
+/// Texels that a byte of a PNG file can stand for: deflate makes at most 1032 bytes of one, and a
+/// byte holds at most eight grey texels.
+const PNG_TEXELS: u64 = 1032 * 8;
+/// Texels that a byte of a JPEG file can stand for: a block of 8 x 8 takes a bit or more.
+const JPEG_TEXELS: u64 = 64 * 8;
+
+pub(super) fn png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    let broken = |error: png::DecodingError| match error {
+        png::DecodingError::LimitsExceeded => {
+            limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
+        }
+        error => invalid(error.to_string()),
+    };
+    let essential = png_without_metadata(bytes);
+    let memory = usize::try_from(limits.get(InputLimit::ImageBytes)).unwrap_or(usize::MAX);
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(&*essential), png::Limits { bytes: memory });
+    decoder.ignore_checksums(false);
+    // Palettes and fewer than eight bits become bytes, and a transparent colour becomes alpha.
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let (color, depth) = reader.output_color_type();
+    let (width, height) = reader.info().size();
+    let header = Header {
+        extent: [width, height],
+        channels: color.samples(),
+        width: if depth == png::BitDepth::Sixteen { 2 } else { 1 },
+        plausible: (bytes.len() as u64).saturating_mul(PNG_TEXELS),
+        copies: 1,
+    };
+    header.check(bytes.len(), wanted, limits)?;
+    let size = reader.output_buffer_size().ok_or_else(|| invalid("an image of more bytes than there are"))?;
+    let mut numbers = vec![0; size];
+    reader.next_frame(&mut numbers).map_err(broken)?;
+    let numbers = if header.width == 2 { Numbers::BigEndian(numbers) } else { Numbers::Bytes(numbers) };
+    Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
+}
+
+pub(super) fn jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    let broken = |error: zune_jpeg::errors::DecodeErrors| invalid(error.to_string());
+    let options =
+        DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(broken)?;
+    let (Some((width, height)), Some(space)) = (decoder.dimensions(), decoder.input_colorspace()) else {
+        return Err(invalid("a JPEG file without a frame"));
+    };
+    // Grey stays grey; everything else becomes red, green and blue.
+    let space = if space == ColorSpace::Luma { space } else { ColorSpace::RGB };
+    decoder.set_options(options.jpeg_set_out_colorspace(space));
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    let header = Header {
+        extent: [side(width), side(height)],
+        channels: space.num_components(),
+        width: 1,
+        plausible: (bytes.len() as u64).saturating_mul(JPEG_TEXELS),
+        // A progressive JPEG keeps a coefficient of 16 bits for each number.
+        copies: 3,
+    };
+    header.check(bytes.len(), wanted, limits)?;
+    let numbers = decoder.decode().map_err(broken)?;
+    Ok(Decoded { extent: header.extent, channels: header.channels, numbers: Numbers::Bytes(numbers) })
+}
+
+/// A PNG file's chunks that its texels depend on; all others are marked as ancillary by their
+/// names (PNG, 5.4). What is broken stays for the decoder to report.
+pub(super) fn png_without_metadata(bytes: &[u8]) -> Cow<'_, [u8]> {
+    const SIGNATURE: usize = 8;
+    /// Length, name and checksum.
+    const AROUND: usize = 12;
+    let mut kept = Vec::new();
+    let mut at = SIGNATURE;
+    // Up to here, chunks that are kept are not copied yet.
+    let mut from = 0;
+    while let Some(head) = bytes.get(at..at + 8) {
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let name = &head[4..8];
+        let Some(end) = at.checked_add(length).and_then(|end| end.checked_add(AROUND)) else { break };
+        if name == b"IEND" {
+            break;
+        }
+        if name[0].is_ascii_lowercase() && name != b"tRNS" {
+            kept.extend_from_slice(&bytes[from..at]);
+            from = end.min(bytes.len());
+        }
+        at = end;
+    }
+    if from == 0 {
+        return bytes.into();
+    }
+    kept.extend_from_slice(&bytes[from..]);
+    kept.into()
+}

@@ -1,0 +1,56 @@
+//! Stand-ins for the readers that this build leaves out: opening a file is an error, and there is no
+//! open file.
+
+use std::path::Path;
+
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::scene::files::Files;
+use crate::scene::mesh::Mesh;
+use crate::scene::mesh::model::{Listed, Numbers};
+
+/// The error that files of a format cannot be read.
+fn missing(format: &str, feature: &str, path: &Path) -> Error {
+    Error::new(ErrorKind::UnsupportedTool, format!("this build of anyhit reads no {format} files"))
+        .at(Place::File(path.to_path_buf()))
+        .note(format!("build it with `cargo build --features {feature}`"))
+}
+
+/// An open glTF file, of which there is none.
+#[cfg(not(feature = "gltf"))]
+#[derive(Debug)]
+pub enum GltfFile {}
+
+#[cfg(not(feature = "gltf"))]
+impl GltfFile {
+    pub(super) fn open(path: &Path, _: &[u8], _: &dyn Files) -> Result<(Listed, Self)> {
+        Err(missing("glTF", "gltf", path))
+    }
+
+    pub(super) fn triangles(&self, _mesh: usize, _primitive: usize) -> Result<Mesh> {
+        match *self {}
+    }
+
+    pub(super) fn attribute(&self, _mesh: usize, _primitive: usize, _name: &str) -> Result<Numbers> {
+        match *self {}
+    }
+}
+
+/// An open OBJ file, of which there is none.
+#[cfg(not(feature = "obj"))]
+#[derive(Debug)]
+pub enum ObjFile {}
+
+#[cfg(not(feature = "obj"))]
+impl ObjFile {
+    pub(super) fn open(path: &Path, _: &[u8], _: &dyn Files) -> Result<(Listed, Self)> {
+        Err(missing("OBJ", "obj", path))
+    }
+
+    pub(super) fn triangles(&self, _group: usize) -> Mesh {
+        match *self {}
+    }
+
+    pub(super) fn attribute(&self, _group: usize, _name: &str) -> Numbers {
+        match *self {}
+    }
+}
