@@ -2,47 +2,24 @@
 //! scenes of triangles, boxes, spheres and linear swept spheres, so that the logic of hit shaders
 //! can be unit-tested, followed one ray at a time and guarded in CI without a GPU.
 //!
-//! # One ray's journey
+//! # Load a shader
 //!
-//! **A module** comes first. [`module::load()`] walks the words of a SPIR-V file and fills arenas
-//! of types, constants, variables and functions. Bytes that break a rule are rejected with the
-//! offset of the word; a valid instruction that this crate does not support is kept, and rejected
-//! only where a shader would execute it. [`ops::support`] tells the two apart, for all of SPIR-V.
+//! [`Module::open`] reads SPIR-V, or compiles a [`Source`] of GLSL, WGSL, Slang or HLSL as
+//! [`CompileOptions`] say. [`Program::of`] prepares one of its entry points: what the module breaks
+//! of the specification, and what this crate does not run, is an [`Error`] with the place.
 //!
-//! **A program** is one entry point, prepared by [`program::lower()`]. A register is one scalar
-//! component for all lanes of a batch, so a `vec3` is three registers and composites vanish here:
-//! extracting and shuffling only rearrange lists of registers. What remains are [lane
-//! kernels](ops::lane_kernel), one scalar function each, and blocks in structured order, in which
-//! lanes that diverge at a branch reconverge. Dead code is eliminated, builtins that nothing reads
-//! included.
+//! # Test one shader
 //!
-//! **A scene** is a [`accel::Tlas`] of instances over [`accel::Blas`]es. Whether a ray hits a
-//! primitive is decided exactly for the given floats ([`geometry`]): first in floating point with
-//! an error bound, and where the bound does not decide, in exact arithmetic. The reported t is the
-//! correctly rounded one. BVHs make this fast and do not change the result.
+//! [`ShaderTest`] runs one shader by itself on a [`Hit`] that is really intersected, with any
+//! builtin, payload and resource; closures answer what it calls ([`TraceCall`], [`ExecuteCall`],
+//! [`CallableCall`]). [`ComputeTest`] dispatches a compute shader. Results are [`Value`]s by the
+//! names of the shader's members, or plain Rust types; [`StructData`] writes by names.
+//! [`assert_ulps!`], [`assert_near!`] and [`assert_payload_eq!`] compare.
 //!
-//! **A launch** ([`pipeline::Launch`]) cuts a grid of invocations into batches of 64 lanes and runs
-//! the ray generation shader. The interpreter ([`interp::run()`]) never calls the host: at
-//! `OpTraceRayKHR` it [stops](machine::Stop), and the pipeline moves the ray's cursor to its next
-//! candidate. Opaque triangles are committed at once; for the others the record of the shader
-//! binding table is
+//! # Trace a ray, launch a pipeline
 //!
-//! ```text
-//! instance's offset + geometry index * sbt_stride + sbt_offset
-//! ```
-//!
-//! and the intersection and any-hit shaders of its group run as a batch of their own, which reads
-//! and writes the caller's payload. They commit the candidate, ignore it or end the ray. Candidates
-//! come in ascending t, then by instance, geometry and primitive: so the order in which any-hit
-//! shaders run does not depend on the BVH, the number of lanes, the threads or the machine.
-//!
-//! **The end of the ray** is one closest-hit or miss shader. Then ray generation continues after
-//! its trace, with the payload as they left it. Every fault on the way is a [trap](machine::trap)
-//! with a launch index, a source line and the stack of shaders that led there.
-//!
-//! # A ray by hand
-//!
-//! One sphere, a closest-hit and a miss shader, one ray; no ray generation shader is needed:
+//! A [`Scene`] holds [`Instance`]s and what shaders are bound. [`Pipeline::trace`] traces one
+//! [`Ray`] through hit and miss shaders, [`Pipeline::launch`] runs ray generation over a grid:
 //!
 //! ```
 //! use anyhit::{Instance, Module, Pipeline, Program, Ray, Scene};
@@ -50,7 +27,10 @@
 //! # fn main() -> anyhit::Result<()> {
 //! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/sphere/closest-hit");
 //! let shader = |file| Program::of(&Module::open(format!("{folder}/{file}"))?, "main");
-//! let pipeline = Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
+//! let pipeline = Pipeline::builder()
+//!     .hit([shader("main.rchit.spv")?])?
+//!     .miss(shader("main.rmiss.spv")?)?
+//!     .build()?;
 //! let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)])?;
 //!
 //! let traced = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
@@ -61,13 +41,33 @@
 //! # }
 //! ```
 //!
-//! [`ShaderTest`] runs one shader by itself on a [`Hit`]; [`harness::case`] runs folders of cases.
+//! # Use scene files
 //!
-//! # Layers
+//! [`LoadedScene`] opens a `scene.toml`, changes and launches it. [`Case`] finds folders of cases
+//! and checks them; [`SmokeReport`] runs whatever a module holds on made-up inputs.
 //!
-//! Imports go one way, and a test enforces it: `cli -> harness -> {debug, recording, stress,
-//! check_math} -> scene -> {pipeline, compile} -> interp -> program -> ops -> {module, machine ->
-//! accel} -> geometry -> math -> {input, atomic_file} -> error`.
+//! # See why
+//!
+//! [`Explain`] tells the way of a ray or of a shader's results, as `anyhit trace-one-ray` does; so
+//! does [`LoadedScene::explain`]. An [`Error`] renders its place in the source, and
+//! [`Error::kind`] says whose mistake it is: the input's, this crate's, or the shader's while it ran.
+//!
+//! # Features
+//!
+//! | feature | default | what it adds |
+//! |---|---|---|
+//! | `cli` | yes | the program `anyhit` |
+//! | `gltf`, `obj` | yes | models of these files in scenes |
+//! | `images` | yes | PNG and JPEG files in scenes, PNG of what was rendered |
+//! | `stress` | yes | the commands `stress` and `check-math`, through numbers of arbitrary precision |
+//! | `wgsl` | yes | WGSL sources, through naga |
+//! | `glsl` | | GLSL sources, through glslang (built from C++ source, minutes, once) |
+//! | `exr` | | OpenEXR files |
+//! | `recordings` | with `cli` | recordings of hits, for `anyhit verify` |
+//! | `proptest` | | `strategies`: rays, primitives and instances for property tests |
+//!
+//! A library that only runs SPIR-V takes `default-features = false`. How all this works inside
+//! stands in `docs/architecture.md`.
 
 #![deny(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
@@ -134,16 +134,16 @@ pub use harness::scene::Scene;
 // What shaders are bound.
 pub use machine::format::{Component, Format};
 pub use machine::image::{Dimension, Image, ImageShape};
-pub use machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, Sampler};
+pub use machine::sampler::{AddressMode, CompareOp, Filter, Sampler};
 pub use machine::{Buffer, Descriptor};
 
 // Pipelines, launches and single rays.
 pub use harness::trace::{HitRecord, Launched, Traced};
+pub use machine::LaunchLimits;
 pub use machine::printed::PrintedLine;
-pub use machine::{LaunchFuel, LaunchLimits};
 pub use pipeline::{
-    Band, DeviceFeatures, DeviceLimits, DeviceProfile, Pipeline, PipelineBuilder, PipelineFlags, RayOperands,
-    Sbt, SbtRecord, Stats, StreamedImage,
+    Band, DeviceProfile, Pipeline, PipelineBuilder, PipelineFlags, RayOperands, Sbt, SbtRecord, Stats,
+    StreamedImage,
 };
 
 // Scene files, cases and whole modules.

@@ -92,6 +92,18 @@ fn imports_go_one_way() {
     assert!(mistakes.is_empty(), "{}", mistakes.join("\n"));
 }
 
+/// docs/architecture.md lists the rooms in this order.
+#[test]
+fn the_architecture_page_lists_the_layers() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/architecture.md"))
+        .expect("the page");
+    let table = page.split("## One ray's way").next().expect("the first section");
+    let rows = table.lines().filter_map(|line| line.strip_prefix("| `")?.split('|').next());
+    let rows: Vec<Vec<&str>> =
+        rows.map(|cell| cell.split(", ").map(|room| room.trim_matches([' ', '`'])).collect()).collect();
+    assert_eq!(rows, LAYERS);
+}
+
 #[test]
 fn crates_are_named_in_their_place() {
     let mut mistakes = Vec::new();

@@ -41,6 +41,7 @@ mod pictures;
 mod pipeline;
 mod printed_commands;
 mod profiles;
+mod public_face;
 mod random_modules;
 mod random_programs;
 mod readers;

@@ -79,7 +79,7 @@ pub struct FixtureReport {
 /// A missing compiler is no error: the fixtures that would need it are listed in the report.
 ///
 /// # Errors
-/// What [`compile`] reports about the sources, all in one; [`ErrorKind::Io`].
+/// What [`Source::compile`] reports about the sources, all in one; [`ErrorKind::Io`].
 pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
     let folder = root.join(FIXTURES);
     let mut records = read_records(&folder)?;

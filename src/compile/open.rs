@@ -22,7 +22,7 @@ impl Module {
     ///
     /// # Errors
     /// `Io` where the file cannot be read, those of [`load()`], with the file named, and for a
-    /// source those of [`compile()`](super::compile()).
+    /// source those of [`Source::compile`].
     pub fn open(path: impl AsRef<Path>) -> Result<Arc<Self>> {
         Self::open_within(path, &InputLimits::default(), None)
     }

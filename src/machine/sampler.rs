@@ -105,6 +105,7 @@ pub struct Sampler {
     /// The address modes along u, v and w.
     pub address_mode: [AddressMode; 3],
     /// The color that `ClampToBorder` gives.
+    #[doc(hidden)]
     pub border_color: BorderColor,
     /// The operator of depth comparisons.
     pub compare_op: Option<CompareOp>,

@@ -48,8 +48,10 @@ impl LaunchFuel {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LaunchLimits {
     /// What all invocations may execute together.
+    #[doc(hidden)]
     pub fuel: Option<LaunchFuel>,
     /// What is the most, whatever `fuel` says: a test may lower its own limit, not raise it.
+    #[doc(hidden)]
     pub max_fuel: Option<LaunchFuel>,
     /// How long the launch may take. What it ends depends on the machine.
     pub timeout: Option<Duration>,
@@ -59,6 +61,33 @@ pub struct LaunchLimits {
 }
 
 impl LaunchLimits {
+    /// Limits how many instructions all invocations may execute together.
+    ///
+    /// ```
+    /// use std::time::Duration;
+    ///
+    /// use anyhit::LaunchLimits;
+    ///
+    /// let limits = LaunchLimits::default().fuel(1 << 30).timeout(Duration::from_secs(60));
+    /// assert_eq!(limits.timeout, Some(Duration::from_secs(60)));
+    /// ```
+    #[must_use]
+    pub fn fuel(self, instructions: u64) -> Self {
+        Self { fuel: Some(LaunchFuel::of(instructions)), ..self }
+    }
+
+    /// Limits how long the launch may take.
+    #[must_use]
+    pub fn timeout(self, timeout: Duration) -> Self {
+        Self { timeout: Some(timeout), ..self }
+    }
+
+    /// Limits how long the invocations of one batch may take, with all that they call.
+    #[must_use]
+    pub fn batch_timeout(self, timeout: Duration) -> Self {
+        Self { batch_timeout: Some(timeout), ..self }
+    }
+
     /// What `anyhit test` sets unless told otherwise: [`LaunchFuel::DEFAULT`] and 8 seconds for a
     /// batch.
     pub const TESTS: Self = Self {

@@ -1,4 +1,4 @@
-//! Forward error bounds for the floating-point filters in [`crate::geometry`].
+//! Forward error bounds for the floating-point filters in `geometry`.
 //!
 //! A bound is carried beside each value: `|computed - exact| <= error`, for vectors in the 1-norm.
 //! Source of the rules: N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed.,

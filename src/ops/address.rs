@@ -19,7 +19,7 @@ use crate::ops::translate::{IdValue, Translator, Words};
 
 /// Kernels of address arithmetic.
 pub mod kernels {
-    use crate::lane_kernels;
+    use crate::ops::lane_kernel::lane_kernels;
     use crate::ops::memory::OUT_OF_BOUNDS;
 
     lane_kernels! {

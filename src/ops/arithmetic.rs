@@ -6,8 +6,8 @@
 
 use half::f16;
 
-use crate::lane_kernels;
 use crate::math::float::Float;
+use crate::ops::lane_kernel::lane_kernels;
 
 lane_kernels! {
     SNegate Core [i8 i16 i32 i64] (a: T) -> T { a.wrapping_neg() }
@@ -42,7 +42,7 @@ lane_kernels! {
 
 /// Kernels for the second members of extended arithmetic, whose result is a struct of two members.
 pub mod extended {
-    use crate::lane_kernels;
+    use crate::ops::lane_kernel::lane_kernels;
 
     lane_kernels! {
         Carry Internal [u8 u16 u32 u64] (a: T, b: T) -> T { T::from(a.overflowing_add(b).1) }

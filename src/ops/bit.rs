@@ -2,7 +2,7 @@
 //!
 //! A shift by the width or more, which the specification leaves undefined, shifts everything out.
 
-use crate::lane_kernels;
+use crate::ops::lane_kernel::lane_kernels;
 
 lane_kernels! {
     ShiftRightLogical Core [u8 u16 u32 u64] (a: T, by: u32) -> T { a.checked_shr(by).unwrap_or(0) }
@@ -18,7 +18,7 @@ lane_kernels! {
 
 /// Kernels to which bit-field instructions are translated, as those have up to four operands.
 pub mod field {
-    use crate::lane_kernels;
+    use crate::ops::lane_kernel::lane_kernels;
 
     lane_kernels! {
         /// A mask of `count` ones, shifted left by `offset`.

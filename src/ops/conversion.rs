@@ -14,6 +14,7 @@ use crate::machine::{Reg, Scalar};
 use crate::math::float;
 #[cfg(target_arch = "x86_64")]
 use crate::math::lane_ops::{LaneOps, LaneTask};
+use crate::ops::lane_kernel::lane_kernels;
 use crate::ops::lane_kernel::{LaneKernel, LaneLoop, ScalarWidth, Unary};
 
 macro_rules! conversions {
@@ -23,9 +24,9 @@ macro_rules! conversions {
             pub(super) static KERNELS: &[(u32, LaneKernel)] = &[$((
                 <$to as ScalarWidth>::BITS,
                 if <$from as ScalarWidth>::FLOAT == 32 && <$to as ScalarWidth>::BITS == 32 && <$to as ScalarWidth>::SIGNED {
-                    with_simd_truncation(crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
+                    with_simd_truncation(crate::ops::lane_kernel::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>))
                 } else {
-                    crate::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>)
+                    crate::ops::lane_kernel::lane_kernel!(Convert, $from, (a: $from), $to, Between<$from, $to>)
                 },
             )),+];
         }
@@ -220,7 +221,7 @@ pub fn f64_counterpart(kernel: &'static LaneKernel) -> Option<&'static LaneKerne
     })
 }
 
-crate::lane_kernels! {
+lane_kernels! {
     /// To the nearest f16 and back.
     QuantizeToF16 Core [f32] (a: f32) -> f32 {
         // A result that would be a denormal of f16 is a zero of the same sign.

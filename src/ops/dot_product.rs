@@ -13,7 +13,7 @@ use crate::ops::translate::{Translator, Words};
 
 /// Kernels of packed components and of saturating sums.
 pub mod kernels {
-    use crate::lane_kernels;
+    use crate::ops::lane_kernel::lane_kernels;
 
     lane_kernels! {
         /// The byte at a bit offset, with its sign.

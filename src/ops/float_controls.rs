@@ -23,13 +23,13 @@
 use half::f16;
 
 use crate::error::Result;
-use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float::Float;
 use crate::math::toward_zero::{self, RoundTowardZero, UnpackedFloat};
 use crate::module::interface::EntryPoint;
 use crate::ops::conversion::encoded::Rounding;
 use crate::ops::lane_kernel::LaneKernel;
+use crate::ops::lane_kernel::lane_kernels;
 use crate::ops::translate::Translator;
 
 /// The widths that an entry point's modes name, as a mask of 16, 32 and 64.

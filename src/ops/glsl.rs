@@ -5,8 +5,8 @@
 
 use half::f16;
 
-use crate::lane_kernels;
 use crate::math::float::Float;
+use crate::ops::lane_kernel::lane_kernels;
 
 lane_kernels! {
     Round Glsl [f16 f32 f64] (a: T) -> T { Float::round(a) }
@@ -81,8 +81,8 @@ lane_kernels! {
 pub mod parts {
     use half::f16;
 
-    use crate::lane_kernels;
     use crate::math::float::Float;
+    use crate::ops::lane_kernel::lane_kernels;
 
     lane_kernels! {
         ModfFraction Internal [f16 f32 f64] (a: T) -> T {

@@ -1,6 +1,6 @@
 //! Integer functions of `SPV_INTEL_shader_integer_functions2`.
 
-use crate::lane_kernels;
+use crate::ops::lane_kernel::lane_kernels;
 
 lane_kernels! {
     /// All bits where the operand is 0.

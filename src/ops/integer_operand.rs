@@ -14,7 +14,7 @@ use crate::ops::translate::{Translator, Words};
 
 /// Kernels that convert an integer to one word.
 pub mod saturate {
-    use crate::lane_kernels;
+    use crate::ops::lane_kernel::lane_kernels;
 
     lane_kernels! {
         /// The nearest unsigned number of 32 bits.

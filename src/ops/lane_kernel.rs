@@ -250,7 +250,6 @@ pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
 /// ```
 /// In the body, `T` is the type of the kernel. The macro defines a `static FAdd: OpFamily` for each
 /// instruction, and the list `FAMILIES`.
-#[macro_export]
 macro_rules! lane_kernels {
     ($($(#[$doc:meta])* $name:ident $set:ident [$($ty:ty)*] $args:tt -> $result:ty $body:block)*) => {
         $(
@@ -260,23 +259,23 @@ macro_rules! lane_kernels {
             pub static $name: $crate::ops::lane_kernel::OpFamily = $crate::ops::lane_kernel::OpFamily {
                 name: stringify!($name),
                 set: $crate::ops::lane_kernel::InstructionSet::$set,
-                number: $crate::number!($set, $name),
-                kernels: &[$($crate::lane_kernel!($name, $ty, $args, $result, $name<$ty>)),*],
+                number: $crate::ops::lane_kernel::number!($set, $name),
+                kernels: &[$($crate::ops::lane_kernel::lane_kernel!($name, $ty, $args, $result, $name<$ty>)),*],
             };
             #[doc = concat!("The lane loop of `", stringify!($name), "` on a type.")]
             pub struct $name<T> {
                 _type: std::marker::PhantomData<T>,
             }
-            $($crate::lane_loop!($name, $ty, $args, $result, $body);)*
+            $($crate::ops::lane_kernel::lane_loop!($name, $ty, $args, $result, $body);)*
         )*
         /// The families of this section.
         pub static FAMILIES: &[&$crate::ops::lane_kernel::OpFamily] = &[$(&$name),*];
     };
 }
+pub(crate) use lane_kernels;
 
 /// The number of an instruction, from its name.
 #[doc(hidden)]
-#[macro_export]
 macro_rules! number {
     (Core, $name:ident) => {
         rspirv::spirv::Op::$name as u32
@@ -288,6 +287,7 @@ macro_rules! number {
         u32::MAX
     };
 }
+pub(crate) use number;
 
 /// The lane loop of a kernel, implemented for the type that names its family.
 pub trait LaneLoop {
@@ -333,13 +333,12 @@ pub trait Ternary {
 
 /// The lane loop of one kernel of [`lane_kernels!`](crate::lane_kernels).
 #[doc(hidden)]
-#[macro_export]
 macro_rules! lane_loop {
     ($name:ident, $ty:ty, $args:tt, $result:ty, $body:block) => {
         const _: () = {
             #[allow(dead_code)]
             type T = $ty;
-            $crate::lane_loop!(@ $name<$ty>, $args, $result, $body);
+            $crate::ops::lane_kernel::lane_loop!(@ $name<$ty>, $args, $result, $body);
         };
     };
     (@ $name:ty, ($a:ident: $at:ty), $result:ty, $body:block) => {
@@ -352,7 +351,7 @@ macro_rules! lane_loop {
                 $body
             }
         }
-        $crate::lane_loop!(@ $name, [$at, $result], map1, <$name as $crate::ops::lane_kernel::Unary>::apply);
+        $crate::ops::lane_kernel::lane_loop!(@ $name, [$at, $result], map1, <$name as $crate::ops::lane_kernel::Unary>::apply);
     };
     (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty), $result:ty, $body:block) => {
         impl $crate::ops::lane_kernel::Binary for $name {
@@ -365,7 +364,7 @@ macro_rules! lane_loop {
                 $body
             }
         }
-        $crate::lane_loop!(@ $name, [$at, $bt, $result], map2, <$name as $crate::ops::lane_kernel::Binary>::apply);
+        $crate::ops::lane_kernel::lane_loop!(@ $name, [$at, $bt, $result], map2, <$name as $crate::ops::lane_kernel::Binary>::apply);
     };
     (@ $name:ty, ($a:ident: $at:ty, $b:ident: $bt:ty, $c:ident: $ct:ty), $result:ty, $body:block) => {
         impl $crate::ops::lane_kernel::Ternary for $name {
@@ -379,7 +378,7 @@ macro_rules! lane_loop {
                 $body
             }
         }
-        $crate::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, <$name as $crate::ops::lane_kernel::Ternary>::apply);
+        $crate::ops::lane_kernel::lane_loop!(@ $name, [$at, $bt, $ct, $result], map3, <$name as $crate::ops::lane_kernel::Ternary>::apply);
     };
     (@ $name:ty, [$($ty:ty),*], $map:ident, $function:expr) => {
         impl $crate::ops::lane_kernel::LaneLoop for $name {
@@ -394,11 +393,11 @@ macro_rules! lane_loop {
         }
     };
 }
+pub(crate) use lane_loop;
 
 /// One kernel of [`lane_kernels!`](crate::lane_kernels), with its
 /// [`LaneLoop`](crate::ops::lane_kernel::LaneLoop).
 #[doc(hidden)]
-#[macro_export]
 macro_rules! lane_kernel {
     ($name:ident, $ty:ty, ($($a:ident: $at:ty),*), $result:ty, $lanes:ty) => {{
         #[allow(dead_code)]
@@ -443,6 +442,7 @@ macro_rules! lane_kernel {
         }
     }};
 }
+pub(crate) use lane_kernel;
 
 /// The width that selects a kernel; `bool` has none.
 pub trait ScalarWidth {

@@ -4,8 +4,8 @@
 
 use half::f16;
 
-use crate::lane_kernels;
 use crate::math::float::Float;
+use crate::ops::lane_kernel::lane_kernels;
 
 lane_kernels! {
     IsNan Core [f16 f32 f64] (a: T) -> bool { Float::is_nan(a) }
@@ -44,7 +44,7 @@ lane_kernels! {
 
 /// `OpSelect` on one word; wider values are selected word by word.
 pub mod select {
-    use crate::lane_kernels;
+    use crate::ops::lane_kernel::lane_kernels;
 
     lane_kernels! {
         SelectWord Internal [bool] (condition: bool, a: u32, b: u32) -> u32 { if condition { a } else { b } }

@@ -158,8 +158,10 @@ pub struct DeviceProfile {
     /// What errors call it.
     pub name: String,
     /// Its features.
+    #[doc(hidden)]
     pub features: DeviceFeatures,
     /// Its limits.
+    #[doc(hidden)]
     pub limits: DeviceLimits,
 }
 
@@ -205,6 +207,35 @@ impl DeviceProfile {
             _ => return None,
         };
         Some(Self { name: name.to_owned(), features, limits })
+    }
+
+    /// Turns a feature on or off by its name in scenes: `"ray_query"`.
+    ///
+    /// ```
+    /// use anyhit::DeviceProfile;
+    ///
+    /// let device = DeviceProfile::default().with_feature("ray_query", false)?;
+    /// let device = device.with_limit("max_ray_recursion_depth", 1)?;
+    /// assert!(device.with_feature("ray_tracing", false).is_err());
+    /// # Ok::<(), anyhit::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ErrorKind::InvalidArgument`] for an unknown name; it lists those that are known.
+    pub fn with_feature(mut self, name: &str, on: bool) -> Result<Self> {
+        if self.features.set(name, on) {
+            Ok(self)
+        } else {
+            Err(unknown("feature", name, DeviceFeatures::NAMES))
+        }
+    }
+
+    /// Sets a limit by its name in scenes: `"max_ray_recursion_depth"`.
+    ///
+    /// # Errors
+    /// [`ErrorKind::InvalidArgument`] for an unknown name; it lists those that are known.
+    pub fn with_limit(mut self, name: &str, limit: u64) -> Result<Self> {
+        if self.limits.set(name, limit) { Ok(self) } else { Err(unknown("limit", name, DeviceLimits::NAMES)) }
     }
 
     /// Checks the capabilities that a module declares.
@@ -356,6 +387,11 @@ impl DeviceProfile {
         }
         Ok(())
     }
+}
+
+fn unknown(what: &str, name: &str, names: &[&str]) -> Error {
+    Error::new(ErrorKind::InvalidArgument, format!("no {what} of devices is called `{name}`"))
+        .note(format!("the {what}s are {}", names.join(", ")))
 }
 
 #[cfg(test)]

@@ -9,13 +9,13 @@
 #![allow(clippy::useless_conversion, reason = "a kernel's one formula stands for all its types")]
 
 use crate::error::Result;
-use crate::lane_kernels;
 use crate::machine::Reg;
 use crate::math::float_format::{self, FloatFormat};
 use crate::module::Id;
 use crate::module::check_encoding::SATURATED;
 use crate::ops::conversion::{Conversion, kernel};
 use crate::ops::lane_kernel::OpFamily;
+use crate::ops::lane_kernel::lane_kernels;
 use crate::ops::translate::Translator;
 
 lane_kernels! {

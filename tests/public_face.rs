@@ -1,0 +1,109 @@
+//! The public face of the crate: which names it has, that each is used, and what all types promise.
+
+use std::collections::BTreeSet;
+use std::fmt::Debug;
+use std::fs;
+use std::path::Path;
+
+/// The folder of the repository.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// `tests/public_names.txt` is what rustdoc shows (`.ci/public-names` compares it); the names at the
+/// root are what `src/lib.rs` exports.
+#[test]
+fn the_list_of_names_is_what_the_root_exports() {
+    let exported = exported();
+    let listed: BTreeSet<String> =
+        items().into_iter().filter(|(kind, _)| kind != "macro").map(|(_, name)| name).collect();
+    let listed: BTreeSet<String> = listed.into_iter().filter(|name| !name.contains("::")).collect();
+    assert_eq!(listed, exported, "BLESS=1 .ci/public-names after `cargo doc --no-deps --all-features`");
+    assert!(items().len() < 90, "{} public names", items().len());
+}
+
+/// A name that neither an example, nor a page, nor a test uses is not needed, or not tried.
+#[test]
+fn every_name_is_used_in_an_example_or_a_test() {
+    let mut text = String::new();
+    for folder in ["examples", "docs", "tests"] {
+        collect(&root().join(folder), &mut text);
+    }
+    text += &fs::read_to_string(root().join("README.md")).expect("the README");
+    // Examples in the documentation are run, too.
+    let mut sources = String::new();
+    collect(&root().join("src"), &mut sources);
+    for line in sources.lines().filter(|line| line.trim_start().starts_with("//")) {
+        text += line;
+        text.push('\n');
+    }
+    let words: BTreeSet<&str> =
+        text.split(|letter: char| !letter.is_alphanumeric() && letter != '_').collect();
+    let unused: Vec<_> = items().into_iter().filter(|(_, name)| !words.contains(last(name))).collect();
+    assert!(unused.is_empty(), "{unused:?}");
+}
+
+/// Tests run on threads, and print what they hold.
+#[test]
+fn every_type_is_shown_and_crosses_threads() {
+    fn holds<T: Debug + Send + Sync>(names: &mut BTreeSet<&'static str>) {
+        let name = std::any::type_name::<T>();
+        let name = name.split('<').next().unwrap_or(name);
+        names.insert(name.rsplit("::").next().unwrap_or(name));
+    }
+    let mut held = BTreeSet::new();
+    macro_rules! all {
+        ($($name:ident)*) => { $(holds::<anyhit::$name>(&mut held);)* };
+    }
+    all! {
+        AddressMode Band Buffer CallableCall Case CompareOp CompileOptions CompilerFlags Component
+        ComputeOutcome ComputeTest DebugInfoLevel Descriptor DeviceBuffers DeviceProfile Dimension EndCaps EntryPoint Error ErrorKind ExecuteCall Exit ExplainRequest Filter Format
+        GeometryData GeometryFlags Hit HitKind HitRecord Image ImageShape Indexing InputLimit InputLimits Instance
+        InstanceFlags Language LaunchLimits Launched LoadedScene Module Motion Optimize Pipeline
+        PipelineBuilder PipelineFlags Place PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler Sbt
+        SbtRecord Scene SceneOutcome ShaderOutcome ShaderTest SmokeOptions SmokeReport Source Srt Stage Stats
+        StreamedImage StructData Texels TraceCall TraceRay Traced TypedBytes Value Warning
+    }
+    let types = items()
+        .into_iter()
+        .filter(|(kind, name)| matches!(kind.as_str(), "struct" | "enum") && !name.contains("::"));
+    let missing: Vec<String> =
+        types.map(|(_, name)| name).filter(|name| !held.contains(name.as_str())).collect();
+    assert!(missing.is_empty(), "add them to this test: {missing:?}");
+}
+
+/// The items of the list, without their members.
+fn items() -> Vec<(String, String)> {
+    let text = fs::read_to_string(root().join("tests/public_names.txt")).expect("the list of names");
+    let items = text.lines().filter(|line| !line.starts_with(' ')).filter_map(|line| line.split_once(' '));
+    items.map(|(kind, name)| (kind.to_owned(), name.to_owned())).collect()
+}
+
+/// The names in the `pub use` of the crate's root.
+fn exported() -> BTreeSet<String> {
+    let text = fs::read_to_string(root().join("src/lib.rs")).expect("the root");
+    let uses = text.split("\npub use ").skip(1).filter_map(|rest| rest.split(';').next());
+    let names = uses.flat_map(|path| {
+        let names = path.rsplit_once("::").map_or(path, |(_, name)| name);
+        let braced = path.split_once('{').map(|(_, names)| names);
+        braced.unwrap_or(names).split([',', '}']).map(str::trim).map(str::to_owned).collect::<Vec<_>>()
+    });
+    names.filter(|name| !name.is_empty() && name != "strategies").collect()
+}
+
+fn last(name: &str) -> &str {
+    name.rsplit("::").next().unwrap_or(name)
+}
+
+/// The text of all Rust and Markdown files beneath a folder, but for this one.
+fn collect(folder: &Path, text: &mut String) {
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let path = entry.path();
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        if path.is_dir() {
+            collect(&path, text);
+        } else if matches!(extension, Some("rs" | "md")) && !path.ends_with("public_face.rs") {
+            *text += &fs::read_to_string(&path).unwrap_or_default();
+        }
+    }
+}
