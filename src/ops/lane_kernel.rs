@@ -1,7 +1,7 @@
 //! Lane kernels: the regular instructions, each a scalar function applied to every component and
 //! lane.
 //!
-//! A [`LaneKernel`] is one instruction at one width. The [`lane_kernels!`](crate::lane_kernels)
+//! A [`LaneKernel`] is one instruction at one width. The `lane_kernels!`
 //! macro writes an [`OpFamily`], the instruction at all its widths, from one closure.
 
 use std::fmt;
@@ -331,7 +331,7 @@ pub trait Ternary {
     fn apply(a: Self::A, b: Self::B, c: Self::C) -> Self::R;
 }
 
-/// The lane loop of one kernel of [`lane_kernels!`](crate::lane_kernels).
+/// The lane loop of one kernel of `lane_kernels!`.
 #[doc(hidden)]
 macro_rules! lane_loop {
     ($name:ident, $ty:ty, $args:tt, $result:ty, $body:block) => {
@@ -395,7 +395,7 @@ macro_rules! lane_loop {
 }
 pub(crate) use lane_loop;
 
-/// One kernel of [`lane_kernels!`](crate::lane_kernels), with its
+/// One kernel of `lane_kernels!`, with its
 /// [`LaneLoop`](crate::ops::lane_kernel::LaneLoop).
 #[doc(hidden)]
 macro_rules! lane_kernel {
