@@ -2,10 +2,18 @@
 //!
 //! An [`Error`] is one word. Its [`ErrorKind`] says whose mistake it is: `Invalid*` means that an
 //! input breaks a rule (the message cites it), `Unsupported*` means a gap of this crate, `Trap`
-//! means that a shader misbehaved while it ran, `Io` that a file could not be read or written.
+//! means that a shader misbehaved while it ran, `Io` that a file could not be read or written. Of a
+//! trap an error holds the [`Trap`], all that its report tells as data; of `Io` the error of the
+//! operating system, as its [source](std::error::Error::source).
+
+mod stage;
+mod trap;
+mod trap_code;
 
 use std::fmt;
+use std::io;
 use std::ops::Range;
+use std::panic::{RefUnwindSafe, UnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -13,6 +21,12 @@ use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term::{self, termcolor};
 use serde::{Deserialize, Serialize};
+
+pub use stage::Stage;
+pub use trap::{
+    AccessedMemory, DescriptorElement, IndexOperand, NearestBuffer, ShaderFrame, Trap, TrapOperands,
+};
+pub use trap_code::TrapCode;
 
 /// Shorthand for a result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -121,6 +135,9 @@ pub struct ErrorReport {
     pub notes: Vec<String>,
     /// The whole report as the terminal shows it.
     pub report: String,
+    /// The trap that it tells of, if it tells of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trap: Option<Trap>,
 }
 
 impl ErrorReport {
@@ -131,6 +148,7 @@ impl ErrorReport {
             class: error.class().name(),
             notes: error.notes().to_vec(),
             report: error.render(),
+            trap: error.trap().cloned(),
         }
     }
 
@@ -184,7 +202,16 @@ struct ErrorData {
     not_shown: usize,
     /// Whether a limit of what is read is exceeded.
     is_limit: bool,
+    /// What happened, of an error that tells of a trap.
+    trap: Option<Box<Trap>>,
+    /// What the operating system said.
+    io: Option<Arc<io::Error>>,
 }
+
+// Nothing changes the error of the operating system that it keeps, so that a panic cannot leave it
+// half changed.
+impl UnwindSafe for Error {}
+impl RefUnwindSafe for Error {}
 
 impl Clone for Error {
     fn clone(&self) -> Self {
@@ -204,13 +231,24 @@ impl Error {
             others: Vec::new(),
             not_shown: 0,
             is_limit: false,
+            trap: None,
+            io: None,
         }))
     }
 
-    /// An error of the operating system about a file.
+    /// An error of the operating system about a file, which it keeps as its
+    /// [source](std::error::Error::source).
     #[cold]
-    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
-        Self::new(ErrorKind::Io, format!("{}: {source}", path.as_ref().display()))
+    pub fn io(path: impl AsRef<Path>, source: io::Error) -> Self {
+        Self::new(ErrorKind::Io, format!("{}: {source}", path.as_ref().display())).caused_by(source)
+    }
+
+    /// The error of a trap, with the message of its code.
+    #[cold]
+    pub(crate) fn trapped(trap: Trap) -> Self {
+        let mut error = Self::new(ErrorKind::Trap, trap.code.message());
+        error.0.trap = Some(Box::new(trap));
+        error
     }
 
     /// Several errors as one; the first gives kind and message. Empty input is a bug of the caller.
@@ -277,6 +315,28 @@ impl Error {
         self
     }
 
+    /// Adds the error of the operating system that is behind it.
+    #[must_use]
+    pub(crate) fn caused_by(mut self, source: io::Error) -> Self {
+        self.0.io = Some(Arc::new(source));
+        self
+    }
+
+    /// Changes the trap that it tells of; does nothing where it tells of none.
+    #[must_use]
+    pub(crate) fn with_trap(mut self, change: impl FnOnce(&mut Trap)) -> Self {
+        if let Some(trap) = self.0.trap.as_deref_mut() {
+            change(trap);
+        }
+        self
+    }
+
+    /// The trap: its code, the shader and its line, the launch index, the values that caused it and
+    /// the stack of shader calls. `None` for an error of any other kind.
+    pub fn trap(&self) -> Option<&Trap> {
+        self.0.trap.as_deref()
+    }
+
     /// Whose mistake it is.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
@@ -289,10 +349,11 @@ impl Error {
         self
     }
 
-    /// Takes kind and class of the error that this one tells of.
+    /// Takes kind, class, trap and source of the error that this one tells of.
     #[must_use]
     pub(crate) fn classed_as(mut self, cause: &Self) -> Self {
         (self.0.kind, self.0.is_limit) = (cause.0.kind, cause.0.is_limit);
+        (self.0.trap, self.0.io) = (cause.0.trap.clone(), cause.0.io.clone());
         self
     }
 
@@ -468,7 +529,12 @@ impl fmt::Debug for Error {
     }
 }
 
-impl std::error::Error for Error {}
+impl std::error::Error for Error {
+    /// The [`io::Error`] of what the operating system refused.
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.0.io.as_deref().map(|source| source as _)
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -508,6 +574,33 @@ mod tests {
     fn an_error_is_one_word() {
         assert_eq!(size_of::<Error>(), size_of::<usize>());
         assert_eq!(size_of::<Result<()>>(), size_of::<usize>());
+    }
+
+    #[test]
+    fn the_error_of_the_operating_system_is_the_source() {
+        use std::error::Error as _;
+
+        let denied = || io::Error::from(io::ErrorKind::PermissionDenied);
+        let error = Error::io("a.spv", denied()).context("while reading a.toml").clone();
+        let source = error.source().and_then(|source| source.downcast_ref::<io::Error>());
+        assert_eq!(source.map(io::Error::kind), Some(io::ErrorKind::PermissionDenied));
+        assert_eq!(error.message(), format!("while reading a.toml: a.spv: {}", denied()));
+        assert!(error.trap().is_none());
+        assert!(Error::new(ErrorKind::InvalidScene, "x").source().is_none());
+        let told = Error::new(ErrorKind::InvalidArgument, "a test could not run").classed_as(&error);
+        assert!(told.source().is_some());
+    }
+
+    #[test]
+    fn an_error_keeps_its_trap_through_contexts_and_in_json() {
+        let error = Error::trapped(Trap::new(TrapCode::NullMiss));
+        assert_eq!(error.message(), TrapCode::NullMiss.message());
+        let error = error.context("a shader trapped").note("a note");
+        assert_eq!(error.trap().map(|trap| trap.code), Some(TrapCode::NullMiss));
+        let json = serde_json::to_value(ErrorReport::of(&error)).unwrap();
+        assert_eq!(json["trap"]["code"], "null_miss");
+        let other = ErrorReport::of(&Error::new(ErrorKind::InvalidScene, "x"));
+        assert!(serde_json::to_value(other).unwrap().get("trap").is_none());
     }
 
     #[test]

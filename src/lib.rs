@@ -97,7 +97,7 @@ pub mod scene;
 #[cfg(feature = "stress")]
 pub mod stress;
 
-pub use error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
+pub use error::{Error, ErrorClass, ErrorKind, ErrorReport, Result, Trap, TrapCode};
 pub use geometry::Ray;
 pub use harness::compute_test::ComputeTest;
 pub use harness::device_buffers::DeviceBuffers;

@@ -15,7 +15,7 @@ use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::sbt::Record;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::{Trapped, missing_record, spent_together};
+use crate::pipeline::trapped::{Trapped, host_ray_trap, spent_together};
 
 /// Counts of what a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -446,11 +446,8 @@ impl Launch<'_> {
         let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();
         match (stack.trapped, trace) {
             (Some(trapped), _) => Err(trapped.error),
-            (None, Some(trace)) => match trace.trap_code(0) {
-                Some(code) => {
-                    let record = missing_record(&self.pipeline.sbt, code, trace.record_indices[0]);
-                    Err(record.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note))
-                }
+            (None, Some(trace)) => match host_ray_trap(self.pipeline, &trace) {
+                Some(trapped) => Err(trapped.error),
                 None => Ok(RayOutcome {
                     committed: trace.committed[0],
                     payload: trace.host_payload.as_ref().map_or_else(Vec::new, words),

@@ -46,7 +46,7 @@ pub use observer::{Caller, Event, PipelineObserver};
 pub use sbt::{Record, Sbt};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
-pub(crate) use trapped::{limit_note, trap_error};
+pub(crate) use trapped::{trap_error, with_limit};
 
 /// The instructions that an invocation may execute, counted at back edges, calls and stops (a
 /// trace, a call of a callable shader, a report, a barrier: 64 instructions each), unless set

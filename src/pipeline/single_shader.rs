@@ -10,7 +10,7 @@ use crate::pipeline::launch::{Launch, RayOperands, Stats};
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::stack::{Stack, bindings};
-use crate::pipeline::trapped::Trapped;
+use crate::pipeline::trapped::{Trapped, host_ray_trap};
 
 impl Launch<'_> {
     /// Runs the pipeline's ray generation shader over a small grid, W lanes at a time.
@@ -76,8 +76,9 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
-        stack.trace(tlas, operands);
-        outcome(stack.trapped, stack.stats)
+        let trace = stack.trace(tlas, operands);
+        let of_ray = || trace.and_then(|trace| host_ray_trap(self.pipeline, &trace));
+        outcome(stack.trapped.or_else(of_ray), stack.stats)
     }
 }
 

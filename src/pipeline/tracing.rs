@@ -107,12 +107,10 @@ where
             };
             let checked = register.map(|_| check(&trace.rays.get(lane), flags));
             let trap = match checked {
-                Err(code) => Some((code, handle())),
+                Err(code) => Some((code, 0)),
                 _ if !found.contains(lane) => Some((TrapCode::AccelerationStructureMissing, handle())),
-                _ if trace.depth > self.pipeline.max_recursion => {
-                    Some((TrapCode::RecursionTooDeep, handle()))
-                }
-                _ if is_full => Some((TrapCode::StackOverflow, handle())),
+                _ if trace.depth > self.pipeline.max_recursion => Some((TrapCode::RecursionTooDeep, 0)),
+                _ if is_full => Some((TrapCode::StackOverflow, 0)),
                 Ok(Err(broken)) => Some((TrapCode::InvalidTrace, broken as u64)),
                 Ok(Ok(())) => None,
             };

@@ -1,6 +1,6 @@
 //! Maps operations to source lines.
 
-use crate::error::Place;
+use crate::error::{Place, ShaderFrame};
 use crate::module::debug_info::SourceLine;
 use crate::program::Program;
 
@@ -8,6 +8,26 @@ impl Program {
     /// The source line of an operation; `None` where the module has no debug information for it.
     pub fn place(&self, op: u32) -> Option<Place> {
         self.place_at(self.origins.get(op as usize)?.offset)
+    }
+
+    /// This program as a frame of a stack of shader calls: it is the shader of this index in its
+    /// pipeline, and is at an operation.
+    pub fn frame(&self, shader: u32, op: u32) -> ShaderFrame {
+        let word = self.origins.get(op as usize).map(|origin| origin.offset);
+        let debug = &self.module.debug_info;
+        let line = word.and_then(|word| debug.line_at(word).or_else(|| self.line_near(word)));
+        let file = line.and_then(|line| debug.files.get(line.file as usize));
+        // A line of a file that the module does not name is told nowhere.
+        let line = line.filter(|_| file.is_some());
+        ShaderFrame {
+            shader,
+            stage: self.stage,
+            entry_point: self.name.clone(),
+            file: file.map(|file| file.name.clone()),
+            line: line.map(|line| line.line),
+            column: line.map(|line| line.column).filter(|&column| column > 0),
+            word,
+        }
     }
 
     /// The source line of the instruction at a word offset of the module.
@@ -20,8 +40,12 @@ impl Program {
     /// For an instruction without a source line (`OpNoLine`): the last line before it in its block,
     /// else in its function.
     pub fn place_near(&self, offset: u32) -> Option<Place> {
+        self.place_of(self.line_near(offset)?)
+    }
+
+    fn line_near(&self, offset: u32) -> Option<SourceLine> {
         let function = self.module.functions.iter().rfind(|function| function.offset <= offset)?;
-        self.place_of(self.module.debug_info.line_before(offset, function.offset)?)
+        self.module.debug_info.line_before(offset, function.offset)
     }
 
     fn place_of(&self, line: SourceLine) -> Option<Place> {
