@@ -62,6 +62,7 @@ mod swept_sphere_tables;
 mod test_command;
 mod test_files;
 mod trace_one_ray;
+mod traps;
 mod traversal_order;
 mod traversal_rules;
 mod unit_test;

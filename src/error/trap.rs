@@ -17,8 +17,8 @@ use crate::error::{Stage, TrapCode};
 /// use anyhit::{LoadedScene, TrapCode};
 ///
 /// # fn main() -> anyhit::Result<()> {
-/// let scene = LoadedScene::open("shaders/pass/frames/ping-pong/scene.toml")?.set_max_recursion(0)?;
-/// let error = scene.launch().unwrap_err();
+/// let mut scene = LoadedScene::open("shaders/pass/frames/ping-pong/scene.toml")?;
+/// let error = scene.set_max_recursion(0)?.launch().unwrap_err();
 /// let trap = error.trap().unwrap();
 /// assert_eq!(trap.code, TrapCode::RecursionTooDeep);
 /// assert_eq!((trap.stage(), trap.launch_id), (Some(Stage::RayGeneration), [0, 0, 0]));
