@@ -12,8 +12,8 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::harness::case::Case;
-use anyhit::module::load;
+use anyhit::internals::harness::case::Case;
+use anyhit::internals::module::load;
 use anyhit::{Hit, Instance, LoadedScene, Module, Pipeline, Program, Ray, Scene, ShaderTest};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -170,6 +170,7 @@ fn million(table: &Table) {
     let text = std::fs::read_to_string(&path).expect("the example's scene");
     let text = text
         .replace("launch = [480, 270]", "launch = [1, 1]")
+        .replace("pixel = [300, 250]", "pixel = [0, 0]")
         .replace("mesh = \"courtyard\"\n", "mesh = \"terrain\"\n")
         .replace("mesh = \"courtyard\", attribute", "mesh = \"terrain\", attribute")
         .replace("name = \"courtyard\"\n", "name = \"courtyard\"\ninstances = false\n");

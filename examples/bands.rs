@@ -5,9 +5,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its results")]
 
-use anyhit::machine::format::Format;
-use anyhit::pipeline::StreamedImage;
-use anyhit::{Instance, Module, Pipeline, Program, Result, Scene};
+use anyhit::{Format, Instance, Module, Pipeline, Program, Result, Scene, StreamedImage};
 
 const SOURCE: &str = "
 enable wgpu_ray_tracing_pipeline;

@@ -4,8 +4,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its results")]
 
-use anyhit::machine::Exit;
-use anyhit::{Hit, Module, Ray, Result, ShaderTest};
+use anyhit::{Exit, Hit, Module, Ray, Result, ShaderTest};
 
 /// The payload `{ vec3 exact; float u; vec3 projected; float t; ... }` in Rust: its scalars follow
 /// each other without gaps.

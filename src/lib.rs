@@ -74,40 +74,71 @@
 #![deny(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
-pub mod accel;
+mod accel;
 mod atomic_file;
 #[cfg(feature = "stress")]
-pub mod check_math;
-pub mod cli;
-pub mod compile;
-pub mod debug;
-pub mod error;
-pub mod geometry;
-pub mod harness;
-pub mod input;
-pub mod interp;
-pub mod machine;
-pub mod math;
-pub mod module;
-pub mod ops;
-pub mod pipeline;
-pub mod program;
-pub mod recording;
-pub mod scene;
+mod check_math;
+mod cli;
+mod compile;
+mod debug;
+mod error;
+mod geometry;
+mod harness;
+mod input;
+#[doc(hidden)]
+pub mod internals;
+mod interp;
+mod machine;
+mod math;
+mod module;
+mod ops;
+mod pipeline;
+mod program;
+mod recording;
+mod scene;
 #[cfg(feature = "stress")]
-pub mod stress;
+mod stress;
 
-pub use error::{Error, ErrorClass, ErrorKind, ErrorReport, Result, Trap, TrapCode};
-pub use geometry::Ray;
-pub use harness::compute_test::ComputeTest;
+pub use accel::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, RayFlags, Srt};
+pub use compile::{
+    CompileOptions, DebugInfoLevel, Language, Optimize, Source, SourceEntryPoint, compile, content_hash,
+};
+pub use debug::ExplainRequest;
+pub use error::{
+    AccessedMemory, DescriptorElement, Error, ErrorClass, ErrorKind, ErrorReport, IndexOperand,
+    NearestBuffer, Place, Result, ShaderFrame, Trap, TrapCode, TrapOperands, Warning,
+};
+pub use geometry::{Precision, Ray};
+pub use harness::case::Case;
+pub use harness::compute_test::{ComputeOutcome, ComputeTest};
+pub use harness::data::TypedBytes;
 pub use harness::device_buffers::DeviceBuffers;
 pub use harness::explain::Explain;
 pub use harness::hit::Hit;
 pub use harness::instance::Instance;
-pub use harness::loaded_scene::LoadedScene;
+pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
+pub use harness::mock::{CallableCall, ExecuteCall, TraceCall};
+pub use harness::scalars::{ScalarValue, Scalars};
 pub use harness::scene::Scene;
+pub use harness::shader_outcome::{ReportedHit, ShaderOutcome};
 pub use harness::shader_test::ShaderTest;
+pub use harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
+#[cfg(feature = "proptest")]
+pub use harness::strategies;
 pub use harness::struct_data::StructData;
+pub use harness::texels::Texels;
+pub use harness::trace::{HitRecord, Launched, Traced};
+pub use harness::value::Value;
+pub use input::{InputLimit, InputLimits};
+pub use machine::format::{Component, Format};
+pub use machine::image::{Dimension, Image, ImageShape};
+pub use machine::printed::PrintedLine;
+pub use machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode, Sampler};
+pub use machine::{Buffer, Descriptor, Exit, LaunchFuel, LaunchLimits};
 pub use module::Module;
-pub use pipeline::Pipeline;
+pub use module::interface::{EntryPoint, Stage};
+pub use pipeline::{
+    Band, DeviceProfile, Pipeline, PipelineBuilder, PipelineFlags, RayOperands, Stats, StreamedImage,
+};
 pub use program::Program;
+pub use recording::{Comparison, Recording};

@@ -1,5 +1,5 @@
 //! The command `anyhit`.
 
 fn main() -> std::process::ExitCode {
-    anyhit::cli::main()
+    anyhit::internals::cli::main()
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use anyhit::scene::{DiskFiles, LoadOptions, assemble, load_text};
+use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load_text};
 use anyhit::{Error, Result};
 
 const HEAD: &str = "version = 1\nshaders.main = 'tests/addresses/nodes.spv'\n\
@@ -18,12 +18,12 @@ const NODES: &str = "[resources.first]\ntype = 'buffer'\ndata = [{ u32 = [3, 0] 
 
 const PUSH: &str = "push_constants = [{ address_of = 'first' }, { address_of = 'main' }]\n";
 
-fn scene(text: &str) -> Result<anyhit::scene::Assembled> {
+fn scene(text: &str) -> Result<anyhit::internals::scene::Assembled> {
     let scene = load_text(Path::new("s.toml"), text, &DiskFiles, &LoadOptions::default())?;
     assemble(&scene)
 }
 
-fn words(text: &str) -> Result<(Vec<u32>, anyhit::scene::Assembled)> {
+fn words(text: &str) -> Result<(Vec<u32>, anyhit::internals::scene::Assembled)> {
     let assembled = scene(text)?;
     assembled.run::<64>(&assembled.resources, &|_| ())?;
     let bytes = assembled.resources.buffer(0, 0).expect("the output").bytes();

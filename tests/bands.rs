@@ -5,11 +5,10 @@
 
 use std::process::{Command, Stdio};
 
-use anyhit::harness::texels::plane;
-use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, ImageShape};
-use anyhit::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
-use anyhit::scene::{self, DiskFiles, LoadOptions};
+use anyhit::internals::machine::format::{Component, Format};
+use anyhit::internals::machine::image::{Image, ImageShape};
+use anyhit::internals::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
+use anyhit::internals::scene::{self, DiskFiles, LoadOptions};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
 use pretty_assertions::assert_eq;
 
@@ -45,7 +44,7 @@ fn small(format: Format) -> StreamedImage {
 /// The bytes of all bands, and what was counted, at a width of batches.
 fn in_bands<const W: usize>(pipeline: &Pipeline, size: [u32; 2], image: &StreamedImage) -> (Vec<u8>, Stats)
 where
-    anyhit::ops::lane_kernel::LaneKernel: anyhit::ops::lane_kernel::Width<W>,
+    anyhit::internals::ops::lane_kernel::LaneKernel: anyhit::internals::ops::lane_kernel::Width<W>,
 {
     let scene = scene();
     let launch = Launch { pipeline, resources: scene.resources() };
@@ -264,7 +263,7 @@ fn traps_are_those_of_the_whole() {
              if id.y > 12u && id.x % 3u == 2u {{ atomicAdd(&cells[id.x + 99u], 1u); }}"
         );
         let pipeline = pipeline("r32uint, write", &body);
-        let image = plane(COUNTS, size[0], size[1]);
+        let image = Image::plane(COUNTS, size[0], size[1]);
         let whole = pipeline.launch(&scene().image(0, 0, image), [size[0], size[1], 1]).expect_err("a trap");
         let mut rows = 0;
         let bands = pipeline.launch_bands(&scene(), size, &small(COUNTS), |band| {

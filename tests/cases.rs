@@ -8,8 +8,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use anyhit::harness::case::{Case, discover};
-use anyhit::harness::expect::Expectations;
+use anyhit::internals::harness::case::Case;
+use anyhit::internals::harness::expect::Expectations;
 use libtest_mimic::{Arguments, Failed, Trial};
 use pretty_assertions::StrComparison;
 
@@ -19,7 +19,7 @@ fn main() {
     let mut trials = Vec::new();
     let mut cases = Vec::new();
     for topic in ["pass", "fail"] {
-        cases.extend(discover(&root.join("shaders").join(topic)).expect("the cases' scene files"));
+        cases.extend(Case::discover(&root.join("shaders").join(topic)).expect("the cases' scene files"));
     }
     for case in demo(root) {
         cases.push(case);
@@ -78,13 +78,13 @@ fn rendering(path: &Path, found: &str) -> Result<(), Failed> {
     Err(format!("{}\n{difference}\n`BLESS=1` accepts the new text", path.display()).into())
 }
 
-fn scene(case: &Case) -> anyhit::error::Result<anyhit::scene::ResolvedScene> {
-    let options = anyhit::scene::LoadOptions {
+fn scene(case: &Case) -> anyhit::internals::error::Result<anyhit::internals::scene::ResolvedScene> {
+    let options = anyhit::internals::scene::LoadOptions {
         size: case.size,
         variant: case.variant.clone(),
-        ..anyhit::scene::LoadOptions::default()
+        ..anyhit::internals::scene::LoadOptions::default()
     };
-    anyhit::scene::load(&case.scene, &anyhit::scene::DiskFiles, &options)
+    anyhit::internals::scene::load(&case.scene, &anyhit::internals::scene::DiskFiles, &options)
 }
 
 /// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run

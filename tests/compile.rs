@@ -5,10 +5,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::compile::{
+use anyhit::internals::compile::{
     CompileOptions, DebugInfoLevel, Language, Optimize, Source, compile, content_hash, tool,
 };
-use anyhit::error::Place;
+use anyhit::internals::error::Place;
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
     layout(location = 0) rayPayloadInEXT vec4 payload;\nvoid main() { payload = vec4(1.0); }\n";
@@ -171,7 +171,7 @@ fn a_named_glslang_is_used_and_must_exist() {
 #[test]
 fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
-    if tool(Language::Glsl(anyhit::compile::SourceStage::Miss)).is_ok() {
+    if tool(Language::Glsl(anyhit::internals::compile::SourceStage::Miss)).is_ok() {
         assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
         let text = GLSL_MISS.replace("vec4(1.0)", "blue");
         let report = compile(&Source::from_text("a.rmiss", text).unwrap(), &CompileOptions::default())
@@ -543,7 +543,11 @@ fn glsl_of_a_stage_that_only_the_scene_says() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
     let output = command.arg("test").arg(&folder.0).env("ANYHIT_CACHE", "off").output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
-    let source = Source::from_text_as(Language::Glsl(anyhit::compile::SourceStage::Compute), "a.glsl", text);
+    let source = Source::from_text_as(
+        Language::Glsl(anyhit::internals::compile::SourceStage::Compute),
+        "a.glsl",
+        text,
+    );
     assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
     let error = Source::from_text("a.glsl", text).unwrap_err().render();
     assert!(error.contains("which stage a plain .glsl file is of"), "{error}");

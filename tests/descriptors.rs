@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use anyhit::machine::{Binding, Buffer, Descriptor};
-use anyhit::scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};
+use anyhit::internals::machine::{Binding, Buffer, Descriptor};
+use anyhit::internals::scene::{Assembled, DiskFiles, LoadOptions, assemble, load_text};
 use anyhit::{Error, Result};
 
 fn scene(text: &str) -> Result<Assembled> {

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use anyhit::pipeline::Record;
+use anyhit::internals::pipeline::Record;
 use anyhit::{
     ComputeTest, DeviceBuffers, Error, ErrorKind, Explain, Hit, Instance, LoadedScene, Module, Pipeline,
     Program, Ray, Result, Scene, ShaderTest, StructData,

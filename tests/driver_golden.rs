@@ -10,9 +10,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhit::math::ulp::ulp_error;
-use anyhit::recording::compare::{AgainstDriver, AgainstReference, Agreement, Attributes, HitComparison};
-use anyhit::recording::{Comparison, Recording, compare};
+use anyhit::internals::math::ulp::ulp_error;
+use anyhit::internals::recording::compare::{
+    AgainstDriver, AgainstReference, Agreement, Attributes, HitComparison,
+};
+use anyhit::internals::recording::{Comparison, Recording};
 use rayon::prelude::*;
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
@@ -99,7 +101,7 @@ fn judge_files(wanted: impl Fn(&str) -> bool, judge: impl Fn(&Recording, &Compar
     let mut count = 0;
     for path in files().into_iter().filter(|path| wanted(stem(path))) {
         let recording = Recording::open(&path).unwrap();
-        let found = compare(&recording);
+        let found = recording.compare();
         let hits =
             found.reference.as_ref().map(|one| &one.hits).or(found.driver.as_ref().map(|one| &one.hits));
         let HitComparison { rows, hits, undecidable, ties, t_ulp, .. } = hits.unwrap();

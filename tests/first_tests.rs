@@ -8,7 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhit::compile::{Language, tool};
+use anyhit::internals::compile::{Language, tool};
 use pretty_assertions::assert_eq;
 
 #[cfg(feature = "glsl")]

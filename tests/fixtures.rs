@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use anyhit::compile::fixtures;
+use anyhit::internals::compile::fixtures;
 use image::{Rgb, RgbImage};
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use anyhit::harness::strategies::{direction, lss_hit, sphere_hit};
+use anyhit::internals::harness::strategies::{direction, lss_hit, sphere_hit};
 use anyhit::{Hit, Module, Ray, ShaderTest};
 use proptest::prelude::*;
 

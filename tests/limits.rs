@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::module;
-use anyhit::pipeline::Compute;
-use anyhit::program::Program;
+use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit::internals::module;
+use anyhit::internals::pipeline::Compute;
+use anyhit::internals::program::Program;
 
 use crate::support::assembly::assemble;
 

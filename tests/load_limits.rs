@@ -10,13 +10,13 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::error::{ErrorKind, Result};
-use anyhit::harness::smoke::{self, SmokeOptions, SmokeVerdict};
-use anyhit::input::{InputLimit, InputLimits};
-use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::module;
-use anyhit::pipeline::Compute;
-use anyhit::program::{LowerOptions, Program, lower_with};
+use anyhit::internals::error::{ErrorKind, Result};
+use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
+use anyhit::internals::input::{InputLimit, InputLimits};
+use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit::internals::module;
+use anyhit::internals::pipeline::Compute;
+use anyhit::internals::program::{LowerOptions, Program, lower_with};
 
 use crate::support::assembly::assemble;
 
@@ -494,7 +494,7 @@ fn each_limit_is_told_by_name_and_can_be_raised() {
 fn smoked(bytes: &[u8], limits: InputLimits) -> (SmokeVerdict, String) {
     let begin = Instant::now();
     let module = Arc::new(module::load_with(bytes, limits).expect("a module"));
-    let report = smoke::run(&module, SmokeOptions::default());
+    let report = SmokeReport::of(&module, SmokeOptions::default());
     assert!(begin.elapsed() < PATIENCE, "smoke took {:?}", begin.elapsed());
     (report.entry_points[0].result, report.text())
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::module::interface::Stage;
+use anyhit::internals::module::interface::Stage;
 
 use crate::support::files;
 
@@ -15,11 +15,12 @@ fn every_entry_point_lowers() {
     for path in files::with_extension(&root, "spv") {
         let bytes = std::fs::read(&path).expect("a readable fixture");
         let module = Arc::new(
-            anyhit::module::load(&bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display())),
+            anyhit::internals::module::load(&bytes)
+                .unwrap_or_else(|error| panic!("{}: {error}", path.display())),
         );
         for entry in &module.entry_points {
             count += 1;
-            match anyhit::program::lower(&module, entry) {
+            match anyhit::internals::program::lower(&module, entry) {
                 Ok(program) => assert!(!program.blocks.is_empty()),
                 Err(_) if matches!(entry.stage, Stage::Other(_)) => {}
                 Err(error) => failures.push(format!("{} `{}`: {error}", path.display(), entry.name)),

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::interp;
-use anyhit::machine::{Bindings, Mask, Resources, Stop};
-use anyhit::module;
-use anyhit::program::lower;
+use anyhit::internals::interp;
+use anyhit::internals::machine::{Bindings, Mask, Resources, Stop};
+use anyhit::internals::module;
+use anyhit::internals::program::lower;
 
 use crate::support::files;
 

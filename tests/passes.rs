@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use anyhit::accel::Motion;
-use anyhit::debug::Request;
-use anyhit::harness::stability::{Envelope, Perturbation, perturb, shadow};
-use anyhit::scene::{DiskFiles, LoadOptions, assemble, load};
+use anyhit::internals::accel::Motion;
+use anyhit::internals::debug::ExplainRequest;
+use anyhit::internals::harness::stability::{Envelope, Perturbation, perturb, shadow};
+use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load};
 use anyhit::{ErrorKind, LoadedScene, Result, StructData};
 use serde_json::Value;
 
 const FRAME: &str = "shaders/pass/frames/ping-pong/scene.toml";
 
-fn row(outcome: &anyhit::harness::loaded_scene::SceneOutcome, image: &str) -> Result<[f32; 4]> {
+fn row(outcome: &anyhit::internals::harness::loaded_scene::SceneOutcome, image: &str) -> Result<[f32; 4]> {
     let image = outcome.image(image)?;
     Ok([0, 1, 2, 3].map(|x| image.at(x, 0)[0]))
 }
@@ -95,19 +95,19 @@ fn an_instance_that_is_moved_says_whether_it_moves() -> Result<()> {
 #[test]
 fn rays_and_pixels_are_explained_in_their_pass() -> Result<()> {
     let scene = LoadedScene::open(FRAME)?;
-    let pixel = || Box::new(Request::Pixel([0, 0, 0]));
-    let told = scene.explain(&Request::InPass("ao".into(), pixel()))?;
+    let pixel = || Box::new(ExplainRequest::Pixel([0, 0, 0]));
+    let told = scene.explain(&ExplainRequest::InPass("ao".into(), pixel()))?;
     assert!(told.contains("pass ao, pixel (0, 0) of 4 x 1"), "{told}");
     // The record's name, and what the hit shader of this pipeline gives.
     assert!(told.contains("shadow") && told.contains("0.25"), "{told}");
-    let first = scene.explain(&Request::Pixel([0, 0, 0]))?;
+    let first = scene.explain(&ExplainRequest::Pixel([0, 0, 0]))?;
     assert!(first.contains("pass primary") && first.contains("depth.rchit"), "{first}");
-    let error = scene.explain(&Request::InPass("tonemap".into(), pixel())).unwrap_err();
+    let error = scene.explain(&ExplainRequest::InPass("tonemap".into(), pixel())).unwrap_err();
     assert_eq!(error.message(), "pass `tonemap` dispatches a compute shader: it is no launch");
-    let invocation = Request::Invocation { dispatch: 0, id: [1, 0, 0] };
-    let told = scene.explain(&Request::InPass("2".into(), Box::new(invocation.clone())))?;
+    let invocation = ExplainRequest::Invocation { dispatch: 0, id: [1, 0, 0] };
+    let told = scene.explain(&ExplainRequest::InPass("2".into(), Box::new(invocation.clone())))?;
     assert!(told.contains("pass tonemap, invocation (1, 0, 0) of dispatch 0"), "{told}");
-    let error = scene.explain(&Request::InPass("ao".into(), Box::new(invocation))).unwrap_err();
+    let error = scene.explain(&ExplainRequest::InPass("ao".into(), Box::new(invocation))).unwrap_err();
     assert_eq!(error.message(), "pass `ao` launches a pipeline: it is no dispatch");
     Ok(())
 }

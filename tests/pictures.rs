@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use anyhit::machine::image::Image;
-use anyhit::ops::lane_kernel::{LaneKernel, Width};
-use anyhit::scene::{self, DiskFiles, LoadOptions};
+use anyhit::internals::machine::image::Image;
+use anyhit::internals::ops::lane_kernel::{LaneKernel, Width};
+use anyhit::internals::scene::{self, DiskFiles, LoadOptions};
 
 /// The picture of a scene as 8-bit channels, as they are saved.
 fn picture<const W: usize>(name: &str) -> Vec<[u8; 3]>

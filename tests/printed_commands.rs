@@ -34,8 +34,10 @@ fn shell_words(line: &str) -> Option<Vec<String>> {
 
 /// The command lines in a text, up to the end of the line or what a sentence quotes them with.
 fn command_lines(text: &str) -> Vec<&str> {
-    let commands: Vec<String> =
-        anyhit::cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    let commands: Vec<String> = anyhit::internals::cli::command()
+        .get_subcommands()
+        .map(|command| command.get_name().to_owned())
+        .collect();
     let mut found = Vec::new();
     for (at, _) in text.match_indices("anyhit ") {
         let before = text[..at].chars().next_back();
@@ -57,7 +59,7 @@ fn mistake(line: &str) -> Option<String> {
     if words.len() == 2 {
         return None;
     }
-    let error = anyhit::cli::command().try_get_matches_from(&words).err()?;
+    let error = anyhit::internals::cli::command().try_get_matches_from(&words).err()?;
     // What stands in place of a number is none.
     let filled_in = line.contains("PLACE");
     (!(filled_in && error.kind() == ErrorKind::ValueValidation)).then(|| error.to_string())

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::machine::Descriptor;
-use anyhit::program::{Inlining, LowerOptions, Terminator, lower_with};
-use anyhit::scene::{self, Assembled, DiskFiles, LoadOptions};
+use anyhit::internals::machine::Descriptor;
+use anyhit::internals::program::{Inlining, LowerOptions, Terminator, lower_with};
+use anyhit::internals::scene::{self, Assembled, DiskFiles, LoadOptions};
 
 use crate::support::files;
 
@@ -32,7 +32,7 @@ fn real_calls_and_inlined_ones_agree() {
         let mut real = scene::assemble(&resolved).expect("what was assembled once");
         for program in &mut real.pipeline.programs {
             let module = program.module.clone();
-            let has = |entry: &&anyhit::module::interface::EntryPoint| {
+            let has = |entry: &&anyhit::internals::module::interface::EntryPoint| {
                 entry.name == program.name && entry.stage == program.stage
             };
             let entry = module.entry_points.iter().find(has).expect("the entry point");

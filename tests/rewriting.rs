@@ -15,11 +15,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use anyhit::Error;
-use anyhit::error::Place;
-use anyhit::harness::case::{Case, Loaded, discover};
-use anyhit::harness::expect::Observed;
-use anyhit::harness::run::{RayMeasurements, run, run_ray};
-use anyhit::scene::resolved::ShaderCode;
+use anyhit::internals::error::Place;
+use anyhit::internals::harness::case::{Case, Loaded};
+use anyhit::internals::harness::expect::Observed;
+use anyhit::internals::harness::run::{RayMeasurements, run, run_ray};
+use anyhit::internals::scene::resolved::ShaderCode;
 use rayon::prelude::*;
 use rspirv::spirv::Op;
 
@@ -45,8 +45,8 @@ fn number(variable: &str, default: u64) -> u64 {
 }
 
 fn cases() -> Vec<Case> {
-    let mut cases = discover(&root().join("shaders/pass")).expect("the cases");
-    cases.extend(discover(&root().join("shaders/fail")).expect("the cases"));
+    let mut cases = Case::discover(&root().join("shaders/pass")).expect("the cases");
+    cases.extend(Case::discover(&root().join("shaders/fail")).expect("the cases"));
     let all = cases.len();
     cases.retain(|case| !EXCEPTIONS.iter().any(|(name, _)| case.name(root()) == *name));
     assert_eq!(cases.len(), all - EXCEPTIONS.len(), "an exception that is no case");
@@ -126,7 +126,7 @@ impl Subject {
             let (mut loaded, done) = self.rewrite(plans)?;
             save_all(&loaded);
             let told = |error: Error| error.render();
-            loaded.assembled = anyhit::scene::assemble(&loaded.scene).map_err(told)?;
+            loaded.assembled = anyhit::internals::scene::assemble(&loaded.scene).map_err(told)?;
             let observed = loaded.widths().map_err(told)?;
             loaded.check_launch(&observed).map_err(told)?;
             let found = seen(&loaded, &observed);

@@ -262,8 +262,10 @@ fn command_line() {
 /// in this project's own code.
 #[test]
 fn panics_of_our_own_are_no_errors_of_a_file() {
-    use anyhit::error::{Error, ErrorKind, Result};
-    let told = anyhit::input::contained("a-reader", ErrorKind::InvalidMesh, || -> Result<()> { panic!("x") });
+    use anyhit::internals::error::{Error, ErrorKind, Result};
+    let told = anyhit::internals::input::contained("a-reader", ErrorKind::InvalidMesh, || -> Result<()> {
+        panic!("x")
+    });
     let note = told.unwrap_err().notes()[0].clone();
     assert!(note.contains("tests/robustness.rs:") || note.contains("tests\\robustness.rs:"), "{note}");
     let begin = note.find('`').expect("a place") + 1;

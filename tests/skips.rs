@@ -3,13 +3,13 @@
 use std::process::Command;
 use std::sync::Arc;
 
-use anyhit::accel::{
+use anyhit::internals::accel::{
     Blas, Counters, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, RayFlags, Tlas,
     TlasInstance, TraceRay,
 };
-use anyhit::machine::Resources;
-use anyhit::module::interface::Stage;
-use anyhit::pipeline::{Launch, Pipeline, RayOperands, Stats};
+use anyhit::internals::machine::Resources;
+use anyhit::internals::module::interface::Stage;
+use anyhit::internals::pipeline::{Launch, Pipeline, RayOperands, Stats};
 use anyhit::{Program, Ray, Result};
 
 use crate::support::assembly;
@@ -199,7 +199,7 @@ fn shader(stage: &str, declarations: &str, body: &str) -> Program {
          OpReturn
          OpFunctionEnd"
     );
-    let module = Arc::new(anyhit::module::load(&assembly::assemble(&text)).expect("a module"));
+    let module = Arc::new(anyhit::internals::module::load(&assembly::assemble(&text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 
@@ -254,7 +254,7 @@ fn ignoring() -> Program {
          %start = OpLabel
          OpIgnoreIntersectionKHR
          OpFunctionEnd";
-    let module = Arc::new(anyhit::module::load(&assembly::assemble(text)).expect("a module"));
+    let module = Arc::new(anyhit::internals::module::load(&assembly::assemble(text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 

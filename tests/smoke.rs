@@ -3,16 +3,18 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::harness::smoke::{self, BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict};
-use anyhit::machine::LaunchLimits;
-use anyhit::module;
+use anyhit::internals::harness::smoke::{
+    BlockCoverage, EntryReport, SmokeOptions, SmokeReport, SmokeVerdict,
+};
+use anyhit::internals::machine::LaunchLimits;
+use anyhit::internals::module;
 use rspirv::spirv::Op;
 
 use crate::support::{assembly, files};
 
 fn run(bytes: &[u8]) -> SmokeReport {
     let module = Arc::new(module::load(bytes).expect("a module"));
-    smoke::run(&module, SmokeOptions::default())
+    SmokeReport::of(&module, SmokeOptions::default())
 }
 
 /// Every entry point ends in `ok` or in a trap that names its rule and place; what is meant to pass
@@ -491,7 +493,7 @@ fn fuel_ends_the_search_and_says_so() {
     let bytes = ray_generation("", &guarded(&number("%0", "OpIEqual %bool %n %77"), BACKWARDS));
     let module = Arc::new(module::load(&bytes).expect("a module"));
     let of = |options: SmokeOptions| {
-        let report = smoke::run(&module, options);
+        let report = SmokeReport::of(&module, options);
         let reached = coverage(&report.entry_points[0]);
         (reached.sets, reached.cut_short)
     };
@@ -519,7 +521,7 @@ fn the_clock_ends_the_search_and_says_so() {
     ] {
         let (fuel, total_fuel) = (1 << 60, u64::MAX);
         let options = SmokeOptions { fuel, total_fuel, launch_limits, ..SmokeOptions::default() };
-        let report = smoke::run(&module, options);
+        let report = SmokeReport::of(&module, options);
         let reached = coverage(&report.entry_points[0]);
         assert_eq!((reached.sets, reached.cut_short), (1, Some("time")), "{}", report.text());
         assert_eq!(report.entry_points[0].result, SmokeVerdict::Trap, "{}", report.text());
@@ -578,7 +580,8 @@ fn memory_behind_pointers_costs_fuel() {
     "
         ));
         let module = Arc::new(module::load(&bytes).expect("a module"));
-        let report = smoke::run(&module, SmokeOptions { total_fuel: 1 << 22, ..SmokeOptions::default() });
+        let report =
+            SmokeReport::of(&module, SmokeOptions { total_fuel: 1 << 22, ..SmokeOptions::default() });
         let reached = coverage(&report.entry_points[0]);
         (reached.sets, reached.cut_short)
     };

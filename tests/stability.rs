@@ -4,8 +4,8 @@
 use std::process::{Command, Output};
 
 use anyhit::Result;
-use anyhit::harness::stability::shadow::shadow_one;
-use anyhit::harness::stability::{Perturbation, perturb, shadow};
+use anyhit::internals::harness::stability::shadow::shadow_one;
+use anyhit::internals::harness::stability::{Perturbation, perturb, shadow};
 use serde_json::Value;
 
 const FOLDER: &str = "shaders/pass/stability";
@@ -259,8 +259,8 @@ fn the_shadow_goes_through_all_bindings_of_a_buffer() {
 /// What runs beside the shadow is the run itself: it leaves the same behind.
 #[test]
 fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
-    use anyhit::debug::session::{Request, Session};
-    use anyhit::scene::{DiskFiles, LoadOptions, assemble, load};
+    use anyhit::internals::debug::session::{ExplainRequest, Session};
+    use anyhit::internals::scene::{DiskFiles, LoadOptions, assemble, load};
     let scene =
         load("shaders/pass/arithmetic/basics/scene.toml".as_ref(), &DiskFiles, &LoadOptions::default())?;
     let assembled = assemble(&scene)?;
@@ -271,7 +271,7 @@ fn watched_dispatches_and_buffers_have_shadows() -> Result<()> {
     let perturbed = perturb(&scene, &assembled, &quiet)?;
     assert!(perturbed.traps.is_empty());
     let session = Session::new(scene)?;
-    let (_, which) = session.resolve(&Request::Pixel([0, 0, 0]))?;
+    let (_, which) = session.resolve(&ExplainRequest::Pixel([0, 0, 0]))?;
     let (one, _) = shadow_one(session.scene(), session.assembled(), &which)?;
     assert!(one.results > 0 && one.results < found.results);
     Ok(())

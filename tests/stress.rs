@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use anyhit::geometry::Precision;
-use anyhit::stress::{StressCase, check};
+use anyhit::internals::geometry::Precision;
+use anyhit::internals::stress::{StressCase, check};
 
 #[test]
 fn what_was_wrong_once_is_right_now() {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhit::scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
+use anyhit::internals::scene::{Assembled, EmbeddedFiles, LoadOptions, assemble, load};
 use anyhit::{ComputeTest, Error, Hit, Module, Ray, ShaderTest, StructData};
 use pretty_assertions::assert_eq;
 

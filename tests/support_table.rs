@@ -6,9 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhit::module::load;
-use anyhit::ops::support::{Support, builtin, gaps, opcode, table};
-use anyhit::program::lower;
+use anyhit::internals::module::load;
+use anyhit::internals::ops::support::{Support, builtin, gaps, opcode, table};
+use anyhit::internals::program::lower;
 use pretty_assertions::assert_eq;
 use rspirv::grammar::INSTRUCTION_TABLE;
 use rspirv::spirv::BuiltIn;

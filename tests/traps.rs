@@ -1,12 +1,11 @@
 //! Traps as data, on every route from a shader to an error: code, place, launch index, values and
 //! stack, as the sources of the shaders say.
 
-use anyhit::error::{AccessedMemory, DescriptorElement, IndexOperand, ShaderFrame, Trap, TrapOperands};
-use anyhit::module::interface::Stage;
-use anyhit::pipeline::RayOperands;
+use anyhit::internals::error::ErrorReport;
 use anyhit::{
-    ComputeTest, Error, ErrorKind, ErrorReport, Instance, LoadedScene, Module, Pipeline, Program, Ray, Scene,
-    ShaderTest, TrapCode,
+    AccessedMemory, ComputeTest, DescriptorElement, Error, ErrorKind, IndexOperand, Instance, LoadedScene,
+    Module, Pipeline, Program, Ray, RayOperands, Scene, ShaderFrame, ShaderTest, Stage, Trap, TrapCode,
+    TrapOperands,
 };
 
 fn trap(error: &Error) -> &Trap {

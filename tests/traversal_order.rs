@@ -4,11 +4,11 @@
 
 use std::sync::Arc;
 
-use anyhit::accel::{
+use anyhit::internals::accel::{
     Blas, Candidate, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing,
     InstanceFlags, Primitive, RayFlags, Tlas, TlasInstance, TraceRay,
 };
-use anyhit::geometry::{
+use anyhit::internals::geometry::{
     Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
 };
 use pretty_assertions::assert_eq;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use anyhit::error::ErrorKind;
-use anyhit::recording::{Recording, compare};
+use anyhit::internals::error::ErrorKind;
+use anyhit::internals::recording::Recording;
 use pretty_assertions::assert_eq;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -101,7 +101,7 @@ fn verify(arguments: &[&str]) -> (Option<i32>, String, String) {
 
 #[test]
 fn what_is_absent_has_its_default() {
-    let found = compare(&Recording::of(&triangle().bytes()).unwrap());
+    let found = Recording::of(&triangle().bytes()).unwrap().compare();
     let driver = found.driver.unwrap();
     assert_eq!((driver.hits.rows, driver.hits.hits), (2, 1));
     assert_eq!((driver.hits.missed, driver.hits.extra, driver.hits.other_primitive), (0, 0, 0));
@@ -114,7 +114,7 @@ fn rows_are_missed_extra_of_another_primitive_or_ties() {
     // The first sphere is not where the ray goes; the second is.
     let one = |t: f32, primitive: i32| {
         let draft = spheres().f32("driver.t", &[1], &[t]).i32("driver.primitive_id", &[1], &[primitive]);
-        compare(&Recording::of(&draft.bytes()).unwrap()).driver.unwrap().hits
+        Recording::of(&draft.bytes()).unwrap().compare().driver.unwrap().hits
     };
     let right = one(3.5, 1);
     assert_eq!((right.hits, right.ties, right.other_primitive, right.missed, right.extra), (1, 0, 0, 0, 0));
@@ -125,7 +125,7 @@ fn rows_are_missed_extra_of_another_primitive_or_ties() {
     // 3.5 + 2^-22, the next float.
     assert_eq!(one(3.5f32.next_up(), 1).t_ulp.unwrap().max, 1.0);
     let far = spheres().f32("ray.tmax", &[1], &[1.0]);
-    let hits = compare(&Recording::of(&far.bytes()).unwrap()).driver.unwrap().hits;
+    let hits = Recording::of(&far.bytes()).unwrap().compare().driver.unwrap().hits;
     assert_eq!((hits.missed, hits.examples.len()), (1, 1));
     assert!(hits.examples[0].starts_with("ray 0: missed: recorded "), "{:?}", hits.examples);
 }
@@ -134,7 +134,7 @@ fn rows_are_missed_extra_of_another_primitive_or_ties() {
 fn a_reference_leaves_out_what_it_cannot_decide() {
     let with = |margin: f64| {
         let draft = spheres().f64("reference.t", &[-1.0]).f64("reference.margin", &[margin]);
-        compare(&Recording::of(&draft.bytes()).unwrap()).reference.unwrap().hits
+        Recording::of(&draft.bytes()).unwrap().compare().reference.unwrap().hits
     };
     assert_eq!((with(1e-30).undecidable, with(1e-30).extra), (1, 0));
     // An exact 0 is a tangent, which is decided.
@@ -234,7 +234,7 @@ fn a_mistake_names_its_tensor() {
 #[test]
 fn what_others_write_is_understood() {
     let agrees = |draft: &Draft| {
-        let found = compare(&Recording::of(&draft.bytes()).expect("a recording"));
+        let found = Recording::of(&draft.bytes()).expect("a recording").compare();
         let hits = found.driver.expect("a driver").hits;
         assert_eq!((hits.missed, hits.extra, hits.other_primitive), (0, 0, 0), "{:?}", hits.examples);
         assert!(hits.hits > 0 && hits.t_ulp.is_some_and(|ulp| ulp.max == 0.0));

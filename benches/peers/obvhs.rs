@@ -9,7 +9,7 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use anyhit::accel::GeometryData;
+use anyhit::internals::accel::GeometryData;
 
 use crate::rows::PICTURE;
 use crate::scenes;

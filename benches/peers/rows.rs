@@ -1,6 +1,6 @@
 //! The rows of the comparison: one measured here, one at a peer.
 
-use anyhit::accel::GeometryFlags;
+use anyhit::internals::accel::GeometryFlags;
 
 use crate::installed::{Installed, Printed};
 use crate::table::{Measured, Table};

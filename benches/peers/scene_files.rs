@@ -7,8 +7,8 @@
 
 use std::path::Path;
 
-use anyhit::accel::GeometryData;
-use anyhit::geometry::Ray;
+use anyhit::internals::accel::GeometryData;
+use anyhit::internals::geometry::Ray;
 
 use crate::rows::PICTURE;
 use crate::scenes::{self, Scene};

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhit::accel::{GeometryFlags, Tlas};
-use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::{Compute, Launch, Pipeline, Stats};
-use anyhit::program::Program;
+use anyhit::internals::accel::{GeometryFlags, Tlas};
+use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit::internals::pipeline::{Compute, Launch, Pipeline, Stats};
+use anyhit::internals::program::Program;
 
 use crate::scenes::{self, Scene};
 use crate::table::Table;

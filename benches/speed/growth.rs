@@ -6,7 +6,7 @@ use std::path::Path;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use anyhit::accel::RayFlags;
+use anyhit::internals::accel::RayFlags;
 
 use crate::ready::{build, load_and_lower};
 use crate::scenes;
@@ -34,7 +34,7 @@ pub fn run(table: &Table) {
         }
         let scene = scenes::heightfield(cells);
         note(&mut builds, count, build(table, &building, &scene));
-        let tlas = scene.tlas(anyhit::accel::GeometryFlags::OPAQUE);
+        let tlas = scene.tlas(anyhit::internals::accel::GeometryFlags::OPAQUE);
         let rate = measure(table, &tracing, &tlas, &scene.camera.rays(table.picture), RayFlags::default());
         note(&mut rays, count, rate.map(|rate| 1e3 / rate));
     }
@@ -48,7 +48,7 @@ pub fn run(table: &Table) {
             continue;
         }
         let scene = scenes::heightfield(8);
-        let blas = scene.blas(anyhit::accel::GeometryFlags::OPAQUE);
+        let blas = scene.blas(anyhit::internals::accel::GeometryFlags::OPAQUE);
         let took = table.time(&building, || {
             let tlas = scenes::placed(&blas, side);
             format!("{} instances", tlas.instances().len())

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use anyhit::accel::{
+use anyhit::internals::accel::{
     Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, Packet, RayFlags, Tlas, TlasInstance,
     TraceRay,
 };
-use anyhit::geometry::Ray;
+use anyhit::internals::geometry::Ray;
 
 /// A seeded generator of numbers (splitmix64).
 pub struct Random(pub u64);

@@ -8,8 +8,8 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use anyhit::machine::Resources;
-use anyhit::pipeline::{Launch, Pipeline};
+use anyhit::internals::machine::Resources;
+use anyhit::internals::pipeline::{Launch, Pipeline};
 
 use crate::clock;
 use crate::frames;

@@ -1,9 +1,11 @@
 //! The contenders: this crate in its three precisions, and formulas as they are published, in
 //! plain f32. Every contender has a test of a block of four and a test of one lane that passed it.
 
-use anyhit::geometry::block::{self, BoxRay, CullRay, ShearedRay};
-use anyhit::geometry::{Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Transform, Verdict};
-use anyhit::math::lane_ops::LaneOps;
+use anyhit::internals::geometry::block::{self, BoxRay, CullRay, ShearedRay};
+use anyhit::internals::geometry::{
+    Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Transform, Verdict,
+};
+use anyhit::internals::math::lane_ops::LaneOps;
 
 use crate::shape::Shape;
 

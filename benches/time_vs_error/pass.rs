@@ -1,7 +1,7 @@
 //! The traversal loop that all contenders share.
 
-use anyhit::geometry::Ray;
-use anyhit::math::lane_ops::{LaneOps, LaneTask};
+use anyhit::internals::geometry::Ray;
+use anyhit::internals::math::lane_ops::{LaneOps, LaneTask};
 
 use crate::contender::{Contender, PlacedInstance};
 use crate::scene::Scene;

@@ -1,9 +1,9 @@
 //! The scenes and the rays: half of them from a camera, half in random directions.
 
-use anyhit::accel::{EndCaps, GeometryData, Indexing};
-use anyhit::geometry::{Bounds, Ray, Transform};
-use anyhit::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
-use anyhit::scene::random::Random;
+use anyhit::internals::accel::{EndCaps, GeometryData, Indexing};
+use anyhit::internals::geometry::{Bounds, Ray, Transform};
+use anyhit::internals::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
+use anyhit::internals::scene::random::Random;
 
 use crate::contender::PlacedInstance;
 use crate::shape::Shape;

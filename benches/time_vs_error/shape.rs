@@ -1,6 +1,6 @@
 //! Primitives by value, as the contenders take them.
 
-use anyhit::accel::{Geometry, GeometryData, GeometryFlags, Primitive};
+use anyhit::internals::accel::{Geometry, GeometryData, GeometryFlags, Primitive};
 
 use crate::tree::Corners;
 

@@ -1,7 +1,7 @@
 //! Counts the step at which the tests of the exact mode end: culling, filter or exact arithmetic.
 
-use anyhit::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
-use anyhit::math::lane_ops::{CpuTier, LaneOps, LaneTask};
+use anyhit::internals::geometry::{ObjectRay, aabb, block, linear_swept_sphere, sphere, triangle};
+use anyhit::internals::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 
 use crate::contender::{Contender, EXACT, ExactTriangles, Ours};
 use crate::pass::{ContenderScene, SceneBvhs};

@@ -1,8 +1,8 @@
 //! The BVH and the leaf loop that all contenders share: four-wide nodes over leaves of one block.
 
-use anyhit::geometry::Ray;
-use anyhit::math::f32x4::F32x4;
-use anyhit::math::lane_ops::LaneOps;
+use anyhit::internals::geometry::Ray;
+use anyhit::internals::math::f32x4::F32x4;
+use anyhit::internals::math::lane_ops::LaneOps;
 
 use crate::contender::PlacedInstance;
 

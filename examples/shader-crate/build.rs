@@ -8,8 +8,7 @@ use std::error::Error;
 use std::path::Path;
 use std::{env, fs};
 
-use anyhit::ErrorKind;
-use anyhit::compile::{DebugInfoLevel, CompileOptions, Source, compile, content_hash};
+use anyhit::{CompileOptions, DebugInfoLevel, ErrorKind, Source, compile, content_hash};
 
 const SHADERS: &[&str] = &["lss.rchit"];
 

@@ -20,12 +20,12 @@ pub type Theirs = Result<(), String>;
 
 /// Runs every entry point of a module on made-up inputs: the bugs of ours that this meets.
 pub fn run(words: &[u32]) -> Result<(), String> {
-    use anyhit::harness::smoke::{self, SmokeOptions, SmokeVerdict};
-    let Ok(module) = anyhit::module::load(&bytes(words)) else { return Ok(()) };
+    use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
+    let Ok(module) = anyhit::internals::module::load(&bytes(words)) else { return Ok(()) };
     let module: Arc<Module> = Arc::new(module);
     let options = SmokeOptions { fuel: 1 << 10, total_fuel: 1 << 14, ..SmokeOptions::default() };
-    let report = catch_unwind(AssertUnwindSafe(|| smoke::run(&module, options)));
-    let report = report.map_err(|_| "smoke::run panicked".to_owned())?;
+    let report = catch_unwind(AssertUnwindSafe(|| SmokeReport::of(&module, options)));
+    let report = report.map_err(|_| "SmokeReport::of panicked".to_owned())?;
     match report.worst() {
         SmokeVerdict::Bug => Err(report.text()),
         _ => Ok(()),

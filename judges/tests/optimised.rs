@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhit::harness::case::{Case, Loaded, discover};
-use anyhit::harness::expect::{Difference, Observed};
-use anyhit::harness::run::{RayMeasurements, run_ray};
-use anyhit::scene::resolved::ShaderCode;
+use anyhit::internals::harness::case::{Case, Loaded, discover};
+use anyhit::internals::harness::expect::{Difference, Observed};
+use anyhit::internals::harness::run::{RayMeasurements, run_ray};
+use anyhit::internals::scene::resolved::ShaderCode;
 use anyhit_judges::{Recipe, bytes, optimise, words};
 
 /// Modules that were optimised, and cases that were then met, with each recipe when this was
@@ -72,7 +72,7 @@ fn cases_are_met_with_optimised_modules() {
 /// As `Case::check` does, with the modules as they stand in the scene.
 fn check(mut loaded: Loaded) -> Result<(), String> {
     let told = |error: anyhit::Error| error.render();
-    loaded.assembled = anyhit::scene::assemble(&loaded.scene).map_err(told)?;
+    loaded.assembled = anyhit::internals::scene::assemble(&loaded.scene).map_err(told)?;
     let observed: Observed = loaded.widths().map_err(told)?;
     let mut differences = loaded.expectations.differences(&observed);
     for (at, expect) in loaded.rays.iter().enumerate() {

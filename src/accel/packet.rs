@@ -41,10 +41,10 @@ const SINGLE_STEPS_PER_RAY: u32 = 2;
 /// Traces coherent rays together. Its buffers are kept for the next call.
 ///
 /// ```
-/// use anyhit::accel::{
+/// use anyhit::internals::accel::{
 ///     Blas, Geometry, GeometryData, GeometryFlags, Packet, RayFlags, Tlas, TlasInstance, TraceRay,
 /// };
-/// use anyhit::geometry::Ray;
+/// use anyhit::Ray;
 ///
 /// let data = GeometryData::Spheres { positions: vec![[0.0; 3]], radii: vec![1.0], indices: None };
 /// let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?; let identity = [[1.0,
@@ -55,7 +55,7 @@ const SINGLE_STEPS_PER_RAY: u32 = 2;
 /// / 32.0)).collect(); let mut hits = Vec::new(); assert!(Packet::default().trace(&tlas, &traces,
 /// false, &mut hits)); // The rays within the radius hit the sphere.
 /// assert_eq!(hits.iter().flatten().count(), 32);
-/// # Ok::<(), anyhit::error::Error>(())
+/// # Ok::<(), anyhit::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Packet {

@@ -12,7 +12,7 @@ use crate::cli::limits::LaunchLimitArgs;
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::harness::smoke::{self, SmokeOptions, SmokeReport, SmokeVerdict};
+use crate::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
 use crate::machine::LaunchLimits;
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
@@ -85,7 +85,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         launch_limits: args.launch_limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,
     };
-    let report = smoke::run(&module, options);
+    let report = SmokeReport::of(&module, options);
     let verdict = verdict(&report, args.min_coverage.unwrap_or(0.0));
     if args.json {
         let errors = verdict.as_ref().err().map_or_else(Vec::new, ErrorReport::all);

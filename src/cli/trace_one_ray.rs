@@ -11,7 +11,7 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
 use crate::debug::render::{self, RenderOptions};
-use crate::debug::session::{Request, Session};
+use crate::debug::session::{ExplainRequest, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::machine::LaunchLimits;
@@ -101,7 +101,7 @@ pub fn run(args: TraceOneRayArgs) -> Result<()> {
 /// Prints what was found; the error that it ended with is part of it.
 fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     let request = match args.pass.clone() {
-        Some(pass) => Request::InPass(pass, Box::new(args.request()?)),
+        Some(pass) => ExplainRequest::InPass(pass, Box::new(args.request()?)),
         None => args.request()?,
     };
     let options = LoadOptions {
@@ -139,20 +139,20 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
 }
 
 impl TraceOneRayArgs {
-    fn request(&self) -> Result<Request> {
+    fn request(&self) -> Result<ExplainRequest> {
         if let Some(text) = &self.pixel {
-            return command::pixel(text).map(Request::Pixel);
+            return command::pixel(text).map(ExplainRequest::Pixel);
         }
         if let Some(text) = &self.invocation {
             let id = command::invocation(text)?;
-            return Ok(Request::Invocation { dispatch: self.dispatch.unwrap_or(0), id });
+            return Ok(ExplainRequest::Invocation { dispatch: self.dispatch.unwrap_or(0), id });
         }
-        let Some(text) = &self.ray else { return Ok(Request::Default) };
+        let Some(text) = &self.ray else { return Ok(ExplainRequest::Default) };
         // A name may have commas: what is not six numbers is looked up in the scene.
         let Ok(Some([origin, direction])) = command::ray(text) else {
-            return Ok(Request::Named(text.clone()));
+            return Ok(ExplainRequest::Named(text.clone()));
         };
-        Ok(Request::Ray(GivenRay {
+        Ok(ExplainRequest::Ray(GivenRay {
             name: None,
             origin,
             direction,

@@ -11,7 +11,7 @@ use crate::cli::output;
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::input::{InputLimit, read_argument, read_regular};
 use crate::recording::compare::{AgainstDriver, Agreement, HitComparison};
-use crate::recording::{Comparison, Recording, compare};
+use crate::recording::{Comparison, Recording};
 
 /// Compares hits that a GPU recorded with those of anyhit (docs/verify.md says how to record).
 ///
@@ -91,7 +91,7 @@ pub fn run(args: VerifyArgs) -> Result<()> {
         match bytes.and_then(|bytes| Recording::of_file(&path, &bytes)) {
             Ok(recording) => {
                 files
-                    .push(VerifiedFile { file: path.display().to_string(), comparison: compare(&recording) });
+                    .push(VerifiedFile { file: path.display().to_string(), comparison: recording.compare() });
             }
             Err(error) => errors.push(error),
         }

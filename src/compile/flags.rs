@@ -136,7 +136,7 @@ impl CompilerFlags {
     /// element of the list: `-DX=1` and `-D`, `X=1` are the same.
     ///
     /// ```
-    /// use anyhit::compile::{CompilerFlags, Language};
+    /// use anyhit::internals::compile::{CompilerFlags, Language};
     ///
     /// let flags = CompilerFlags::parse(Language::Slang, &["-force-glsl-scalar-layout", "-DSPHERES=3"]);
     /// assert!(flags.is_ok());

@@ -7,7 +7,7 @@
 //! step with `shaders/`.
 //!
 //! ```
-//! use anyhit::compile::{CompileOptions, Source, compile};
+//! use anyhit::{CompileOptions, Source, compile};
 //!
 //! let source = Source::from_text("double.wgsl", "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
 //!     @compute @workgroup_size(1) fn double() { x[0] *= 2.0; }")?;

@@ -117,7 +117,7 @@ impl Source {
     /// say.
     ///
     /// ```
-    /// use anyhit::compile::{Language, Source, SourceStage};
+    /// use anyhit::internals::compile::{Language, Source, SourceStage};
     ///
     /// let language = Language::Glsl(SourceStage::Miss);
     /// let source = Source::from_text_as(language, "sky.glsl", "void main() {}");

@@ -3,7 +3,7 @@
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
-use crate::debug::session::{Request, Session, count_events, invalid, run_counts};
+use crate::debug::session::{ExplainRequest, Session, count_events, invalid, run_counts};
 use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
 use crate::error::{Error, ErrorReport, Result};
 use crate::pipeline::{Pipeline, RunPart};
@@ -15,7 +15,7 @@ impl Session {
     ///
     /// # Errors
     /// `InvalidArgument` where the pass is none, or a launch.
-    pub(super) fn invocation(&self, request: &Request) -> Result<Option<(usize, [u32; 3])>> {
+    pub(super) fn invocation(&self, request: &ExplainRequest) -> Result<Option<(usize, [u32; 3])>> {
         let middle = |number: usize| {
             let dispatch = self.assembled.dispatches.get(number)?;
             let size = dispatch.compute.workgroup_size();
@@ -23,15 +23,17 @@ impl Session {
             Some((number, std::array::from_fn(middle)))
         };
         Ok(match request {
-            Request::Invocation { dispatch, id } => Some((*dispatch, *id)),
-            Request::Default if self.scene.rays.is_empty() && !self.scene.launches() => middle(0),
-            Request::InPass(key, request) => {
+            ExplainRequest::Invocation { dispatch, id } => Some((*dispatch, *id)),
+            ExplainRequest::Default if self.scene.rays.is_empty() && !self.scene.launches() => middle(0),
+            ExplainRequest::InPass(key, request) => {
                 let number = self.assembled.pass_number(key)?;
                 let pass = &self.assembled.passes[number];
                 match (&pass.work, &**request) {
-                    (PassWork::Dispatch(dispatch), Request::Default) => middle(*dispatch),
-                    (PassWork::Dispatch(dispatch), Request::Invocation { id, .. }) => Some((*dispatch, *id)),
-                    (PassWork::Launch(_), Request::Invocation { .. }) => {
+                    (PassWork::Dispatch(dispatch), ExplainRequest::Default) => middle(*dispatch),
+                    (PassWork::Dispatch(dispatch), ExplainRequest::Invocation { id, .. }) => {
+                        Some((*dispatch, *id))
+                    }
+                    (PassWork::Launch(_), ExplainRequest::Invocation { .. }) => {
                         let message =
                             format!("pass {} launches a pipeline: it is no dispatch", pass.label(number));
                         return Err(invalid(message).note("`--pixel X,Y` looks at an invocation of a launch"));

@@ -19,5 +19,5 @@ pub mod shell;
 pub mod transcript;
 pub mod values;
 
-pub use session::{Request, Session};
+pub use session::{ExplainRequest, Session};
 pub use transcript::Transcript;

@@ -17,7 +17,7 @@ use crate::scene::{Assembled, ResolvedScene, assemble};
 
 /// The ray or invocation to explain.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Request {
+pub enum ExplainRequest {
     /// The scene's first `[[ray]]`; if there is none, the centre of the launch.
     Default,
     /// The scene's `[[ray]]` of this name.
@@ -27,7 +27,7 @@ pub enum Request {
     /// A given ray, without ray generation.
     Ray(GivenRay),
     /// A request in a pass of the scene, by its name or number; all others are in the first launch.
-    InPass(String, Box<Request>),
+    InPass(String, Box<ExplainRequest>),
     /// An invocation of a compute shader.
     Invocation {
         /// Which dispatch of the scene, from 0.
@@ -61,7 +61,7 @@ impl Session {
     /// # Errors
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
-    pub fn run(&self, request: &Request) -> Result<(Transcript, Option<Error>)> {
+    pub fn run(&self, request: &ExplainRequest) -> Result<(Transcript, Option<Error>)> {
         if let Some((dispatch, id)) = self.invocation(request)? {
             return self.run_invocation(dispatch, id);
         }
@@ -131,28 +131,28 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::run`].
-    pub fn resolve(&self, request: &Request) -> Result<(Option<String>, ResolvedRequest)> {
+    pub fn resolve(&self, request: &ExplainRequest) -> Result<(Option<String>, ResolvedRequest)> {
         let (pass, request) = match request {
-            Request::InPass(pass, request) => (Some(pass), &**request),
+            ExplainRequest::InPass(pass, request) => (Some(pass), &**request),
             request => (None, request),
         };
         let entry = match request {
-            Request::Pixel(id) => return Ok((None, self.pixel(pass, *id)?)),
-            Request::Ray(ray) => {
+            ExplainRequest::Pixel(id) => return Ok((None, self.pixel(pass, *id)?)),
+            ExplainRequest::Ray(ray) => {
                 let key = ray.pass.as_ref().map(|key| &key.value.0);
                 let pass = pass.or(key).cloned();
                 return Ok((None, ResolvedRequest { pass, what: SingleRun::Ray(check(ray)?) }));
             }
-            Request::Named(name) => self.named(name)?,
-            Request::InPass(..) => return Err(invalid("a request is in one pass")),
-            Request::Invocation { .. } => {
+            ExplainRequest::Named(name) => self.named(name)?,
+            ExplainRequest::InPass(..) => return Err(invalid("a request is in one pass")),
+            ExplainRequest::Invocation { .. } => {
                 let message =
                     "rounding is examined of rays and launch indices, not of an invocation of a dispatch";
                 return Err(invalid(message)
                     .note("`anyhit run` with --shadow or --perturb examines whole dispatches"));
             }
             // A pass that is asked for is looked at in its middle, whatever rays the scene has.
-            Request::Default => match self.scene.rays.first().filter(|_| pass.is_none()) {
+            ExplainRequest::Default => match self.scene.rays.first().filter(|_| pass.is_none()) {
                 Some(entry) => entry,
                 None => {
                     let size = self.assembled.single_launch(pass.map(String::as_str))?.size;

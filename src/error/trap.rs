@@ -12,9 +12,7 @@ use crate::error::{Stage, TrapCode};
 /// `column`, `word`, `fault_value`, `operands`, `stack` and `vuid`; what is not known is `null`.
 ///
 /// ```
-/// use anyhit::error::TrapOperands;
-/// use anyhit::module::interface::Stage;
-/// use anyhit::{LoadedScene, TrapCode};
+/// use anyhit::{LoadedScene, Stage, TrapCode, TrapOperands};
 ///
 /// # fn main() -> anyhit::Result<()> {
 /// let mut scene = LoadedScene::open("shaders/pass/frames/ping-pong/scene.toml")?;

@@ -35,10 +35,10 @@ use crate::harness::value::Value;
 #[macro_export]
 macro_rules! assert_ulps {
     ($found:expr, $expected:expr, $ulps:expr $(, $outcome:expr)? $(,)?) => {
-        $crate::harness::assertions::near(
+        $crate::internals::harness::assertions::near(
             &$found,
             &$expected,
-            &[$crate::harness::number::Tolerance::Ulp(f64::from($ulps))],
+            &[$crate::internals::harness::number::Tolerance::Ulp(f64::from($ulps))],
             stringify!($found),
             $crate::assert_near!(@outcome $($outcome)?),
         )
@@ -65,13 +65,13 @@ macro_rules! assert_near {
         Some(&$outcome)
     };
     (@ absolute $bound:expr) => {
-        $crate::harness::number::Tolerance::Absolute($bound)
+        $crate::internals::harness::number::Tolerance::Absolute($bound)
     };
     (@ relative $bound:expr) => {
-        $crate::harness::number::Tolerance::Relative($bound)
+        $crate::internals::harness::number::Tolerance::Relative($bound)
     };
     ($found:expr, $expected:expr, $kind:ident = $bound:expr, $other:ident = $second:expr $(, $outcome:expr)? $(,)?) => {
-        $crate::harness::assertions::near(
+        $crate::internals::harness::assertions::near(
             &$found,
             &$expected,
             &[$crate::assert_near!(@ $kind $bound), $crate::assert_near!(@ $other $second)],
@@ -80,7 +80,7 @@ macro_rules! assert_near {
         )
     };
     ($found:expr, $expected:expr, $kind:ident = $bound:expr $(, $outcome:expr)? $(,)?) => {
-        $crate::harness::assertions::near(
+        $crate::internals::harness::assertions::near(
             &$found,
             &$expected,
             &[$crate::assert_near!(@ $kind $bound)],
@@ -117,13 +117,13 @@ macro_rules! assert_near {
 #[macro_export]
 macro_rules! assert_payload_eq {
     ($outcome:expr, { $($path:literal : $expected:expr),+ $(,)? }) => {
-        $crate::harness::assertions::members_eq(&$outcome, |payload| {
+        $crate::internals::harness::assertions::members_eq(&$outcome, |payload| {
             $(payload.set($path, $expected)?;)+
             Ok(())
         })
     };
     ($outcome:expr, $expected:expr $(,)?) => {
-        $crate::harness::assertions::payload_eq(&$outcome, &$expected)
+        $crate::internals::harness::assertions::payload_eq(&$outcome, &$expected)
     };
 }
 

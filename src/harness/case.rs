@@ -52,20 +52,6 @@ pub struct CaseRun {
     pub modules: Vec<PathBuf>,
 }
 
-/// The cases beneath a folder, in the order of their paths: every `scene.toml` and `*.test.toml`
-/// with its variants. Folders whose names begin with a dot and those that a `CACHEDIR.TAG` marks
-/// are passed by.
-///
-/// # Errors
-/// `Io` where a folder cannot be read, and the mistakes of scene files that are no TOML.
-pub fn discover(folder: &Path) -> Result<Vec<Case>> {
-    let mut cases = Vec::new();
-    for scene in scenes(folder)? {
-        cases.extend(Case::of(&scene)?);
-    }
-    Ok(cases)
-}
-
 /// The files beneath a folder that hold cases, in the order of their paths.
 ///
 /// # Errors
@@ -100,6 +86,20 @@ fn is_test_file(path: &Path) -> bool {
 }
 
 impl Case {
+    /// The cases beneath a folder, in the order of their paths: every `scene.toml` and `*.test.toml`
+    /// with its variants. Folders whose names begin with a dot and those that a `CACHEDIR.TAG` marks
+    /// are passed by.
+    ///
+    /// # Errors
+    /// `Io` where a folder cannot be read, and the mistakes of scene files that are no TOML.
+    pub fn discover(folder: &Path) -> Result<Vec<Self>> {
+        let mut cases = Vec::new();
+        for scene in scenes(folder)? {
+            cases.extend(Self::of(&scene)?);
+        }
+        Ok(cases)
+    }
+
     /// The cases of one scene file: itself, then its variants.
     ///
     /// # Errors

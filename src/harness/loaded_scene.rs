@@ -9,7 +9,7 @@ use crate::accel::motion::Motion;
 use crate::accel::{Tlas, TlasInstance};
 use crate::compile::SourceSettings;
 use crate::debug::render::{self, RenderOptions};
-use crate::debug::{Request, Session};
+use crate::debug::{ExplainRequest, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
 use crate::harness::memory::copied;
@@ -360,7 +360,7 @@ impl LoadedScene {
     ///
     /// # Errors
     /// As [`Session::run`]; a trap is part of the text.
-    pub fn explain(&self, request: &Request) -> Result<String> {
+    pub fn explain(&self, request: &ExplainRequest) -> Result<String> {
         let (transcript, _) = Session::new(self.scene.clone())?.run(request)?;
         Ok(render::text(&transcript, RenderOptions::default()))
     }

@@ -5,7 +5,7 @@
 //! towards the z axis, transforms towards the identity, scenes towards fewer instances.
 //!
 //! ```
-//! use anyhit::harness::strategies::lss_hit;
+//! use anyhit::strategies::lss_hit;
 //! use anyhit::{Module, ShaderTest};
 //! use proptest::prelude::*;
 //!

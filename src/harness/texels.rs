@@ -3,8 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::machine::format::Format;
-use crate::machine::image::{Image, ImageShape, Position};
+use crate::machine::image::{Image, Position};
 
 /// An image whose texels a test looks at; level 0 and layer 0.
 #[derive(Clone)]
@@ -57,17 +56,5 @@ impl fmt::Debug for Texels {
             writeln!(f, "{:?}", &row[..row.len().min(16)])?;
         }
         Ok(())
-    }
-}
-
-/// A plane of zeros to bind as a storage image.
-///
-/// # Panics
-/// For a width or height of 0.
-#[track_caller]
-pub fn plane(format: Format, width: u32, height: u32) -> Arc<Image> {
-    match Image::zeroed(format, ImageShape::plane(width, height)) {
-        Ok(image) => image,
-        Err(error) => panic!("{error}"),
     }
 }

@@ -133,7 +133,7 @@ limits! {
 /// module and smoke tests may take.
 ///
 /// ```
-/// use anyhit::input::{InputLimit, InputLimits};
+/// use anyhit::{InputLimit, InputLimits};
 ///
 /// let limits = InputLimits::default().with(InputLimit::MeshVertices, 1 << 27);
 /// assert_eq!(limits.get(InputLimit::MeshVertices), 1 << 27);

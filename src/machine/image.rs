@@ -197,6 +197,18 @@ impl Image {
         Self::filled(format, shape, &[0; 16][..format.texel_size() as usize])
     }
 
+    /// A plane of zeros, to bind as a storage image.
+    ///
+    /// # Panics
+    /// For a width or height of 0, or above the limits of images.
+    #[track_caller]
+    pub fn plane(format: Format, width: u32, height: u32) -> Arc<Self> {
+        match Self::zeroed(format, ImageShape::plane(width, height)) {
+            Ok(image) => image,
+            Err(error) => panic!("{error}"),
+        }
+    }
+
     /// An image of these bytes.
     ///
     /// # Errors

@@ -21,8 +21,8 @@ pub use invocation::{ObservedInvocation, RunPart};
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
 ///
 /// ```
-/// use anyhit::machine::{Buffer, Descriptor, Resources};
-/// use anyhit::pipeline::Compute;
+/// use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+/// use anyhit::internals::pipeline::Compute;
 /// use anyhit::{Module, Program};
 ///
 /// # fn main() -> anyhit::Result<()> {

@@ -94,8 +94,8 @@ pub struct Pipeline {
 
 impl Pipeline {
     /// Begins a pipeline.
-    pub fn builder() -> Builder {
-        Builder::default()
+    pub fn builder() -> PipelineBuilder {
+        PipelineBuilder::default()
     }
 
     /// Returns the pipeline with programs that are not optimised; see [`Program::unoptimized`].
@@ -149,7 +149,7 @@ impl Pipeline {
 
 /// Collects shaders, groups and records.
 #[derive(Clone, Debug, Default)]
-pub struct Builder {
+pub struct PipelineBuilder {
     programs: Vec<Arc<Program>>,
     groups: Vec<Group>,
     sbt: Sbt,
@@ -163,7 +163,7 @@ pub struct Builder {
     device: DeviceProfile,
 }
 
-impl Builder {
+impl PipelineBuilder {
     /// Adds a shader.
     pub fn shader(&mut self, program: impl Into<Arc<Program>>) -> Shader {
         self.programs.push(program.into());
@@ -209,7 +209,7 @@ impl Builder {
     /// Adds a ray generation shader and makes it the one that launches run.
     ///
     /// # Errors
-    /// As [`Builder::group`].
+    /// As [`PipelineBuilder::group`].
     pub fn ray_generation(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
@@ -220,7 +220,7 @@ impl Builder {
     /// Adds a miss shader as the next miss record.
     ///
     /// # Errors
-    /// As [`Builder::group`].
+    /// As [`PipelineBuilder::group`].
     pub fn miss(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
@@ -231,7 +231,7 @@ impl Builder {
     /// Adds a callable shader as the next callable record.
     ///
     /// # Errors
-    /// As [`Builder::group`].
+    /// As [`PipelineBuilder::group`].
     pub fn callable(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
@@ -242,7 +242,7 @@ impl Builder {
     /// Adds a hit group of any of its three shaders as the next hit record.
     ///
     /// # Errors
-    /// As [`Builder::group`].
+    /// As [`PipelineBuilder::group`].
     pub fn hit(&mut self, programs: impl IntoIterator<Item = Program>) -> Result<&mut Self> {
         let mut group = HitGroup::default();
         for program in programs {
@@ -295,7 +295,7 @@ impl Builder {
         self
     }
 
-    /// The old name of [`Builder::fuel`].
+    /// The old name of [`PipelineBuilder::fuel`].
     #[deprecated = "call `fuel`"]
     pub fn budget(&mut self, instructions: u64) -> &mut Self {
         self.fuel(instructions)
@@ -313,7 +313,7 @@ impl Builder {
         self
     }
 
-    /// Sets the device that the pipeline is for: [`Builder::build`] refuses what it does not
+    /// Sets the device that the pipeline is for: [`PipelineBuilder::build`] refuses what it does not
     /// support.
     pub fn device(&mut self, device: DeviceProfile) -> &mut Self {
         self.device = device;

@@ -153,17 +153,19 @@ pub struct Agreement {
     pub max_difference: Option<f64>,
 }
 
-/// Traces every ray of a recording again and compares.
-pub fn compare(recording: &Recording) -> Comparison {
-    let traced: Vec<ComparedRay> =
-        recording.rays.par_iter().enumerate().map(|(at, &ray)| ComparedRay::of(recording, at, ray)).collect();
-    Comparison {
-        rays: recording.rays.len(),
-        geometry: recording.kind().map(|kind| kind.to_string()),
-        reference: recording.reference.as_ref().map(|reference| compare_with_reference(reference, &traced)),
-        driver: recording.driver.as_ref().map(|driver| compare_with_driver(recording, driver, &traced)),
-        ignored_tensors: recording.unknown_tensors.clone(),
-        notes: recording.notes.clone(),
+impl Recording {
+    /// Traces every ray again and compares what it hits with what was recorded.
+    pub fn compare(&self) -> Comparison {
+        let traced: Vec<ComparedRay> =
+            self.rays.par_iter().enumerate().map(|(at, &ray)| ComparedRay::of(self, at, ray)).collect();
+        Comparison {
+            rays: self.rays.len(),
+            geometry: self.kind().map(|kind| kind.to_string()),
+            reference: self.reference.as_ref().map(|reference| compare_with_reference(reference, &traced)),
+            driver: self.driver.as_ref().map(|driver| compare_with_driver(self, driver, &traced)),
+            ignored_tensors: self.unknown_tensors.clone(),
+            notes: self.notes.clone(),
+        }
     }
 }
 

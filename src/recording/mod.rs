@@ -18,7 +18,7 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::recording::tensors::Tensors;
 
-pub use compare::{Comparison, compare};
+pub use compare::Comparison;
 pub use ray::TracedRay;
 
 /// The contents of a recording: geometries, rays, and the recorded results.

@@ -1,7 +1,7 @@
 //! Builtins of every stage: launch id and size, ids, hit kind, t, rays, matrices.
 
-use anyhit::accel::{GeometryData, InstanceFlags};
-use anyhit::harness::scene::Instance;
+use anyhit::internals::accel::{GeometryData, InstanceFlags};
+use anyhit::internals::harness::scene::Instance;
 
 use crate::conformance::rig::{AnyHit, BOX, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhit::Scene;
-use anyhit::harness::scene::Instance;
-use anyhit::machine::{Buffer, Descriptor};
-use anyhit::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, Record, Shader};
+use anyhit::internals::harness::scene::Instance;
+use anyhit::internals::machine::{Buffer, Descriptor};
+use anyhit::internals::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, Record, Shader};
 use anyhit::{Module, Program};
 use bytemuck::{Pod, Zeroable};
 

@@ -1,6 +1,6 @@
 //! Which record a ray uses, and null records.
 
-use anyhit::harness::scene::Instance;
+use anyhit::internals::harness::scene::Instance;
 
 use crate::conformance::rig::{AnyHit, Kind, MISS, Plan, Rig, Shot, TRIANGLE, facing};
 

@@ -5,9 +5,11 @@
 //! format has two components), rays down the z axis at some of the centres. The numbers of hits
 //! follow from which points are centres, or ends of segments with a cap.
 
-use anyhit::accel::build_input::{BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat};
-use anyhit::accel::{EndCaps, GeometryData, Indexing};
-use anyhit::harness::scene::Instance;
+use anyhit::internals::accel::build_input::{
+    BuildInput, BuildRange, IndexType, RadiusFormat, Strided, VertexFormat,
+};
+use anyhit::internals::accel::{EndCaps, GeometryData, Indexing};
+use anyhit::internals::harness::scene::Instance;
 use half::f16;
 
 use crate::conformance::rig::{Kind, MISS, Plan, Rig, SPHERE, SWEPT, Shot};

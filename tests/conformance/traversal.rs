@@ -1,9 +1,9 @@
 //! Ray flags, pipeline flags, masks, intervals, any-hit and intersection control.
 
-use anyhit::accel::InstanceFlags;
-use anyhit::error::ErrorKind;
-use anyhit::harness::scene::Instance;
-use anyhit::pipeline::PipelineFlags;
+use anyhit::internals::accel::InstanceFlags;
+use anyhit::internals::error::ErrorKind;
+use anyhit::internals::harness::scene::Instance;
+use anyhit::internals::pipeline::PipelineFlags;
 
 use crate::conformance::rig::{
     AnyHit, BOX, Kind, MISS, Plan, Probe, Rig, SPHERE, SWEPT, Shot, TRIANGLE, facing,

@@ -6,11 +6,13 @@
 use std::collections::BTreeSet;
 
 use anyhit::Ray;
-use anyhit::accel::{Blas, Cursor, Geometry, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay};
-use anyhit::geometry::linear_swept_sphere;
-use anyhit::stress::draw::Draw;
-use anyhit::stress::reference::ObjectLine;
-use anyhit::stress::{Shape, StressCase};
+use anyhit::internals::accel::{
+    Blas, Cursor, Geometry, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
+};
+use anyhit::internals::geometry::linear_swept_sphere;
+use anyhit::internals::stress::draw::Draw;
+use anyhit::internals::stress::reference::ObjectLine;
+use anyhit::internals::stress::{Shape, StressCase};
 
 use crate::exact_intersections::cases;
 

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::error::ErrorKind;
-use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::{Launch, Pipeline};
-use anyhit::program::{Inlining, LowerOptions};
+use anyhit::internals::error::ErrorKind;
+use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit::internals::pipeline::{Launch, Pipeline};
+use anyhit::internals::program::{Inlining, LowerOptions};
 
 use crate::instructions::run::{INVOCATIONS, Shader, run_lanes};
 use crate::instructions::workgroup::{Workgroup, compute};

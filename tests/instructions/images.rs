@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Dimension, Image, ImageShape, SampleWeight};
-use anyhit::machine::sampler::{AddressMode, BlockMatchWindow, Filter, Sampler};
-use anyhit::machine::{Descriptor, Resources};
+use anyhit::internals::machine::format::{Component, Format};
+use anyhit::internals::machine::image::{Dimension, Image, ImageShape, SampleWeight};
+use anyhit::internals::machine::sampler::{AddressMode, BlockMatchWindow, Filter, Sampler};
+use anyhit::internals::machine::{Descriptor, Resources};
 
 use crate::instructions::run::Shader;
 

@@ -4,12 +4,14 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhit::accel::{Blas, Geometry, GeometryData, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay};
-use anyhit::error::{Error, Result};
-use anyhit::machine::{
+use anyhit::internals::accel::{
+    Blas, Geometry, GeometryData, GeometryFlags, RayFlags, Tlas, TlasInstance, TraceRay,
+};
+use anyhit::internals::error::{Error, Result};
+use anyhit::internals::machine::{
     Buffer, Descriptor, LaunchFuel, LaunchLimits, Printed, PrintedBytes, Resources, TrapCode,
 };
-use anyhit::pipeline::{Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands};
+use anyhit::internals::pipeline::{Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands};
 use anyhit::{Module, Program, Ray};
 
 use crate::instructions::run::{Shader, run_lanes};
@@ -283,7 +285,7 @@ fn shader(stage: &str, declarations: &str, body: &str) -> Program {
          {body}
          OpFunctionEnd"
     );
-    let module = Arc::new(anyhit::module::load(&assemble(&text)).expect("a module"));
+    let module = Arc::new(anyhit::internals::module::load(&assemble(&text)).expect("a module"));
     Program::of(&module, "main").expect("a shader")
 }
 
@@ -349,7 +351,7 @@ fn callable_pipeline(shader: &Shader<'_>, depth: u32, limits: LaunchLimits) -> R
     let callee = module.entry_points.iter().find(|entry| entry.name == "callee").expect("an entry point");
     let mut builder = Pipeline::builder();
     builder.ray_generation(shader.program())?;
-    builder.callable(anyhit::program::lower(&module, callee)?)?;
+    builder.callable(anyhit::internals::program::lower(&module, callee)?)?;
     builder.max_callable_depth(depth).launch_limits(limits).build()
 }
 

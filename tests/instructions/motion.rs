@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use anyhit::accel::Tlas;
-use anyhit::error::{ErrorKind, Result};
-use anyhit::machine::{Buffer, Descriptor, Resources};
-use anyhit::pipeline::{Launch, Pipeline};
+use anyhit::internals::accel::Tlas;
+use anyhit::internals::error::{ErrorKind, Result};
+use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit::internals::pipeline::{Launch, Pipeline};
 
 use crate::support::assembly::assemble;
 
@@ -81,7 +81,7 @@ fn module(time: f32, by_location: bool) -> Vec<u8> {
 }
 
 fn seen(time: f32, by_location: bool) -> Result<f32> {
-    let module = Arc::new(anyhit::module::load(&module(time, by_location))?);
+    let module = Arc::new(anyhit::internals::module::load(&module(time, by_location))?);
     let shader = |name| anyhit::Program::of(&module, name);
     let mut builder = Pipeline::builder();
     builder.ray_generation(shader("main")?)?.miss(shader("sky")?)?;

@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use anyhit::error::ErrorKind;
-use anyhit::machine::{Buffer, Descriptor, MemoryPolicy, Resources};
+use anyhit::internals::error::ErrorKind;
+use anyhit::internals::machine::{Buffer, Descriptor, MemoryPolicy, Resources};
 
 use crate::instructions::run::Shader;
 use crate::instructions::workgroup::Workgroup;

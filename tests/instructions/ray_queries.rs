@@ -1,6 +1,6 @@
 //! Ray queries and hit objects where no compiler would write them so.
 
-use anyhit::error::ErrorKind;
+use anyhit::internals::error::ErrorKind;
 
 use crate::instructions::run::Shader;
 

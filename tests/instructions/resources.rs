@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, ImageShape};
-use anyhit::machine::sampler::{Filter, Sampler};
-use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit::internals::machine::format::{Component, Format};
+use anyhit::internals::machine::image::{Image, ImageShape};
+use anyhit::internals::machine::sampler::{Filter, Sampler};
+use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
 use anyhit::{Instance, Scene};
 
 use crate::instructions::run::Shader;
@@ -167,7 +167,7 @@ fn variables_of_several_types_share_a_binding() {
         let plane =
             Image::new(Format::new(Component::Float32, 1), ImageShape::plane(1, 1), &5f32.to_le_bytes());
         let shape = ImageShape {
-            dimension: anyhit::machine::image::Dimension::D3,
+            dimension: anyhit::internals::machine::image::Dimension::D3,
             extent: [1, 1, 2],
             ..ImageShape::plane(1, 1)
         };

@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
-use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, ImageShape};
-use anyhit::machine::sampler::Sampler;
-use anyhit::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::program::race_analysis::{LaunchExtent, Memory};
+use anyhit::internals::machine::format::{Component, Format};
+use anyhit::internals::machine::image::{Image, ImageShape};
+use anyhit::internals::machine::sampler::Sampler;
+use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
+use anyhit::internals::program::race_analysis::{LaunchExtent, Memory};
 
 use crate::instructions::run::Shader;
 

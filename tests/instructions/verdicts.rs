@@ -1,7 +1,7 @@
 //! Whose mistake a refused module is: a broken rule is cited, where the validator of SPIRV-Tools
 //! does not check it; what no rule forbids is this crate's gap.
 
-use anyhit::error::ErrorKind;
+use anyhit::internals::error::ErrorKind;
 
 use crate::instructions::run::Shader;
 

@@ -5,18 +5,18 @@
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use anyhit::error::{Error, ErrorKind, Result};
-use anyhit::harness::expect::Expectations;
-use anyhit::harness::smoke::{self, SmokeOptions};
-use anyhit::input::InputLimit;
-use anyhit::machine::{Bindings, Mask, Resources, Stop};
-use anyhit::module::ty::TypeId;
-use anyhit::program::lower;
-use anyhit::recording::{Recording, compare};
-use anyhit::scene::image::Picture;
-use anyhit::scene::mesh::model::{MeshFormat, Model};
-use anyhit::scene::{DiskFiles, Files, LoadOptions, assemble, load_text};
-use anyhit::{interp, module};
+use anyhit::internals::error::{Error, ErrorKind, Result};
+use anyhit::internals::harness::expect::Expectations;
+use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport};
+use anyhit::internals::input::InputLimit;
+use anyhit::internals::machine::{Bindings, Mask, Resources, Stop};
+use anyhit::internals::module::ty::TypeId;
+use anyhit::internals::program::lower;
+use anyhit::internals::recording::Recording;
+use anyhit::internals::scene::image::Picture;
+use anyhit::internals::scene::mesh::model::{MeshFormat, Model};
+use anyhit::internals::scene::{DiskFiles, Files, LoadOptions, assemble, load_text};
+use anyhit::internals::{interp, module};
 
 /// Registers of a program beyond which it is not run: a batch of them takes memory that the test
 /// need not have.
@@ -98,7 +98,7 @@ pub fn execute(bytes: &[u8]) -> bool {
 pub fn smoke(bytes: &[u8]) -> bool {
     let Ok(module) = module::load(bytes) else { return false };
     let options = SmokeOptions { fuel: 4096, total_fuel: 1 << 16, ..SmokeOptions::default() };
-    let report = smoke::run(&Arc::new(module), options);
+    let report = SmokeReport::of(&Arc::new(module), options);
     let text = report.text();
     assert!(!text.contains("bug in anyhit"), "{text}");
     report.is_ok()
@@ -107,7 +107,7 @@ pub fn smoke(bytes: &[u8]) -> bool {
 /// Compiles WGSL, and loads what came of it.
 #[cfg(feature = "wgsl")]
 pub fn wgsl(bytes: &[u8]) -> bool {
-    use anyhit::compile::{CompileOptions, Source, compile};
+    use anyhit::internals::compile::{CompileOptions, Source, compile};
     let text = String::from_utf8_lossy(bytes);
     let source = Source::from_text("fuzzed.wgsl", text).expect("a name that says the language");
     match compile(&source, &CompileOptions::default()) {
@@ -184,7 +184,7 @@ pub fn picture(bytes: &[u8]) -> bool {
 pub fn recording(bytes: &[u8]) -> bool {
     match Recording::of(bytes) {
         Ok(recording) => {
-            let _ = compare(&recording);
+            let _ = recording.compare();
             true
         }
         Err(error) => refused(&error),
@@ -195,7 +195,7 @@ pub fn recording(bytes: &[u8]) -> bool {
 pub fn command_line(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     let arguments = std::iter::once("anyhit").chain(text.lines());
-    match anyhit::cli::command().try_get_matches_from(arguments) {
+    match anyhit::internals::cli::command().try_get_matches_from(arguments) {
         Ok(_) => true,
         Err(error) => {
             assert!(!error.render().to_string().is_empty());

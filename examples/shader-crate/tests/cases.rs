@@ -4,7 +4,7 @@ use std::path::Path;
 
 #[test]
 fn all_cases_hold() -> anyhit::Result<()> {
-    let cases = anyhit::harness::case::discover(Path::new("cases"))?;
+    let cases = anyhit::Case::discover(Path::new("cases"))?;
     assert_eq!(cases.len(), 2);
     for case in cases {
         case.check()?;

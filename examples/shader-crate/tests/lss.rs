@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhit::harness::strategies::lss_hit;
+use anyhit::strategies::lss_hit;
 use anyhit::{Error, ErrorKind, Hit, Instance, Module, Ray, Result, ShaderTest};
 use anyhit::{assert_near, assert_payload_eq, assert_ulps};
 use proptest::prelude::*;

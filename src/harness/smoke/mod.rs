@@ -75,30 +75,31 @@ impl Default for SmokeOptions {
     }
 }
 
-/// Runs every entry point of a module.
-///
-/// ```
-/// use anyhit::Module;
-/// use anyhit::harness::smoke::{self, SmokeOptions};
-///
-/// # fn main() -> anyhit::Result<()> {
-/// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
-/// let report = smoke::run(&module, SmokeOptions::default());
-/// assert!(report.is_ok(), "{}", report.text());
-/// let entry = &report.entry_points[0];
-/// assert_eq!(entry.runs[0].with, "sphere");
-/// // It has no branches: one block.
-/// let reached = entry.coverage.as_ref().expect("an entry point that runs");
-/// assert_eq!((reached.blocks_entered, reached.blocks), (1, 1));
-/// # Ok(())
-/// # }
-/// ```
-pub fn run(module: &Arc<Module>, options: SmokeOptions) -> SmokeReport {
-    let deadline = options.time_limit.and_then(|limit| Instant::now().checked_add(limit));
-    let entries = module.entry_points.iter();
-    SmokeReport {
-        seed: options.seed,
-        entry_points: entries.map(|entry| entry_point(module, entry, options, deadline)).collect(),
+impl SmokeReport {
+    /// Runs every entry point of a module.
+    ///
+    /// ```
+    /// use anyhit::{Module, SmokeOptions, SmokeReport};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let module = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
+    /// let report = SmokeReport::of(&module, SmokeOptions::default());
+    /// assert!(report.is_ok(), "{}", report.text());
+    /// let entry = &report.entry_points[0];
+    /// assert_eq!(entry.runs[0].with, "sphere");
+    /// // It has no branches: one block.
+    /// let reached = entry.coverage.as_ref().expect("an entry point that runs");
+    /// assert_eq!((reached.blocks_entered, reached.blocks), (1, 1));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn of(module: &Arc<Module>, options: SmokeOptions) -> Self {
+        let deadline = options.time_limit.and_then(|limit| Instant::now().checked_add(limit));
+        let entries = module.entry_points.iter();
+        Self {
+            seed: options.seed,
+            entry_points: entries.map(|entry| entry_point(module, entry, options, deadline)).collect(),
+        }
     }
 }
 

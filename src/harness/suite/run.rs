@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::ResolvedRequest;
 use crate::debug::transcript::TranscriptLine;
-use crate::debug::{Request, Session, command, shell};
+use crate::debug::{ExplainRequest, Session, command, shell};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};
 use crate::harness::bless::bless;
@@ -489,15 +489,15 @@ impl Tester<'_> {
         let size = assembled.single_launch(None).map_or(assembled.size, |single| single.size);
         let wrote = writer.and_then(|writer| writer.invocation).map(|(number, id)| {
             let pass = assembled.is_frame().then(|| assembled.passes[number].key(number));
-            in_pass(pass, Request::Pixel(id))
+            in_pass(pass, ExplainRequest::Pixel(id))
         });
         let request = match (ray, subject) {
             (Some(ray), _) => scene.rays.get(ray).map(request),
             (None, Subject::Ray(name, _)) => by_name(name).map(request),
-            (None, Subject::Invocation(id)) => Some(Request::Pixel(*id)),
+            (None, Subject::Invocation(id)) => Some(ExplainRequest::Pixel(*id)),
             (None, _) if wrote.is_some() => wrote,
             (None, Subject::Texel(_, [x, y])) if *x < size[0] && *y < size[1] => {
-                Some(Request::Pixel([*x, *y, 0]))
+                Some(ExplainRequest::Pixel([*x, *y, 0]))
             }
             _ => None,
         };
@@ -528,41 +528,43 @@ fn unstable(found: &Instability, file: &Path) -> Vec<Difference> {
     found.lines().into_iter().map(new).collect()
 }
 
-fn request(ray: &RayEntry) -> Request {
+fn request(ray: &RayEntry) -> ExplainRequest {
     let request = match ray {
-        RayEntry::Pixel { pixel, .. } => Request::Pixel([pixel.value[0], pixel.value[1], 0]),
-        RayEntry::Given(given) => Request::Ray(given.clone()),
+        RayEntry::Pixel { pixel, .. } => ExplainRequest::Pixel([pixel.value[0], pixel.value[1], 0]),
+        RayEntry::Given(given) => ExplainRequest::Ray(given.clone()),
     };
     in_pass(ray.pass().map(|key| key.value.0.clone()), request)
 }
 
-fn in_pass(pass: Option<String>, request: Request) -> Request {
+fn in_pass(pass: Option<String>, request: ExplainRequest) -> ExplainRequest {
     match pass {
-        Some(pass) => Request::InPass(pass, Box::new(request)),
+        Some(pass) => ExplainRequest::InPass(pass, Box::new(request)),
         None => request,
     }
 }
 
 /// The command line that asks for the same, as a shell takes it.
-fn command_line(scene: &str, request: &Request) -> String {
+fn command_line(scene: &str, request: &ExplainRequest) -> String {
     format!("anyhit trace-one-ray {}{}", shell::word(scene), arguments(request))
 }
 
-fn arguments(request: &Request) -> String {
+fn arguments(request: &ExplainRequest) -> String {
     match request {
-        Request::Pixel([x, y, 0]) => format!(" --pixel {x},{y}"),
-        Request::Pixel([x, y, z]) => format!(" --pixel {x},{y},{z}"),
-        Request::Ray(ray) => match &ray.name {
+        ExplainRequest::Pixel([x, y, 0]) => format!(" --pixel {x},{y}"),
+        ExplainRequest::Pixel([x, y, z]) => format!(" --pixel {x},{y},{z}"),
+        ExplainRequest::Ray(ray) => match &ray.name {
             // What looks like six numbers is read as these.
             Some(name) if !matches!(command::ray(name), Ok(Some(_))) => named(name),
             _ => numbers(ray),
         },
-        Request::Named(name) => named(name),
-        Request::Invocation { dispatch, id: [x, y, z] } => {
+        ExplainRequest::Named(name) => named(name),
+        ExplainRequest::Invocation { dispatch, id: [x, y, z] } => {
             format!(" --invocation {x},{y},{z} --dispatch {dispatch}")
         }
-        Request::Default => String::new(),
-        Request::InPass(pass, request) => format!("{} --pass {}", arguments(request), shell::word(pass)),
+        ExplainRequest::Default => String::new(),
+        ExplainRequest::InPass(pass, request) => {
+            format!("{} --pass {}", arguments(request), shell::word(pass))
+        }
     }
 }
 

@@ -5,10 +5,10 @@ use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use anyhit::error::{ErrorKind, Result};
-use anyhit::machine::Resources;
-use anyhit::ops::support::{self, Support};
-use anyhit::pipeline::{Launch, Pipeline};
+use anyhit::internals::error::{ErrorKind, Result};
+use anyhit::internals::machine::Resources;
+use anyhit::internals::ops::support::{self, Support};
+use anyhit::internals::pipeline::{Launch, Pipeline};
 use rspirv::grammar::{INSTRUCTION_TABLE, OperandKind, OperandQuantifier};
 
 use crate::instructions::operand_types::types::hash;
@@ -197,8 +197,8 @@ fn module(instruction: &str) -> String {
 
 /// Loads, lowers and, where that succeeds, runs it for one invocation.
 fn run(text: &str) -> Result<()> {
-    let module = Arc::new(anyhit::module::load(&assemble(text))?);
-    let program = anyhit::program::lower(&module, &module.entry_points[0])?;
+    let module = Arc::new(anyhit::internals::module::load(&assemble(text))?);
+    let program = anyhit::internals::program::lower(&module, &module.entry_points[0])?;
     let mut builder = Pipeline::builder();
     builder.ray_generation(program)?;
     let pipeline = builder.build()?;

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use anyhit::machine::format::{Component, Format};
-use anyhit::machine::image::{Image, ImageShape};
-use anyhit::machine::sampler::Sampler;
-use anyhit::machine::{Descriptor, Resources};
+use anyhit::internals::machine::format::{Component, Format};
+use anyhit::internals::machine::image::{Image, ImageShape};
+use anyhit::internals::machine::sampler::Sampler;
+use anyhit::internals::machine::{Descriptor, Resources};
 
 use crate::instructions::operand_types::exact;
 use crate::instructions::operand_types::literal;

@@ -114,8 +114,12 @@ fn indices_of_every_type_lead_to_the_same_element() {
         };
         let words = [30u32, 31, 32, 33].map(u32::to_le_bytes).concat();
         let mut resources = || {
-            let buffer = anyhit::machine::Buffer::new(&words);
-            anyhit::machine::Resources::default().bind(0, 1, anyhit::machine::Descriptor::Buffer(buffer))
+            let buffer = anyhit::internals::machine::Buffer::new(&words);
+            anyhit::internals::machine::Resources::default().bind(
+                0,
+                1,
+                anyhit::internals::machine::Descriptor::Buffer(buffer),
+            )
         };
         let found =
             shader.run_with(&mut resources).unwrap_or_else(|error| panic!("{name}: {}", error.render()));

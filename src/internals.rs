@@ -1,0 +1,37 @@
+//! The rooms of the crate by their own names, for its program, tests, benchmarks, fuzzers and
+//! judges. Nothing here is promised: a version may change or remove all of it.
+
+/// Each room with all that is public in it.
+macro_rules! rooms {
+    ($($(#[$attribute:meta])* $room:ident)*) => {
+        $(
+            #[allow(missing_docs, reason = "described where it stands")]
+            $(#[$attribute])*
+            pub mod $room {
+                pub use crate::$room::*;
+            }
+        )*
+    };
+}
+
+rooms! {
+    accel
+    #[cfg(feature = "stress")] check_math
+    cli
+    compile
+    debug
+    error
+    geometry
+    harness
+    input
+    interp
+    machine
+    math
+    module
+    ops
+    pipeline
+    program
+    recording
+    scene
+    #[cfg(feature = "stress")] stress
+}
