@@ -253,7 +253,7 @@ impl Error {
 
     /// Several errors as one; the first gives kind and message. Empty input is a bug of the caller.
     #[cold]
-    pub fn several(errors: Vec<Self>) -> Self {
+    pub(crate) fn several(errors: Vec<Self>) -> Self {
         let mut errors = errors.into_iter();
         let mut first = errors.next().expect("bug in anyhit: no errors to report");
         first.0.others.extend(errors);
@@ -263,7 +263,7 @@ impl Error {
     /// The first of several errors as one, and a count of the others: a report of thousands helps
     /// nobody. Empty input is a bug of the caller.
     #[cold]
-    pub fn first_of(mut errors: Vec<Self>, most: usize) -> Self {
+    pub(crate) fn first_of(mut errors: Vec<Self>, most: usize) -> Self {
         let count = errors.len();
         errors.truncate(most.max(1));
         let not_shown = count - errors.len();

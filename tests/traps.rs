@@ -170,7 +170,8 @@ fn of_a_scene() {
 
 #[test]
 fn of_a_device_address() {
-    // The second node would lie 24 bytes behind the 16 bytes of `first`.
+    // The second node would lie 24 bytes behind the 16 bytes of `first`, the only buffer that it can
+    // be said to belong to.
     let text = "version = 1\npush_constants = [{ address_of = 'first' }, { u64 = 0 }]\n\
         shaders.main = 'tests/addresses/nodes.spv'\n[[dispatch]]\nshader = 'main'\n\
         [resources.out]\ntype = 'storage_buffer'\nbinding = 0\nsize = 24\n\
@@ -178,7 +179,7 @@ fn of_a_device_address() {
         data = [{ u32 = [3, 0] }, { u64 = 0x100028 }]\n";
     let error = LoadedScene::from_text("s.toml", text).unwrap().launch().unwrap_err();
     let found = trap(&error);
-    assert_eq!((found.code, found.fault_value), (TrapCode::AddressInvalid, 0x10_0028));
+    assert_eq!((found.code, found.fault_value), (TrapCode::AddressOutOfBounds, 0x10_0028));
     let TrapOperands::Address { address, bytes, nearest: Some(nearest), .. } = &found.operands else {
         panic!("{found:?}")
     };

@@ -54,6 +54,11 @@ pub fn describe(opcode: u16, broken: RayRule) -> String {
     }
 }
 
+/// What a ray that the host traces did wrong, as of `OpTraceRayKHR`.
+pub fn describe_of_trace(broken: RayRule) -> String {
+    describe(Opcode::TraceRayKHR as u16, broken)
+}
+
 /// The rule, where the specification has numbered it for this instruction.
 pub fn vuid(opcode: u16, broken: RayRule) -> Option<String> {
     let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known as u16 == opcode))?;
