@@ -86,8 +86,8 @@ fn sphere_pipeline() -> Pipeline {
         Program::of(&module, "main").expect("a supported shader")
     };
     let mut builder = Pipeline::builder();
-    builder.hit([shader("main.rchit.spv")]).expect("a hit group");
-    builder.miss(shader("main.rmiss.spv")).expect("a miss shader");
+    builder = builder.hit([shader("main.rchit.spv")]).expect("a hit group");
+    builder = builder.miss(shader("main.rmiss.spv")).expect("a miss shader");
     builder.build().expect("a pipeline")
 }
 

@@ -40,8 +40,11 @@ fn nothing() {}
 fn main() -> Result<()> {
     let module = Module::from_source("bands.wgsl", SOURCE)?;
     let shader = |name| Program::of(&module, name);
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(shader("look")?)?.hit([shader("met")?])?.miss(shader("nothing")?)?;
+    let pipeline = Pipeline::builder()
+        .ray_generation(shader("look")?)?
+        .hit([shader("met")?])?
+        .miss(shader("nothing")?)?
+        .build()?;
 
     // The lower half of what is seen, as y goes up from row to row: a wall at z = 1.
     let wall = [[-9.0, 0.0, 1.0], [9.0, 0.0, 1.0], [0.0, 99.0, 1.0]];
@@ -50,7 +53,7 @@ fn main() -> Result<()> {
     // 64 texels of 16 bytes a row: a band of 8 rows, the fewest that there are, has 8 KiB.
     let picture = StreamedImage { band_bytes: 8 << 10, ..StreamedImage::new(0, 1, Format::RGBA32F) };
     let (mut bands, mut met) = (Vec::new(), Vec::new());
-    let launched = builder.build()?.launch_bands(&scene, [64, 20], &picture, |band| {
+    let launched = pipeline.launch_bands(&scene, [64, 20], &picture, |band| {
         bands.push(band.rows());
         // Here they would go to a file.
         for y in band.rows() {

@@ -50,8 +50,11 @@ struct Met {
 fn main() -> Result<()> {
     let module = Module::from_source("launch.wgsl", SOURCE)?;
     let shader = |name| Program::of(&module, name);
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(shader("look")?)?.hit([shader("met")?])?.miss(shader("nothing")?)?;
+    let pipeline = Pipeline::builder()
+        .ray_generation(shader("look")?)?
+        .hit([shader("met")?])?
+        .miss(shader("nothing")?)?
+        .build()?;
 
     // Two triangles: the left half at z = 0, the right upper quarter's at z = 2.
     let left = [[-1.0, -3.0, 0.0], [0.0, -3.0, 0.0], [-0.5, 9.0, 0.0]];
@@ -60,7 +63,7 @@ fn main() -> Result<()> {
         .bind(0, 0)
         .buffer(0, 1, &[Met { t: 0.0, primitive: 0 }; 4])
         .image(0, 2, Image::plane(Format::RGBA32F, 2, 2)?);
-    let launched = builder.build()?.launch(&scene, [2, 2, 1])?;
+    let launched = pipeline.launch(&scene, [2, 2, 1])?;
 
     // As a Rust type, or by name.
     let met: Vec<Met> = launched.read_buffer(0, 1)?;

@@ -11,9 +11,10 @@ fn main() -> Result<()> {
     let module = Module::open(format!("{fixtures}/hit.slang.spv"))?;
     let shader = |name| Program::of(&module, name);
 
-    let mut builder = Pipeline::builder();
-    builder.hit([shader("round")?, shader("every_second")?])?.miss(shader("sky")?)?;
-    let pipeline = builder.build()?;
+    let pipeline = Pipeline::builder()
+        .hit([shader("round")?, shader("every_second")?])?
+        .miss(shader("sky")?)?
+        .build()?;
 
     // Three spheres in a row and a swept sphere beside them. The any-hit shader ignores primitives
     // of odd number.

@@ -23,9 +23,8 @@ use codespan_reporting::term::{self, termcolor};
 use serde::{Deserialize, Serialize};
 
 pub use stage::Stage;
-pub use trap::{
-    AccessedMemory, DescriptorElement, IndexOperand, NearestBuffer, ShaderFrame, Trap, TrapOperands,
-};
+pub(crate) use trap::IndexOperand;
+pub use trap::{DescriptorElement, ShaderFrame, Trap, TrapOperands};
 pub use trap_code::TrapCode;
 
 /// Shorthand for a result of this crate.
@@ -358,6 +357,7 @@ impl Error {
     }
 
     /// The class, which the exit code tells; that of the first of several errors.
+    #[doc(hidden)]
     pub fn class(&self) -> ErrorClass {
         match self.0.kind {
             _ if self.0.is_limit => ErrorClass::Limit,

@@ -50,9 +50,7 @@
 //! # fn main() -> anyhit::Result<()> {
 //! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/spirv-fixtures/pass/sphere/closest-hit");
 //! let shader = |file| Program::of(&Module::open(format!("{folder}/{file}"))?, "main");
-//! let mut builder = Pipeline::builder();
-//! builder.hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?;
-//! let pipeline = builder.build()?;
+//! let pipeline = Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
 //! let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)])?;
 //!
 //! let traced = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
@@ -99,46 +97,60 @@ mod scene;
 #[cfg(feature = "stress")]
 mod stress;
 
-pub use accel::{EndCaps, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, RayFlags, Srt};
-pub use compile::{
-    CompileOptions, DebugInfoLevel, Language, Optimize, Source, SourceEntryPoint, compile, content_hash,
-};
-pub use debug::ExplainRequest;
-pub use error::{
-    AccessedMemory, DescriptorElement, Error, ErrorClass, ErrorKind, ErrorReport, IndexOperand,
-    NearestBuffer, Place, Result, ShaderFrame, Trap, TrapCode, TrapOperands, Warning,
-};
-pub use geometry::{Precision, Ray};
-pub use harness::case::Case;
+// A module, and how a source becomes one.
+pub use compile::{CompileOptions, CompilerFlags, DebugInfoLevel, Language, Optimize, Source};
+pub use input::{InputLimit, InputLimits};
+pub use module::Module;
+pub use module::interface::{EntryPoint, Stage};
+pub use program::Program;
+
+// A shader in a unit test.
 pub use harness::compute_test::{ComputeOutcome, ComputeTest};
 pub use harness::data::TypedBytes;
 pub use harness::device_buffers::DeviceBuffers;
 pub use harness::explain::Explain;
 pub use harness::hit::Hit;
-pub use harness::instance::Instance;
-pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
 pub use harness::mock::{CallableCall, ExecuteCall, TraceCall};
-pub use harness::scalars::{ScalarValue, Scalars};
-pub use harness::scene::Scene;
+pub use harness::scalars::Scalars;
 pub use harness::shader_outcome::{ReportedHit, ShaderOutcome};
 pub use harness::shader_test::ShaderTest;
-pub use harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
 #[cfg(feature = "proptest")]
 pub use harness::strategies;
 pub use harness::struct_data::StructData;
 pub use harness::texels::Texels;
-pub use harness::trace::{HitRecord, Launched, Traced};
 pub use harness::value::Value;
-pub use input::{InputLimit, InputLimits};
+pub use machine::Exit;
+
+// What rays meet.
+pub use accel::{
+    EndCaps, GeometryData, GeometryFlags, HitKind, Indexing, InstanceFlags, Motion, RayFlags, Srt, TraceRay,
+};
+pub use geometry::Ray;
+pub use harness::instance::Instance;
+pub use harness::scene::Scene;
+
+// What shaders are bound.
 pub use machine::format::{Component, Format};
 pub use machine::image::{Dimension, Image, ImageShape};
+pub use machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, Sampler};
+pub use machine::{Buffer, Descriptor};
+
+// Pipelines, launches and single rays.
+pub use harness::trace::{HitRecord, Launched, Traced};
 pub use machine::printed::PrintedLine;
-pub use machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode, Sampler};
-pub use machine::{Buffer, Descriptor, Exit, LaunchFuel, LaunchLimits};
-pub use module::Module;
-pub use module::interface::{EntryPoint, Stage};
+pub use machine::{LaunchFuel, LaunchLimits};
 pub use pipeline::{
-    Band, DeviceProfile, Pipeline, PipelineBuilder, PipelineFlags, RayOperands, Stats, StreamedImage,
+    Band, DeviceFeatures, DeviceLimits, DeviceProfile, Pipeline, PipelineBuilder, PipelineFlags, RayOperands,
+    Sbt, SbtRecord, Stats, StreamedImage,
 };
-pub use program::Program;
-pub use recording::{Comparison, Recording};
+
+// Scene files, cases and whole modules.
+pub use debug::ExplainRequest;
+pub use harness::case::Case;
+pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
+pub use harness::smoke::{SmokeOptions, SmokeReport};
+
+// What goes wrong.
+pub use error::{
+    DescriptorElement, Error, ErrorKind, Place, Result, ShaderFrame, Trap, TrapCode, TrapOperands, Warning,
+};

@@ -234,13 +234,13 @@ fn rust_gives_buffers_addresses() {
         let module = anyhit::Module::open(format!("spirv-fixtures/pass/sphere/closest-hit/{file}"))?;
         anyhit::Program::of(&module, "main")
     };
-    let mut builder = anyhit::Pipeline::builder();
-    builder
+    let pipeline = anyhit::Pipeline::builder()
         .hit([shader("main.rchit.spv").unwrap()])
         .unwrap()
         .miss(shader("main.rmiss.spv").unwrap())
+        .unwrap()
+        .build()
         .unwrap();
-    let pipeline = builder.build().unwrap();
     let twice = given.buffer_at(0x2_0000_0000, &[5_u32]);
     let error = pipeline.trace(&twice, Ray::new([0.75, 0.0, 4.0], [0.0, 0.0, -1.0])).unwrap_err();
     assert!(error.message().contains("4 bytes at 0x200000000 overlap another buffer"), "{error}");

@@ -25,11 +25,11 @@ fn pipeline(texels: &str, body: &str) -> Pipeline {
          fn main(@builtin(ray_invocation_id) id: vec3u, @builtin(num_ray_invocations) size: vec3u) {{ {body} }}"
     );
     let module = Module::from_source("bands.wgsl", &source).expect("valid WGSL");
-    let mut builder = Pipeline::builder();
-    builder
+    Pipeline::builder()
         .ray_generation(Program::of(&module, "main").expect("a supported shader"))
-        .expect("ray generation");
-    builder.build().expect("a pipeline")
+        .expect("ray generation")
+        .build()
+        .expect("a pipeline")
 }
 
 fn scene() -> Scene {

@@ -43,7 +43,7 @@ fn demo(root: &Path) -> Vec<Case> {
 }
 
 fn check(case: &Case, root: &Path) -> Result<(), Failed> {
-    let run = case.check().map_err(|error| Failed::from(error.render()))?;
+    let run = case.run().map_err(|error| Failed::from(error.render()))?;
     case.check_optimizer().map_err(|error| Failed::from(error.render()))?;
     if case.scene.starts_with(root.join("shaders")) {
         let expectations = scene(case).and_then(|scene| Expectations::read(&scene.document));

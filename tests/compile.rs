@@ -5,9 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
-use anyhit::internals::compile::{
-    CompileOptions, DebugInfoLevel, Language, Optimize, Source, compile, content_hash, tool,
-};
+use anyhit::internals::compile::{CompileOptions, DebugInfoLevel, Language, Optimize, Source, tool};
 use anyhit::internals::error::Place;
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
@@ -56,7 +54,7 @@ impl Drop for Folder {
 
 /// The first place of the report about a source that does not compile: file and text meant.
 fn place_of_mistake(source: &Source) -> (String, String) {
-    let error = compile(source, &CompileOptions::default()).unwrap_err();
+    let error = source.compile(&CompileOptions::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::InvalidSource, "{error:?}");
     match error.places().next() {
         Some((Place::Text { file, text, span }, _)) => (file.clone(), text[span.clone()].to_owned()),
@@ -68,7 +66,7 @@ fn place_of_mistake(source: &Source) -> (String, String) {
 #[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
 fn glsl_becomes_spirv_1_6() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
-    let spirv = compile(&source, &CompileOptions::default()).unwrap();
+    let spirv = source.compile(&CompileOptions::default()).unwrap();
     assert_eq!(spirv[..8], SPIRV_1_6);
 }
 
@@ -77,7 +75,7 @@ fn glsl_becomes_spirv_1_6() {
 fn glsl_debug_info_adds_lines_or_nonsemantic_instructions() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
     let with = |debug| {
-        let spirv = compile(&source, &CompileOptions { debug, ..CompileOptions::default() }).unwrap();
+        let spirv = source.compile(&CompileOptions::default().debug(debug)).unwrap();
         let found = opcodes(&spirv);
         (found.contains(&OP_LINE), found.contains(&OP_EXT_INST))
     };
@@ -91,9 +89,7 @@ fn glsl_debug_info_adds_lines_or_nonsemantic_instructions() {
 fn glsl_debug_info_carries_the_text_as_written() {
     let text = format!("{GLSL_MISS}// as written\n");
     let source = Source::from_text("a.rmiss", text).unwrap();
-    let spirv =
-        compile(&source, &CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() })
-            .unwrap();
+    let spirv = source.compile(&CompileOptions::default().debug(DebugInfoLevel::Full)).unwrap();
     let copies = spirv.windows(13).filter(|bytes| bytes == b"// as written").count();
     assert_eq!(copies, 1);
     assert_eq!(spirv.windows(9).filter(|bytes| bytes == b"#version ").count(), 1);
@@ -103,7 +99,7 @@ fn glsl_debug_info_carries_the_text_as_written() {
 #[cfg_attr(not(feature = "glsl"), ignore = "needs the feature `glsl`")]
 fn a_mistake_in_glsl_is_shown_in_the_text() {
     let source = Source::from_text("a.rmiss", GLSL_MISS.replace("vec4(1.0)", "blue")).unwrap();
-    let report = compile(&source, &CompileOptions::default()).unwrap_err().render();
+    let report = source.compile(&CompileOptions::default()).unwrap_err().render();
     assert!(report.contains("'blue': undeclared identifier"), "{report}");
     assert!(report.contains("a.rmiss:4:"), "{report}");
 }
@@ -129,8 +125,7 @@ fn a_mistake_in_an_include_is_shown_there() {
 fn a_missing_include_is_an_error() {
     let text = GLSL_MISS
         .replace("layout", "#extension GL_GOOGLE_include_directive : require\n#include \"x.glsl\"\nlayout");
-    let error =
-        compile(&Source::from_text("a.rmiss", text).unwrap(), &CompileOptions::default()).unwrap_err();
+    let error = Source::from_text("a.rmiss", text).unwrap().compile(&CompileOptions::default()).unwrap_err();
     assert!(error.render().contains("x.glsl"), "{error:?}");
 }
 
@@ -171,17 +166,19 @@ fn a_named_glslang_is_used_and_must_exist() {
 #[test]
 fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
     let source = Source::from_text("a.rmiss", GLSL_MISS).unwrap();
-    if tool(Language::Glsl(anyhit::internals::compile::SourceStage::Miss)).is_ok() {
-        assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
+    if tool(Language::Glsl(anyhit::Stage::Miss)).is_ok() {
+        assert_eq!(source.compile(&CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
         let text = GLSL_MISS.replace("vec4(1.0)", "blue");
-        let report = compile(&Source::from_text("a.rmiss", text).unwrap(), &CompileOptions::default())
+        let report = Source::from_text("a.rmiss", text)
+            .unwrap()
+            .compile(&CompileOptions::default())
             .unwrap_err()
             .render();
         assert!(report.contains("'blue': undeclared identifier"), "{report}");
         assert!(report.contains("a.rmiss:4:"), "{report}");
     } else {
         let _ = writeln!(std::io::stderr(), "no glslang is installed: only its absence is tested");
-        let error = compile(&source, &CompileOptions::default()).unwrap_err();
+        let error = source.compile(&CompileOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
         assert!(error.render().contains("--features glsl"), "{error:?}");
     }
@@ -203,7 +200,7 @@ fn slang_keeps_the_names_of_entry_points() {
     }
     let source = Source::from_text("a.slang", SLANG_MISS).unwrap();
     for optimize in [Optimize::Default, Optimize::Off] {
-        let spirv = compile(&source, &CompileOptions { optimize, ..CompileOptions::default() }).unwrap();
+        let spirv = source.compile(&CompileOptions::default().optimize(optimize)).unwrap();
         assert_eq!(spirv[..4], SPIRV_1_6[..4]);
         assert!(spirv.windows(4).any(|bytes| bytes == b"sky\0"));
     }
@@ -239,7 +236,7 @@ fn slang_debug_info_adds_nonsemantic_instructions() {
     }
     let source = Source::from_text("a.slang", SLANG_MISS).unwrap();
     let with = |debug| {
-        let spirv = compile(&source, &CompileOptions { debug, ..CompileOptions::default() }).unwrap();
+        let spirv = source.compile(&CompileOptions::default().debug(debug)).unwrap();
         opcodes(&spirv).contains(&OP_EXT_INST)
     };
     assert!(!with(DebugInfoLevel::Names));
@@ -275,10 +272,10 @@ fn includes_from(folder: &Folder, source: &str, header: &str, header_text: &str)
     folder.write(&format!("common/{header}"), header_text);
     let read = || Source::read_in(&folder.0, source).unwrap();
     let options = CompileOptions::default();
-    assert_eq!(compile(&read(), &options).unwrap_err().kind(), ErrorKind::InvalidSource);
+    assert_eq!(read().compile(&options).unwrap_err().kind(), ErrorKind::InvalidSource);
     let with = || read().include_folders(["nowhere", "common"]);
-    compile(&with(), &options).unwrap();
-    assert_ne!(content_hash(&with()), content_hash(&read()), "the header is part of what is compiled");
+    with().compile(&options).unwrap();
+    assert_ne!(with().content_hash(), read().content_hash(), "the header is part of what is compiled");
     folder.write(&format!("common/{header}"), &header_text.replace("1.0", "blue"));
     let (file, _) = place_of_mistake(&with());
     assert_eq!(Path::new(&file), Path::new("common").join(header));
@@ -543,12 +540,8 @@ fn glsl_of_a_stage_that_only_the_scene_says() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_anyhit"));
     let output = command.arg("test").arg(&folder.0).env("ANYHIT_CACHE", "off").output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
-    let source = Source::from_text_as(
-        Language::Glsl(anyhit::internals::compile::SourceStage::Compute),
-        "a.glsl",
-        text,
-    );
-    assert_eq!(compile(&source, &CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
+    let source = Source::from_text_as(Language::Glsl(anyhit::Stage::Compute), "a.glsl", text);
+    assert_eq!(source.compile(&CompileOptions::default()).unwrap()[..8], SPIRV_1_6);
     let error = Source::from_text("a.glsl", text).unwrap_err().render();
     assert!(error.contains("which stage a plain .glsl file is of"), "{error}");
 }

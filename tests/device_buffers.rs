@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use anyhit::internals::pipeline::Record;
+use anyhit::internals::pipeline::SbtRecord;
 use anyhit::{
     ComputeTest, DeviceBuffers, Error, ErrorKind, Explain, Hit, Instance, LoadedScene, Module, Pipeline,
     Program, Ray, Result, Scene, ShaderTest, StructData,
@@ -45,10 +45,10 @@ fn a_pipeline_follows_pointers_of_push_constants_and_records() -> Result<()> {
     let module = Module::open(NESTED)?;
     let (buffers, push, materials) = nested(&module)?;
     let mut builder = Pipeline::builder();
-    builder.hit([Program::of(&module, "shade")?])?.miss(Program::of(&module, "sky")?)?;
+    builder = builder.hit([Program::of(&module, "shade")?])?.miss(Program::of(&module, "sky")?)?;
     let record = StructData::shader_record(&module)?.set("material", materials)?;
     let group = builder.sbt().hit[0].as_ref().expect("the record of the hit group").group;
-    builder.sbt().hit[0] = Some(Record::with_data(group, record.bytes()));
+    builder.sbt().hit[0] = Some(SbtRecord::with_data(group, record.bytes()));
     let pipeline = builder.build()?;
     let triangle = Instance::triangles([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]).opaque();
     let scene = Scene::new([triangle])?.device_buffers(&buffers).push_constants_data(&push);

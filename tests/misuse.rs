@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use anyhit::internals::accel::RayFlags;
 use anyhit::internals::machine::{Invocation, Resources};
-use anyhit::internals::pipeline::{Compute, Group, HitGroup, Launch, Record, Shader};
+use anyhit::internals::pipeline::{Compute, Group, HitGroup, Launch, SbtRecord, Shader};
 use anyhit::{
     Buffer, ComputeTest, DeviceBuffers, ErrorKind, Format, Hit, Image, ImageShape, Instance, LoadedScene,
     Module, Pipeline, PipelineBuilder, Program, Ray, RayOperands, Result, Scene, ShaderTest,
@@ -42,9 +42,7 @@ fn sphere() -> Scene {
 }
 
 fn hits_spheres() -> PipelineBuilder {
-    let mut builder = Pipeline::builder();
-    builder.hit([program(CLOSEST_HIT)]).expect("a hit group");
-    builder
+    Pipeline::builder().hit([program(CLOSEST_HIT)]).expect("a hit group")
 }
 
 fn down() -> Ray {
@@ -76,7 +74,7 @@ fn rays_that_break_a_rule() {
 fn pipelines_of_parts_that_do_not_fit() {
     let mut builder = Pipeline::builder();
     invalid(
-        builder.hit([program(CLOSEST_HIT), program(CLOSEST_HIT)]).map(|_| ()),
+        Pipeline::builder().hit([program(CLOSEST_HIT), program(CLOSEST_HIT)]).map(|_| ()),
         "two shaders of the stage ClosestHitKHR",
     );
     invalid(builder.group(Group::General(Shader(9))), "no shader 9");
@@ -98,7 +96,7 @@ fn pipelines_that_were_changed_since_they_were_built() {
         pipeline.trace(&sphere(), down())
     };
     assert!(trace(&|_| ()).is_ok());
-    let group = |pipeline: &mut Pipeline| pipeline.sbt.hit[0] = Some(Record::new(9));
+    let group = |pipeline: &mut Pipeline| pipeline.sbt.hit[0] = Some(SbtRecord::new(9));
     refused(trace(&group), ErrorKind::InvalidScene, "names group 9");
     invalid(trace(&|pipeline| pipeline.groups[0] = Group::General(Shader(9))), "no shader 9");
     invalid(trace(&|pipeline| pipeline.programs.clear()), "no shader 0");
@@ -127,9 +125,7 @@ fn shaders_that_do_not_run_by_themselves() {
 
 #[test]
 fn launches_that_are_too_large_or_nothing() {
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(program(RAYGEN)).unwrap();
-    let pipeline = builder.build().unwrap();
+    let pipeline = Pipeline::builder().ray_generation(program(RAYGEN)).unwrap().build().unwrap();
     let scene = Scene::new([]).unwrap().buffer(0, 1, &[0.0f32; 4]);
     invalid(pipeline.launch(&scene, [4, 0, 1]), "has no invocations");
     invalid(pipeline.launch(&scene, [u32::MAX; 3]), "maxRayDispatchInvocationCount");
@@ -212,8 +208,7 @@ fn shaders_and_passes_that_a_scene_does_not_have() {
 
 #[test]
 fn images_are_read_where_they_are_bound() -> Result<()> {
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(program("fail/images/out-of-bounds/main.rgen.spv"))?;
+    let builder = Pipeline::builder().ray_generation(program("fail/images/out-of-bounds/main.rgen.spv"))?;
     let format = Format::new(anyhit::Component::Float32, 1);
     let scene = Scene::new([])?.image(0, 1, Image::plane(format, 3, 1)?);
     builder.build()?.launch(&scene, [3, 1, 1])?;

@@ -96,18 +96,18 @@ fn an_instance_that_is_moved_says_whether_it_moves() -> Result<()> {
 fn rays_and_pixels_are_explained_in_their_pass() -> Result<()> {
     let scene = LoadedScene::open(FRAME)?;
     let pixel = || Box::new(ExplainRequest::Pixel([0, 0, 0]));
-    let told = scene.explain(&ExplainRequest::InPass("ao".into(), pixel()))?;
+    let told = scene.explain(ExplainRequest::InPass("ao".into(), pixel()))?;
     assert!(told.contains("pass ao, pixel (0, 0) of 4 x 1"), "{told}");
     // The record's name, and what the hit shader of this pipeline gives.
     assert!(told.contains("shadow") && told.contains("0.25"), "{told}");
-    let first = scene.explain(&ExplainRequest::Pixel([0, 0, 0]))?;
+    let first = scene.explain(ExplainRequest::Pixel([0, 0, 0]))?;
     assert!(first.contains("pass primary") && first.contains("depth.rchit"), "{first}");
-    let error = scene.explain(&ExplainRequest::InPass("tonemap".into(), pixel())).unwrap_err();
+    let error = scene.explain(ExplainRequest::InPass("tonemap".into(), pixel())).unwrap_err();
     assert_eq!(error.message(), "pass `tonemap` dispatches a compute shader: it is no launch");
     let invocation = ExplainRequest::Invocation { dispatch: 0, id: [1, 0, 0] };
-    let told = scene.explain(&ExplainRequest::InPass("2".into(), Box::new(invocation.clone())))?;
+    let told = scene.explain(ExplainRequest::InPass("2".into(), Box::new(invocation.clone())))?;
     assert!(told.contains("pass tonemap, invocation (1, 0, 0) of dispatch 0"), "{told}");
-    let error = scene.explain(&ExplainRequest::InPass("ao".into(), Box::new(invocation))).unwrap_err();
+    let error = scene.explain(ExplainRequest::InPass("ao".into(), Box::new(invocation))).unwrap_err();
     assert_eq!(error.message(), "pass `ao` launches a pipeline: it is no dispatch");
     Ok(())
 }

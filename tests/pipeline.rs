@@ -28,9 +28,9 @@ where
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("a valid geometry");
     let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).expect("a valid instance");
     let mut builder = Pipeline::builder();
-    builder.ray_generation(program("main.rgen.spv")).expect("a ray generation shader");
-    builder.miss(program("main.rmiss.spv")).expect("a miss shader");
-    builder.hit([program("main.rchit.spv")]).expect("a hit group");
+    builder = builder.ray_generation(program("main.rgen.spv")).expect("a ray generation shader");
+    builder = builder.miss(program("main.rmiss.spv")).expect("a miss shader");
+    builder = builder.hit([program("main.rchit.spv")]).expect("a hit group");
     let pipeline = builder.build().expect("a valid pipeline");
     let buffer = Buffer::zeroed((size * size * 32) as usize);
     let resources = Resources::default().bind(0, 0, Descriptor::AccelerationStructure(tlas)).bind(

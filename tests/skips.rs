@@ -231,9 +231,8 @@ fn trace(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, x: f32)
 
 /// One ray onto five spheres, through a hit group.
 fn launch(group: impl IntoIterator<Item = Program>, flags: GeometryFlags, trace: TraceRay) -> Result<Stats> {
-    let mut builder = Pipeline::builder();
-    builder.hit(group)?.miss(shader("MissKHR", "", ""))?;
-    let (pipeline, resources) = (builder.build()?, Resources::default());
+    let pipeline = Pipeline::builder().hit(group)?.miss(shader("MissKHR", "", ""))?.build()?;
+    let (pipeline, resources) = (pipeline, Resources::default());
     let tlas = Tlas::new(vec![instance(&spheres(5, flags), 0.0)])?;
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let payload = Vec::new();

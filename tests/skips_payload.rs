@@ -105,10 +105,10 @@ fn launch(ray_generation: Program, called: Program, radius: f32, watched: bool) 
     let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)])?;
     let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)])?;
     let mut builder = Pipeline::builder();
-    builder.ray_generation(ray_generation)?;
+    builder = builder.ray_generation(ray_generation)?;
     match called.stage {
-        Stage::Miss => builder.miss(called)?,
-        _ => builder.hit([called])?,
+        Stage::Miss => builder = builder.miss(called)?,
+        _ => builder = builder.hit([called])?,
     };
     let (pipeline, buffer) = (builder.build()?, Buffer::zeroed(8));
     let resources = Resources::default().bind(0, 0, Descriptor::AccelerationStructure(tlas)).bind(

@@ -3,9 +3,8 @@
 
 use anyhit::internals::error::ErrorReport;
 use anyhit::{
-    AccessedMemory, ComputeTest, DescriptorElement, Error, ErrorKind, IndexOperand, Instance, LoadedScene,
-    Module, Pipeline, Program, Ray, RayOperands, Scene, ShaderFrame, ShaderTest, Stage, Trap, TrapCode,
-    TrapOperands,
+    ComputeTest, DescriptorElement, Error, ErrorKind, Instance, LoadedScene, Module, Pipeline, Program, Ray,
+    RayOperands, Scene, ShaderFrame, ShaderTest, Stage, Trap, TrapCode, TrapOperands,
 };
 
 fn trap(error: &Error) -> &Trap {
@@ -35,10 +34,6 @@ fn is_at(frame: &ShaderFrame, stage: Stage, file: &str, line: u32) {
     assert!(found.ends_with(file), "{frame:?}");
 }
 
-fn index(operand: &IndexOperand) -> (Option<i64>, Option<u64>, Option<&str>) {
-    (operand.index, operand.length, operand.of.as_deref())
-}
-
 fn descriptor(element: &DescriptorElement) -> (&str, [u32; 3]) {
     (&element.name, [element.set, element.binding, element.element])
 }
@@ -54,8 +49,8 @@ fn of_a_single_shader() {
     assert_eq!((found.code, found.launch_id), (TrapCode::IndexOutOfBounds, [5, 0, 0]));
     assert_eq!((found.stage(), found.entry_point()), (Some(Stage::RayGeneration), Some("main")));
     assert_eq!((found.line(), found.vuid.as_deref(), found.fault_value), (Some(11), None, 0));
-    let TrapOperands::Index(operand) = &found.operands else { panic!("{found:?}") };
-    assert_eq!(index(operand), (Some(5), Some(4), Some("table")));
+    let TrapOperands::Index { index, length, of, .. } = &found.operands else { panic!("{found:?}") };
+    assert_eq!((*index, *length, of.as_deref()), (Some(5), Some(4), Some("table")));
     let [frame] = &found.stack[..] else { panic!("{found:?}") };
     is_at(frame, Stage::RayGeneration, "fail/memory/array-index/main.rgen", 11);
 
@@ -77,21 +72,21 @@ fn of_a_compute_shader() {
     assert_eq!((found.code, found.launch_id), (TrapCode::BufferOutOfBounds, [1, 0, 0]));
     let [frame] = &found.stack[..] else { panic!("{found:?}") };
     is_at(frame, Stage::Compute, "array-of-buffers/main.comp", 10);
-    let TrapOperands::Buffer { memory, offset, bytes, size, index: operand, .. } = &found.operands else {
+    let TrapOperands::Buffer { offset, bytes, size, index, length, of, storage_class, .. } = &found.operands
+    else {
         panic!("{found:?}")
     };
     assert_eq!((*offset, *bytes, *size, found.fault_value), (4, 4, Some(4), 4));
-    let AccessedMemory::Descriptor(element) = memory else { panic!("{found:?}") };
+    assert_eq!((*index, *length, of.as_deref()), (Some(1), Some(1), Some("buffers[].outputs")));
+    assert_eq!(*storage_class, None);
+    let TrapOperands::Buffer { descriptor: Some(element), .. } = &found.operands else { panic!("{found:?}") };
     assert_eq!(descriptor(element), ("buffers", [0, 1, 0]));
-    let operand = operand.as_ref().expect("the index of a runtime array");
-    assert_eq!(index(operand), (Some(1), Some(1), Some("buffers[].outputs")));
 }
 
 #[test]
 fn of_a_ray_without_a_record() {
     let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)]).unwrap();
-    let mut builder = Pipeline::builder();
-    builder.hit([program("pass/sphere/closest-hit/main.rchit.spv")]).unwrap();
+    let builder = Pipeline::builder().hit([program("pass/sphere/closest-hit/main.rchit.spv")]).unwrap();
     let pipeline = builder.build().unwrap();
     let ray = Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]);
     let error = pipeline.trace(&scene, RayOperands::from(ray).sbt(5, 1)).unwrap_err();
@@ -109,9 +104,8 @@ fn of_a_shader_that_a_ray_calls() {
     // has depth 1; the third shader's would have depth 4.
     let wall = |z: f32| Instance::triangle([[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 1.0, z]]);
     let scene = Scene::new([wall(-1.0), wall(1.0)]).unwrap().bind(0, 0);
-    let mut builder = Pipeline::builder();
-    builder.hit([program("fail/trace/recursion/main.rchit.spv")]).unwrap();
-    builder.miss(program("fail/trace/recursion/main.rmiss.spv")).unwrap();
+    let builder = Pipeline::builder().hit([program("fail/trace/recursion/main.rchit.spv")]).unwrap();
+    let builder = builder.miss(program("fail/trace/recursion/main.rmiss.spv")).unwrap();
     let pipeline = builder.max_recursion(3).build().unwrap();
     let error = pipeline.trace(&scene, Ray::new([0.0; 3], [0.0, 0.0, -1.0])).unwrap_err();
     let found = trap(&error);
@@ -180,12 +174,13 @@ fn of_a_device_address() {
     let error = LoadedScene::from_text("s.toml", text).unwrap().launch().unwrap_err();
     let found = trap(&error);
     assert_eq!((found.code, found.fault_value), (TrapCode::AddressOutOfBounds, 0x10_0028));
-    let TrapOperands::Address { address, bytes, nearest: Some(nearest), .. } = &found.operands else {
+    let TrapOperands::Address { address, bytes, start, size, buffer, descriptor, .. } = &found.operands
+    else {
         panic!("{found:?}")
     };
     assert_eq!((*address, *bytes), (0x10_0028, Some(4)));
-    assert_eq!((nearest.name.as_deref(), nearest.start, nearest.size), (Some("first"), 0x10_0000, 16));
-    assert_eq!(nearest.descriptor, None);
+    assert_eq!((buffer.as_deref(), *start, *size), (Some("first"), Some(0x10_0000), Some(16)));
+    assert_eq!(*descriptor, None);
 }
 
 #[test]
@@ -198,8 +193,8 @@ fn of_a_report_in_json() {
     assert_eq!((&trap["line"], &trap["stack"][0]["line"]), (&11.into(), &11.into()));
     assert_eq!(trap["operands"]["kind"], "buffer");
     assert_eq!(trap["operands"]["offset"], 20);
-    assert_eq!(trap["operands"]["memory"]["descriptor"]["binding"], 2);
-    assert_eq!(trap["operands"]["index"]["length"], 5);
+    assert_eq!(trap["operands"]["descriptor"]["binding"], 2);
+    assert_eq!(trap["operands"]["length"], 5);
     assert_eq!(trap["vuid"], serde_json::Value::Null);
 }
 

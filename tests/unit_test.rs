@@ -18,10 +18,10 @@ fn the_normal_of_a_sphere_points_at_the_viewer() -> Result<()> {
 #[test]
 fn a_ray_beside_the_sphere_runs_the_miss_shader() -> Result<()> {
     let shader = |file| Program::of(&Module::open(format!("{FOLDER}/{file}"))?, "main");
-    let mut builder = Pipeline::builder();
-    builder.hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?;
+    let pipeline =
+        Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
     let scene = Scene::new([Instance::sphere([0.0; 3], 0.5)])?;
-    let traced = builder.build()?.trace(&scene, Ray::new([0.75, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
+    let traced = pipeline.trace(&scene, Ray::new([0.75, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
     assert_eq!(traced.payload["t"].f32(), -1.0);
     Ok(())
 }

@@ -38,14 +38,16 @@ pub fn program(file: &str) -> Program {
 
 fn pipeline(shaders: Shaders) -> Pipeline {
     let mut builder = Pipeline::builder();
-    builder.ray_generation(program(&format!("{}.rgen", shaders.ray_generation))).expect("ray generation");
+    builder =
+        builder.ray_generation(program(&format!("{}.rgen", shaders.ray_generation))).expect("ray generation");
     for miss in shaders.miss {
-        builder.miss(program(&format!("{miss}.rmiss"))).expect("a miss shader");
+        builder = builder.miss(program(&format!("{miss}.rmiss"))).expect("a miss shader");
     }
     let members =
         [(shaders.closest_hit, "rchit"), (shaders.any_hit, "rahit"), (shaders.intersection, "rint")];
     let named = members.iter().filter(|(name, _)| !name.is_empty());
-    builder.hit(named.map(|(name, stage)| program(&format!("{name}.{stage}")))).expect("a hit group");
+    builder =
+        builder.hit(named.map(|(name, stage)| program(&format!("{name}.{stage}")))).expect("a hit group");
     builder.build().expect("a valid pipeline")
 }
 

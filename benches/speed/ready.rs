@@ -30,9 +30,11 @@ pub fn run(table: &mut Table) {
     build("build spheres", &|| scenes::spheres(many));
     build("build swept spheres", &|| scenes::meadow(blades));
     if table.wants_any("one invocation") {
-        let mut builder = Pipeline::builder();
-        builder.ray_generation(program("arithmetic.rgen")).expect("ray generation");
-        let pipeline = builder.build().expect("a valid pipeline");
+        let pipeline = Pipeline::builder()
+            .ray_generation(program("arithmetic.rgen"))
+            .expect("ray generation")
+            .build()
+            .expect("a valid pipeline");
         let resources = Default::default();
         let launch = Launch { pipeline: &pipeline, resources: &resources };
         table.time("one invocation, 1000 times", || {

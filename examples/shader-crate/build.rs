@@ -8,7 +8,7 @@ use std::error::Error;
 use std::path::Path;
 use std::{env, fs};
 
-use anyhit::{CompileOptions, DebugInfoLevel, ErrorKind, Source, compile, content_hash};
+use anyhit::{CompileOptions, DebugInfoLevel, ErrorKind, Source};
 
 const SHADERS: &[&str] = &["lss.rchit"];
 
@@ -20,12 +20,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     for name in SHADERS {
         let source = Source::read_in(Path::new("shaders"), name)?;
         let (kept, hash) = (format!("spirv/{name}.spv"), format!("spirv/{name}.hash"));
-        let options = CompileOptions { debug: DebugInfoLevel::Lines, ..CompileOptions::default() };
-        let module = match compile(&source, &options) {
+        let options = CompileOptions::default().debug(DebugInfoLevel::Lines);
+        let module = match source.compile(&options) {
             Ok(module) => module,
             Err(error) if error.kind() == ErrorKind::UnsupportedTool => {
                 println!("cargo:warning={}: {kept} is used", error.message());
-                if fs::read_to_string(&hash)?.trim() != content_hash(&source) {
+                if fs::read_to_string(&hash)?.trim() != source.content_hash() {
                     return Err(
                         format!("{kept} was made from another shaders/{name}\n{}", error.render()).into()
                     );
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         if env::var_os("UPDATE_SPIRV").is_some() {
             fs::write(&kept, &module)?;
-            fs::write(&hash, content_hash(&source) + "\n")?;
+            fs::write(&hash, source.content_hash() + "\n")?;
         }
         fs::write(Path::new(&out).join(format!("{name}.spv")), module)?;
     }

@@ -65,6 +65,7 @@ impl TraceRay {
     ///
     /// # Errors
     /// The first rule that they break.
+    #[doc(hidden)]
     #[inline]
     pub fn check(&self) -> Result<(), RayRule> {
         let Ray { origin, direction, t_min, t_max } = self.ray;

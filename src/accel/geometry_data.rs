@@ -42,6 +42,7 @@ pub enum GeometryData {
 
 impl GeometryData {
     /// Which kind of primitive it holds (`VkGeometryTypeKHR`).
+    #[doc(hidden)]
     pub fn kind(&self) -> GeometryKind {
         match self {
             Self::Triangles { .. } => GeometryKind::Triangles,
@@ -53,6 +54,7 @@ impl GeometryData {
 
     /// How many primitives it holds, inactive ones included. An incomplete last primitive does not
     /// count.
+    #[doc(hidden)]
     pub fn primitive_count(&self) -> usize {
         match self {
             Self::Triangles { vertices, indices, .. } => {

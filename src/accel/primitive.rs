@@ -39,6 +39,7 @@ impl GeometryData {
     ///
     /// # Panics
     /// Where the primitive or a vertex that it names does not exist: `Blas::new` has checked that.
+    #[doc(hidden)]
     #[inline]
     pub fn primitive(&self, primitive: u32) -> Primitive {
         let at = primitive as usize;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::compile::{LanguageName, SourceStage, SourceWords};
+use crate::compile::{LanguageName, STAGE_NAMES, SourceWords};
+use crate::module::interface::Stage;
 
 /// How sources are compiled that the command line names.
 #[derive(Args, Clone, Debug, Default)]
@@ -16,7 +17,7 @@ pub struct SourceArgs {
     /// compiled of Slang and HLSL: raygen, intersection, any_hit, closest_hit, miss, callable or
     /// compute
     #[arg(long, value_name = "STAGE", value_parser = stage)]
-    stage: Option<SourceStage>,
+    stage: Option<Stage>,
     /// Compile one entry point of a Slang or HLSL source [default with --stage: main]
     #[arg(long, value_name = "NAME")]
     entry: Option<String>,
@@ -60,8 +61,8 @@ fn language(text: &str) -> Result<LanguageName, String> {
     named(text, &LanguageName::NAMES)
 }
 
-fn stage(text: &str) -> Result<SourceStage, String> {
-    named(text, &SourceStage::NAMES)
+fn stage(text: &str) -> Result<Stage, String> {
+    named(text, &STAGE_NAMES)
 }
 
 fn named<T: Copy>(text: &str, names: &[(&str, T)]) -> Result<T, String> {
@@ -92,7 +93,7 @@ mod tests {
         let line =
             ["--stage", "any_hit", "-I", "a", "-Ib", "-DX=1", "--flag", "-fvk-t-shift 10 0", "--flag=-Ic"];
         let words = parse(&line).unwrap();
-        assert_eq!(words.stage, Some(SourceStage::AnyHit));
+        assert_eq!(words.stage, Some(Stage::AnyHit));
         assert_eq!(words.include_folders, ["a", "b", "c"].map(PathBuf::from));
         assert_eq!(words.flags, ["-DX=1", "-fvk-t-shift", "10", "0"]);
         assert_eq!(parse(&["--language", "hlsl"]).unwrap().language, Some(LanguageName::Hlsl));

@@ -14,6 +14,7 @@ use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
+use crate::geometry::Ray;
 use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
 use crate::scene::{LoadOptions, demo};
@@ -152,20 +153,21 @@ impl TraceOneRayArgs {
         let Ok(Some([origin, direction])) = command::ray(text) else {
             return Ok(ExplainRequest::Named(text.clone()));
         };
-        Ok(ExplainRequest::Ray(GivenRay {
-            name: None,
+        let ray = Ray {
             origin,
             direction,
             t_min: self.t_min.unwrap_or(0.0),
             t_max: self.t_max.unwrap_or(f32::INFINITY),
-            flags: self.flags.as_deref().map_or(Ok(0), command::flags)?,
-            cull_mask: self.cull_mask.unwrap_or(0xFF),
-            time: self.time.unwrap_or(0.0),
-            sbt_offset: self.sbt_offset.unwrap_or(0),
-            sbt_stride: self.sbt_stride.unwrap_or(1),
-            miss_index: self.miss_index.unwrap_or(0),
-            payload: Vec::new(),
-            pass: None,
+        };
+        let unset = GivenRay::from(ray);
+        Ok(ExplainRequest::Ray(GivenRay {
+            flags: self.flags.as_deref().map_or(Ok(unset.flags), command::flags)?,
+            cull_mask: self.cull_mask.unwrap_or(unset.cull_mask),
+            time: self.time.unwrap_or(unset.time),
+            sbt_offset: self.sbt_offset.unwrap_or(unset.sbt_offset),
+            sbt_stride: self.sbt_stride.unwrap_or(unset.sbt_stride),
+            miss_index: self.miss_index.unwrap_or(unset.miss_index),
+            ..unset
         }))
     }
 }

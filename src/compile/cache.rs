@@ -19,9 +19,7 @@ use std::sync::Once;
 use std::time::{Duration, SystemTime};
 
 use super::source::bytes_hash;
-use super::{
-    CompileOptions, Compiled, Language, Source, compile_with_warnings, content_hash, glslang_tool, slang,
-};
+use super::{CompileOptions, Compiled, Language, Source, compile_with_warnings, glslang_tool, slang};
 use crate::atomic_file;
 use crate::error::{Error, Result};
 
@@ -50,7 +48,7 @@ const MAGIC_OF_ALL: &[u8] = b"anyhit module ";
 /// text and name, included files, options and version of the compiler.
 ///
 /// # Errors
-/// As [`compile()`](super::compile()).
+/// As [`Source::compile`].
 pub fn compile_once(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
     compile_once_with_warnings(source, options).map(|compiled| compiled.spirv)
 }
@@ -58,7 +56,7 @@ pub fn compile_once(source: &Source, options: &CompileOptions) -> Result<Vec<u8>
 /// Compiles as [`compile_once`] does; what the compiler warned of is kept with the module.
 ///
 /// # Errors
-/// As [`compile()`](super::compile()).
+/// As [`Source::compile`].
 pub fn compile_once_with_warnings(source: &Source, options: &CompileOptions) -> Result<Compiled> {
     match folder() {
         Some(folder) => compile_once_in(&folder, source, options),
@@ -69,7 +67,7 @@ pub fn compile_once_with_warnings(source: &Source, options: &CompileOptions) -> 
 /// Compiles as [`compile_once_with_warnings`] does, with the cache in a given folder.
 ///
 /// # Errors
-/// As [`compile()`](super::compile()).
+/// As [`Source::compile`].
 pub fn compile_once_in(folder: &Path, source: &Source, options: &CompileOptions) -> Result<Compiled> {
     let key = key(source, options)?;
     let path = folder.join(&key);
@@ -189,7 +187,7 @@ fn key(source: &Source, options: &CompileOptions) -> Result<String> {
         &compiler,
         &format!("{options:?} {:?}", source.language()),
         source.name(),
-        &content_hash(source),
+        &source.content_hash(),
     ];
     // Lengths precede the parts, so that different lists never give the same text.
     let text: String = parts.iter().map(|part| format!("{} {part}\n", part.len())).collect();

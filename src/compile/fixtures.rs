@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::source::bytes_hash;
-use super::{CompileOptions, Language, Source, compile, content_hash, tool};
+use super::{CompileOptions, Language, Source, tool};
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};
 
@@ -42,7 +42,7 @@ pub struct FixtureRecord {
     pub tool: String,
     /// Flags, as in the source's comment; empty for none.
     pub flags: String,
-    /// [`content_hash`] of the source.
+    /// [`Source::content_hash`].
     pub source: String,
     /// SHA-256 of the module's bytes.
     pub module: String,
@@ -89,7 +89,7 @@ pub fn regenerate(root: &Path, force: bool) -> Result<FixtureReport> {
     for fixture in &requested {
         let source = Source::read_in(root, &fixture.source)?;
         let path = folder.join(&fixture.name);
-        let hash = content_hash(&source);
+        let hash = source.content_hash();
         let record = records.get(&fixture.name);
         let module = fs::read(&path).ok();
         if !force && stale_reason(record, &fixture.flags, &hash, module.as_deref()).is_none() {
@@ -135,7 +135,7 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
     let mut problems = Vec::new();
     let requested = requested(root)?;
     for fixture in &requested {
-        let hash = content_hash(&Source::read_in(root, &fixture.source)?);
+        let hash = Source::read_in(root, &fixture.source)?.content_hash();
         let module = fs::read(folder.join(&fixture.name)).ok();
         let record = records.remove(&fixture.name);
         if let Some(reason) = stale_reason(record.as_ref(), &fixture.flags, &hash, module.as_deref()) {
@@ -176,7 +176,7 @@ fn stale_reason(
 fn make(source: &Source, flags: &str) -> Result<(Vec<u8>, String)> {
     let tool = tool(source.language())?;
     let options = CompileOptions::from_flags(flags.split_whitespace())?;
-    Ok((compile(source, &options)?, tool))
+    Ok((source.compile(&options)?, tool))
 }
 
 /// All fixtures that the sources under a root request, sorted by name.

@@ -4,6 +4,7 @@
 //! program. `slangc` is given them as they are; for the others they become options.
 
 use super::{CompileOptions, DebugInfoLevel, Language, Optimize};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Flags that `slangc` is given as they are, which take no value.
 const SLANG_FLAGS: [&str; 36] = [
@@ -136,18 +137,31 @@ impl CompilerFlags {
     /// element of the list: `-DX=1` and `-D`, `X=1` are the same.
     ///
     /// ```
-    /// use anyhit::internals::compile::{CompilerFlags, Language};
+    /// use anyhit::{CompilerFlags, Language};
     ///
-    /// let flags = CompilerFlags::parse(Language::Slang, &["-force-glsl-scalar-layout", "-DSPHERES=3"]);
-    /// assert!(flags.is_ok());
-    /// let refused = CompilerFlags::parse(Language::Slang, &["-o", "a.spv"]).unwrap_err();
-    /// assert_eq!((refused.at, refused.message.as_str()), (0, "slangc is not given the flag `-o` here"));
+    /// # fn main() -> anyhit::Result<()> {
+    /// CompilerFlags::of(Language::Slang, &["-force-glsl-scalar-layout", "-DSPHERES=3"])?;
+    /// let refused = CompilerFlags::of(Language::Slang, &["-o", "a.spv"]).unwrap_err();
+    /// assert_eq!(refused.message(), "slangc is not given the flag `-o` here");
+    /// # Ok(())
+    /// # }
     /// ```
     ///
     /// # Errors
-    /// The first flag that is not on the language's list, or whose value is missing or looks like a
-    /// flag.
-    pub fn parse<S: AsRef<str>>(language: Language, flags: &[S]) -> Result<Self, RefusedFlag> {
+    /// [`ErrorKind::InvalidArgument`] for the first flag that is not on the language's list, or
+    /// whose value is missing or looks like a flag.
+    pub fn of<S: AsRef<str>>(language: Language, flags: &[S]) -> Result<Self> {
+        let refused =
+            |flag: RefusedFlag| Error::new(ErrorKind::InvalidArgument, flag.message).note(flag.note);
+        Self::parse(language, flags).map_err(refused)
+    }
+
+    /// Checks flags as [`CompilerFlags::of`] does, and tells which one is refused.
+    ///
+    /// # Errors
+    /// The first flag that is refused.
+    #[doc(hidden)]
+    pub fn parse<S: AsRef<str>>(language: Language, flags: &[S]) -> std::result::Result<Self, RefusedFlag> {
         let is_slang = matches!(language, Language::Slang | Language::Hlsl);
         let refused = |at, message| RefusedFlag { at, message, note: known(language) };
         let mut all = Self::default();
@@ -221,11 +235,13 @@ impl CompilerFlags {
     }
 
     /// The include folders of `-I`, as they are written.
+    #[doc(hidden)]
     pub fn include_folders(&self) -> &[String] {
         &self.folders
     }
 
     /// These options, with what the flags say instead.
+    #[doc(hidden)]
     #[must_use]
     pub fn over(&self, options: &CompileOptions) -> CompileOptions {
         CompileOptions {
@@ -288,9 +304,9 @@ fn known(language: Language) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compile::SourceStage;
+    use crate::module::interface::Stage;
 
-    const GLSL: Language = Language::Glsl(SourceStage::Compute);
+    const GLSL: Language = Language::Glsl(Stage::Compute);
 
     #[test]
     fn flags_become_definitions_folders_options_and_arguments() {

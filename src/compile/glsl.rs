@@ -7,17 +7,19 @@ use glslang::{
     SpirvVersion, Target, VulkanVersion,
 };
 
+use super::language::unknown_stage;
 use super::message::{self, Severity};
-use super::{CompileOptions, Compiled, DebugInfoLevel, Source, SourceStage, bytes, glslang_debug};
+use super::{CompileOptions, Compiled, DebugInfoLevel, Source, bytes, glslang_debug};
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::contained;
+use crate::module::interface::Stage;
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Compiled> {
+pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Compiled> {
     contained("glslang", ErrorKind::InvalidSource, || translate(source, stage, options))
 }
 
-fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Compiled> {
+fn translate(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Compiled> {
     if source.text().contains('\0') {
         let text = format!("{}: the text holds a zero byte", source.name());
         return Err(Error::new(ErrorKind::InvalidSource, text));
@@ -25,7 +27,7 @@ fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> R
     let compiler = Compiler::acquire().ok_or_else(|| {
         Error::new(ErrorKind::UnsupportedTool, "glslang could not be initialised on this machine")
     })?;
-    let stage = shader_stage(stage);
+    let stage = shader_stage(stage)?;
     let settings = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         target: Target::Vulkan { version: VulkanVersion::Vulkan1_3, spirv_version: SpirvVersion::SPIRV1_6 },
@@ -53,16 +55,17 @@ fn translate(source: &Source, stage: SourceStage, options: &CompileOptions) -> R
     Ok(Compiled { spirv: bytes(&words), warnings })
 }
 
-fn shader_stage(stage: SourceStage) -> ShaderStage {
-    match stage {
-        SourceStage::RayGeneration => ShaderStage::RayGeneration,
-        SourceStage::Intersection => ShaderStage::Intersect,
-        SourceStage::AnyHit => ShaderStage::AnyHit,
-        SourceStage::ClosestHit => ShaderStage::ClosestHit,
-        SourceStage::Miss => ShaderStage::Miss,
-        SourceStage::Callable => ShaderStage::Callable,
-        SourceStage::Compute => ShaderStage::Compute,
-    }
+fn shader_stage(stage: Stage) -> Result<ShaderStage> {
+    Ok(match stage {
+        Stage::RayGeneration => ShaderStage::RayGeneration,
+        Stage::Intersection => ShaderStage::Intersect,
+        Stage::AnyHit => ShaderStage::AnyHit,
+        Stage::ClosestHit => ShaderStage::ClosestHit,
+        Stage::Miss => ShaderStage::Miss,
+        Stage::Callable => ShaderStage::Callable,
+        Stage::Compute => ShaderStage::Compute,
+        Stage::Other(_) => return Err(unknown_stage(stage)),
+    })
 }
 
 /// Includes are relative to the including file; `<...>` means the same as `"..."`.

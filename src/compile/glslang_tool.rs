@@ -3,9 +3,11 @@
 use std::process::Command;
 
 use super::external::{Tool, Workspace, printed};
+use super::language::{extension, unknown_stage};
 use super::message::{self, Severity};
-use super::{CompileOptions, Compiled, DebugInfoLevel, Optimize, Source, SourceStage};
+use super::{CompileOptions, Compiled, DebugInfoLevel, Optimize, Source};
 use crate::error::{Error, ErrorKind, Result};
+use crate::module::interface::Stage;
 
 /// The environment variable that names the tool to use, also where glslang is built in.
 const VARIABLE: &str = "GLSLANG";
@@ -20,11 +22,11 @@ pub(super) fn is_requested() -> bool {
 }
 
 /// Compiles for Vulkan 1.3, to SPIR-V 1.6.
-pub(super) fn compile(source: &Source, stage: SourceStage, options: &CompileOptions) -> Result<Compiled> {
+pub(super) fn compile(source: &Source, stage: Stage, options: &CompileOptions) -> Result<Compiled> {
     let tool = tool()?;
     let workspace = Workspace::new(source)?;
     let mut command = Command::new(&tool.path);
-    let stage = stage.extension();
+    let stage = extension(stage).ok_or_else(|| unknown_stage(stage))?;
     if is_glslc(&tool) {
         command.args(["--target-env=vulkan1.3", "-x", "glsl"]).arg(format!("-fshader-stage={stage}"));
         if options.debug != DebugInfoLevel::Names {

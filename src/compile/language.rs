@@ -3,76 +3,54 @@
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind};
+use crate::module::interface::Stage;
 
 /// The extensions that are known.
 pub const EXTENSIONS: &str = "GLSL: .rgen .rint .rahit .rchit .rmiss .rcall .comp, also with .glsl behind; WGSL: .wgsl; Slang: .slang; HLSL: .hlsl";
 
-/// A pipeline stage, named by the file extension that glslang knows it by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SourceStage {
-    /// `.rgen`
-    RayGeneration,
-    /// `.rint`
-    Intersection,
-    /// `.rahit`
-    AnyHit,
-    /// `.rchit`
-    ClosestHit,
-    /// `.rmiss`
-    Miss,
-    /// `.rcall`
-    Callable,
-    /// `.comp`
-    Compute,
+/// The stages that sources have, by the words of scenes and of the command line.
+pub const STAGE_NAMES: [(&str, Stage); 7] = [
+    ("raygen", Stage::RayGeneration),
+    ("intersection", Stage::Intersection),
+    ("any_hit", Stage::AnyHit),
+    ("closest_hit", Stage::ClosestHit),
+    ("miss", Stage::Miss),
+    ("callable", Stage::Callable),
+    ("compute", Stage::Compute),
+];
+
+/// The file extension, without a dot, that glslang knows a stage by.
+pub(super) fn extension(stage: Stage) -> Option<&'static str> {
+    Some(match stage {
+        Stage::RayGeneration => "rgen",
+        Stage::Intersection => "rint",
+        Stage::AnyHit => "rahit",
+        Stage::ClosestHit => "rchit",
+        Stage::Miss => "rmiss",
+        Stage::Callable => "rcall",
+        Stage::Compute => "comp",
+        Stage::Other(_) => return None,
+    })
 }
 
-impl SourceStage {
-    const ALL: [Self; 7] = [
-        Self::RayGeneration,
-        Self::Intersection,
-        Self::AnyHit,
-        Self::ClosestHit,
-        Self::Miss,
-        Self::Callable,
-        Self::Compute,
-    ];
+/// What slangc calls a stage.
+pub(super) fn slang_name(stage: Stage) -> Option<&'static str> {
+    Some(match stage {
+        Stage::RayGeneration => "raygeneration",
+        Stage::Intersection => "intersection",
+        Stage::AnyHit => "anyhit",
+        Stage::ClosestHit => "closesthit",
+        Stage::Miss => "miss",
+        Stage::Callable => "callable",
+        Stage::Compute => "compute",
+        Stage::Other(_) => return None,
+    })
+}
 
-    /// The stages by the words of scenes and of the command line.
-    pub const NAMES: [(&'static str, Self); 7] = [
-        ("raygen", Self::RayGeneration),
-        ("intersection", Self::Intersection),
-        ("any_hit", Self::AnyHit),
-        ("closest_hit", Self::ClosestHit),
-        ("miss", Self::Miss),
-        ("callable", Self::Callable),
-        ("compute", Self::Compute),
-    ];
-
-    /// What slangc calls it.
-    pub(super) fn slang_name(self) -> &'static str {
-        match self {
-            Self::RayGeneration => "raygeneration",
-            Self::Intersection => "intersection",
-            Self::AnyHit => "anyhit",
-            Self::ClosestHit => "closesthit",
-            Self::Miss => "miss",
-            Self::Callable => "callable",
-            Self::Compute => "compute",
-        }
-    }
-
-    /// The file extension, without a dot.
-    pub(super) fn extension(self) -> &'static str {
-        match self {
-            Self::RayGeneration => "rgen",
-            Self::Intersection => "rint",
-            Self::AnyHit => "rahit",
-            Self::ClosestHit => "rchit",
-            Self::Miss => "rmiss",
-            Self::Callable => "rcall",
-            Self::Compute => "comp",
-        }
-    }
+/// The error for a stage that no source of this crate has.
+pub(super) fn unknown_stage(stage: Stage) -> Error {
+    let text = format!("a source is compiled for ray tracing or compute, not as {}", stage.name());
+    Error::new(ErrorKind::InvalidArgument, text)
 }
 
 /// The name of a language, where a file's extension does not say it.
@@ -98,7 +76,7 @@ impl LanguageName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Language {
     /// GLSL: one stage a file, entry point `main`.
-    Glsl(SourceStage),
+    Glsl(Stage),
     /// WGSL (`.wgsl`), with naga's ray-tracing extensions.
     Wgsl,
     /// Slang (`.slang`).
@@ -110,15 +88,16 @@ pub enum Language {
 impl Language {
     /// The language of a file name, by its extension; `None` for headers and everything else.
     pub fn of(path: &Path) -> Option<Self> {
-        let extension = path.extension()?.to_str()?;
-        let stage = |name: &str| SourceStage::ALL.into_iter().find(|stage| stage.extension() == name);
-        Some(match extension {
+        let stage = |name: &str| {
+            STAGE_NAMES.into_iter().map(|(_, stage)| stage).find(|&stage| extension(stage) == Some(name))
+        };
+        Some(match path.extension()?.to_str()? {
             "wgsl" => Self::Wgsl,
             "slang" => Self::Slang,
             "hlsl" => Self::Hlsl,
             // `a.rchit.glsl`; a plain `.glsl` is a header.
             "glsl" => Self::Glsl(stage(Path::new(path.file_stem()?).extension()?.to_str()?)?),
-            extension => Self::Glsl(stage(extension)?),
+            other => Self::Glsl(stage(other)?),
         })
     }
 
@@ -127,9 +106,10 @@ impl Language {
     ///
     /// # Errors
     /// A message where what is said makes no sense: GLSL of no stage, WGSL of one.
+    #[doc(hidden)]
     pub fn said(
         name: Option<LanguageName>,
-        stage: Option<SourceStage>,
+        stage: Option<Stage>,
         path: &Path,
     ) -> Result<Option<Self>, String> {
         let by_extension = Self::of(path);
@@ -183,8 +163,8 @@ mod tests {
     #[test]
     fn extensions_tell_language_and_stage() {
         let of = |name: &str| Language::of(Path::new(name));
-        assert_eq!(of("a.rchit"), Some(Language::Glsl(SourceStage::ClosestHit)));
-        assert_eq!(of("a.rmiss.glsl"), Some(Language::Glsl(SourceStage::Miss)));
+        assert_eq!(of("a.rchit"), Some(Language::Glsl(Stage::ClosestHit)));
+        assert_eq!(of("a.rmiss.glsl"), Some(Language::Glsl(Stage::Miss)));
         assert_eq!(of("a.hlsl"), Some(Language::Hlsl));
         assert_eq!(of("common.glsl"), None);
         assert_eq!(of("a.rchit.spv"), None);
@@ -193,18 +173,18 @@ mod tests {
     #[test]
     fn what_is_said_goes_before_the_extension() {
         use LanguageName as Name;
-        let miss = Some(SourceStage::Miss);
+        let miss = Some(Stage::Miss);
         let said = |name, stage, path: &str| Language::said(name, stage, Path::new(path));
         for (name, stage, path, expected) in [
             (None, None, "a.glsl", None),
-            (None, miss, "a.glsl", Some(Language::Glsl(SourceStage::Miss))),
-            (None, miss, "a.rchit", Some(Language::Glsl(SourceStage::Miss))),
+            (None, miss, "a.glsl", Some(Language::Glsl(Stage::Miss))),
+            (None, miss, "a.rchit", Some(Language::Glsl(Stage::Miss))),
             (None, miss, "a.txt", None),
             (None, miss, "a.hlsl", Some(Language::Hlsl)),
             (Some(Name::Hlsl), None, "a.rchit", Some(Language::Hlsl)),
             (Some(Name::Slang), miss, "a.txt", Some(Language::Slang)),
-            (Some(Name::Glsl), None, "a.rchit.glsl", Some(Language::Glsl(SourceStage::ClosestHit))),
-            (Some(Name::Glsl), miss, "a.slang", Some(Language::Glsl(SourceStage::Miss))),
+            (Some(Name::Glsl), None, "a.rchit.glsl", Some(Language::Glsl(Stage::ClosestHit))),
+            (Some(Name::Glsl), miss, "a.slang", Some(Language::Glsl(Stage::Miss))),
             (Some(Name::Wgsl), None, "a.txt", Some(Language::Wgsl)),
         ] {
             assert_eq!(said(name, stage, path), Ok(expected), "{name:?} {stage:?} {path}");

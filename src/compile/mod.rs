@@ -7,12 +7,12 @@
 //! step with `shaders/`.
 //!
 //! ```
-//! use anyhit::{CompileOptions, Source, compile};
+//! use anyhit::{CompileOptions, Source};
 //!
 //! let source = Source::from_text("double.wgsl", "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
 //!     @compute @workgroup_size(1) fn double() { x[0] *= 2.0; }")?;
 //! # #[cfg(feature = "wgsl")] {
-//! let spirv = compile(&source, &CompileOptions::default())?;
+//! let spirv = source.compile(&CompileOptions::default())?;
 //! assert_eq!(spirv[..4], [0x03, 0x02, 0x23, 0x07]);
 //! # }
 //! # Ok::<(), anyhit::Error>(())
@@ -39,14 +39,23 @@ mod wgsl;
 
 pub use cache::{compile_once, compile_once_with_warnings};
 pub use flags::{CompilerFlags, RefusedFlag};
-pub use language::{EXTENSIONS as SOURCE_EXTENSIONS, Language, LanguageName, SourceStage};
+pub use language::{EXTENSIONS as SOURCE_EXTENSIONS, Language, LanguageName, STAGE_NAMES};
 pub use settings::{SourceSettings, SourceWords};
-pub use source::{Source, content_hash};
+pub use source::Source;
 
 use crate::error::{Error, ErrorKind, Result, Warning};
+use crate::module::interface::Stage;
 
 /// How to compile.
+///
+/// ```
+/// use anyhit::{CompileOptions, DebugInfoLevel, Optimize};
+///
+/// let options = CompileOptions::default().debug(DebugInfoLevel::Full).optimize(Optimize::Off);
+/// assert_eq!(options.debug, DebugInfoLevel::Full);
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct CompileOptions {
     /// The debug information about its source that a module holds.
     pub debug: DebugInfoLevel,
@@ -56,6 +65,7 @@ pub struct CompileOptions {
     /// Definitions, and flags that an outside compiler is given as they are.
     pub flags: CompilerFlags,
     /// With Slang and HLSL the one entry point to compile; all of them where there is none.
+    #[doc(hidden)]
     pub entry_point: Option<SourceEntryPoint>,
 }
 
@@ -65,13 +75,13 @@ pub struct SourceEntryPoint {
     /// The name of its function.
     pub name: String,
     /// The stage, which a function without `[shader("...")]` needs.
-    pub stage: Option<SourceStage>,
+    pub stage: Option<Stage>,
 }
 
 impl SourceEntryPoint {
     /// The entry point that is said of a source, which is `main` where only the stage is; `None`
     /// where nothing is said, and in other languages than Slang and HLSL.
-    pub(crate) fn said(language: Language, name: Option<&str>, stage: Option<SourceStage>) -> Option<Self> {
+    pub(crate) fn said(language: Language, name: Option<&str>, stage: Option<Stage>) -> Option<Self> {
         let is_said = language.is_slang_or_hlsl() && (name.is_some() || stage.is_some());
         is_said.then(|| Self { name: name.unwrap_or("main").to_owned(), stage })
     }
@@ -79,6 +89,7 @@ impl SourceEntryPoint {
 
 /// The debug information about its source that a module holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum DebugInfoLevel {
     /// Names, as the compiler gives them by default, and no lines.
     #[default]
@@ -92,6 +103,7 @@ pub enum DebugInfoLevel {
 
 /// Whether the compiler optimises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Optimize {
     /// The compiler's default.
     #[default]
@@ -103,6 +115,24 @@ pub enum Optimize {
 }
 
 impl CompileOptions {
+    /// Sets the debug information about its source that the module holds.
+    #[must_use]
+    pub fn debug(self, debug: DebugInfoLevel) -> Self {
+        Self { debug, ..self }
+    }
+
+    /// Sets whether the compiler optimises.
+    #[must_use]
+    pub fn optimize(self, optimize: Optimize) -> Self {
+        Self { optimize, ..self }
+    }
+
+    /// Sets the flags that an outside compiler is given: see [`CompilerFlags::of`].
+    #[must_use]
+    pub fn flags(self, flags: CompilerFlags) -> Self {
+        Self { flags, ..self }
+    }
+
     /// The options that command line flags stand for: `-g`, `-gVS` (or `-g2`), `-O0`, `-O2`.
     ///
     /// # Errors
@@ -135,26 +165,29 @@ pub struct Compiled {
     pub warnings: Vec<Warning>,
 }
 
-/// Compiles one source to a SPIR-V module, as the bytes of a `.spv` file.
-///
-/// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL, Slang and HLSL give one
-/// module with all the entry points of the source under their own names.
-///
-/// # Errors
-/// [`ErrorKind::InvalidSource`] with the places that the compiler named;
-/// [`ErrorKind::UnsupportedTool`] where this build or machine lacks the compiler;
-/// [`ErrorKind::Io`] where a file cannot be read or written.
-pub fn compile(source: &Source, options: &CompileOptions) -> Result<Vec<u8>> {
-    compile_with_warnings(source, options).map(|compiled| compiled.spirv)
+impl Source {
+    /// Compiles to a SPIR-V module, as the bytes of a `.spv` file.
+    ///
+    /// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL, Slang and HLSL give one
+    /// module with all the entry points of the source under their own names.
+    ///
+    /// # Errors
+    /// [`ErrorKind::InvalidSource`] with the places that the compiler named;
+    /// [`ErrorKind::UnsupportedTool`] where this build or machine lacks the compiler;
+    /// [`ErrorKind::Io`] where a file cannot be read or written.
+    pub fn compile(&self, options: &CompileOptions) -> Result<Vec<u8>> {
+        compile_with_warnings(self, options).map(|compiled| compiled.spirv)
+    }
 }
 
-/// Compiles as [`compile()`] does, and keeps what the compiler warned of.
+/// Compiles as [`Source::compile`] does, and keeps what the compiler warned of.
 ///
 /// # Errors
-/// As [`compile()`].
+/// As [`Source::compile`].
 pub fn compile_with_warnings(source: &Source, options: &CompileOptions) -> Result<Compiled> {
     source.check_includes()?;
     match source.language() {
+        Language::Glsl(stage @ Stage::Other(_)) => Err(language::unknown_stage(stage)),
         #[cfg(feature = "glsl")]
         Language::Glsl(stage) if !glslang_tool::is_requested() => glsl::compile(source, stage, options),
         Language::Glsl(stage) => glslang_tool::compile(source, stage, options),
@@ -166,7 +199,7 @@ pub fn compile_with_warnings(source: &Source, options: &CompileOptions) -> Resul
     }
 }
 
-/// The name and version of the compiler that [`compile`] would use: `"glslang 16.3.0"`.
+/// The name and version of the compiler that [`Source::compile`] would use: `"glslang 16.3.0"`.
 ///
 /// # Errors
 /// [`ErrorKind::UnsupportedTool`] where this build or machine lacks it.

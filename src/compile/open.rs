@@ -32,6 +32,7 @@ impl Module {
     ///
     /// # Errors
     /// As [`Module::open`], and where a limit is exceeded.
+    #[doc(hidden)]
     pub fn open_within(
         path: impl AsRef<Path>,
         limits: &InputLimits,
@@ -45,6 +46,7 @@ impl Module {
     ///
     /// # Errors
     /// As [`Module::open_within`], and where the words make no sense for the source.
+    #[doc(hidden)]
     pub fn open_as(
         path: &Path,
         limits: &InputLimits,

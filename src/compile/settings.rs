@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::language::unknown_language;
-use super::{CompileOptions, CompilerFlags, Language, LanguageName, SourceEntryPoint, SourceStage};
+use super::{CompileOptions, CompilerFlags, Language, LanguageName, SourceEntryPoint};
 use crate::error::{Error, ErrorKind, Result};
+use crate::module::interface::Stage;
 
 /// How one source is compiled, checked for its language.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -46,7 +47,7 @@ pub struct SourceWords {
     /// The language, where extensions do not say it.
     pub language: Option<LanguageName>,
     /// The stage of GLSL, or of the entry point of Slang and HLSL.
-    pub stage: Option<SourceStage>,
+    pub stage: Option<Stage>,
     /// The entry point of Slang and HLSL.
     pub entry: Option<String>,
     /// Where includes are searched, relative to the current folder.
@@ -89,17 +90,17 @@ mod tests {
     #[test]
     fn words_become_settings_of_each_file() {
         let words = SourceWords {
-            stage: Some(SourceStage::Miss),
+            stage: Some(Stage::Miss),
             include_folders: vec!["a".into()],
             flags: vec!["-Ib".into(), "-DX".into()],
             ..SourceWords::default()
         };
         let settings = |path: &str| words.settings(Path::new(path)).unwrap();
         let glsl = settings("a.glsl").unwrap();
-        assert_eq!((glsl.language, &glsl.entry_point), (Some(Language::Glsl(SourceStage::Miss)), &None));
+        assert_eq!((glsl.language, &glsl.entry_point), (Some(Language::Glsl(Stage::Miss)), &None));
         assert_eq!(glsl.include_folders, ["a", "b"].map(PathBuf::from));
         let slang = settings("a.slang").unwrap();
-        let entry = SourceEntryPoint { name: "main".into(), stage: Some(SourceStage::Miss) };
+        let entry = SourceEntryPoint { name: "main".into(), stage: Some(Stage::Miss) };
         assert_eq!(slang.over(&CompileOptions::default()).entry_point, Some(entry));
         assert_eq!(settings("a.spv"), None);
         let wrong = SourceWords { entry: Some("sky".into()), ..SourceWords::default() };

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::external::{Tool, Workspace, printed};
+use super::language::slang_name;
 use super::message::{self, Severity};
 use super::{CompileOptions, Compiled, DebugInfoLevel, Language, Optimize, Source};
 use crate::error::{Error, ErrorKind, Result};
@@ -31,7 +32,7 @@ pub(super) fn compile(source: &Source, options: &CompileOptions) -> Result<Compi
         command.arg(source.name());
         if let Some(entry) = &options.entry_point {
             command.args(["-entry", &entry.name]);
-            command.args(entry.stage.iter().flat_map(|stage| ["-stage", stage.slang_name()]));
+            command.args(entry.stage.and_then(slang_name).iter().flat_map(|stage| ["-stage", stage]));
         }
         command.arg("-o").arg(workspace.output());
         command.args(["-target", "spirv", "-fvk-use-entrypoint-name"]);

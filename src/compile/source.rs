@@ -48,6 +48,7 @@ impl Source {
     ///
     /// # Errors
     /// As [`Source::read_in`].
+    #[doc(hidden)]
     pub fn read_within(folder: &Path, name: &str, limits: &InputLimits) -> Result<Self> {
         let language = Language::of(Path::new(name)).ok_or_else(|| unknown_language(name))?;
         Self::read_as(language, folder, name, limits)
@@ -117,9 +118,9 @@ impl Source {
     /// say.
     ///
     /// ```
-    /// use anyhit::internals::compile::{Language, Source, SourceStage};
+    /// use anyhit::{Language, Source, Stage};
     ///
-    /// let language = Language::Glsl(SourceStage::Miss);
+    /// let language = Language::Glsl(Stage::Miss);
     /// let source = Source::from_text_as(language, "sky.glsl", "void main() {}");
     /// assert_eq!(source.language(), language);
     /// ```
@@ -148,6 +149,24 @@ impl Source {
     /// The language, and with GLSL the stage.
     pub fn language(&self) -> Language {
         self.language
+    }
+
+    /// SHA-256, in hexadecimal, of the text and of all the files that it includes.
+    ///
+    /// A module is a function of this hash, the compiler's name and version, and the flags: the three
+    /// make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes alike.
+    pub fn content_hash(&self) -> String {
+        let mut hasher = Sha256::new();
+        for (name, text) in self.closure() {
+            let text = text.replace("\r\n", "\n");
+            // Lengths are hashed, too: otherwise text that moves between files would not change the
+            // hash.
+            for part in [name.as_bytes(), text.as_bytes()] {
+                hasher.update((part.len() as u64).to_le_bytes());
+                hasher.update(part);
+            }
+        }
+        hex(&hasher.finalize())
     }
 
     /// The limits of what is read for it and made of it.
@@ -246,24 +265,6 @@ impl fmt::Debug for Source {
     }
 }
 
-/// SHA-256, in hexadecimal, of a source and all the files that it includes.
-///
-/// A module is a function of this hash, the compiler's name and version, and the flags: the three
-/// make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes alike.
-pub fn content_hash(source: &Source) -> String {
-    let mut hasher = Sha256::new();
-    for (name, text) in source.closure() {
-        let text = text.replace("\r\n", "\n");
-        // Lengths are hashed, too: otherwise text that moves between files would not change the
-        // hash.
-        for part in [name.as_bytes(), text.as_bytes()] {
-            hasher.update((part.len() as u64).to_le_bytes());
-            hasher.update(part);
-        }
-    }
-    hex(&hasher.finalize())
-}
-
 /// SHA-256 of bytes, in hexadecimal.
 pub(super) fn bytes_hash(bytes: &[u8]) -> String {
     hex(&Sha256::hash(bytes))
@@ -347,7 +348,7 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("anyhit-source-{}", std::process::id()));
         std::fs::create_dir_all(folder.join("sub")).unwrap();
         let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
-        let hash = || content_hash(&Source::read_in(&folder, "a.rmiss").unwrap());
+        let hash = || Source::read_in(&folder, "a.rmiss").unwrap().content_hash();
         write("a.rmiss", "#include \"sub/b.glsl\"\nvoid main() {}\n");
         write("sub/b.glsl", "#include \"../c.glsl\"\n");
         write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 1;\n");
@@ -373,15 +374,15 @@ mod tests {
         let found = |source: &Source, header| source.include("own/a.rmiss", header);
         assert_eq!(found(&source, "b.glsl"), None);
         let source = source.include_folders(["first", "second"]);
-        let hash = content_hash(&source);
+        let hash = source.content_hash();
         assert_eq!(found(&source, "c.glsl"), Some(("second/c.glsl".into(), "second".into())));
         write("first/b.glsl", "first");
         assert_eq!(found(&source, "b.glsl"), Some(("first/b.glsl".into(), "first".into())));
-        let other = content_hash(&source);
+        let other = source.content_hash();
         assert_ne!(other, hash, "a file that comes before another");
         write("own/b.glsl", "own");
         assert_eq!(found(&source, "b.glsl"), Some(("own/b.glsl".into(), "own".into())));
-        assert_ne!(content_hash(&source), other);
+        assert_ne!(source.content_hash(), other);
     }
 
     #[cfg(unix)]

@@ -79,11 +79,10 @@ mod tests {
     use pretty_assertions::assert_eq;
 
     use super::*;
-    use crate::compile::compile;
 
     fn report(text: &str) -> String {
         let source = Source::from_text("a.wgsl", text).unwrap();
-        let error = compile(&source, &CompileOptions::default()).unwrap_err();
+        let error = source.compile(&CompileOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidSource);
         error.render()
     }
@@ -123,7 +122,7 @@ mod tests {
             var<incoming_ray_payload> payload: Payload;\n\
             @miss @incoming_payload(payload) fn sky() { payload.colour = vec3f(0.5); }\n";
         let source = Source::from_text("a.wgsl", text).unwrap();
-        let spirv = compile(&source, &CompileOptions::default()).unwrap();
+        let spirv = source.compile(&CompileOptions::default()).unwrap();
         assert_eq!(spirv[..4], [3, 2, 0x23, 7]);
     }
 }

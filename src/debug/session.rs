@@ -10,6 +10,7 @@ use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
 use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::geometry::Ray;
 use crate::machine::{RayQueryEvent, RayQueryStep};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
@@ -17,6 +18,7 @@ use crate::scene::{Assembled, ResolvedScene, assemble};
 
 /// The ray or invocation to explain.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ExplainRequest {
     /// The scene's first `[[ray]]`; if there is none, the centre of the launch.
     Default,
@@ -25,6 +27,7 @@ pub enum ExplainRequest {
     /// The invocation of the ray generation shader at a launch index.
     Pixel([u32; 3]),
     /// A given ray, without ray generation.
+    #[doc(hidden)]
     Ray(GivenRay),
     /// A request in a pass of the scene, by its name or number; all others are in the first launch.
     InPass(String, Box<ExplainRequest>),
@@ -35,6 +38,34 @@ pub enum ExplainRequest {
         /// `GlobalInvocationId`
         id: [u32; 3],
     },
+}
+
+/// A pixel: the launch index `[x, y, 0]`.
+impl From<[u32; 2]> for ExplainRequest {
+    fn from([x, y]: [u32; 2]) -> Self {
+        Self::Pixel([x, y, 0])
+    }
+}
+
+/// A launch index.
+impl From<[u32; 3]> for ExplainRequest {
+    fn from(launch_id: [u32; 3]) -> Self {
+        Self::Pixel(launch_id)
+    }
+}
+
+/// The name of a `[[ray]]`.
+impl From<&str> for ExplainRequest {
+    fn from(name: &str) -> Self {
+        Self::Named(name.to_owned())
+    }
+}
+
+/// A ray from the host, without flags, with every bit of the cull mask.
+impl From<Ray> for ExplainRequest {
+    fn from(ray: Ray) -> Self {
+        Self::Ray(ray.into())
+    }
 }
 
 /// An assembled scene.
@@ -235,6 +266,7 @@ pub enum SingleRun {
     /// A launch index.
     Pixel([u32; 3]),
     /// A valid ray.
+    #[doc(hidden)]
     Ray(GivenRay),
 }
 

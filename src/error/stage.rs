@@ -25,6 +25,7 @@ pub enum Stage {
 
 impl Stage {
     /// The stage of an execution model's number.
+    #[doc(hidden)]
     pub fn of(execution_model: u32) -> Self {
         match execution_model {
             5 => Self::Compute,

@@ -125,12 +125,25 @@ pub enum TrapOperands {
     /// The code tells all that is known.
     None,
     /// An index outside its array, vector or matrix.
-    Index(IndexOperand),
+    #[non_exhaustive]
+    Index {
+        /// The index; `None` beyond 32 bits.
+        index: Option<i64>,
+        /// How many elements, components or columns there are; `None` where the shader does not
+        /// say it, as of a runtime array of descriptors.
+        length: Option<u64>,
+        /// The source expression of what is indexed, such as `block.registers[2]`; `None` where it
+        /// has no name.
+        of: Option<String>,
+    },
     /// Bytes of a buffer.
     #[non_exhaustive]
     Buffer {
-        /// Which buffer.
-        memory: AccessedMemory,
+        /// Where the buffer is bound; `None` for one that is bound nowhere.
+        descriptor: Option<DescriptorElement>,
+        /// `PushConstant`, `ShaderRecordBufferKHR` or `Workgroup`, where the memory is of that
+        /// storage class and not a buffer that is bound.
+        storage_class: Option<&'static str>,
         /// The offset of the access, in bytes.
         offset: u64,
         /// The size of the access, in bytes.
@@ -138,8 +151,12 @@ pub enum TrapOperands {
         /// The size of the buffer, or of the range that is bound, in bytes; `None` where it is not
         /// known.
         size: Option<u64>,
-        /// The index into a runtime array that led beyond the end of the buffer.
-        index: Option<IndexOperand>,
+        /// The index into a runtime array that led beyond the end of the buffer, if one did.
+        index: Option<i64>,
+        /// How many elements of that array the buffer holds.
+        length: Option<u64>,
+        /// The source expression of that array.
+        of: Option<String>,
     },
     /// A device address.
     #[non_exhaustive]
@@ -148,8 +165,15 @@ pub enum TrapOperands {
         address: u64,
         /// The size of the access, in bytes; `None` for an acceleration structure.
         bytes: Option<u32>,
-        /// The nearest buffer; `None` where no buffer has an address, and for a null pointer.
-        nearest: Option<NearestBuffer>,
+        /// The address of the first byte of the nearest buffer; `None` where no buffer has an
+        /// address, and for a null pointer.
+        start: Option<u64>,
+        /// The size of that buffer, in bytes.
+        size: Option<u64>,
+        /// The scene's name for that buffer.
+        buffer: Option<String>,
+        /// Where that buffer is bound, too, if it is.
+        descriptor: Option<DescriptorElement>,
     },
     /// A texel of an image.
     #[non_exhaustive]
@@ -218,35 +242,12 @@ pub enum TrapOperands {
     },
 }
 
-/// An index outside its array, vector or matrix.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[non_exhaustive]
-pub struct IndexOperand {
-    /// The index; `None` beyond 32 bits.
+/// An index outside its array, vector or matrix; see [`TrapOperands::Index`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct IndexOperand {
     pub index: Option<i64>,
-    /// How many elements, components or columns there are; `None` where neither the shader nor a
-    /// buffer says it, as of a runtime array of descriptors.
     pub length: Option<u64>,
-    /// The source expression of what is indexed, such as `block.registers[2]`; `None` where it has
-    /// no name.
     pub of: Option<String>,
-}
-
-/// The memory of an access through a variable.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum AccessedMemory {
-    /// A buffer that is bound there.
-    Descriptor(DescriptorElement),
-    /// The push constants.
-    PushConstants,
-    /// The data of the shader record.
-    ShaderRecord,
-    /// The memory of the workgroup.
-    Workgroup,
-    /// A buffer that the shader chose while running, and that is bound nowhere.
-    Unknown,
 }
 
 /// An element of a descriptor binding.
@@ -261,20 +262,6 @@ pub struct DescriptorElement {
     pub binding: u32,
     /// The element of an array of descriptors, 0 for a single one.
     pub element: u32,
-}
-
-/// The buffer that is nearest to a device address.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[non_exhaustive]
-pub struct NearestBuffer {
-    /// The scene's name for it.
-    pub name: Option<String>,
-    /// Where it is bound, if it is.
-    pub descriptor: Option<DescriptorElement>,
-    /// The address of its first byte.
-    pub start: u64,
-    /// Its size, in bytes.
-    pub size: u64,
 }
 
 /// The fields of a trap in JSON, with those of the innermost frame beside them.
@@ -332,10 +319,9 @@ mod tests {
             column: None,
             word: Some(70),
         };
-        let index = IndexOperand { index: Some(-1), length: Some(4), of: Some("table".into()) };
         let trap = Trap {
             launch_id: [3, 2, 0],
-            operands: TrapOperands::Index(index),
+            operands: TrapOperands::Index { index: Some(-1), length: Some(4), of: Some("table".into()) },
             stack: vec![frame(Stage::ClosestHit, 12), frame(Stage::RayGeneration, 7)],
             ..Trap::new(TrapCode::IndexOutOfBounds)
         };

@@ -128,6 +128,7 @@ macro_rules! assert_payload_eq {
 }
 
 /// What has numbers to compare.
+#[doc(hidden)]
 pub trait AsNumbers {
     /// Kind and bits of each.
     fn numbers(&self) -> Vec<(NumberType, u64)>;
@@ -192,6 +193,7 @@ impl AsNumbers for Value {
 ///
 /// # Panics
 /// Where a number is outside all tolerances, or their count differs.
+#[doc(hidden)]
 #[track_caller]
 pub fn near(
     found: &impl AsNumbers,
@@ -235,6 +237,7 @@ fn beneath(explanation: Option<String>) -> String {
 }
 
 /// An outcome with a payload.
+#[doc(hidden)]
 pub trait HasPayload: Explain {
     /// The payload as a plain Rust type.
     ///
@@ -265,6 +268,7 @@ has_payload!(ShaderOutcome, Traced);
 ///
 /// # Panics
 /// Where the payload differs, or does not fit the type.
+#[doc(hidden)]
 #[track_caller]
 pub fn payload_eq<T>(outcome: &impl HasPayload, expected: &T)
 where
@@ -283,6 +287,7 @@ where
 ///
 /// # Panics
 /// Where a member differs, or there is none of its path.
+#[doc(hidden)]
 #[track_caller]
 pub fn members_eq(outcome: &impl HasPayload, expect: impl FnOnce(&mut TypedBytes) -> Result<()>) {
     let Some(found) = outcome.payload_data() else {

@@ -15,18 +15,24 @@ use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, Scen
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
     /// The scene file.
+    #[doc(hidden)]
     pub scene: PathBuf,
     /// The name of the variant.
+    #[doc(hidden)]
     pub variant: Option<String>,
     /// The size of the launch, where it is not the scene's.
+    #[doc(hidden)]
     pub size: Option<[u32; 2]>,
     /// Whether the launch is a test: that of a `scene.toml` is, unless it has rays that are tests
     /// and launches nothing; that of a `*.test.toml` where it has an `[expect]`.
+    #[doc(hidden)]
     pub launch: bool,
     /// The rays that are tests of their own, because they have a `[ray.expect]`: their places in
     /// the file and their names.
+    #[doc(hidden)]
     pub rays: Vec<(usize, String)>,
     /// How the scene and what it names are read.
+    #[doc(hidden)]
     pub files: SceneFiles,
 }
 
@@ -112,6 +118,7 @@ impl Case {
     ///
     /// # Errors
     /// As [`Case::of`].
+    #[doc(hidden)]
     pub fn of_within(scene: &Path, files: &SceneFiles) -> Result<Vec<Self>> {
         let bytes = files.read_limited(scene, InputLimit::SceneBytes)?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
@@ -154,12 +161,20 @@ impl Case {
     }
 
     /// Loads the scene, runs it at 1, 64 and 128 lanes, and compares: the widths with each other
-    /// bit for bit, then the result with `[expect]`, and each ray with its own. Gives the run at
-    /// 64 lanes.
+    /// bit for bit, then the result with `[expect]`, and each ray with its own.
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for each difference.
-    pub fn check(&self) -> Result<CaseRun> {
+    pub fn check(&self) -> Result<()> {
+        self.run().map(drop)
+    }
+
+    /// Checks as [`Case::check`] does, and gives the run at 64 lanes.
+    ///
+    /// # Errors
+    /// As [`Case::check`].
+    #[doc(hidden)]
+    pub fn run(&self) -> Result<CaseRun> {
         let loaded = self.load()?;
         let observed = loaded.widths()?;
         let mut differences = loaded.expectations.differences(&observed);
@@ -186,6 +201,7 @@ impl Case {
     ///
     /// # Errors
     /// The mistakes of scene and shaders; `Expectation` for the first difference.
+    #[doc(hidden)]
     pub fn check_optimizer(&self) -> Result<()> {
         let loaded = self.load()?;
         loaded.check_launch(&run::<64>(&loaded.scene, &loaded.assembled))?;
@@ -200,6 +216,7 @@ impl Case {
     ///
     /// # Errors
     /// All their mistakes.
+    #[doc(hidden)]
     pub fn load(&self) -> Result<Loaded> {
         self.load_limited(&RunLimits::default())
     }
@@ -208,6 +225,7 @@ impl Case {
     ///
     /// # Errors
     /// All mistakes of the case.
+    #[doc(hidden)]
     pub fn load_limited(&self, limits: &RunLimits) -> Result<Loaded> {
         let variant = self.variant.clone();
         let mut scene = load(

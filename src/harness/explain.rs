@@ -57,7 +57,7 @@ impl What {
             )
         };
         let execute = |call: &ExecuteCall| {
-            let what = if call.committed.is_some() { "hit" } else { "miss" };
+            let what = if call.hit.is_some() { "hit" } else { "miss" };
             let answer = call.payload.value();
             format!(
                 "execution {}: {what} record {}, given {:?}, answered {answer:?}",

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use bytemuck::NoUninit;
 
-use crate::accel::{Committed, Tlas, TraceRay, hit_record_index};
+use crate::accel::{Tlas, TraceRay, hit_record_index};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::hit::first_hit;
 use crate::harness::instance::Instance;
+use crate::harness::trace::HitRecord;
 use crate::harness::value::Value;
 use crate::machine::hit_object::{EncodedHit, EncodedRay, HitObject};
 
@@ -46,7 +47,7 @@ pub struct ExecuteCall {
     /// The ray that the hit object encodes.
     pub trace: TraceRay,
     /// Its closest hit; `None` for a miss.
-    pub committed: Option<Committed>,
+    pub hit: Option<HitRecord>,
     /// The index into the table of hit groups, or of miss shaders.
     pub record: u64,
     /// The payload as the shader gives it.
@@ -82,7 +83,7 @@ impl TraceCall {
     ///         Ok(())
     ///     })
     ///     .on_execute(|call| {
-    ///         assert_eq!(call.committed.map(|hit| hit.t), Some(4.0));
+    ///         assert_eq!(call.hit.map(|hit| hit.t), Some(4.0));
     ///         call.payload.set("[1]", 7.0f32)
     ///     })
     ///     .run()?;
@@ -123,9 +124,12 @@ impl ExecuteCall {
     /// Of a hit object that encodes a hit or a miss.
     pub(super) fn of(object: &HitObject, number: usize, payload: TypedBytes) -> Option<Self> {
         let encoded = object.encoded().ok()?;
-        let committed = object.hit().ok().map(|(_, hit)| hit.committed);
+        let hit = object.hit().ok().map(|(_, EncodedHit { tlas, committed, .. })| {
+            let instance = &tlas.instances()[committed.candidate.instance as usize];
+            HitRecord::of(committed, instance.custom_index)
+        });
         let (trace, record) = (encoded.trace, encoded.record);
-        Some(Self { number, trace, committed, record, given: payload.value(), payload })
+        Some(Self { number, trace, hit, record, given: payload.value(), payload })
     }
 
     pub(super) fn parts(&mut self) -> (usize, &mut TypedBytes) {

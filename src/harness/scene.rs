@@ -22,9 +22,7 @@ pub use crate::harness::instance::Instance;
 /// # fn main() -> anyhit::Result<()> {
 /// let folder = "spirv-fixtures/pass/sphere/closest-hit";
 /// let shader = |name| Program::of(&Module::open(format!("{folder}/{name}"))?, "main");
-/// let mut builder = Pipeline::builder();
-/// builder.hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?;
-/// let pipeline = builder.build()?;
+/// let pipeline = Pipeline::builder().hit([shader("main.rchit.spv")?])?.miss(shader("main.rmiss.spv")?)?.build()?;
 ///
 /// let scene = Scene::new([
 ///     Instance::sphere([0.0, 0.0, 0.0], 0.5).translate([0.0, 0.0, -3.0]),
@@ -64,6 +62,7 @@ impl Scene {
     }
 
     /// How intersections are computed; exactly unless set. See [`Precision`].
+    #[doc(hidden)]
     #[must_use]
     pub fn precision(mut self, precision: Precision) -> Self {
         let other = self.tlas.at_precision(precision);
@@ -79,11 +78,13 @@ impl Scene {
     }
 
     /// The acceleration structure.
+    #[doc(hidden)]
     pub fn tlas(&self) -> &Arc<Tlas> {
         &self.tlas
     }
 
     /// What is bound.
+    #[doc(hidden)]
     pub fn resources(&self) -> &Resources {
         &self.given.resources
     }

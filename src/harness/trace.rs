@@ -107,10 +107,27 @@ pub struct HitRecord {
     pub opaque: bool,
 }
 
+impl HitRecord {
+    pub(super) fn of(committed: &Committed, custom_index: u32) -> Self {
+        let Committed { candidate, t, hit_kind } = committed;
+        Self {
+            instance: candidate.instance,
+            custom_index,
+            geometry: candidate.geometry,
+            primitive: candidate.primitive,
+            t: *t,
+            kind: *hit_kind,
+            attributes: candidate.intersection.attributes,
+            opaque: candidate.opaque,
+        }
+    }
+}
+
 /// What one ray brought back.
 #[derive(Clone, Debug)]
 pub struct Traced {
     /// The closest hit as the traversal keeps it; `None` for a miss. See [`Traced::hit`].
+    #[doc(hidden)]
     pub committed: Option<Committed>,
     /// The payload, by the names of its members.
     pub payload: Value,
@@ -147,19 +164,10 @@ impl Traced {
     /// Where the ray missed; the message explains the ray.
     #[track_caller]
     pub fn hit(&self) -> HitRecord {
-        let Some(Committed { candidate, t, hit_kind }) = self.committed else {
+        let Some(committed) = &self.committed else {
             panic!("the ray hit nothing\n\n{}", self.explain());
         };
-        HitRecord {
-            instance: candidate.instance,
-            custom_index: self.custom_index,
-            geometry: candidate.geometry,
-            primitive: candidate.primitive,
-            t,
-            kind: hit_kind,
-            attributes: candidate.intersection.attributes,
-            opaque: candidate.opaque,
-        }
+        HitRecord::of(committed, self.custom_index)
     }
 }
 
@@ -192,12 +200,11 @@ impl Pipeline {
     ///
     /// # fn main() -> anyhit::Result<()> {
     /// let module = Module::open("spirv-fixtures/pass/arithmetic/elementary/main.rgen.spv")?;
-    /// let mut builder = Pipeline::builder();
-    /// builder.ray_generation(Program::of(&module, "main")?)?;
+    /// let pipeline = Pipeline::builder().ray_generation(Program::of(&module, "main")?)?.build()?;
     /// let inputs = [[4.0f32, 0.0, 0.0, 0.0], [9.0, 0.0, 0.0, 0.0]];
     /// let scene = Scene::new([])?.buffer(0, 2, &inputs).buffer(0, 1, &[[0.0f32; 4]; 16]);
     ///
-    /// let launched = builder.build()?.launch(&scene, [2, 1, 1])?;
+    /// let launched = pipeline.launch(&scene, [2, 1, 1])?;
     /// let outputs = launched.buffer(0, 1)?;
     /// assert_eq!(outputs["outputs"][1][3]["w"].f32(), 9.0);
     /// # Ok(())
@@ -258,6 +265,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`Pipeline::trace`].
+    #[doc(hidden)]
     pub fn trace_explained(
         &self,
         scene: &Scene,
@@ -359,8 +367,8 @@ mod tests {
 
     fn structs() -> Pipeline {
         let mut builder = Pipeline::builder();
-        builder.hit([shader("payload/structs/main.rchit.spv")]).unwrap();
-        builder.miss(shader("payload/structs/main.rmiss.spv")).unwrap();
+        builder = builder.hit([shader("payload/structs/main.rchit.spv")]).unwrap();
+        builder = builder.miss(shader("payload/structs/main.rmiss.spv")).unwrap();
         builder.build().unwrap()
     }
 
@@ -374,7 +382,7 @@ mod tests {
     #[test]
     fn a_buffer_of_another_size_is_told_with_both_layouts() {
         let mut builder = Pipeline::builder();
-        builder.ray_generation(shader("arithmetic/elementary/main.rgen.spv")).unwrap();
+        builder = builder.ray_generation(shader("arithmetic/elementary/main.rgen.spv")).unwrap();
         let scene = Scene::new([]).unwrap().buffer(0, 2, &[[4.0f32; 4]]).buffer(0, 1, &[0.0f32; 3]);
         let error = builder.build().unwrap().launch(&scene, [1, 1, 1]).unwrap_err().render();
         assert!(error.contains("buffer 1 of set 0: `[f32]` has 12 bytes"), "{error}");
@@ -429,9 +437,8 @@ mod tests {
     fn instances_choose_masks_records_and_order() {
         let near = Instance::sphere([0.0; 3], 0.5).translate([0.0, 0.0, 2.0]).mask(1);
         let scene = Scene::new([Instance::sphere([0.0; 3], 0.5).custom_index(9), near]).unwrap();
-        let mut builder = Pipeline::builder();
-        builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
-        let pipeline = builder.build().unwrap();
+        let pipeline =
+            Pipeline::builder().hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap().build().unwrap();
         let ray = RayOperands::from(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
         let hit = |ray: RayOperands| pipeline.trace(&scene, ray).unwrap().committed.map(|hit| hit.candidate);
         assert_eq!(hit(ray.clone()).unwrap().instance, 1);
@@ -444,9 +451,9 @@ mod tests {
         let hits = RayOperands::from(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
         let misses = RayOperands::from(Ray::new([9.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
         let mut builder = Pipeline::builder();
-        let without = builder.build().unwrap();
-        builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
-        builder.miss(shader("sphere/closest-hit/main.rmiss.spv")).unwrap();
+        let without = builder.clone().build().unwrap();
+        builder = builder.hit([shader("sphere/closest-hit/main.rchit.spv")]).unwrap();
+        builder = builder.miss(shader("sphere/closest-hit/main.rmiss.spv")).unwrap();
         let pipeline = builder.build().unwrap();
         for (ray, code, record) in [
             (hits.sbt(5, 1), "the hit shader binding table has no record", "record 5 (instance offset"),

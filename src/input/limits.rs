@@ -169,12 +169,14 @@ impl InputLimits {
     ///
     /// # Errors
     /// Of this kind where the count is larger: it names the limit and how to raise it.
+    #[doc(hidden)]
     #[inline]
     pub fn check(&self, limit: InputLimit, found: u64, kind: ErrorKind) -> Result<()> {
         if found <= self.get(limit) { Ok(()) } else { Err(self.exceeded(limit, Some(found), kind)) }
     }
 
     /// The error that a limit is exceeded, with the count where it is known.
+    #[doc(hidden)]
     #[cold]
     pub fn exceeded(&self, limit: InputLimit, found: Option<u64>, kind: ErrorKind) -> Error {
         let (name, most, unit) = (limit.name(), self.get(limit), limit.unit());

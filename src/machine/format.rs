@@ -87,6 +87,7 @@ impl Format {
     }
 
     /// The format with a number of SPIR-V's "Image Format"; `None` for `Unknown` (0) and beyond.
+    #[doc(hidden)]
     pub fn declared(number: u32) -> Option<Self> {
         use Component::*;
         const FORMATS: [Format; 41] = [
@@ -149,6 +150,7 @@ impl Format {
     }
 
     /// The class of numbers that a shader reads from it.
+    #[doc(hidden)]
     pub fn class(self) -> Class {
         use Component::*;
         match self.component {
@@ -159,11 +161,13 @@ impl Format {
     }
 
     /// Whether it is an unsigned normalized fixed-point format.
+    #[doc(hidden)]
     pub fn is_unorm(self) -> bool {
         matches!(self.component, Component::Unorm8 | Component::Unorm16 | Component::Unorm10A2)
     }
 
     /// Whether its integers have 64 bits.
+    #[doc(hidden)]
     pub fn is_wide(self) -> bool {
         matches!(self.component, Component::Uint64 | Component::Sint64)
     }
@@ -172,6 +176,7 @@ impl Format {
     ///
     /// Floats are the bits of a binary32; integers are extended to 64 bits by their sign.
     /// Components that the format lacks are 0, a lacking A is 1 ("Conversion to RGBA").
+    #[doc(hidden)]
     pub fn decode(self, bits: u128) -> [u64; 4] {
         let one = self.one();
         let mut texel = [0, 0, 0, one];
@@ -190,6 +195,7 @@ impl Format {
 
     /// The bits of a texel, from components as a shader writes them: floats as the bits of a
     /// binary32, integers extended to 64 bits, signed ones by their sign.
+    #[doc(hidden)]
     pub fn encode(self, texel: [u64; 4], signed: bool) -> u128 {
         if self.class() == Class::Float {
             let floats = texel.map(|bits| f32::from_bits(bits as u32));
@@ -207,6 +213,7 @@ impl Format {
     }
 
     /// The bits of the texel nearest to four numbers, each rounded once; integers saturate.
+    #[doc(hidden)]
     pub fn encode_numbers(self, color: [f64; 4]) -> u128 {
         if self.component == Component::SharedExponent {
             return u128::from(shared_exponent(color));
@@ -220,6 +227,7 @@ impl Format {
     }
 
     /// Four numbers from a texel's bits, as [`Format::decode`] gives them.
+    #[doc(hidden)]
     pub fn decode_numbers(self, bits: u128) -> [f64; 4] {
         self.decode(bits).map(|part| match self.class() {
             Class::Float => f64::from(f32::from_bits(part as u32)),
@@ -229,6 +237,7 @@ impl Format {
     }
 
     /// One in this format's class.
+    #[doc(hidden)]
     pub fn one(self) -> u64 {
         if self.class() == Class::Float { u64::from(1f32.to_bits()) } else { 1 }
     }

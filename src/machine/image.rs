@@ -32,6 +32,7 @@ pub enum Dimension {
 
 impl Dimension {
     /// How many coordinates name a texel within a layer.
+    #[doc(hidden)]
     pub fn axes(self) -> usize {
         match self {
             Self::D1 | Self::D1Array | Self::Buffer => 1,
@@ -41,11 +42,13 @@ impl Dimension {
     }
 
     /// Whether it has several layers, or cubes, that an array index chooses from.
+    #[doc(hidden)]
     pub fn is_arrayed(self) -> bool {
         matches!(self, Self::D1Array | Self::D2Array | Self::CubeArray)
     }
 
     /// Whether its layers are faces of cubes.
+    #[doc(hidden)]
     pub fn is_cube(self) -> bool {
         matches!(self, Self::Cube | Self::CubeArray)
     }
@@ -74,11 +77,13 @@ impl ImageShape {
 
     /// Width, height and depth of a mip level: halved each time, at least 1 (Vulkan, "Image
     /// Miplevel Sizing").
+    #[doc(hidden)]
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
         self.extent.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
     }
 
     /// Texels of a level: of all layers, each sample by itself.
+    #[doc(hidden)]
     pub fn level_texels(&self, level: u32) -> u64 {
         let [width, height, depth] = self.level_extent(level).map(u64::from);
         let plane = width.saturating_mul(height).saturating_mul(depth);
@@ -86,6 +91,7 @@ impl ImageShape {
     }
 
     /// Texels of all levels.
+    #[doc(hidden)]
     pub fn texels(&self) -> u64 {
         (0..self.levels).fold(0, |sum: u64, level| sum.saturating_add(self.level_texels(level)))
     }
@@ -97,6 +103,7 @@ impl ImageShape {
 
     /// # Errors
     /// `InvalidImage` where the parts do not suit each other.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
         let [_, height, depth] = self.extent;
         let dimension = self.dimension;
@@ -309,11 +316,13 @@ impl Image {
     }
 
     /// Sets how its texels weight those of another image; only the first call has an effect.
+    #[doc(hidden)]
     pub fn set_sample_weight(&self, filter: SampleWeight) {
         let _ = self.sample_weight.set(filter);
     }
 
     /// How its texels weight others, where they do.
+    #[doc(hidden)]
     pub fn sample_weight(&self) -> Option<SampleWeight> {
         self.sample_weight.get().copied()
     }
@@ -324,11 +333,13 @@ impl Image {
     }
 
     /// Width, height and depth of a level; 0 of one that it does not have.
+    #[doc(hidden)]
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
         self.levels.get(level as usize).map_or([0; 3], |level| level.extent)
     }
 
     /// The resident rows of level 0: all of them, except in a band.
+    #[doc(hidden)]
     pub fn rows(&self) -> Range<u32> {
         let [width, height, _] = self.shape.extent;
         let texels = self.shape.texels() as usize;
@@ -341,12 +352,14 @@ impl Image {
     }
 
     /// The index of a resident texel; `None` outside the image, or in a row that is not resident.
+    #[doc(hidden)]
     pub fn index(&self, position: &Position) -> Option<usize> {
         let index = self.texel_index(position)?;
         self.resident.contains(&index).then(|| index - self.resident.start)
     }
 
     /// Whether a texel is inside the image, resident or not.
+    #[doc(hidden)]
     pub fn contains(&self, position: &Position) -> bool {
         self.texel_index(position).is_some()
     }
@@ -366,6 +379,7 @@ impl Image {
     }
 
     /// The bits of the texel at an index that [`Image::index`] gave.
+    #[doc(hidden)]
     #[inline]
     pub(crate) fn load(&self, index: usize) -> u128 {
         let size = self.format.texel_size() as usize;
@@ -378,6 +392,7 @@ impl Image {
     }
 
     /// Overwrites the texel at an index that [`Image::index`] gave.
+    #[doc(hidden)]
     #[inline]
     pub(crate) fn store(&self, index: usize, bits: u128) {
         match self.format.texel_size() {
@@ -395,6 +410,7 @@ impl Image {
     /// Atomically replaces a texel of at most eight bytes by a function of it, and returns the old
     /// texel. The texel stays where the function returns `None`; the function may run several
     /// times.
+    #[doc(hidden)]
     pub(crate) fn update(&self, index: usize, mut function: impl FnMut(u64) -> Option<u64>) -> u64 {
         let size = self.format.texel_size() as usize;
         assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");

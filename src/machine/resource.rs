@@ -34,6 +34,7 @@ pub enum Descriptor {
     /// A combined image sampler.
     ImageSampler(Arc<Image>, Arc<Sampler>),
     /// An acceleration structure.
+    #[doc(hidden)]
     AccelerationStructure(Arc<Tlas>),
     /// Whichever of these the variable that reads it declares: where variables of several types
     /// share a binding (`VK_DESCRIPTOR_TYPE_MUTABLE_EXT`, and what its resource heap holds).
@@ -45,6 +46,7 @@ pub enum Descriptor {
 impl Descriptor {
     /// The descriptors that variables of several types may find here: itself, where it is of one
     /// kind.
+    #[doc(hidden)]
     pub fn kinds(&self) -> &[Self] {
         match self {
             Self::Mutable(kinds) => kinds,
@@ -53,6 +55,7 @@ impl Descriptor {
     }
 
     /// A description of its kind; `None` for an unbound one.
+    #[doc(hidden)]
     pub fn kind(&self) -> Option<&'static str> {
         Some(match self {
             Self::Buffer(_) => "a buffer",
@@ -66,6 +69,7 @@ impl Descriptor {
     }
 
     /// What a variable of the shader refers to: the first descriptor that suits its type.
+    #[doc(hidden)]
     pub fn find<'a, T>(&'a self, suits: impl Fn(&'a Descriptor) -> Option<T>) -> Option<T> {
         self.kinds().iter().find_map(suits)
     }
@@ -136,6 +140,7 @@ impl Buffer {
 
     /// A buffer of this range in a copy of the memory. The closure returns the copied words: for
     /// all buffers with one memory the same ones.
+    #[doc(hidden)]
     pub fn copied(&self, copy: impl FnOnce(&Arc<[AtomicU32]>) -> Arc<[AtomicU32]>) -> Arc<Self> {
         let memory = copy(&self.memory);
         let Self { first, size, null, ref view_of, .. } = *self;
@@ -143,22 +148,26 @@ impl Buffer {
     }
 
     /// Where the memory lies: equal for all views of a buffer, and for these alone.
+    #[doc(hidden)]
     pub fn memory_id(&self) -> usize {
         Arc::as_ptr(&self.memory).cast::<AtomicU32>().addr()
     }
 
     /// Where it begins in its memory, in bytes.
+    #[doc(hidden)]
     #[inline]
     pub fn offset(&self) -> u64 {
         4 * self.first as u64
     }
 
     /// The name of the buffer that it is a view of.
+    #[doc(hidden)]
     pub fn view_of(&self) -> Option<&Arc<str>> {
         self.view_of.as_ref()
     }
 
     /// Whether both are the same bytes of one memory.
+    #[doc(hidden)]
     pub fn is_same(&self, other: &Self) -> bool {
         self.memory_id() == other.memory_id() && self.first == other.first && self.size == other.size
     }
@@ -175,6 +184,7 @@ impl Buffer {
     }
 
     /// The words; a part of the last one may lie beyond the size.
+    #[doc(hidden)]
     #[inline]
     pub fn words(&self) -> &[AtomicU32] {
         &self.memory[self.first..self.first + self.size.div_ceil(4) as usize]
@@ -196,6 +206,7 @@ impl Buffer {
 
     /// The scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer, and
     /// for any other width.
+    #[doc(hidden)]
     #[inline]
     pub fn load(&self, offset: u64, width: u32) -> Option<u32> {
         let bytes = u64::from(width / 8);
@@ -219,6 +230,7 @@ impl Buffer {
 
     /// Stores a scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer,
     /// and for any other width.
+    #[doc(hidden)]
     #[inline]
     pub fn store(&self, offset: u64, width: u32, value: u32) -> Option<()> {
         let bytes = u64::from(width / 8);
@@ -249,6 +261,7 @@ impl Buffer {
     /// Reads, changes and writes 64 bits at a byte offset, atomically with respect to all other
     /// calls of this function for the same words, and returns the old bits; `None` outside the
     /// buffer or where the offset is no multiple of 4.
+    #[doc(hidden)]
     pub fn update_wide(&self, offset: u64, change: impl FnOnce(u64) -> Option<u64>) -> Option<u64> {
         // Words are atomics of 32 bits: a pair needs a lock, one of several, chosen by its address.
         static LOCKS: [Mutex<()>; 64] = [const { Mutex::new(()) }; 64];
@@ -267,6 +280,7 @@ impl Buffer {
     }
 
     /// The word at an aligned byte offset, for atomics; `None` outside the buffer.
+    #[doc(hidden)]
     pub fn word(&self, offset: u64) -> Option<&AtomicU32> {
         let inside = offset.is_multiple_of(4) && offset.checked_add(4)? <= self.size;
         inside.then(|| self.word_at(offset))

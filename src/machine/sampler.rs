@@ -58,6 +58,7 @@ pub enum CompareOp {
 
 impl CompareOp {
     /// Compares a reference with the value tested; not a number is unequal to everything.
+    #[doc(hidden)]
     pub fn holds(self, reference: f32, test: f32) -> bool {
         match self {
             Self::Never => false,
@@ -116,10 +117,12 @@ pub struct Sampler {
     /// The most probes along a stretched footprint; 1 and below: none, above 16 counts as 16.
     pub max_anisotropy: f32,
     /// How texels are reduced to one value.
+    #[doc(hidden)]
     pub reduction_mode: ReductionMode,
     /// Whether coordinates are in texels.
     pub unnormalized_coordinates: bool,
     /// The search window of block matching.
+    #[doc(hidden)]
     pub block_match_window: Option<BlockMatchWindow>,
 }
 

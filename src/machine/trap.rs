@@ -91,5 +91,6 @@ pub enum Exit {
     /// `OpTerminateRayKHR`
     Terminated,
     /// The machine stopped it.
+    #[doc(hidden)]
     Trapped(LaneTrap),
 }

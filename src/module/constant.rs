@@ -77,6 +77,7 @@ impl Module {
     }
 
     /// The type of the scalar specialization constants with this `SpecId`.
+    #[doc(hidden)]
     pub fn specialization_type(&self, spec_id: u32) -> Option<TypeId> {
         let has_spec_id = |constant: &&Constant| {
             let is_scalar = matches!(constant.value, ConstantValue::Scalar(_));
@@ -90,6 +91,7 @@ impl Module {
     ///
     /// The bits are encoded as by [`Module::constant_scalar`]. `None` for composites, undefined
     /// values, and results of `OpSpecConstantOp`.
+    #[doc(hidden)]
     pub fn scalar_value(&self, id: Id) -> Option<u64> {
         match self.definition(id)? {
             Definition::Constant(index) => match self.constants[index as usize].value {

@@ -7,6 +7,7 @@ use crate::module::{Definition, Id, Module};
 
 impl Module {
     /// Describes an id in an error: `%7 (a label)`, `%12 (the constant "scale")`.
+    #[doc(hidden)]
     pub fn describe_id(&self, id: Id) -> String {
         let what = match self.definition(id) {
             None => return format!("%{}, which nothing defines", id.0),
@@ -29,6 +30,7 @@ impl Module {
     }
 
     /// Describes a type in GLSL's notation: `vec3`, `float[2]`, `struct Payload`.
+    #[doc(hidden)]
     pub fn describe_type(&self, ty: TypeId) -> String {
         let mut text = String::new();
         self.write_type(ty, 4, &mut text);

@@ -17,12 +17,16 @@ pub struct EntryPoint {
     /// The name; several entry points of one module may share it under different models.
     pub name: String,
     /// The function's id.
+    #[doc(hidden)]
     pub function: Id,
     /// Ids of the interface variables.
+    #[doc(hidden)]
     pub interface: Vec<Id>,
     /// Execution modes (`OpExecutionMode`, `OpExecutionModeId`): number and operand words.
+    #[doc(hidden)]
     pub modes: Vec<(u32, Vec<u32>)>,
     /// The word offset of its instruction.
+    #[doc(hidden)]
     pub offset: u32,
 }
 
@@ -54,6 +58,7 @@ impl Module {
     /// Before SPIR-V 1.4 `OpEntryPoint` lists Input and Output variables only, and from 1.4 on
     /// compilers list more than is used. So this looks at the instructions instead. A variable that
     /// initializes a used one is used, too.
+    #[doc(hidden)]
     pub fn interface_of(&self, entry_point: &EntryPoint) -> Vec<InterfaceVariable> {
         let mut used = vec![false; self.variables.len()];
         for function in self.call_tree(entry_point.function) {
@@ -94,6 +99,7 @@ impl Module {
 
     /// Indices of the functions that are reachable from a function by calls, itself first, each
     /// once.
+    #[doc(hidden)]
     pub fn call_tree(&self, function: Id) -> Vec<u32> {
         let index_of = |id: Id| match self.definition(id) {
             Some(Definition::Function(index)) => Some(index),

@@ -13,6 +13,7 @@ impl Module {
     ///
     /// A bool is 0 or 1, an integer its low `width` bits zero-extended, a float its bits. A null
     /// constant of scalar type is 0. `None` for anything else, undefined values included.
+    #[doc(hidden)]
     pub fn constant_scalar(&self, id: Id) -> Option<u64> {
         let Some(Definition::Constant(index)) = self.definition(id) else { return None };
         let constant = &self.constants[index as usize];
@@ -28,6 +29,7 @@ impl Module {
     /// The type that an id has as a value: of constants, variables, parameters and results.
     ///
     /// `None` for types, labels, functions, and where nothing known defines the id.
+    #[doc(hidden)]
     pub fn type_of(&self, id: Id) -> Option<TypeId> {
         if let Some(ty) = self.result_types.find(id) {
             return Some(ty);
@@ -43,6 +45,7 @@ impl Module {
     }
 
     /// The type that an id declares.
+    #[doc(hidden)]
     pub fn type_with_id(&self, id: Id) -> Option<TypeId> {
         match self.definition(id)? {
             Definition::Type(ty) => Some(ty),
@@ -51,6 +54,7 @@ impl Module {
     }
 
     /// The function that an id defines.
+    #[doc(hidden)]
     pub fn function(&self, id: Id) -> Option<&Function> {
         match self.definition(id)? {
             Definition::Function(index) => Some(&self.functions[index as usize]),
@@ -61,6 +65,7 @@ impl Module {
     /// The name of an id in the source: from `OpName`, else from debug information.
     ///
     /// glslang writes a function's parameters into its name, `divide(f1;f1;`: these are removed.
+    #[doc(hidden)]
     pub fn name(&self, id: Id) -> Option<&str> {
         let info = &self.debug_info;
         let mut name = info.names.get(&id).map_or("", String::as_str);
@@ -75,6 +80,7 @@ impl Module {
     }
 
     /// The id that declares a type.
+    #[doc(hidden)]
     pub fn id_of_type(&self, ty: TypeId) -> Option<Id> {
         self.type_ids.get(ty.0 as usize).copied()
     }
@@ -82,6 +88,7 @@ impl Module {
     /// The operands of an instruction that are ids, result type and result id left out.
     ///
     /// Empty for unknown opcodes. The grammar distinguishes ids from literals.
+    #[doc(hidden)]
     pub fn operand_ids(&self, instruction: &Instruction) -> SmallVec<[Id; 8]> {
         let mut ids = SmallVec::new();
         let operands = instruction.operands.start as usize..instruction.operands.end as usize;
@@ -93,6 +100,7 @@ impl Module {
     }
 
     /// The labels that a terminator may branch to, in the order of its operands; empty for others.
+    #[doc(hidden)]
     pub fn branch_targets(&self, terminator: &Instruction) -> SmallVec<[Id; 2]> {
         const BRANCH: u16 = Op::Branch as u16;
         const BRANCH_CONDITIONAL: u16 = Op::BranchConditional as u16;
@@ -111,6 +119,7 @@ impl Module {
     }
 
     /// How many words each case literal of an `OpSwitch` takes: 2 for a 64-bit selector, else 1.
+    #[doc(hidden)]
     pub fn switch_literal_words(&self, instruction: &Instruction) -> usize {
         if instruction.opcode != Op::Switch as u16 {
             return 1;

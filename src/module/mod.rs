@@ -142,14 +142,19 @@ pub enum Definition {
 #[derive(Clone, Debug)]
 pub struct Module {
     /// The words, in this machine's byte order, header included.
+    #[doc(hidden)]
     pub words: Vec<u32>,
     /// Major and minor version.
+    #[doc(hidden)]
     pub version: (u8, u8),
     /// The header's generator word.
+    #[doc(hidden)]
     pub generator: u32,
     /// The limits that it was loaded with, which hold for whatever is made of it, too.
+    #[doc(hidden)]
     pub limits: crate::input::InputLimits,
     /// Numbers of the addressing model and the memory model.
+    #[doc(hidden)]
     pub memory_model: (u32, u32),
     /// Numbers of the declared capabilities.
     pub capabilities: Vec<u32>,
@@ -160,22 +165,31 @@ pub struct Module {
     /// Entry points in the module's order.
     pub entry_points: Vec<EntryPoint>,
     /// All types; a [`TypeId`] is an index.
+    #[doc(hidden)]
     pub types: Vec<Type>,
     /// The id that declares each type.
+    #[doc(hidden)]
     pub type_ids: Vec<Id>,
     /// All constants, specialization constants and undefined values of module scope.
+    #[doc(hidden)]
     pub constants: Vec<Constant>,
     /// All variables of module scope.
+    #[doc(hidden)]
     pub variables: Vec<GlobalVariable>,
     /// All functions.
+    #[doc(hidden)]
     pub functions: Vec<Function>,
     /// Decorations of ids and members.
+    #[doc(hidden)]
     pub decorations: Decorations,
     /// Names, source files, lines.
+    #[doc(hidden)]
     pub debug_info: DebugInfo,
     /// What each id defines.
+    #[doc(hidden)]
     pub definitions: IdMap<Definition>,
     /// The types of the results of instructions in functions.
+    #[doc(hidden)]
     pub result_types: IdMap<TypeId>,
     /// What the compiler of its source warned of; none where the module was not compiled here.
     pub warnings: Vec<Warning>,
@@ -183,16 +197,19 @@ pub struct Module {
 
 impl Module {
     /// The operand words of an instruction (after result type and result id).
+    #[doc(hidden)]
     pub fn operands(&self, instruction: &Instruction) -> &[u32] {
         &self.words[instruction.operands.start as usize..instruction.operands.end as usize]
     }
 
     /// The type with this handle.
+    #[doc(hidden)]
     pub fn ty(&self, ty: TypeId) -> &Type {
         &self.types[ty.0 as usize]
     }
 
     /// What an id defines; `None` where no known instruction defines it.
+    #[doc(hidden)]
     pub fn definition(&self, id: Id) -> Option<Definition> {
         self.definitions.find(id)
     }

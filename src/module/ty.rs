@@ -155,12 +155,14 @@ impl Module {
     /// Specialization constants have their current values ([`Module::specialize`]). `None` for
     /// types without a size (runtime arrays, opaque types, booleans), for lengths that are not
     /// known, where a decoration is missing, and where the size does not fit 64 bits.
+    #[doc(hidden)]
     pub fn size_of(&self, ty: TypeId) -> Option<u64> {
         self.size_of_with(ty, &|id| self.scalar_value(id))
     }
 
     /// As [`Module::size_of`], with the values of array lengths given by the caller, who may know
     /// results of `OpSpecConstantOp`.
+    #[doc(hidden)]
     pub fn size_of_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
         SizeComputation { module: self, length, memo: HashMap::new() }.size(ty, None)
     }
@@ -171,11 +173,13 @@ impl Module {
     /// Saturates at `u64::MAX`: a few words can ask for `float[2147483647][2147483647]`, so check
     /// the count against a limit before allocating memory for it. `None` for runtime arrays and
     /// lengths that are not known (see [`Module::size_of`]).
+    #[doc(hidden)]
     pub fn scalar_count(&self, ty: TypeId) -> Option<u64> {
         self.scalar_count_with(ty, &|id| self.scalar_value(id))
     }
 
     /// As [`Module::scalar_count`], with the values of array lengths given by the caller.
+    #[doc(hidden)]
     pub fn scalar_count_with(&self, ty: TypeId, length: &dyn Fn(Id) -> Option<u64>) -> Option<u64> {
         ScalarCounter { module: self, length, memo: HashMap::new() }.count(ty)
     }

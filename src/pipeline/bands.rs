@@ -30,6 +30,7 @@ const MAX_BATCH_WIDTH: u32 = 128;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamedImage {
     /// The image's binding: the first array element of a storage image.
+    #[doc(hidden)]
     pub binding: Binding,
     /// The texel format.
     pub format: Format,

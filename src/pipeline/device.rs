@@ -14,13 +14,13 @@ const HANDLE_SIZE: u64 = 32;
 
 macro_rules! features {
     ($($(#[$doc:meta])* $name:ident $vulkan:literal [$($capability:literal)*];)*) => {
-        /// Features of a device that ray-tracing shaders and scenes need, all on by default.
+        /// DeviceFeatures of a device that ray-tracing shaders and scenes need, all on by default.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub struct Features {
+        pub struct DeviceFeatures {
             $($(#[$doc])* pub $name: bool,)*
         }
 
-        impl Features {
+        impl DeviceFeatures {
             /// Every feature.
             pub const ALL: Self = Self { $($name: true,)* };
             /// No feature but what ray-tracing pipelines themselves need.
@@ -94,7 +94,7 @@ features! {
     shader_clock "shaderSubgroupClock" [5055u32];
 }
 
-impl Default for Features {
+impl Default for DeviceFeatures {
     fn default() -> Self {
         Self::ALL
     }
@@ -102,16 +102,16 @@ impl Default for Features {
 
 macro_rules! limits {
     ($($(#[$doc:meta])* $name:ident $greatest:expr, $least:expr;)*) => {
-        /// Limits of a device.
+        /// DeviceLimits of a device.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub struct Limits {
+        pub struct DeviceLimits {
             $($(#[$doc])* pub $name: u64,)*
         }
 
-        impl Limits {
+        impl DeviceLimits {
             /// The greatest that this crate runs.
             pub const GREATEST: Self = Self { $($name: $greatest,)* };
-            /// The least that Vulkan allows (chapter "Limits").
+            /// The least that Vulkan allows (chapter "DeviceLimits").
             pub const LEAST: Self = Self { $($name: $least,)* };
             /// The names, as scenes write them.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),*];
@@ -146,7 +146,7 @@ limits! {
     max_primitive_count (1 << 29) - 1, (1 << 29) - 1;
 }
 
-impl Default for Limits {
+impl Default for DeviceLimits {
     fn default() -> Self {
         Self::GREATEST
     }
@@ -158,15 +158,15 @@ pub struct DeviceProfile {
     /// What errors call it.
     pub name: String,
     /// Its features.
-    pub features: Features,
+    pub features: DeviceFeatures,
     /// Its limits.
-    pub limits: Limits,
+    pub limits: DeviceLimits,
 }
 
 impl Default for DeviceProfile {
     /// Everything that this crate runs.
     fn default() -> Self {
-        Self { name: "permissive".into(), features: Features::ALL, limits: Limits::GREATEST }
+        Self { name: "permissive".into(), features: DeviceFeatures::ALL, limits: DeviceLimits::GREATEST }
     }
 }
 
@@ -186,22 +186,22 @@ impl DeviceProfile {
     /// There is no preset for devices of a vendor, as their support changes with the driver: take
     /// it from the driver's own report.
     pub fn preset(name: &str) -> Option<Self> {
-        let without_swept_spheres = Features {
+        let without_swept_spheres = DeviceFeatures {
             spheres: false,
             linear_swept_spheres: false,
             cluster_acceleration_structure: false,
-            ..Features::ALL
+            ..DeviceFeatures::ALL
         };
-        let khr_only = Features {
+        let khr_only = DeviceFeatures {
             ray_tracing_invocation_reorder: false,
             ray_tracing_motion_blur: false,
             ..without_swept_spheres
         };
         let (features, limits) = match name {
-            "permissive" => (Features::ALL, Limits::GREATEST),
-            "vulkan_minimum" => (Features::NONE, Limits::LEAST),
-            "without_swept_spheres" => (without_swept_spheres, Limits::LEAST),
-            "khr_only" => (khr_only, Limits::LEAST),
+            "permissive" => (DeviceFeatures::ALL, DeviceLimits::GREATEST),
+            "vulkan_minimum" => (DeviceFeatures::NONE, DeviceLimits::LEAST),
+            "without_swept_spheres" => (without_swept_spheres, DeviceLimits::LEAST),
+            "khr_only" => (khr_only, DeviceLimits::LEAST),
             _ => return None,
         };
         Some(Self { name: name.to_owned(), features, limits })
@@ -211,6 +211,7 @@ impl DeviceProfile {
     ///
     /// # Errors
     /// `InvalidModule`, naming capability and feature, for each that the device does not support.
+    #[doc(hidden)]
     pub fn check_module(&self, module: &Module) -> Result<()> {
         let lacking = module.capabilities.iter().filter_map(|&capability| {
             let feature = self.features.lacking(capability)?;
@@ -231,6 +232,7 @@ impl DeviceProfile {
     /// # Errors
     /// `InvalidScene` for spheres or linear swept spheres on a device without them, and for counts
     /// above its limits.
+    #[doc(hidden)]
     pub fn check_structure(&self, tlas: &Tlas) -> Result<()> {
         let invalid = |message: String| Error::new(ErrorKind::InvalidScene, message);
         let mut errors = Vec::new();
@@ -294,6 +296,7 @@ impl DeviceProfile {
     ///
     /// # Errors
     /// `InvalidScene` with the rule.
+    #[doc(hidden)]
     pub fn check_null_descriptor(&self, rule: &str) -> Result<()> {
         if self.features.null_descriptor {
             return Ok(());
@@ -361,13 +364,13 @@ mod tests {
 
     #[test]
     fn features_and_limits_are_switched_by_name() {
-        let mut features = Features::ALL;
-        for name in Features::NAMES {
+        let mut features = DeviceFeatures::ALL;
+        for name in DeviceFeatures::NAMES {
             assert!(features.set(name, false), "{name}");
         }
-        assert_eq!(features, Features::NONE);
+        assert_eq!(features, DeviceFeatures::NONE);
         assert!(!features.set("rayQuery", true), "scenes write ray_query");
-        let mut limits = Limits::GREATEST;
+        let mut limits = DeviceLimits::GREATEST;
         assert!(limits.set("max_ray_recursion_depth", 3) && limits.max_ray_recursion_depth == 3);
         assert!(!limits.set("depth", 1));
     }

@@ -55,6 +55,7 @@ impl Default for PipelineFlags {
 
 impl PipelineFlags {
     /// The ray flags that the pipeline adds to those of every ray. Shaders do not see them.
+    #[doc(hidden)]
     pub fn ray_flags(self) -> u32 {
         let skip_triangles = if self.skip_triangles { 0x100 } else { 0 };
         skip_triangles | if self.skip_aabbs { 0x200 } else { 0 }
@@ -104,6 +105,7 @@ impl PipelineFlags {
     /// # Errors
     /// `InvalidScene` where a structure holds spheres or linear swept spheres and the pipeline does
     /// not allow them.
+    #[doc(hidden)]
     pub fn check_structure(self, tlas: &Tlas) -> Result<()> {
         let swept = |kind| matches!(kind, GeometryKind::Spheres | GeometryKind::LinearSweptSpheres);
         let kinds = tlas.instances().iter().filter_map(|instance| instance.blas.kind());
@@ -124,6 +126,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// `InvalidScene` with the first instance that moves.
+    #[doc(hidden)]
     pub fn check_motion(&self, tlas: &Tlas) -> Result<()> {
         let traces_rays = || self.programs.iter().any(|program| trace_ops(program).next().is_some());
         match first_moving(tlas) {

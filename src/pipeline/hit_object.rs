@@ -8,7 +8,7 @@ use crate::machine::{Mask, Observer, Reg, TrapCode};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::observer::{Caller, PipelineObserver};
 use crate::pipeline::payload;
-use crate::pipeline::sbt::Record;
+use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Trace, record_at};
 
@@ -90,7 +90,7 @@ where
                     HitObject::Hit(..) => &self.pipeline.sbt.hit,
                     _ => &self.pipeline.sbt.miss,
                 };
-                Ok(record_at(table, found.encoded()?.record).and_then(Record::shader_record))
+                Ok(record_at(table, found.encoded()?.record).and_then(SbtRecord::shader_record))
             });
             match record {
                 Ok(record) => {

@@ -13,7 +13,7 @@ use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
-use crate::pipeline::sbt::Record;
+use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::tracing::check_trace;
@@ -32,8 +32,10 @@ pub struct Stats {
     /// Instructions that reorder invocations, which changes nothing here, counted by invocations.
     pub reorders: u64,
     /// Invocations and batches by stage.
+    #[doc(hidden)]
     pub shaders: BTreeMap<Stage, ShaderStats>,
     /// Work that was elided.
+    #[doc(hidden)]
     pub elided: Elided,
 }
 
@@ -61,6 +63,11 @@ pub struct ShaderStats {
 }
 
 impl Stats {
+    /// How many invocations of a stage's shaders ran.
+    pub fn invocations(&self, stage: Stage) -> u64 {
+        self.shaders.get(&stage).map_or(0, |shaders| shaders.invocations)
+    }
+
     /// Counts invocations of a shader without effect.
     pub(super) fn elide(&mut self, stage: Stage, count: u32) {
         self.elided.empty += u64::from(count);
@@ -254,7 +261,7 @@ impl Launch<'_> {
     fn observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         bindings: &[Bindings],
-        record: &Record,
+        record: &SbtRecord,
         (range, order, watch): (Range<u64>, &LaunchOrder, &Arc<TaskWatch>),
         (pipeline_observer, observer): (&mut T, &mut O),
     ) -> (Stats, Option<Trapped>)
@@ -283,7 +290,7 @@ impl Launch<'_> {
         })
     }
 
-    fn ray_generation(&self) -> Result<&Record> {
+    fn ray_generation(&self) -> Result<&SbtRecord> {
         self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
             Error::new(
                 ErrorKind::InvalidScene,
@@ -401,7 +408,7 @@ impl Launch<'_> {
     /// Runs the subgroup of a launch index; the observer sees only the events of that index.
     fn run_subgroup<const W: usize, T: PipelineObserver>(
         &self,
-        record: &Record,
+        record: &SbtRecord,
         id: [u32; 3],
         size: [u32; 3],
         pipeline_observer: &mut T,
@@ -480,7 +487,7 @@ impl Launch<'_> {
 
 /// The tasks of a launch and the data that its worker threads share.
 struct LaunchTasks<'a> {
-    record: &'a Record,
+    record: &'a SbtRecord,
     bindings: &'a [Bindings],
     order: LaunchOrder,
     tasks: &'a TaskQueue,

@@ -38,12 +38,12 @@ use crate::program::race_analysis::{LaunchExtent, Memory};
 
 pub use bands::{Band, BandedLaunch, NotStreamed, StreamedImage};
 pub use compute::{Compute, ObservedInvocation, RunPart};
-pub use device::{DeviceProfile, Features, Limits};
+pub use device::{DeviceFeatures, DeviceLimits, DeviceProfile};
 pub use flags::PipelineFlags;
 pub use group::{Group, HitGroup, Shader};
 pub use launch::{Elided, Launch, RayOperands, RayOutcome, ShaderStats, Stats};
 pub use observer::{Caller, Event, PipelineObserver};
-pub use sbt::{Record, Sbt};
+pub use sbt::{Sbt, SbtRecord};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
 pub(crate) use trapped::{trap_error, with_limit};
@@ -68,27 +68,38 @@ pub const DEFAULT_STACK_SIZE: u64 = 1 << 23;
 #[derive(Clone, Debug)]
 pub struct Pipeline {
     /// The programs that groups name.
+    #[doc(hidden)]
     pub programs: Vec<Arc<Program>>,
     /// The shader groups.
+    #[doc(hidden)]
     pub groups: Vec<Group>,
     /// The shader binding table.
+    #[doc(hidden)]
     pub sbt: Sbt,
     /// `maxPipelineRayRecursionDepth`
+    #[doc(hidden)]
     pub max_recursion: u32,
     /// How deeply callable shaders may call each other.
+    #[doc(hidden)]
     pub max_callable_depth: u32,
     /// How many bytes of registers the shaders of an invocation may hold where one of them traces
     /// or calls another.
+    #[doc(hidden)]
     pub max_stack_size: u64,
     /// Instructions that an invocation may execute; see [`DEFAULT_FUEL`].
+    #[doc(hidden)]
     pub fuel: u64,
     /// The limits of a whole launch.
+    #[doc(hidden)]
     pub launch_limits: LaunchLimits,
     /// `SubgroupSize`
+    #[doc(hidden)]
     pub subgroup_size: u32,
     /// The flags that the pipeline is created with.
+    #[doc(hidden)]
     pub flags: PipelineFlags,
     /// `maxRayDispatchInvocationCount`
+    #[doc(hidden)]
     pub max_invocations: u64,
 }
 
@@ -102,12 +113,14 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`crate::program::lower()`].
+    #[doc(hidden)]
     pub fn unoptimized(&self) -> Result<Self> {
         let unoptimized = |program: &Arc<Program>| Ok(Arc::new(program.unoptimized()?));
         Ok(Self { programs: self.programs.iter().map(unoptimized).collect::<Result<_>>()?, ..self.clone() })
     }
 
     /// The number of words of the largest payload that a shader declares.
+    #[doc(hidden)]
     pub fn payload_words(&self) -> usize {
         let counts = self.programs.iter().filter_map(|program| {
             program
@@ -137,6 +150,7 @@ impl Pipeline {
 
     /// Whether a shader's results depend on how invocations interleave. A launch then runs them one
     /// after the other, in launch order, on one thread.
+    #[doc(hidden)]
     pub fn order_dependent(&self) -> bool {
         self.programs.iter().any(|program| program.order_dependent)
     }
@@ -144,12 +158,14 @@ impl Pipeline {
     /// Memory that the invocations of a launch share otherwise than by atomic instructions that
     /// commute, if there is any. They then run on one thread, in batches of 64 in launch order, at
     /// every batch width.
+    #[doc(hidden)]
     pub fn shared_memory(&self, size: [u32; 3], resources: &Resources) -> Option<Memory> {
         let programs: Vec<&Program> = self.programs.iter().map(|program| &**program).collect();
         LaunchExtent { count: size, local: [1; 3], resources }.shared(&programs)
     }
 
     /// Whether a shader uses subgroup instructions, so that whole subgroups must run together.
+    #[doc(hidden)]
     pub fn uses_subgroups(&self) -> bool {
         self.programs.iter().any(|program| program.uses_subgroups)
     }
@@ -178,6 +194,7 @@ pub struct PipelineBuilder {
 
 impl PipelineBuilder {
     /// Adds a shader.
+    #[doc(hidden)]
     pub fn shader(&mut self, program: impl Into<Arc<Program>>) -> Shader {
         self.programs.push(program.into());
         Shader(self.programs.len() as u32 - 1)
@@ -188,6 +205,7 @@ impl PipelineBuilder {
     /// # Errors
     /// `InvalidScene` if a shader's stage does not fit its member of the group; `InvalidArgument`
     /// for a shader that was not added.
+    #[doc(hidden)]
     pub fn group(&mut self, group: Group) -> Result<u32> {
         check_group(&self.programs, group)?;
         self.groups.push(group);
@@ -198,10 +216,10 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn ray_generation(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+    pub fn ray_generation(mut self, program: impl Into<Arc<Program>>) -> Result<Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
-        self.sbt.ray_generation = Some(Record::new(group));
+        self.sbt.ray_generation = Some(SbtRecord::new(group));
         Ok(self)
     }
 
@@ -209,10 +227,10 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn miss(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+    pub fn miss(mut self, program: impl Into<Arc<Program>>) -> Result<Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
-        self.sbt.miss.push(Some(Record::new(group)));
+        self.sbt.miss.push(Some(SbtRecord::new(group)));
         Ok(self)
     }
 
@@ -220,10 +238,10 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`].
-    pub fn callable(&mut self, program: impl Into<Arc<Program>>) -> Result<&mut Self> {
+    pub fn callable(mut self, program: impl Into<Arc<Program>>) -> Result<Self> {
         let shader = self.shader(program);
         let group = self.group(Group::General(shader))?;
-        self.sbt.callable.push(Some(Record::new(group)));
+        self.sbt.callable.push(Some(SbtRecord::new(group)));
         Ok(self)
     }
 
@@ -231,7 +249,7 @@ impl PipelineBuilder {
     ///
     /// # Errors
     /// As [`PipelineBuilder::group`]; `InvalidArgument` for two shaders of one stage.
-    pub fn hit(&mut self, programs: impl IntoIterator<Item = Program>) -> Result<&mut Self> {
+    pub fn hit(mut self, programs: impl IntoIterator<Item = Program>) -> Result<Self> {
         let mut group = HitGroup::default();
         for program in programs {
             let stage = program.stage;
@@ -246,7 +264,7 @@ impl PipelineBuilder {
             }
         }
         let group = self.group(Group::Hit(group))?;
-        self.sbt.hit.push(Some(Record::new(group)));
+        self.sbt.hit.push(Some(SbtRecord::new(group)));
         Ok(self)
     }
 
@@ -256,13 +274,15 @@ impl PipelineBuilder {
     }
 
     /// Sets `maxPipelineRayRecursionDepth`.
-    pub fn max_recursion(&mut self, depth: u32) -> &mut Self {
+    #[must_use]
+    pub fn max_recursion(mut self, depth: u32) -> Self {
         self.max_recursion = Some(depth);
         self
     }
 
     /// Sets how deeply callable shaders may call each other: 1 to [`GREATEST_CALLABLE_DEPTH`].
-    pub fn max_callable_depth(&mut self, depth: u32) -> &mut Self {
+    #[must_use]
+    pub fn max_callable_depth(mut self, depth: u32) -> Self {
         self.max_callable_depth = Some(depth);
         self
     }
@@ -270,44 +290,52 @@ impl PipelineBuilder {
     /// Sets how many bytes of registers the shaders of an invocation may hold where one of them
     /// traces or calls another (as `vkCmdSetRayTracingPipelineStackSizeKHR` sets a pipeline's
     /// stack); [`DEFAULT_STACK_SIZE`] unless set.
-    pub fn max_stack_size(&mut self, bytes: u64) -> &mut Self {
+    #[must_use]
+    pub fn max_stack_size(mut self, bytes: u64) -> Self {
         self.max_stack_size = Some(bytes);
         self
     }
 
     /// Sets the limits of a whole launch; unless set, it has none.
-    pub fn launch_limits(&mut self, limits: LaunchLimits) -> &mut Self {
+    #[must_use]
+    pub fn launch_limits(mut self, limits: LaunchLimits) -> Self {
         self.launch_limits = limits;
         self
     }
 
     /// Sets how many instructions an invocation may execute; see [`DEFAULT_FUEL`].
-    pub fn fuel(&mut self, instructions: u64) -> &mut Self {
+    #[must_use]
+    pub fn fuel(mut self, instructions: u64) -> Self {
         self.fuel = Some(instructions);
         self
     }
 
     /// The old name of [`PipelineBuilder::fuel`].
+    #[doc(hidden)]
     #[deprecated = "call `fuel`"]
-    pub fn budget(&mut self, instructions: u64) -> &mut Self {
+    #[must_use]
+    pub fn budget(self, instructions: u64) -> Self {
         self.fuel(instructions)
     }
 
     /// Sets `SubgroupSize`: a power of two from 1 to 128.
-    pub fn subgroup_size(&mut self, size: u32) -> &mut Self {
+    #[must_use]
+    pub fn subgroup_size(mut self, size: u32) -> Self {
         self.subgroup_size = Some(size);
         self
     }
 
     /// Sets the pipeline's flags.
-    pub fn flags(&mut self, flags: PipelineFlags) -> &mut Self {
+    #[must_use]
+    pub fn flags(mut self, flags: PipelineFlags) -> Self {
         self.flags = flags;
         self
     }
 
     /// Sets the device that the pipeline is for: [`PipelineBuilder::build`] refuses what it does not
     /// support.
-    pub fn device(&mut self, device: DeviceProfile) -> &mut Self {
+    #[must_use]
+    pub fn device(mut self, device: DeviceProfile) -> Self {
         self.device = device;
         self
     }
@@ -317,7 +345,7 @@ impl PipelineBuilder {
     /// # Errors
     /// `InvalidScene` if a record names a group that does not exist or does not fit its table;
     /// `InvalidModule` and `InvalidScene` for what the device does not support.
-    pub fn build(&self) -> Result<Pipeline> {
+    pub fn build(self) -> Result<Pipeline> {
         self.sbt.check(&self.programs, &self.groups)?;
         let size = self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE);
         check_subgroup_size(size)?;

@@ -10,14 +10,14 @@ use crate::program::Program;
 
 /// A record: a group and the application's data behind its handle.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub struct SbtRecord {
     /// Index of the group.
     pub group: u32,
     /// The data, if any: `ShaderRecordBufferKHR` begins at its first byte.
     pub data: Option<Arc<Buffer>>,
 }
 
-impl Record {
+impl SbtRecord {
     /// A record without data.
     pub fn new(group: u32) -> Self {
         Self { group, data: None }
@@ -29,6 +29,7 @@ impl Record {
     }
 
     /// The data as an invocation sees it.
+    #[doc(hidden)]
     pub fn shader_record(&self) -> Option<ShaderRecord> {
         let data = self.data.clone()?;
         let size = data.size();
@@ -41,18 +42,18 @@ impl Record {
 #[derive(Clone, Debug, Default)]
 pub struct Sbt {
     /// The ray generation record that launches run.
-    pub ray_generation: Option<Record>,
+    pub ray_generation: Option<SbtRecord>,
     /// Miss records, by the miss index of a trace.
-    pub miss: Vec<Option<Record>>,
+    pub miss: Vec<Option<SbtRecord>>,
     /// Hit records, by instance offset + geometry index * SBT stride + SBT offset.
-    pub hit: Vec<Option<Record>>,
+    pub hit: Vec<Option<SbtRecord>>,
     /// Callable records, by the SBT index of `OpExecuteCallableKHR`.
-    pub callable: Vec<Option<Record>>,
+    pub callable: Vec<Option<SbtRecord>>,
 }
 
 /// Whether an index is beyond the end of a table. A table without records is like one whose handles
 /// are all null: an application without such shaders binds no memory for it.
-pub(super) fn is_beyond_end(table: &[Option<Record>], index: u64) -> bool {
+pub(super) fn is_beyond_end(table: &[Option<SbtRecord>], index: u64) -> bool {
     !table.is_empty() && index >= table.len() as u64
 }
 

@@ -23,7 +23,7 @@ use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::payload;
 use crate::pipeline::report::IntersectionReport;
-use crate::pipeline::sbt::Record;
+use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::trace::{PendingCall, Trace, Words, general_shader, record_at};
 use crate::pipeline::trapped::{Trapped, ended_without_shader};
 use crate::program::Program;
@@ -172,7 +172,7 @@ where
 
     /// Runs the ray generation shader for the invocations at a range of positions, batch by batch,
     /// up to one that a limit stops.
-    pub fn launch_batches(&mut self, record: &Record, order: &LaunchOrder, positions: Range<u64>) {
+    pub fn launch_batches(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
             let batch = start..positions.end.min(start + W as u64);
             if let Some(watch) = &self.watch {
@@ -190,7 +190,7 @@ where
 
     /// Runs the ray generation shader for one batch: the invocations at a range of positions in a
     /// launch's order.
-    pub fn launch_batch(&mut self, record: &Record, order: &LaunchOrder, positions: Range<u64>) {
+    pub fn launch_batch(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general_shader(self.pipeline, record) else { return };
         let mut running = self.acquire_batch(shader, Role::RayGeneration);
@@ -547,7 +547,7 @@ where
         for lane in lanes.lanes() {
             let index = u64::from(below.batch.registers[index].0[lane]);
             to.record_indices[lane] = index;
-            let record = record_at(&self.pipeline.sbt.callable, index).and_then(Record::shader_record);
+            let record = record_at(&self.pipeline.sbt.callable, index).and_then(SbtRecord::shader_record);
             to.set_record(lane, record.as_ref());
         }
         begin(self.pipeline, &mut running, lanes);

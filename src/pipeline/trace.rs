@@ -21,7 +21,7 @@ use crate::pipeline::launch::Stats;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver, TraversalAdapter};
 use crate::pipeline::opaque_batch::OpaqueBatch;
 use crate::pipeline::payload;
-use crate::pipeline::sbt::{Record, is_beyond_end};
+use crate::pipeline::sbt::{SbtRecord, is_beyond_end};
 use crate::pipeline::stack::Role;
 
 /// The words of a payload, of callable data or of hit attributes, in one lane.
@@ -481,7 +481,7 @@ impl<const W: usize> Trace<W> {
         for lane in lanes.lanes() {
             let index = self.record_indices[lane];
             if record.as_ref().is_none_or(|(known, _)| *known != index) {
-                record = Some((index, record_at(table, index).and_then(Record::shader_record)));
+                record = Some((index, record_at(table, index).and_then(SbtRecord::shader_record)));
             }
             to.set_record(lane, record.as_ref().and_then(|(_, record)| record.as_ref()));
         }
@@ -531,7 +531,7 @@ impl<const W: usize> Trace<W> {
 }
 
 /// The record at an index of the hit table, with its hit group.
-pub(super) fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&Record>, HitGroup) {
+pub(super) fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&SbtRecord>, HitGroup) {
     let record = record_at(&pipeline.sbt.hit, index);
     let group = match record.map(|record| pipeline.groups[record.group as usize]) {
         Some(Group::Hit(group)) => group,
@@ -541,12 +541,12 @@ pub(super) fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&Record>,
 }
 
 /// The record of a table at an index; `None` for a null handle and beyond the end.
-pub(super) fn record_at(table: &[Option<Record>], index: u64) -> Option<&Record> {
+pub(super) fn record_at(table: &[Option<SbtRecord>], index: u64) -> Option<&SbtRecord> {
     usize::try_from(index).ok().and_then(|at| table.get(at)).and_then(Option::as_ref)
 }
 
 /// The shader of a record's general group; `None` for a hit group.
-pub(super) fn general_shader(pipeline: &Pipeline, record: &Record) -> Option<Shader> {
+pub(super) fn general_shader(pipeline: &Pipeline, record: &SbtRecord) -> Option<Shader> {
     match pipeline.groups[record.group as usize] {
         Group::General(shader) => Some(shader),
         Group::Hit(_) => None,

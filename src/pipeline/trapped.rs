@@ -78,7 +78,7 @@ where
         if trap.code == TrapCode::ShaderRecordEmpty {
             error = error.note(
                 "its data is the key `record` of a table in the scene's [pipeline]: `{ shader = ..., record = { \
-                 ... } }`, in Rust Record::with_data or ShaderTest::shader_record",
+                 ... } }`, in Rust SbtRecord::with_data or ShaderTest::shader_record",
             );
         }
         let record = || missing_record(&self.pipeline.sbt, trap.code, fault_value);

@@ -230,6 +230,7 @@ pub fn missing<'a>(
 impl Program {
     /// Lists what is bound and what is not, where a descriptor is missing; `others` run with this
     /// one.
+    #[doc(hidden)]
     pub fn describe_bound(&self, accessed: Option<&AccessFault>, others: &[Arc<Self>]) -> Vec<String> {
         let Some(AccessFault::Descriptor { bound, .. }) = accessed else { return Vec::new() };
         let programs = || std::iter::once(self).chain(others.iter().map(|program| &**program));

@@ -44,6 +44,7 @@ impl Program {
     /// What the loop did in which an invocation was stopped by a limit, from its last turns: the
     /// source line, the variables that changed and those that did not. `None` where it was stopped
     /// in no loop.
+    #[doc(hidden)]
     pub fn describe_loop(&self, trap: LaneTrap, turns: &[LoopTurns]) -> Option<String> {
         let count = self.ops.len() as u32;
         let block = match trap.op.checked_sub(count) {

@@ -136,53 +136,76 @@ pub struct Program {
     /// The entry point's name.
     pub name: String,
     /// All operations.
+    #[doc(hidden)]
     pub ops: Vec<Op>,
     /// By operation of a program that is not optimised: whether the optimizer eliminates it, so
     /// that it must not trap here either. Empty in optimised programs.
+    #[doc(hidden)]
     pub silent: Vec<bool>,
     /// The operations that batches without an observer run.
+    #[doc(hidden)]
     pub optimized: OptimizedCode,
     /// The origin of each operation, then the origin of each block's terminator.
+    #[doc(hidden)]
     pub origins: Vec<Origin>,
     /// The inlined calls; the first is the entry point itself.
+    #[doc(hidden)]
     pub scopes: Vec<Scope>,
     /// All blocks in structured order; the entry point begins at 0.
+    #[doc(hidden)]
     pub blocks: Vec<Block>,
     /// The instructions of the module that the blocks run, in the order in which they run them.
+    #[doc(hidden)]
     pub instruction_spans: Vec<InstructionSpan>,
     /// By function that is not inlined, the entry point first: its first block, ascending, and the
     /// instructions of all its blocks, which a call costs.
+    #[doc(hidden)]
     pub functions: Vec<(u32, u32)>,
     /// The variables and phis of which the report of an endless loop tells.
+    #[doc(hidden)]
     pub loop_variables: Vec<LoopVariable>,
     /// Their registers.
+    #[doc(hidden)]
     pub watched: Arc<[Reg]>,
     /// How many registers a batch needs.
+    #[doc(hidden)]
     pub register_count: u32,
     /// Registers that hold constants.
+    #[doc(hidden)]
     pub constants: Vec<(Reg, u32)>,
     /// The descriptor bindings, by slot.
+    #[doc(hidden)]
     pub slots: Vec<Slot>,
     /// The builtins that are read.
+    #[doc(hidden)]
     pub inputs: Vec<InputRegisters>,
     /// The registers of payload, attribute and other interface variables.
+    #[doc(hidden)]
     pub interface: Vec<InterfaceRegisters>,
     /// The registers of all variables.
+    #[doc(hidden)]
     pub variables: Vec<(Reg, u32)>,
     /// Whether the results of a launch depend on how its invocations interleave; see
     /// [`crate::ops::atomic`].
+    #[doc(hidden)]
     pub order_dependent: bool,
     /// Its accesses to memory that all invocations share.
+    #[doc(hidden)]
     pub accesses: Vec<MemoryAccess>,
     /// Whether it has subgroup operations, so that its subgroup must run together.
+    #[doc(hidden)]
     pub uses_subgroups: bool,
     /// The workgroups of a compute entry point.
+    #[doc(hidden)]
     pub workgroup: Option<WorkgroupLayout>,
     /// Whether it queries device addresses of shader records.
+    #[doc(hidden)]
     pub addresses_records: bool,
     /// What lowering eliminated, as no output depends on it.
+    #[doc(hidden)]
     pub eliminated: Eliminated,
     /// Which words of payloads it reads and writes.
+    #[doc(hidden)]
     pub payloads: Payloads,
 }
 
@@ -233,6 +256,7 @@ impl Program {
     ///
     /// # Errors
     /// As [`lower()`].
+    #[doc(hidden)]
     pub fn unoptimized(&self) -> Result<Self> {
         let is_this = |entry: &&EntryPoint| entry.stage == self.stage && entry.name == self.name;
         let entry = self.module.entry_points.iter().find(is_this);
@@ -245,6 +269,7 @@ impl Program {
     }
 
     /// Whether it has no output and no effect, and cannot trap.
+    #[doc(hidden)]
     pub fn is_empty(&self) -> bool {
         let ends =
             |block: &Block| matches!(block.terminator, Terminator::Return | Terminator::Exit(Exit::Returned));
@@ -252,6 +277,7 @@ impl Program {
     }
 
     /// A batch with the constants in place, ready for [`Program::begin`].
+    #[doc(hidden)]
     pub fn batch<const W: usize>(&self) -> Batch<W> {
         let mut registers = Registers::new((self.register_count as usize).max(superop::DIRECT_REGISTERS));
         for &(reg, word) in &self.constants {
@@ -263,6 +289,7 @@ impl Program {
     }
 
     /// The instructions that a call of the function which begins at a block costs.
+    #[doc(hidden)]
     pub fn call_cost(&self, block: u32) -> u32 {
         let found = self.functions.binary_search_by_key(&block, |&(first, _)| first);
         found.map_or(1, |at| self.functions[at].1.max(1))
@@ -270,6 +297,7 @@ impl Program {
 
     /// The instructions that an invocation costs a launch, beside those that it is charged for back
     /// edges and calls: all of the entry point, functions that are inlined included.
+    #[doc(hidden)]
     pub fn entry_cost(&self) -> u32 {
         self.functions.first().map_or(1, |&(_, instructions)| instructions.max(1))
     }
@@ -279,6 +307,7 @@ impl Program {
     ///
     /// Variables begin as zeros, so that what a shader reads before it writes does not depend on
     /// what ran in the batch before.
+    #[doc(hidden)]
     pub fn begin<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, fuel: u64) {
         for &(first, count) in &self.variables {
             batch.registers.span_mut(first, count).fill(Lanes::splat(0));
@@ -289,6 +318,7 @@ impl Program {
 
     /// Fills the registers of builtins; with `volatile`, only of those that may change while
     /// running.
+    #[doc(hidden)]
     pub fn refresh_inputs<const W: usize>(&self, batch: &mut Batch<W>, mask: Mask<W>, volatile: bool) {
         let Batch { registers, invocations, .. } = batch;
         for input in self.inputs.iter().filter(|input| !volatile || input.builtin.volatile) {
@@ -297,11 +327,13 @@ impl Program {
     }
 
     /// The registers of the variable of a storage class of which an entry point has at most one.
+    #[doc(hidden)]
     pub fn interface_registers(&self, storage_class: u32) -> Option<&InterfaceRegisters> {
         self.interface.iter().find(|registers| registers.storage_class == storage_class)
     }
 
     /// Describes the access that trapped: the offset or coordinate, and the buffer or image.
+    #[doc(hidden)]
     pub fn describe_access(
         &self,
         trap: LaneTrap,
@@ -415,6 +447,7 @@ impl Program {
     }
 
     /// The bindings of the slots, for [`Resources::bindings`](crate::machine::Resources::bindings).
+    #[doc(hidden)]
     pub fn bindings(&self) -> impl Iterator<Item = Binding> {
         self.slots.iter().map(|slot| slot.binding)
     }

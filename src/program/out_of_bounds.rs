@@ -35,7 +35,7 @@ impl Program {
     /// The index that was out of bounds in an access that trapped, described and as data.
     /// `last_out_of_bounds` returns, for an operation that computes an index, when it last was out
     /// of bounds, and its value.
-    pub fn out_of_bounds_index(
+    pub(crate) fn out_of_bounds_index(
         &self,
         trap: LaneTrap,
         fault_value: u64,

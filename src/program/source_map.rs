@@ -6,13 +6,14 @@ use crate::program::Program;
 
 impl Program {
     /// The source line of an operation; `None` where the module has no debug information for it.
+    #[doc(hidden)]
     pub fn place(&self, op: u32) -> Option<Place> {
         self.place_at(self.origins.get(op as usize)?.offset)
     }
 
     /// This program as a frame of a stack of shader calls: it is the shader of this index in its
     /// pipeline, and is at an operation.
-    pub fn frame(&self, shader: u32, op: u32) -> ShaderFrame {
+    pub(crate) fn frame(&self, shader: u32, op: u32) -> ShaderFrame {
         let word = self.origins.get(op as usize).map(|origin| origin.offset);
         let debug = &self.module.debug_info;
         let line = word.and_then(|word| debug.line_at(word).or_else(|| self.line_near(word)));
@@ -33,12 +34,14 @@ impl Program {
     /// The source line of the instruction at a word offset of the module.
     ///
     /// A [`Place::Text`] spans the line without its indent.
+    #[doc(hidden)]
     pub fn place_at(&self, offset: u32) -> Option<Place> {
         self.place_of(self.module.debug_info.line_at(offset)?)
     }
 
     /// For an instruction without a source line (`OpNoLine`): the last line before it in its block,
     /// else in its function.
+    #[doc(hidden)]
     pub fn place_near(&self, offset: u32) -> Option<Place> {
         self.place_of(self.line_near(offset)?)
     }

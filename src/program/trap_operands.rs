@@ -1,7 +1,7 @@
 //! The values that caused a trap, as data.
 
 use crate::accel::RayRule;
-use crate::error::{AccessedMemory, DescriptorElement, IndexOperand, NearestBuffer, TrapOperands};
+use crate::error::{DescriptorElement, IndexOperand, TrapOperands};
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{AccessFault, Binding, Bindings, LaneTrap, TrapCode};
 use crate::ops::atomic::AtomicTarget;
@@ -13,7 +13,7 @@ use crate::program::Program;
 impl Program {
     /// The values that caused a trap: those that this program knows, which are not those of tables
     /// and limits. `index` is the one of [`Program::out_of_bounds_index`].
-    pub fn trap_operands(
+    pub(crate) fn trap_operands(
         &self,
         trap: LaneTrap,
         fault_value: u64,
@@ -29,11 +29,13 @@ impl Program {
             TrapCode::AccelerationStructureMissing if (fault_value >> 32) as u32 == STRUCTURE_HANDLE => {
                 TrapOperands::Descriptor { descriptor: self.descriptor_element(fault_value as u32) }
             }
-            TrapCode::AccelerationStructureMissing => {
-                TrapOperands::Address { address: fault_value, bytes: None, nearest: None }
-            }
+            TrapCode::AccelerationStructureMissing => self.address_operands(fault_value, None, None),
             TrapCode::IndexOutOfBounds if index.is_some() => {
-                index.map_or(TrapOperands::None, TrapOperands::Index)
+                index.map_or(TrapOperands::None, |IndexOperand { index, length, of }| TrapOperands::Index {
+                    index,
+                    length,
+                    of,
+                })
             }
             TrapCode::IndexOutOfBounds
             | TrapCode::BufferOutOfBounds
@@ -56,7 +58,7 @@ impl Program {
     }
 
     /// The rule for rays that a trap is about, where the specification has numbered it.
-    pub fn ray_vuid(&self, trap: LaneTrap, fault_value: u64) -> Option<String> {
+    pub(crate) fn ray_vuid(&self, trap: LaneTrap, fault_value: u64) -> Option<String> {
         let of_rays = matches!(
             trap.code,
             TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject
@@ -91,8 +93,7 @@ impl Program {
         let bytes = chunk.width / 8 * chunk.count;
         if let BufferRef::Address(_) = chunk.buffer {
             let nearest = accessed.filter(|_| code != TrapCode::NullPointer);
-            let nearest = nearest.and_then(|accessed| self.nearest_buffer(accessed));
-            return TrapOperands::Address { address: fault_value, bytes: Some(bytes), nearest };
+            return self.address_operands(fault_value, Some(bytes), nearest);
         }
         let (handle, size) = match accessed {
             Some(&AccessFault::Descriptor { handle, .. }) => {
@@ -101,14 +102,51 @@ impl Program {
             Some(&AccessFault::Buffer { handle, size, .. }) => (handle, Some(size)),
             _ => (None, None),
         };
-        let memory = match chunk.buffer {
-            BufferRef::PushConstants => AccessedMemory::PushConstants,
-            BufferRef::ShaderRecord => AccessedMemory::ShaderRecord,
-            BufferRef::Workgroup => AccessedMemory::Workgroup,
-            BufferRef::Handle(handle) => self.descriptor_memory(Some(handle)),
-            BufferRef::Computed(_) | BufferRef::Address(_) => self.descriptor_memory(handle),
+        let (handle, storage_class) = match chunk.buffer {
+            BufferRef::PushConstants => (None, Some("PushConstant")),
+            BufferRef::ShaderRecord => (None, Some("ShaderRecordBufferKHR")),
+            BufferRef::Workgroup => (None, Some("Workgroup")),
+            BufferRef::Handle(handle) => (Some(handle), None),
+            BufferRef::Computed(_) | BufferRef::Address(_) => (handle, None),
         };
-        TrapOperands::Buffer { memory, offset: fault_value, bytes, size, index }
+        let descriptor = handle.and_then(|handle| self.descriptor_element(handle));
+        let (index, length, of) = index.map_or((None, None, None), |one| (one.index, one.length, one.of));
+        TrapOperands::Buffer {
+            descriptor,
+            storage_class,
+            offset: fault_value,
+            bytes,
+            size,
+            index,
+            length,
+            of,
+        }
+    }
+
+    fn address_operands(
+        &self,
+        address: u64,
+        bytes: Option<u32>,
+        nearest: Option<&AccessFault>,
+    ) -> TrapOperands {
+        match nearest {
+            Some(AccessFault::Address { start, size, handle, name }) => TrapOperands::Address {
+                address,
+                bytes,
+                start: Some(*start),
+                size: Some(*size),
+                buffer: name.as_deref().map(str::to_owned),
+                descriptor: handle.and_then(|handle| self.descriptor_element(handle)),
+            },
+            _ => TrapOperands::Address {
+                address,
+                bytes,
+                start: None,
+                size: None,
+                buffer: None,
+                descriptor: None,
+            },
+        }
     }
 
     fn image_operands(&self, accessed: &AccessFault) -> TrapOperands {
@@ -127,21 +165,6 @@ impl Program {
             }
             AccessFault::Buffer { handle: None, .. } | AccessFault::Address { .. } => TrapOperands::None,
         }
-    }
-
-    fn nearest_buffer(&self, accessed: &AccessFault) -> Option<NearestBuffer> {
-        let AccessFault::Address { start, size, handle, name } = accessed else { return None };
-        Some(NearestBuffer {
-            name: name.as_deref().map(str::to_owned),
-            descriptor: handle.and_then(|handle| self.descriptor_element(handle)),
-            start: *start,
-            size: *size,
-        })
-    }
-
-    fn descriptor_memory(&self, handle: Option<u32>) -> AccessedMemory {
-        let element = handle.and_then(|handle| self.descriptor_element(handle));
-        element.map_or(AccessedMemory::Unknown, AccessedMemory::Descriptor)
     }
 
     /// Slot and array element of a handle; `None` for null.

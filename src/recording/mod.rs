@@ -25,19 +25,25 @@ pub use ray::TracedRay;
 #[derive(Debug)]
 pub struct Recording {
     /// The acceleration structure: every instance holds all geometries.
+    #[doc(hidden)]
     pub tlas: Arc<Tlas>,
     /// The rays.
+    #[doc(hidden)]
     pub rays: Vec<TraceRay>,
     /// The results of a driver, if recorded.
+    #[doc(hidden)]
     pub driver: Option<Driver>,
     /// The results of a computation of higher precision, if recorded.
+    #[doc(hidden)]
     pub reference: Option<Reference>,
     /// The sphere, as centre and radius, that the intersection shader tests in each box, for all
     /// boxes of all geometries in order.
     spheres: Vec<[f32; 4]>,
     /// Tensors that would define part of the scene, but whose names are unknown.
+    #[doc(hidden)]
     pub unknown_tensors: Vec<String>,
     /// Notes on geometry that was left out.
+    #[doc(hidden)]
     pub notes: Vec<String>,
     /// By geometry: the index of its first box's sphere.
     first_sphere: Vec<usize>,
@@ -120,6 +126,7 @@ impl Recording {
     /// # Errors
     /// As [`Recording::open`], and `InvalidArgument` where it is larger than the limit
     /// `file-bytes`.
+    #[doc(hidden)]
     pub fn open_within(path: impl AsRef<Path>, limits: &InputLimits) -> Result<Self> {
         let path = path.as_ref();
         Self::of_file(path, &read_argument(path, InputLimit::FileBytes, limits)?)
@@ -129,6 +136,7 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Recording::of`].
+    #[doc(hidden)]
     pub fn of_file(path: &Path, bytes: &[u8]) -> Result<Self> {
         let name = path.display().to_string();
         Self::of(bytes).map_err(|error| error.context(name).at(Place::File(path.to_path_buf())))
@@ -166,6 +174,7 @@ impl Recording {
     }
 
     /// The kind of primitive of its geometries.
+    #[doc(hidden)]
     pub fn kind(&self) -> Option<crate::accel::GeometryKind> {
         self.tlas.instances().first().and_then(|instance| instance.blas.kind())
     }

@@ -50,6 +50,7 @@ pub struct TracedRay {
 
 impl Recording {
     /// Traces a ray with an any-hit shader that counts and accepts.
+    #[doc(hidden)]
     pub fn trace(&self, ray: TraceRay) -> TracedRay {
         let mut recorder = IntersectionRecorder::default();
         let mut cursor = Cursor::new(&self.tlas, ray);
@@ -74,6 +75,7 @@ impl Recording {
     }
 
     /// The candidates of a ray whose any-hit shader ignores all.
+    #[doc(hidden)]
     pub fn candidates(&self, ray: TraceRay) -> Vec<Candidate> {
         let mut cursor = Cursor::new(&self.tlas, ray);
         std::iter::from_fn(|| cursor.proceed(&self.tlas)).collect()

@@ -14,7 +14,7 @@ use crate::module::interface::Stage;
 use crate::module::ty::Type;
 use crate::module::{self, Module};
 use crate::ops::translate::array_length;
-use crate::pipeline::{self, Compute, Launch, Pipeline, Record, Sbt};
+use crate::pipeline::{self, Compute, Launch, Pipeline, Sbt, SbtRecord};
 use crate::program::descriptors::stand_in;
 use crate::program::{Program, lower};
 use crate::scene::addresses::Addresses;
@@ -106,7 +106,7 @@ fn assemble_excluding(
             }
         }
     }
-    let mut pipelines: Vec<(Pipeline, Vec<Option<Record>>)> = Vec::new();
+    let mut pipelines: Vec<(Pipeline, Vec<Option<SbtRecord>>)> = Vec::new();
     // A pipeline that lacks a shader fails for that reason, which is already reported.
     let reported = !errors.is_empty();
     for (built, resolved) in built.into_iter().zip(scene.all_pipelines()) {
@@ -150,7 +150,7 @@ fn assemble_excluding(
 /// The pipelines are `[pipeline]` and then the named ones, with their ray generation records.
 fn passes(
     scene: &ResolvedScene,
-    pipelines: &[(Pipeline, Vec<Option<Record>>)],
+    pipelines: &[(Pipeline, Vec<Option<SbtRecord>>)],
     dispatches: usize,
     addresses: &Addresses,
 ) -> Result<Vec<Pass>> {
@@ -363,7 +363,7 @@ fn pipeline<'a>(
     shaders: &mut Shaders<'a>,
     resolved: &'a ResolvedPipeline,
     errors: &mut Vec<Error>,
-) -> Result<(Pipeline, Vec<Option<Record>>)> {
+) -> Result<(Pipeline, Vec<Option<SbtRecord>>)> {
     let device = shaders.scene.device.clone();
     let mut builder = Pipeline::builder();
     let mut groups = Vec::new();
@@ -393,42 +393,42 @@ fn pipeline<'a>(
         });
     }
     let addresses = shaders.addresses;
-    let mut record = |record: &ResolvedRecord| -> Option<Record> {
+    let mut record = |record: &ResolvedRecord| -> Option<SbtRecord> {
         let group = groups.get(record.group?).copied().flatten()?;
         if record.data.is_empty() {
-            return Some(Record::new(group));
+            return Some(SbtRecord::new(group));
         }
         match record.data.encode(addresses) {
-            Ok(data) => Some(Record::with_data(group, &data)),
+            Ok(data) => Some(SbtRecord::with_data(group, &data)),
             Err(error) => {
                 errors.push(error);
                 None
             }
         }
     };
-    let raygen: Vec<Option<Record>> = resolved.sbt.raygen.iter().map(&mut record).collect();
+    let raygen: Vec<Option<SbtRecord>> = resolved.sbt.raygen.iter().map(&mut record).collect();
     *builder.sbt() = Sbt {
         ray_generation: raygen.first().cloned().flatten(),
         miss: resolved.sbt.miss.iter().map(&mut record).collect(),
         hit: resolved.sbt.hit.iter().map(&mut record).collect(),
         callable: resolved.sbt.callable.iter().map(&mut record).collect(),
     };
-    builder.device(device).flags(resolved.flags);
+    builder = builder.device(device).flags(resolved.flags);
     if let Some(depth) = resolved.max_recursion_depth {
-        builder.max_recursion(depth);
+        builder = builder.max_recursion(depth);
     }
     if let Some(operations) = resolved.fuel {
-        builder.fuel(operations);
+        builder = builder.fuel(operations);
     }
     if let Some(depth) = resolved.max_callable_depth {
-        builder.max_callable_depth(depth);
+        builder = builder.max_callable_depth(depth);
     }
     if let Some(bytes) = resolved.max_stack_size {
-        builder.max_stack_size(bytes);
+        builder = builder.max_stack_size(bytes);
     }
-    builder.launch_limits(resolved.launch_limits);
+    builder = builder.launch_limits(resolved.launch_limits);
     if let Some(size) = resolved.subgroup_size {
-        builder.subgroup_size(size);
+        builder = builder.subgroup_size(size);
     }
     Ok((builder.build()?, raygen))
 }

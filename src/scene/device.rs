@@ -1,6 +1,6 @@
 //! `[device]`: the features and limits of a scene's device; and the flags of `[pipeline]`.
 
-use crate::pipeline::{DeviceProfile, Features, Limits, PipelineFlags};
+use crate::pipeline::{DeviceFeatures, DeviceLimits, DeviceProfile, PipelineFlags};
 use crate::scene::read::{Named, OneOrMore, Parse, Table, TomlValue};
 
 /// The name of a preset.
@@ -23,7 +23,7 @@ impl Parse for DeviceProfile {
         let preset = table.optional::<Preset>("preset");
         let mut device = preset.and_then(|preset| Self::preset(preset.0)).unwrap_or_else(Self::default);
         if let Some(features) = table.value("features").and_then(Table::new) {
-            for &name in Features::NAMES {
+            for &name in DeviceFeatures::NAMES {
                 if let Some(on) = features.optional(name) {
                     device.features.set(name, on);
                 }
@@ -31,7 +31,7 @@ impl Parse for DeviceProfile {
             features.finish();
         }
         if let Some(limits) = table.value("limits").and_then(Table::new) {
-            for &name in Limits::NAMES {
+            for &name in DeviceLimits::NAMES {
                 if let Some(limit) = limits.optional(name) {
                     device.limits.set(name, limit);
                 }

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::accel::{RayFlags, TraceRay};
-use crate::compile::{CompilerFlags, Language, LanguageName, SourceStage};
+use crate::compile::{CompilerFlags, Language, LanguageName, STAGE_NAMES};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::{Precision, Ray};
 use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
+use crate::module::interface::Stage;
 use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check_callable_depth};
 use crate::scene::data::{DataPieces, DataSources};
 use crate::scene::device;
@@ -158,7 +159,7 @@ pub struct ShaderEntry {
     /// The language of the source, where its extension or `language` says it.
     pub language: Option<Language>,
     /// The stage of GLSL, or of the one entry point that is compiled of Slang and HLSL.
-    pub stage: Option<SourceStage>,
+    pub stage: Option<Stage>,
     /// Folders where included files are searched, after the source's own.
     pub include_folders: Vec<Spanned<String>>,
     /// Flags of the compiler of the source.
@@ -220,9 +221,9 @@ impl Named for LanguageName {
     const NAMES: &'static [(&'static str, Self)] = &LanguageName::NAMES;
 }
 
-impl Named for SourceStage {
+impl Named for Stage {
     const WHAT: &'static str = "stage";
-    const NAMES: &'static [(&'static str, Self)] = &SourceStage::NAMES;
+    const NAMES: &'static [(&'static str, Self)] = &STAGE_NAMES;
 }
 
 /// Reads the language of a source; `Some(None)` where nothing says it, which is told where it is
@@ -230,7 +231,7 @@ impl Named for SourceStage {
 fn language(
     table: &Table<'_>,
     source: Option<&Spanned<String>>,
-    stage: Option<SourceStage>,
+    stage: Option<Stage>,
 ) -> Option<Option<Language>> {
     let name = table.optional("language");
     let said = ["stage", "language"].map(|key| (key, table.value(key)));
@@ -525,6 +526,27 @@ pub struct GivenRay {
     pub payload: Vec<u32>,
     /// The pass with whose pipeline it is traced; the first launch where there is none.
     pub pass: Option<Spanned<PassKey>>,
+}
+
+/// A ray without flags and payload, that every instance's mask lets pass, with an SBT stride of 1.
+impl From<Ray> for GivenRay {
+    fn from(Ray { origin, direction, t_min, t_max }: Ray) -> Self {
+        Self {
+            name: None,
+            origin,
+            direction,
+            t_min,
+            t_max,
+            flags: 0,
+            cull_mask: 0xFF,
+            time: 0.0,
+            sbt_offset: 0,
+            sbt_stride: 1,
+            miss_index: 0,
+            payload: Vec::new(),
+            pass: None,
+        }
+    }
 }
 
 impl GivenRay {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{Compute, Launch, Pipeline, Record, Stats};
+use crate::pipeline::{Compute, Launch, Pipeline, SbtRecord, Stats};
 use crate::program::Program;
 use crate::scene::assemble::Assembled;
 use crate::scene::pass_entry::PassKey;
@@ -38,7 +38,7 @@ pub struct LaunchPass {
     /// The index of a named pipeline; `None` for `[pipeline]`.
     pub pipeline: Option<usize>,
     /// The record of the ray generation shader; `None` for that of the pipeline.
-    pub record: Option<Record>,
+    pub record: Option<SbtRecord>,
     /// Width, height and depth.
     pub size: [u32; 3],
     /// Push constants of its own, in place of the scene's.

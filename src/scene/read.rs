@@ -158,12 +158,14 @@ impl Document {
 }
 
 /// A type that can be read from a TOML value. `None` means that an error has been reported.
+#[doc(hidden)]
 pub trait Parse: Sized {
     /// Reads the value.
     fn parse(value: TomlValue<'_>) -> Option<Self>;
 }
 
 /// A closed set of names, such as the filters of a sampler.
+#[doc(hidden)]
 pub trait Named: Copy + 'static {
     /// What such a name denotes, for messages.
     const WHAT: &'static str;

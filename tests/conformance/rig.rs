@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhit::Scene;
 use anyhit::internals::harness::scene::Instance;
 use anyhit::internals::machine::{Buffer, Descriptor};
-use anyhit::internals::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, Record, Shader};
+use anyhit::internals::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, SbtRecord, Shader};
 use anyhit::{Module, Program};
 use bytemuck::{Pod, Zeroable};
 
@@ -195,8 +195,8 @@ impl Rig {
 
     fn pipeline(&self) -> Pipeline {
         let mut builder = Pipeline::builder();
-        builder.flags(self.flags);
-        builder.ray_generation(program(self.raygen)).expect("a ray generation shader");
+        builder = builder.flags(self.flags);
+        builder = builder.ray_generation(program(self.raygen)).expect("a ray generation shader");
         let miss = builder.shader(program("probe/main.rmiss"));
         let miss = builder.group(Group::General(miss)).expect("a miss group");
         let shaders = ["triangle.rchit", "box.rchit", "swept.rchit", "main.rahit", "box.rahit", "main.rint"]
@@ -205,11 +205,11 @@ impl Rig {
         for &(kind, plan) in &self.hits {
             records.push(group(kind, shaders).map(|group| {
                 let group = builder.group(Group::Hit(group)).expect("a hit group");
-                Record::with_data(group, bytemuck::bytes_of(&plan))
+                SbtRecord::with_data(group, bytemuck::bytes_of(&plan))
             }));
         }
         builder.sbt().hit = records;
-        let missed = |at: u32| Some(Record::with_data(miss, &(100 + at).to_le_bytes()));
+        let missed = |at: u32| Some(SbtRecord::with_data(miss, &(100 + at).to_le_bytes()));
         builder.sbt().miss = (0..self.misses).map(missed).collect();
         builder.build().expect("a valid pipeline")
     }

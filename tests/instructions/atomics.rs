@@ -186,9 +186,11 @@ fn threads_change_nothing() {
             body: &body,
             ..Shader::default()
         };
-        let mut builder = Pipeline::builder();
-        builder.ray_generation(shader.program()).expect("a shader");
-        let pipeline = builder.build().expect("a pipeline");
+        let pipeline = Pipeline::builder()
+            .ray_generation(shader.program())
+            .expect("a shader")
+            .build()
+            .expect("a pipeline");
         let left = |threads: &rayon::ThreadPool, lanes: usize| {
             let counters = Buffer::zeroed(24);
             let resources = Resources::default().bind(0, 1, Descriptor::Buffer(counters.clone()));

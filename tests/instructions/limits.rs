@@ -50,9 +50,10 @@ fn output(words: usize) -> (Arc<Buffer>, Resources) {
 /// A ray generation program beside the prelude of [`Shader`].
 fn pipeline(shader: &Shader<'_>, fuel: Option<u64>, limits: LaunchLimits) -> Pipeline {
     let mut builder = Pipeline::builder();
-    builder.ray_generation(shader.program()).expect("a ray generation shader").launch_limits(limits);
+    builder =
+        builder.ray_generation(shader.program()).expect("a ray generation shader").launch_limits(limits);
     if let Some(fuel) = fuel {
-        builder.fuel(fuel);
+        builder = builder.fuel(fuel);
     }
     builder.build().expect("a pipeline")
 }
@@ -315,7 +316,7 @@ fn an_endless_loop_of_reports_ends() {
     let transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let tlas = Tlas::new(vec![TlasInstance::of(blas, transform)]).expect("an instance");
     let mut builder = Pipeline::builder();
-    builder.hit([intersection, any_hit]).expect("a hit group").launch_limits(LaunchLimits::TESTS);
+    builder = builder.hit([intersection, any_hit]).expect("a hit group").launch_limits(LaunchLimits::TESTS);
     let (pipeline, resources) = (builder.build().expect("a pipeline"), Resources::default());
     let launch = Launch { pipeline: &pipeline, resources: &resources };
     let ray = Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]).with_interval(0.0, 100.0);
@@ -349,10 +350,12 @@ fn calls_itself(calls: usize) -> Shader<'static> {
 fn callable_pipeline(shader: &Shader<'_>, depth: u32, limits: LaunchLimits) -> Result<Pipeline> {
     let module = shader.program().module;
     let callee = module.entry_points.iter().find(|entry| entry.name == "callee").expect("an entry point");
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(shader.program())?;
-    builder.callable(anyhit::internals::program::lower(&module, callee)?)?;
-    builder.max_callable_depth(depth).launch_limits(limits).build()
+    Pipeline::builder()
+        .ray_generation(shader.program())?
+        .callable(anyhit::internals::program::lower(&module, callee)?)?
+        .max_callable_depth(depth)
+        .launch_limits(limits)
+        .build()
 }
 
 #[test]
@@ -458,8 +461,7 @@ fn a_tree_of_callable_shaders_without_end_ends() {
 #[test]
 fn rays_recur_no_deeper_than_hardware_might() {
     for (depth, is_allowed) in [(31, true), (1024, true), (1025, false), (1_000_000, false)] {
-        let mut builder = Pipeline::builder();
-        let built = builder.max_recursion(depth).build();
+        let built = Pipeline::builder().max_recursion(depth).build();
         assert_eq!(built.is_ok(), is_allowed, "{depth}");
         if let Err(error) = built {
             assert!(error.render().contains("1024 is the most"), "{}", error.render());

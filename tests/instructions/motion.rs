@@ -83,9 +83,7 @@ fn module(time: f32, by_location: bool) -> Vec<u8> {
 fn seen(time: f32, by_location: bool) -> Result<f32> {
     let module = Arc::new(anyhit::internals::module::load(&module(time, by_location))?);
     let shader = |name| anyhit::Program::of(&module, name);
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(shader("main")?)?.miss(shader("sky")?)?;
-    let pipeline = builder.build()?;
+    let pipeline = Pipeline::builder().ray_generation(shader("main")?)?.miss(shader("sky")?)?.build()?;
     let out = Buffer::zeroed(4);
     let resources = Resources::default()
         .bind(0, 0, Descriptor::AccelerationStructure(Tlas::new(Vec::new())?))

@@ -49,12 +49,12 @@ impl Shader<'_> {
         let module = Arc::new(anyhit::internals::module::load(&assemble(&self.text()))?);
         let program = anyhit::internals::program::lower(&module, &module.entry_points[0])?;
         let mut builder = Pipeline::builder();
-        builder.ray_generation(program)?;
+        builder = builder.ray_generation(program)?;
         for entry in module.entry_points.iter().filter(|entry| entry.stage == Stage::Callable) {
-            builder.callable(anyhit::internals::program::lower(&module, entry)?)?;
+            builder = builder.callable(anyhit::internals::program::lower(&module, entry)?)?;
         }
         if let Some(fuel) = self.fuel {
-            builder.fuel(fuel);
+            builder = builder.fuel(fuel);
         }
         let pipeline = builder.build()?;
         let reference = pipeline.unoptimized()?;

@@ -107,10 +107,10 @@ pub fn smoke(bytes: &[u8]) -> bool {
 /// Compiles WGSL, and loads what came of it.
 #[cfg(feature = "wgsl")]
 pub fn wgsl(bytes: &[u8]) -> bool {
-    use anyhit::internals::compile::{CompileOptions, Source, compile};
+    use anyhit::internals::compile::{CompileOptions, Source};
     let text = String::from_utf8_lossy(bytes);
     let source = Source::from_text("fuzzed.wgsl", text).expect("a name that says the language");
-    match compile(&source, &CompileOptions::default()) {
+    match source.compile(&CompileOptions::default()) {
         // What naga writes is read here, or refused with an error as any module.
         Ok(words) => {
             load(&words);

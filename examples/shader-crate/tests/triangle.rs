@@ -30,10 +30,9 @@ fn the_normal_faces_the_viewer_from_both_sides() -> Result<()> {
 #[test]
 fn a_ray_beside_it_sees_the_sky() -> Result<()> {
     let module = Module::open("shaders/triangle.wgsl")?;
-    let mut builder = Pipeline::builder();
-    builder.hit([Program::of(&module, "shade")?])?.miss(Program::of(&module, "sky")?)?;
+    let pipeline = Pipeline::builder().hit([Program::of(&module, "shade")?])?.miss(Program::of(&module, "sky")?)?.build()?;
     let scene = Scene::new([Instance::triangle(CORNERS)])?.buffer(0, 2, &padded());
-    let traced = builder.build()?.trace(&scene, Ray::new([2.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
+    let traced = pipeline.trace(&scene, Ray::new([2.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
     assert!(traced.missed());
     assert_payload_eq!(traced, { "t": -1.0f32 });
     Ok(())

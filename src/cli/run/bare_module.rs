@@ -544,7 +544,7 @@ mod tests {
 
     #[test]
     fn a_trap_tells_shader_line_and_values() {
-        use crate::error::{AccessedMemory, TrapOperands};
+        use crate::error::TrapOperands;
         use crate::machine::TrapCode;
         use crate::module::interface::Stage;
 
@@ -559,14 +559,12 @@ mod tests {
         let trap = error.trap().expect("a trap");
         assert_eq!((trap.code, trap.launch_id), (TrapCode::BufferOutOfBounds, [3, 0, 0]));
         assert_eq!((trap.stage(), trap.line()), (Some(Stage::Compute), Some(10)));
-        let TrapOperands::Buffer { memory, offset, size, index, .. } = &trap.operands else {
+        let TrapOperands::Buffer { descriptor, offset, size, index, length, .. } = &trap.operands else {
             panic!("{trap:?}")
         };
-        assert_eq!((*offset, *size), (12, Some(12)));
-        let AccessedMemory::Descriptor(found) = memory else { panic!("{trap:?}") };
+        assert_eq!((*offset, *size, *index, *length), (12, Some(12), Some(3), Some(3)));
+        let found = descriptor.as_ref().expect("where the buffer is bound");
         assert_eq!((found.set, found.binding, found.element), (0, 1, 1));
-        let index = index.as_ref().expect("the index of a runtime array");
-        assert_eq!((index.index, index.length), (Some(3), Some(3)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::compile::{LanguageName, SourceStage, SourceWords};
+use crate::compile::{LanguageName, STAGE_NAMES, SourceWords};
 use crate::error::Result;
 use crate::harness::init::relative;
 
@@ -13,7 +13,7 @@ pub(super) fn table(file: &str, words: &SourceWords, folder: &Path) -> Result<St
     if let Some((name, _)) = LanguageName::NAMES.iter().find(|(_, one)| Some(*one) == words.language) {
         keys.push(format!("language = \"{name}\""));
     }
-    if let Some((name, _)) = SourceStage::NAMES.iter().find(|(_, one)| Some(*one) == words.stage) {
+    if let Some((name, _)) = STAGE_NAMES.iter().find(|(_, one)| Some(*one) == words.stage) {
         keys.push(format!("stage = \"{name}\""));
     }
     if let Some(entry) = &words.entry {
@@ -40,7 +40,7 @@ mod tests {
         std::fs::create_dir_all(shaders.join("common")).unwrap();
         let words = SourceWords {
             language: Some(LanguageName::Hlsl),
-            stage: Some(SourceStage::ClosestHit),
+            stage: Some(crate::module::interface::Stage::ClosestHit),
             entry: Some("hit".into()),
             include_folders: vec![shaders.join("common")],
             flags: vec!["-fvk-t-shift".into(), "10".into(), "0".into()],

@@ -276,6 +276,7 @@ impl ShaderTest {
     }
 
     /// The old name of [`ShaderTest::fuel`].
+    #[doc(hidden)]
     #[must_use]
     #[deprecated = "call `fuel`"]
     pub fn budget(self, instructions: u64) -> Self {

@@ -229,7 +229,7 @@ fn a_trace_into_a_hit_object_finds_what_the_answer_says() {
             trace.payload.set("[0]", 5.0f32)
         })
         .on_execute(|call| {
-            assert_eq!(call.committed.map(|hit| (hit.t, hit.candidate.primitive)), Some((4.0, 0)));
+            assert_eq!(call.hit.map(|hit| (hit.t, hit.primitive)), Some((4.0, 0)));
             assert_eq!(call.given[0].f32(), 5.0);
             call.payload.set("", [5.0f32, 6.0, 7.0, 8.0])
         })
@@ -262,7 +262,7 @@ fn a_hit_object_without_an_instance_is_a_miss() {
         // The miss index is 1, the interval the ray's own.
         let found = [0, 1, 2, 4, 5, 6, 13].map(|at| row[at].f32());
         assert_eq!(found, [0.0, 0.0, 1.0, 0.5, 100.0, 1.0, 2.0]);
-        assert_eq!(outcome.executes[0].committed, None);
+        assert_eq!(outcome.executes[0].hit, None);
     }
 }
 

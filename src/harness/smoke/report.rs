@@ -34,6 +34,7 @@ pub struct SmokeReport {
     /// The seed of all values.
     pub seed: u64,
     /// In the module's order.
+    #[doc(hidden)]
     pub entry_points: Vec<EntryReport>,
 }
 
@@ -201,6 +202,7 @@ impl SmokeReport {
     }
 
     /// The worst of all.
+    #[doc(hidden)]
     pub fn worst(&self) -> SmokeVerdict {
         self.entry_points.iter().map(|entry| entry.result).max().unwrap_or(SmokeVerdict::Ok)
     }

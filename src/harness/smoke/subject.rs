@@ -22,7 +22,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::pointer::storage;
 use crate::pipeline::group::{Group, HitGroup};
-use crate::pipeline::{Compute, Launch, Pipeline, PipelineObserver, RayOperands, Record, Trapped};
+use crate::pipeline::{Compute, Launch, Pipeline, PipelineObserver, RayOperands, SbtRecord, Trapped};
 use crate::program::Program;
 
 /// Workgroups of a compute shader.
@@ -474,9 +474,9 @@ impl Once<'_> {
             return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer)?.err());
         }
         let mut builder = Pipeline::builder();
-        builder.fuel(fuel).launch_limits(limits);
+        builder = builder.fuel(fuel).launch_limits(limits);
         let shader = builder.shader(program.clone());
-        let data = |group| Record::with_data(group, &given.record);
+        let data = |group| SbtRecord::with_data(group, &given.record);
         match way {
             Way::Launch => {
                 let group = builder.group(Group::General(shader))?;
@@ -492,7 +492,7 @@ impl Once<'_> {
         // A handle of a record needs one: of a group without shaders, so that the stand-in answers.
         let hit = match program.addresses_records {
             true => {
-                Some(Record::with_data(builder.group(Group::Hit(HitGroup::default()))?, &[0; RECORD_SIZE]))
+                Some(SbtRecord::with_data(builder.group(Group::Hit(HitGroup::default()))?, &[0; RECORD_SIZE]))
             }
             false => None,
         };
@@ -504,7 +504,7 @@ impl Once<'_> {
         let launch = Launch { pipeline: &pipeline, resources: &given.resources };
         let mut invocation = Invocation {
             launch_size: set.launch_size,
-            record: Record::with_data(0, &given.record).shader_record(),
+            record: SbtRecord::with_data(0, &given.record).shader_record(),
             depth: 1,
             ..Invocation::default()
         };

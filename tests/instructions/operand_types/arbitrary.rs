@@ -199,9 +199,7 @@ fn module(instruction: &str) -> String {
 fn run(text: &str) -> Result<()> {
     let module = Arc::new(anyhit::internals::module::load(&assemble(text))?);
     let program = anyhit::internals::program::lower(&module, &module.entry_points[0])?;
-    let mut builder = Pipeline::builder();
-    builder.ray_generation(program)?;
-    let pipeline = builder.build()?;
+    let pipeline = Pipeline::builder().ray_generation(program)?.build()?;
     let resources = Resources::default();
     Launch { pipeline: &pipeline, resources: &resources }.run::<1>([1, 1, 1], &|_| ()).map(|_| ())
 }
