@@ -197,13 +197,13 @@ fn buffers_load_and_store_no_other_widths() {
 #[test]
 fn shaders_and_passes_that_a_scene_does_not_have() {
     let mut scene = LoadedScene::open("shaders/fail/memory/array-index/scene.toml").unwrap();
+    invalid(scene.launch_pass("no-such"), "no-such");
+    invalid(scene.transform(7), "instance 7");
     let spirv = std::fs::read(format!("spirv-fixtures/{RAYGEN}")).unwrap();
     invalid(scene.set_shader_spirv("no-such", &spirv).map(|_| ()), "no-such");
     assert!(scene.set_shader_spirv("raygen", &spirv).unwrap().launch().unwrap_err().trap().is_some());
     let broken = scene.set_shader_spirv("raygen", &spirv[..64]).unwrap().launch();
     assert!(broken.unwrap_err().message().contains("the module ends after"));
-    invalid(scene.launch_pass("no-such"), "no-such");
-    invalid(scene.transform(7), "instance 7");
 }
 
 #[test]

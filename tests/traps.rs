@@ -54,6 +54,9 @@ fn of_a_single_shader() {
     let [frame] = &found.stack[..] else { panic!("{found:?}") };
     is_at(frame, Stage::RayGeneration, "fail/memory/array-index/main.rgen", 11);
 
+    let error = test.builtin("LaunchIdKHR", [4u32, 0, 0]).run().unwrap_err();
+    assert_eq!(trap(&error).launch_id, [4, 0, 0]);
+
     // The limit is told by its key.
     let endless = ShaderTest::new(&module("fail/control-flow/endless-loop/main.rgen.spv"), "main").unwrap();
     let error = endless.buffer(0, 1, &[0u32; 4]).launch([3, 0, 0], [4, 1, 1]).fuel(1000).run().unwrap_err();
@@ -164,8 +167,8 @@ fn of_a_scene() {
 
 #[test]
 fn of_a_device_address() {
-    // The second node would lie 24 bytes behind the 16 bytes of `first`, the only buffer that it can
-    // be said to belong to.
+    // The second node would lie 24 bytes behind the 16 bytes of `first`, the only buffer that it
+    // can be said to belong to.
     let text = "version = 1\npush_constants = [{ address_of = 'first' }, { u64 = 0 }]\n\
         shaders.main = 'tests/addresses/nodes.spv'\n[[dispatch]]\nshader = 'main'\n\
         [resources.out]\ntype = 'storage_buffer'\nbinding = 0\nsize = 24\n\
