@@ -56,7 +56,9 @@ fn main() -> Result<()> {
     let launched = pipeline.launch_bands(&scene, [64, 20], &picture, |band| {
         bands.push(band.rows());
         // Here they would go to a file.
-        met.extend(band.rows().map(|y| band.at(32, y)[0]));
+        for y in band.rows() {
+            met.push(band.at(32, y)?[0]);
+        }
         Ok(())
     })?;
     assert_eq!(bands, [0..8, 8..16, 16..20]);

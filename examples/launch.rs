@@ -62,7 +62,7 @@ fn main() -> Result<()> {
     let scene = Scene::new([Instance::triangles([left, right].concat())])?
         .bind(0, 0)
         .buffer(0, 1, &[Met { t: 0.0, primitive: 0 }; 4])
-        .image(0, 2, Image::plane(Format::RGBA32F, 2, 2));
+        .image(0, 2, Image::plane(Format::RGBA32F, 2, 2)?);
     let launched = pipeline.launch(&scene, [2, 2, 1])?;
 
     // As a Rust type, or by name.

@@ -2,10 +2,19 @@
 //!
 //! An [`Error`] is one word. Its [`ErrorKind`] says whose mistake it is: `Invalid*` means that an
 //! input breaks a rule (the message cites it), `Unsupported*` means a gap of this crate, `Trap`
-//! means that a shader misbehaved while it ran, `Io` that a file could not be read or written.
+//! means that a shader misbehaved while it ran, `Io` that a file could not be read or written. Of a
+//! trap an error holds the [`Trap`], all that its report tells as data; of `Io` the error of the
+//! operating system, as its [source](std::error::Error::source).
+
+mod report;
+mod stage;
+mod trap;
+mod trap_code;
 
 use std::fmt;
+use std::io;
 use std::ops::Range;
+use std::panic::{RefUnwindSafe, UnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -13,6 +22,12 @@ use codespan_reporting::diagnostic::{Diagnostic, Label, LabelStyle, Severity};
 use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term::{self, termcolor};
 use serde::{Deserialize, Serialize};
+
+pub use report::{ErrorClass, ErrorReport};
+pub use stage::Stage;
+pub(crate) use trap::IndexOperand;
+pub use trap::{DescriptorElement, ShaderFrame, Trap, TrapOperands};
+pub use trap_code::TrapCode;
 
 /// Shorthand for a result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -70,77 +85,6 @@ impl ErrorKind {
     }
 }
 
-/// The class of an error, for machines: what `--json` says and the exit code tells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum ErrorClass {
-    /// An expectation did not hold.
-    Expectation,
-    /// A shader trapped, running out of fuel or time included.
-    Trap,
-    /// A gap of this crate, this build or this machine.
-    Unsupported,
-    /// What was read exceeds a limit of [`InputLimits`](crate::input::InputLimits).
-    Limit,
-    /// Any other error: a mistake in an input, or what the operating system refused.
-    Other,
-}
-
-impl ErrorClass {
-    /// The name in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Expectation => "expectation",
-            Self::Trap => "trap",
-            Self::Unsupported => "unsupported",
-            Self::Limit => "limit",
-            Self::Other => "error",
-        }
-    }
-
-    /// The exit code of the command line.
-    pub fn exit_code(self) -> u8 {
-        match self {
-            Self::Expectation => 1,
-            Self::Other => 2,
-            Self::Trap => 3,
-            Self::Unsupported => 4,
-            Self::Limit => 5,
-        }
-    }
-}
-
-/// An error as every `--json` has it.
-#[derive(Clone, Debug, Serialize)]
-pub struct ErrorReport {
-    /// The message, one line.
-    pub message: String,
-    /// The name of its [`ErrorClass`].
-    pub class: &'static str,
-    /// Notes, such as a rule, values and callers.
-    pub notes: Vec<String>,
-    /// The whole report as the terminal shows it.
-    pub report: String,
-}
-
-impl ErrorReport {
-    /// The report of an error.
-    pub fn of(error: &Error) -> Self {
-        Self {
-            message: error.message().to_owned(),
-            class: error.class().name(),
-            notes: error.notes().to_vec(),
-            report: error.render(),
-        }
-    }
-
-    /// The reports of an error and of those that were found with it; the whole report of the first
-    /// one tells of all.
-    pub fn all(error: &Error) -> Vec<Self> {
-        std::iter::once(error).chain(error.others()).map(Self::of).collect()
-    }
-}
-
 /// The place of a problem in an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -184,7 +128,16 @@ struct ErrorData {
     not_shown: usize,
     /// Whether a limit of what is read is exceeded.
     is_limit: bool,
+    /// What happened, of an error that tells of a trap.
+    trap: Option<Box<Trap>>,
+    /// What the operating system said.
+    io: Option<Arc<io::Error>>,
 }
+
+// Nothing changes the error of the operating system that it keeps, so that a panic cannot leave it
+// half changed.
+impl UnwindSafe for Error {}
+impl RefUnwindSafe for Error {}
 
 impl Clone for Error {
     fn clone(&self) -> Self {
@@ -204,18 +157,29 @@ impl Error {
             others: Vec::new(),
             not_shown: 0,
             is_limit: false,
+            trap: None,
+            io: None,
         }))
     }
 
-    /// An error of the operating system about a file.
+    /// An error of the operating system about a file, which it keeps as its
+    /// [source](std::error::Error::source).
     #[cold]
-    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
-        Self::new(ErrorKind::Io, format!("{}: {source}", path.as_ref().display()))
+    pub fn io(path: impl AsRef<Path>, source: io::Error) -> Self {
+        Self::new(ErrorKind::Io, format!("{}: {source}", path.as_ref().display())).caused_by(source)
+    }
+
+    /// The error of a trap, with the message of its code.
+    #[cold]
+    pub(crate) fn trapped(trap: Trap) -> Self {
+        let mut error = Self::new(ErrorKind::Trap, trap.code.message());
+        error.0.trap = Some(Box::new(trap));
+        error
     }
 
     /// Several errors as one; the first gives kind and message. Empty input is a bug of the caller.
     #[cold]
-    pub fn several(errors: Vec<Self>) -> Self {
+    pub(crate) fn several(errors: Vec<Self>) -> Self {
         let mut errors = errors.into_iter();
         let mut first = errors.next().expect("bug in anyhit: no errors to report");
         first.0.others.extend(errors);
@@ -225,7 +189,7 @@ impl Error {
     /// The first of several errors as one, and a count of the others: a report of thousands helps
     /// nobody. Empty input is a bug of the caller.
     #[cold]
-    pub fn first_of(mut errors: Vec<Self>, most: usize) -> Self {
+    pub(crate) fn first_of(mut errors: Vec<Self>, most: usize) -> Self {
         let count = errors.len();
         errors.truncate(most.max(1));
         let not_shown = count - errors.len();
@@ -277,6 +241,28 @@ impl Error {
         self
     }
 
+    /// Adds the error of the operating system that is behind it.
+    #[must_use]
+    pub(crate) fn caused_by(mut self, source: io::Error) -> Self {
+        self.0.io = Some(Arc::new(source));
+        self
+    }
+
+    /// Changes the trap that it tells of; does nothing where it tells of none.
+    #[must_use]
+    pub(crate) fn with_trap(mut self, change: impl FnOnce(&mut Trap)) -> Self {
+        if let Some(trap) = self.0.trap.as_deref_mut() {
+            change(trap);
+        }
+        self
+    }
+
+    /// The trap: its code, the shader and its line, the launch index, the values that caused it and
+    /// the stack of shader calls. `None` for an error of any other kind.
+    pub fn trap(&self) -> Option<&Trap> {
+        self.0.trap.as_deref()
+    }
+
     /// Whose mistake it is.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
@@ -289,11 +275,12 @@ impl Error {
         self
     }
 
-    /// Takes kind and class of the error that this one tells of.
+    /// Takes kind, class, trap and source of the error that this one tells of.
     #[cfg(feature = "cli")]
     #[must_use]
     pub(crate) fn classed_as(mut self, cause: &Self) -> Self {
         (self.0.kind, self.0.is_limit) = (cause.0.kind, cause.0.is_limit);
+        (self.0.trap, self.0.io) = (cause.0.trap.clone(), cause.0.io.clone());
         self
     }
 
@@ -470,7 +457,13 @@ impl fmt::Debug for Error {
     }
 }
 
-impl std::error::Error for Error {}
+impl std::error::Error for Error {
+    /// The [`io::Error`] of what the operating system refused; `None` for an error of any other
+    /// kind, and where the system was not asked.
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.0.io.as_deref().map(|source| source as _)
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -510,6 +503,33 @@ mod tests {
     fn an_error_is_one_word() {
         assert_eq!(size_of::<Error>(), size_of::<usize>());
         assert_eq!(size_of::<Result<()>>(), size_of::<usize>());
+    }
+
+    #[test]
+    fn the_error_of_the_operating_system_is_the_source() {
+        use std::error::Error as _;
+
+        let denied = || io::Error::from(io::ErrorKind::PermissionDenied);
+        let error = Error::io("a.spv", denied()).context("while reading a.toml").clone();
+        let source = error.source().and_then(|source| source.downcast_ref::<io::Error>());
+        assert_eq!(source.map(io::Error::kind), Some(io::ErrorKind::PermissionDenied));
+        assert_eq!(error.message(), format!("while reading a.toml: a.spv: {}", denied()));
+        assert!(error.trap().is_none());
+        assert!(Error::new(ErrorKind::InvalidScene, "x").source().is_none());
+        let told = Error::new(ErrorKind::InvalidArgument, "a test could not run").classed_as(&error);
+        assert!(told.source().is_some());
+    }
+
+    #[test]
+    fn an_error_keeps_its_trap_through_contexts_and_in_json() {
+        let error = Error::trapped(Trap::new(TrapCode::NullMiss));
+        assert_eq!(error.message(), TrapCode::NullMiss.message());
+        let error = error.context("a shader trapped").note("a note");
+        assert_eq!(error.trap().map(|trap| trap.code), Some(TrapCode::NullMiss));
+        let json = serde_json::to_value(ErrorReport::of(&error)).unwrap();
+        assert_eq!(json["trap"]["code"], "null_miss");
+        let other = ErrorReport::of(&Error::new(ErrorKind::InvalidScene, "x"));
+        assert!(serde_json::to_value(other).unwrap().get("trap").is_none());
     }
 
     #[test]

@@ -153,4 +153,6 @@ pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
 pub use harness::smoke::{SmokeOptions, SmokeReport};
 
 // What goes wrong.
-pub use error::{Error, ErrorKind, Place, Result, Warning};
+pub use error::{
+    DescriptorElement, Error, ErrorKind, Place, Result, ShaderFrame, Trap, TrapCode, TrapOperands, Warning,
+};

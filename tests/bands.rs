@@ -54,7 +54,9 @@ where
         assert_eq!((band.rows().start, band.size(), band.format()), (next, size, image.format));
         assert!(!band.rows().is_empty() && band.rows().len() <= bands.max_band_rows() as usize);
         next = band.rows().end;
-        bytes.extend(band.rows().flat_map(|row| band.row_bytes(row)));
+        for row in band.rows() {
+            bytes.extend(band.row_bytes(row)?);
+        }
         Ok(())
     });
     assert_eq!(next, size[1], "every row came once");
@@ -195,7 +197,15 @@ fn buffers_are_those_of_one_launch() {
     let (pipeline, scene, size) = (pipeline("r32uint, write", body), scene(), [24, 40]);
     let (mut rows, mut bands) = (Vec::new(), 0);
     let launched = pipeline.launch_bands(&scene, size, &small(COUNTS), |band| {
-        rows.extend(band.rows().flat_map(|y| (0..24).map(move |x| band.at(x, y)[0] as u32)));
+        for y in band.rows() {
+            for x in 0..24 {
+                rows.push(band.at(x, y)?[0] as u32);
+            }
+        }
+        let outside = band.rows().end;
+        for error in [band.at(24, 0).err(), band.at(0, outside).err(), band.row_bytes(outside).err()] {
+            assert_eq!(error.map(|error| error.kind()), Some(ErrorKind::InvalidArgument));
+        }
         bands += 1;
         Ok(())
     });
@@ -263,7 +273,7 @@ fn traps_are_those_of_the_whole() {
              if id.y > 12u && id.x % 3u == 2u {{ atomicAdd(&cells[id.x + 99u], 1u); }}"
         );
         let pipeline = pipeline("r32uint, write", &body);
-        let image = Image::plane(COUNTS, size[0], size[1]);
+        let image = Image::plane(COUNTS, size[0], size[1]).expect("an image");
         let whole = pipeline.launch(&scene().image(0, 0, image), [size[0], size[1], 1]).expect_err("a trap");
         let mut rows = 0;
         let bands = pipeline.launch_bands(&scene(), size, &small(COUNTS), |band| {

@@ -310,13 +310,6 @@ impl Cursor {
         self.state = State::Fresh;
     }
 
-    /// Reuses this cursor for a traversal that is already over, with the given result.
-    pub fn set_result(&mut self, trace: TraceRay, committed: Option<Committed>) {
-        self.trace = trace;
-        self.terminate();
-        self.hits.committed = committed;
-    }
-
     /// Makes the traversal end at *any* opaque hit, the first one found. For occlusion rays: the
     /// caller must ensure that nothing observes which hit was committed, or which candidates were
     /// returned before.

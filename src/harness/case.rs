@@ -7,7 +7,6 @@ use crate::harness::expect::{Difference, Expectations, Observed, OneRay};
 use crate::harness::run::{RayMeasurements, run, run_ray};
 use crate::harness::stability::perturb;
 use crate::input::InputLimit;
-use crate::machine::TrapCode;
 use crate::scene::file::SceneFile;
 use crate::scene::read::{Diagnostics, Document, Parse, Table};
 use crate::scene::{Assembled, Files, LoadOptions, ResolvedScene, RunLimits, SceneFiles, assemble, load};
@@ -305,11 +304,12 @@ pub(super) enum Counts {
 }
 
 /// What differs between two runs of one case.
-pub(super) fn difference(one: &Observed, other: &Observed, which: Counts) -> Option<String> {
+pub(super) fn difference<'a>(one: &'a Observed, other: &'a Observed, which: Counts) -> Option<String> {
     // Which limit stops a launch first, and what its invocations leave then, depends on how many
     // run side by side; whether the clock stops it, on the machine.
     let limit = |observed: &Observed| {
-        observed.trap.as_ref().and_then(|trap| TrapCode::limit_of_message(trap.message()))
+        let code = observed.trap.as_ref()?.trap()?.code;
+        code.is_limit().then_some(code)
     };
     match [one, other].map(limit) {
         [Some(_), Some(_)] => return None,
@@ -320,6 +320,10 @@ pub(super) fn difference(one: &Observed, other: &Observed, which: Counts) -> Opt
     if trap(one) != trap(other) {
         let words = |trap: Option<String>| trap.unwrap_or_else(|| "no trap".into());
         return Some(format!("{} / {}", words(trap(one)), words(trap(other))));
+    }
+    let data = |observed: &'a Observed| observed.trap.as_ref().and_then(Error::trap);
+    if data(one) != data(other) {
+        return Some(format!("{:?} / {:?}", data(one), data(other)));
     }
     let memory =
         |observed: &Observed| observed.buffers.iter().chain(&observed.images).cloned().collect::<Vec<_>>();

@@ -6,6 +6,7 @@ use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::scene::Scene;
+use crate::input::{InputLimit, InputLimits};
 use crate::machine::{Buffer, DeviceMemory};
 
 /// Buffers and acceleration structures with device addresses, which are known before the buffers
@@ -52,11 +53,13 @@ impl DeviceBuffers {
     /// Gives an address to a buffer of zeros of a size in bytes; [`DeviceBuffers::write`] fills it.
     ///
     /// # Errors
-    /// `InvalidArgument` where another buffer has the name.
+    /// `InvalidArgument` where another buffer has the name, and for a size above the limit
+    /// [`buffer-bytes`](crate::InputLimit::BufferBytes).
     pub fn reserve(&mut self, name: &str, size: usize) -> Result<u64> {
         if self.contents.contains_key(name) {
             return Err(invalid(format!("two buffers are named `{name}`")));
         }
+        InputLimits::default().check(InputLimit::BufferBytes, size as u64, ErrorKind::InvalidArgument)?;
         self.contents.insert(name.to_owned(), vec![0; size]);
         Ok(self.memory.reserve(name, size as u64))
     }
@@ -140,5 +143,7 @@ mod tests {
         assert_eq!(message(buffers.write("b", &[1u32]).unwrap_err()), "no buffer is named `b`");
         let error = message(buffers.write("a", &[1u32, 2]).unwrap_err());
         assert_eq!(error, "8 bytes are written to `a`, which has 4");
+        let huge = buffers.reserve("b", usize::MAX).unwrap_err();
+        assert!(huge.message().contains("`buffer-bytes`"), "{huge}");
     }
 }

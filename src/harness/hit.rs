@@ -7,6 +7,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::instance::Instance;
 use crate::machine;
+use crate::ops::ray_rules;
 
 /// A primitive and the ray that hits it, from which every builtin of a hit shader follows.
 ///
@@ -94,8 +95,8 @@ impl Hit {
     /// Traces the ray at the instance alone.
     ///
     /// # Errors
-    /// `InvalidScene` for numbers that no geometry may have, `InvalidArgument` without a ray and
-    /// where the ray misses.
+    /// `InvalidScene` for numbers that no geometry may have, `InvalidArgument` without a ray,
+    /// for one that breaks a rule, and where it misses.
     pub(super) fn resolve(self) -> Result<Resolved> {
         let wrong = |message: String| Error::new(ErrorKind::InvalidArgument, message);
         let Some(ray) = self.ray else {
@@ -106,6 +107,9 @@ impl Hit {
         let what = self.instance.describe();
         let tlas = Tlas::new(vec![self.instance.make()?])?;
         let trace = TraceRay { ray, flags: self.ray_flags, cull_mask: self.cull_mask, time: self.time };
+        trace.check().map_err(|rule| {
+            wrong(format!("a ray that cannot be traced: {}", ray_rules::describe_of_trace(rule)))
+        })?;
         match first_hit(&tlas, trace) {
             Some(Committed { candidate, t, hit_kind: kind }) => {
                 Ok(Resolved { hit: machine::TlasHit { tlas, candidate, kind }, trace, t })

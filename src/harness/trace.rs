@@ -256,7 +256,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// `Trap` where a shader misbehaves; `InvalidArgument` for a payload or a buffer whose size
-    /// fits no shader, with both layouts.
+    /// fits no shader, with both layouts, and for a ray that breaks a rule, with its VUID.
     pub fn trace(&self, scene: &Scene, ray: impl Into<RayOperands>) -> Result<Traced> {
         self.trace_observed(scene, ray, &mut ())
     }
@@ -335,8 +335,10 @@ impl Pipeline {
         Launched { stats, printed, bound: self.bound(scene) }
     }
 
-    /// Compares what the scene's buffers were made from with what the shaders declare.
+    /// Checks the pipeline's parts, and compares what the scene's buffers were made from with what
+    /// the shaders declare.
     fn check(&self, scene: &Scene) -> Result<()> {
+        self.check_parts()?;
         self.programs.iter().try_for_each(|program| scene.given.check(program))
     }
 

@@ -12,7 +12,7 @@ use crate::machine::invocation::Invocations;
 use crate::machine::lanes::{Mask, Reg, Registers};
 use crate::machine::out_of_bounds::OutOfBoundsIndices;
 use crate::machine::ray_query::RayQueries;
-use crate::machine::trap::{AccessFault, Exit, Trap, TrapCode};
+use crate::machine::trap::{AccessFault, Exit, LaneTrap, TrapCode};
 use crate::machine::turns::Turns;
 use crate::machine::watchdog::{SLICE, TaskWatch};
 
@@ -58,7 +58,8 @@ pub struct Batch<const W: usize> {
     /// How each lane ended, meaningful once it has.
     pub exits: [Exit; W],
     /// The byte offset or device address of the access at which a lane trapped; for a trace, the
-    /// rule that its ray breaks. Meaningful once the lane has trapped.
+    /// rule that its ray breaks; 0 where the trap has no such value. Meaningful once the lane has
+    /// trapped.
     pub fault_value: [u64; W],
     /// The indices that were outside their arrays, whether or not an access through them follows.
     pub out_of_bounds_indices: OutOfBoundsIndices<W>,
@@ -137,6 +138,7 @@ impl<const W: usize> Batch<W> {
         self.op = op;
         self.paused = false;
         self.silent = false;
+        self.fault_value = [0; W];
         self.access_faults.clear();
         self.out_of_bounds_indices.clear();
         self.exits = [Exit::Returned; W];
@@ -211,7 +213,7 @@ impl<const W: usize> Batch<W> {
         if self.silent {
             return;
         }
-        self.exit(mask & self.mask, Exit::Trapped(Trap { code, op }));
+        self.exit(mask & self.mask, Exit::Trapped(LaneTrap { code, op }));
     }
 
     /// Records the details of an access at which a lane traps, as its registers may change later.
@@ -299,7 +301,7 @@ impl<const W: usize> Batch<W> {
                 |lane: usize| self.live.contains(lane) && watch.is_beyond(self.invocations.number(lane));
             let beyond = Mask::from_fn(beyond);
             if !beyond.is_empty() {
-                self.exit(beyond, Exit::Trapped(Trap { code: TrapCode::Callee, op }));
+                self.exit(beyond, Exit::Trapped(LaneTrap { code: TrapCode::Callee, op }));
             }
         }
         self.min_fuel = match expired {
@@ -311,7 +313,7 @@ impl<const W: usize> Batch<W> {
     /// Stops all lanes: the running ones trap, the others end without a word.
     fn stop(&mut self, code: TrapCode, op: u32) {
         let others = self.live.without(self.mask);
-        self.exit(others, Exit::Trapped(Trap { code: TrapCode::Callee, op }));
+        self.exit(others, Exit::Trapped(LaneTrap { code: TrapCode::Callee, op }));
         self.trap(self.mask, code, op);
     }
 
@@ -394,7 +396,7 @@ mod tests {
         assert!(batch.follow([]));
         assert_eq!((batch.block, batch.mask.count()), (1, 3));
         assert!(!batch.follow([]));
-        assert_eq!(batch.exits[3], Exit::Trapped(Trap { code: TrapCode::Unreachable, op: 7 }));
+        assert_eq!(batch.exits[3], Exit::Trapped(LaneTrap { code: TrapCode::Unreachable, op: 7 }));
         assert_eq!(batch.exits[0], Exit::Returned);
     }
 

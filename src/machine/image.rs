@@ -199,21 +199,17 @@ impl Image {
     /// An image of zeros.
     ///
     /// # Errors
-    /// As [`ImageShape::check`].
+    /// As [`ImageShape::check`], and `InvalidImage` where there is no memory for so many texels.
     pub fn zeroed(format: Format, shape: ImageShape) -> Result<Arc<Self>> {
         Self::filled(format, shape, &[0; 16][..format.texel_size() as usize])
     }
 
     /// A plane of zeros, to bind as a storage image.
     ///
-    /// # Panics
-    /// For a width or height of 0, or above the limits of images.
-    #[track_caller]
-    pub fn plane(format: Format, width: u32, height: u32) -> Arc<Self> {
-        match Self::zeroed(format, ImageShape::plane(width, height)) {
-            Ok(image) => image,
-            Err(error) => panic!("{error}"),
-        }
+    /// # Errors
+    /// As [`Image::zeroed`].
+    pub fn plane(format: Format, width: u32, height: u32) -> Result<Arc<Self>> {
+        Self::zeroed(format, ImageShape::plane(width, height))
     }
 
     /// An image of these bytes.
@@ -290,6 +286,12 @@ impl Image {
         words: impl Iterator<Item = AtomicU64>,
     ) -> Result<Arc<Self>> {
         shape.check()?;
+        let mut memory: Vec<AtomicU64> = Vec::new();
+        if memory.try_reserve_exact(words.size_hint().0).is_err() {
+            let message = format!("no memory for an image of {} texels", shape.texels());
+            return Err(Error::new(ErrorKind::InvalidImage, message));
+        }
+        memory.extend(words);
         let mut levels = SmallVec::new();
         let mut first = 0;
         for level in 0..shape.levels {
@@ -302,7 +304,7 @@ impl Image {
             shape,
             levels,
             resident,
-            words: words.collect(),
+            words: memory.into_boxed_slice(),
             sample_weight,
             null: false,
         }))
@@ -330,10 +332,10 @@ impl Image {
         &self.shape
     }
 
-    /// Width, height and depth of a level that exists.
+    /// Width, height and depth of a level; 0 of one that it does not have.
     #[doc(hidden)]
     pub fn level_extent(&self, level: u32) -> [u32; 3] {
-        self.levels[level as usize].extent
+        self.levels.get(level as usize).map_or([0; 3], |level| level.extent)
     }
 
     /// The resident rows of level 0: all of them, except in a band.
@@ -379,7 +381,7 @@ impl Image {
     /// The bits of the texel at an index that [`Image::index`] gave.
     #[doc(hidden)]
     #[inline]
-    pub fn load(&self, index: usize) -> u128 {
+    pub(crate) fn load(&self, index: usize) -> u128 {
         let size = self.format.texel_size() as usize;
         let word = |at: usize| u128::from(self.words[at].load(Relaxed));
         if size == 16 {
@@ -392,7 +394,7 @@ impl Image {
     /// Overwrites the texel at an index that [`Image::index`] gave.
     #[doc(hidden)]
     #[inline]
-    pub fn store(&self, index: usize, bits: u128) {
+    pub(crate) fn store(&self, index: usize, bits: u128) {
         match self.format.texel_size() {
             16 => {
                 self.words[2 * index].store(bits as u64, Relaxed);
@@ -409,7 +411,7 @@ impl Image {
     /// texel. The texel stays where the function returns `None`; the function may run several
     /// times.
     #[doc(hidden)]
-    pub fn update(&self, index: usize, mut function: impl FnMut(u64) -> Option<u64>) -> u64 {
+    pub(crate) fn update(&self, index: usize, mut function: impl FnMut(u64) -> Option<u64>) -> u64 {
         let size = self.format.texel_size() as usize;
         assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");
         let byte = index * size;
@@ -438,15 +440,15 @@ impl Image {
         Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight, null })
     }
 
-    /// A copy of the resident bytes of a level that exists.
+    /// A copy of the resident bytes of a level; none of one that it does not have.
     pub fn level_bytes(&self, level: u32) -> Vec<u8> {
-        let first = self.levels[level as usize].first;
+        let Some(&Level { first, .. }) = self.levels.get(level as usize) else { return Vec::new() };
         self.texel_bytes(first..first + self.shape.level_texels(level) as usize, 1)
     }
 
     /// A copy of the bytes of a resident row of level 0, in its first layer and slice; of several
     /// samples the first.
-    pub fn row_bytes(&self, row: u32) -> Vec<u8> {
+    pub(crate) fn row_bytes(&self, row: u32) -> Vec<u8> {
         let each = self.shape.samples as usize;
         let width = self.shape.extent[0] as usize * each;
         let first = self.levels[0].first + row as usize * width;

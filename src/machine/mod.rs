@@ -36,7 +36,7 @@ pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, BindingSummary, Bindings, Buffer, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
-pub use trap::{AccessFault, Exit, Trap, TrapCode};
+pub use trap::{AccessFault, Exit, LaneTrap, TrapCode};
 pub use turns::{LoopTurns, Turns};
 pub use watchdog::{LaunchFuel, LaunchLimits, TaskWatch, Watchdog};
 pub use workgroup::Workgroup;

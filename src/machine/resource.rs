@@ -204,7 +204,8 @@ impl Buffer {
         bytes
     }
 
-    /// The scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer.
+    /// The scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer, and
+    /// for any other width.
     #[doc(hidden)]
     #[inline]
     pub fn load(&self, offset: u64, width: u32) -> Option<u32> {
@@ -212,11 +213,14 @@ impl Buffer {
         if offset.checked_add(bytes)? > self.size {
             return None;
         }
-        let word = self.word_at(offset).load(Relaxed);
         let shift = (offset % 4) as u32 * 8;
         if shift == 0 && width == 32 {
-            return Some(word);
+            return Some(self.word_at(offset).load(Relaxed));
         }
+        if !matches!(width, 8 | 16 | 32) {
+            return None;
+        }
+        let word = self.word_at(offset).load(Relaxed);
         let mut pair = u64::from(word);
         if shift + width > 32 {
             pair |= u64::from(self.word_at(offset + 4).load(Relaxed)) << 32;
@@ -224,7 +228,8 @@ impl Buffer {
         Some((pair >> shift) as u32 & (u32::MAX >> (32 - width)))
     }
 
-    /// Stores a scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer.
+    /// Stores a scalar of `width` bits (8, 16 or 32) at a byte offset; `None` outside the buffer,
+    /// and for any other width.
     #[doc(hidden)]
     #[inline]
     pub fn store(&self, offset: u64, width: u32, value: u32) -> Option<()> {
@@ -235,6 +240,9 @@ impl Buffer {
         if width == 32 && offset.is_multiple_of(4) {
             self.word_at(offset).store(value, Relaxed);
             return Some(());
+        }
+        if !matches!(width, 8 | 16 | 32) {
+            return None;
         }
         let shift = (offset % 4) as u32 * 8;
         let mask = u64::from(u32::MAX >> (32 - width)) << shift;

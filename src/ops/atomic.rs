@@ -22,7 +22,7 @@ use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::image::access::TexelRef;
 use crate::ops::image::reader::LaneReader;
-use crate::ops::memory::{Chunk, computed_register, for_each_access, trap};
+use crate::ops::memory::{Chunk, computed_register, fault_value, for_each_access, trap};
 use crate::ops::op::{Access, Op as Operation};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::{Translator, Words, registers_from};
@@ -292,6 +292,9 @@ impl AtomicOp {
                 }
             },
         );
+        for lane in misaligned.lanes() {
+            batch.fault_value[lane] = fault_value(&batch.registers, lane, chunk);
+        }
         trap(batch, misaligned, TrapCode::AtomicMisaligned);
     }
 

@@ -396,6 +396,14 @@ fn address<const W: usize>(registers: &Registers<W>, reg: Reg, lane: usize) -> u
     u64::from(registers[reg].0[lane]) | u64::from(registers[reg.plus(1)].0[lane]) << 32
 }
 
+/// The byte offset of a lane's access, or its device address.
+#[inline]
+pub(super) fn fault_value<const W: usize>(registers: &Registers<W>, lane: usize, chunk: &Chunk) -> u64 {
+    let index = chunk.index.map_or(0, |reg| registers[reg].0[lane]);
+    let base = if let BufferRef::Address(reg) = chunk.buffer { address(registers, reg, lane) } else { 0 };
+    base.wrapping_add(u64::from(chunk.offset) + u64::from(index))
+}
+
 /// The buffer of a lane's access with the byte offset there, checked; else the trap, with the
 /// offset or address of the access.
 #[inline]
@@ -407,8 +415,7 @@ fn locate<'a, const W: usize>(
 ) -> Result<(&'a Buffer, u64), (TrapCode, u64)> {
     let index = chunk.index.map_or(0, |reg| registers[reg].0[lane]);
     let offset = u64::from(chunk.offset) + u64::from(index);
-    let base = if let BufferRef::Address(reg) = chunk.buffer { address(registers, reg, lane) } else { 0 };
-    let fault_value = base.wrapping_add(offset);
+    let fault_value = fault_value(registers, lane, chunk);
     let found = resolve_buffer((registers, lane), invocations, bindings, chunk.buffer);
     let (buffer, start, size) = found.map_err(|code| (code, fault_value))?;
     let outside = offset + u64::from(chunk.width / 8 * chunk.count) > size;

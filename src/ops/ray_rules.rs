@@ -48,11 +48,22 @@ const RULES: &[InstructionRules] = &[
 /// What a ray did wrong and, where the specification has numbered it for this instruction, the
 /// rule.
 pub fn describe(opcode: u16, broken: RayRule) -> String {
-    let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known as u16 == opcode));
-    match rules.map(|rules| (rules.name, rules.numbers[broken as usize])) {
-        None | Some((_, 0)) => broken.describe().to_owned(),
-        Some((name, number)) => format!("{} (VUID-RuntimeSpirv-{name}-{number:05})", broken.describe()),
+    match vuid(opcode, broken) {
+        None => broken.describe().to_owned(),
+        Some(vuid) => format!("{} ({vuid})", broken.describe()),
     }
+}
+
+/// What a ray that the host traces did wrong, as of `OpTraceRayKHR`.
+pub fn describe_of_trace(broken: RayRule) -> String {
+    describe(Opcode::TraceRayKHR as u16, broken)
+}
+
+/// The rule, where the specification has numbered it for this instruction.
+pub fn vuid(opcode: u16, broken: RayRule) -> Option<String> {
+    let rules = RULES.iter().find(|rules| rules.opcodes.iter().any(|&known| known as u16 == opcode))?;
+    let number = Some(rules.numbers[broken as usize]).filter(|&number| number > 0)?;
+    Some(format!("VUID-RuntimeSpirv-{}-{number:05}", rules.name))
 }
 
 #[cfg(test)]

@@ -135,6 +135,8 @@ pub struct Gap {
     pub count: usize,
     /// The offset of the first of them in the module, in words.
     pub offset: u32,
+    /// The offsets of all instructions that name it, the uses of a variable included.
+    pub offsets: Vec<u32>,
 }
 
 /// All that an entry point's call tree and interface name and that does not run, each once, in the
@@ -148,10 +150,15 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
         let support = support.unwrap_or(Support::Unsupported("unknown"));
         let Some(message) = support.refusal(&name) else { return };
         match gaps.iter_mut().find(|gap| gap.name == name) {
-            Some(gap) => gap.count += 1,
-            None => gaps.push(Gap { name, message, count: 1, offset }),
+            Some(gap) => {
+                gap.count += 1;
+                gap.offsets.push(offset);
+            }
+            None => gaps.push(Gap { name, message, count: 1, offset, offsets: vec![offset] }),
         }
     };
+    // The gaps of a variable by its id: where it is used, they are met.
+    let mut variables: Vec<(Id, String)> = Vec::new();
     for variable in module.interface_of(entry) {
         let offset = match module.definition(variable.id) {
             Some(Definition::Variable(index)) => module.variables[index as usize].offset,
@@ -159,9 +166,12 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
         };
         let class = variable.storage_class;
         let name = format!("storage class {}", storage_class_name(class));
+        variables.push((variable.id, name.clone()));
         add(name, storage_class(class), offset);
         if let Some(number) = variable.builtin {
-            add(format!("the builtin {}", builtin_name(number)), builtin(number), offset);
+            let name = format!("the builtin {}", builtin_name(number));
+            variables.push((variable.id, name.clone()));
+            add(name, builtin(number), offset);
         }
     }
     for function in module.call_tree(entry.function) {
@@ -172,6 +182,19 @@ pub fn gaps(module: &Module, entry: &EntryPoint) -> Vec<Gap> {
                 None => {
                     let name = opcode_name(instruction.opcode).into_owned();
                     add(name, opcode(instruction.opcode), instruction.offset);
+                }
+            }
+        }
+    }
+    variables.retain(|(_, name)| gaps.iter().any(|gap| gap.name == *name));
+    if !variables.is_empty() {
+        for function in module.call_tree(entry.function) {
+            let blocks = &module.functions[function as usize].blocks;
+            for instruction in blocks.iter().flat_map(|block| &block.instructions) {
+                let used = module.operand_ids(instruction);
+                for (_, name) in variables.iter().filter(|(id, _)| used.contains(id)) {
+                    let gap = gaps.iter_mut().find(|gap| gap.name == *name);
+                    gap.into_iter().for_each(|gap| gap.offsets.push(instruction.offset));
                 }
             }
         }

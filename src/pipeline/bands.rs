@@ -109,27 +109,30 @@ impl Band<'_> {
 
     /// The bytes of one of the band's rows, texel by texel from the left.
     ///
-    /// # Panics
-    /// If the row is not in the band.
-    #[track_caller]
-    pub fn row_bytes(&self, row: u32) -> Vec<u8> {
+    /// # Errors
+    /// `InvalidArgument` for a row that is not in the band.
+    pub fn row_bytes(&self, row: u32) -> Result<Vec<u8>> {
         let rows = self.rows();
-        assert!(rows.contains(&row), "row {row} is not among {} to {}", rows.start, rows.end);
-        self.image.row_bytes(row)
+        if !rows.contains(&row) {
+            let message = format!("row {row} is not among {} to {}", rows.start, rows.end);
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        Ok(self.image.row_bytes(row))
     }
 
     /// R, G, B and A of the texel at a position in the whole image, as a shader reads them;
     /// integers as numbers. Components that the format lacks are 0, and A is 1.
     ///
-    /// # Panics
-    /// If the texel is not in the band.
-    #[track_caller]
-    pub fn at(&self, x: u32, y: u32) -> [f32; 4] {
+    /// # Errors
+    /// `InvalidArgument` for a texel that is not in the band.
+    pub fn at(&self, x: u32, y: u32) -> Result<[f32; 4]> {
         let position = Position { at: [x.into(), y.into(), 0], ..Position::default() };
-        let (index, rows) = (self.image.index(&position), self.rows());
-        let index =
-            index.unwrap_or_else(|| panic!("no texel ({x}, {y}) in rows {} to {}", rows.start, rows.end));
-        self.image.format().decode_numbers(self.image.load(index)).map(|number| number as f32)
+        let rows = self.rows();
+        let index = self.image.index(&position).ok_or_else(|| {
+            let message = format!("no texel ({x}, {y}) in rows {} to {}", rows.start, rows.end);
+            Error::new(ErrorKind::InvalidArgument, message)
+        })?;
+        Ok(self.image.format().decode_numbers(self.image.load(index)).map(|number| number as f32))
     }
 }
 

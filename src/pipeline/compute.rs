@@ -9,8 +9,9 @@ use crate::input::InputLimit;
 use crate::machine::{LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::launch::Stats;
+use crate::pipeline::single_shader::Ended;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::{Trapped, spent_together};
+use crate::pipeline::trapped::spent_together;
 use crate::pipeline::workgroup::{Observers, WorkgroupRunner};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
@@ -149,8 +150,7 @@ impl Compute {
     where
         LaneKernel: Width<W>,
     {
-        self.check_size(groups)?;
-        self.run_to_trap::<W>(resources, groups, on_progress).map_err(|trapped| trapped.error)
+        self.run_to_trap::<W>(resources, groups, on_progress)?.map_err(|trapped| trapped.error)
     }
 
     /// Runs as [`Compute::run`] does under observers: in the order of the workgroups, on one
@@ -166,26 +166,26 @@ impl Compute {
         on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
-        self.check_size(groups)?;
-        if self.program.uses_subgroups && self.subgroup_size > 64 {
-            return self.run::<64>(resources, groups, &|_| ());
-        }
-        self.run_to_trap_observed(resources, groups, on_event, observer).map_err(|trapped| trapped.error)
+        self.run_to_trap_observed(resources, groups, on_event, observer)?.map_err(|trapped| trapped.error)
     }
 
-    /// Runs as [`Compute::run_observed`] does and returns the whole [`Trapped`], for sizes that
-    /// [`Compute::run`] accepts and subgroups of at most 64.
+    /// Runs as [`Compute::run_observed`] does; the inner result is the whole [`Trapped`], whose
+    /// shader is 0.
     ///
     /// # Errors
-    /// The trap; its shader is 0.
+    /// `InvalidArgument` for more invocations than can be numbered.
     pub fn run_to_trap_observed(
         &self,
         resources: &Resources,
         groups: [u32; 3],
         on_event: &mut dyn FnMut(Event),
         observer: &mut (impl Observer<1> + Observer<64>),
-    ) -> Result<Stats, Box<Trapped>> {
+    ) -> Result<Ended> {
+        self.check_size(groups)?;
         let uses_subgroups = self.program.uses_subgroups;
+        if uses_subgroups && self.subgroup_size > 64 {
+            return self.run_to_trap::<64>(resources, groups, &|_| ());
+        }
         let groups_of = groups;
         let bindings = resources.bindings(self.program.bindings());
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
@@ -209,14 +209,15 @@ impl Compute {
                 WorkgroupRunner::<64>::new(self, &bindings, self.layout, watch).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {
-                return Err(Box::new(trapped));
+                return Ok(Err(Box::new(trapped)));
             }
             if dog.end_task(first / groups_per_task, watch.spent()).is_some() {
-                return Err(Box::new(spent_together(self.last_id(first + size - 1, groups_of), &dog)));
+                let last = self.last_id(first + size - 1, groups_of);
+                return Ok(Err(Box::new(spent_together(last, &dog))));
             }
             stats = stats.plus(&task_stats);
         }
-        Ok(stats)
+        Ok(Ok(stats))
     }
 
     /// The number of workgroups of a task.
@@ -235,19 +236,20 @@ impl Compute {
         std::array::from_fn(|axis| group.id[axis] * group.size[axis] + group.size[axis] - 1)
     }
 
-    /// Runs as [`Compute::run`] does and returns the whole [`Trapped`], for sizes that it accepts.
+    /// Runs as [`Compute::run`] does; the inner result is the whole [`Trapped`], whose shader is 0.
     ///
     /// # Errors
-    /// The trap that [`Compute::run`] reports; its shader is 0.
+    /// `InvalidArgument` for more invocations than can be numbered.
     pub fn run_to_trap<const W: usize>(
         &self,
         resources: &Resources,
         groups: [u32; 3],
         on_progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Stats, Box<Trapped>>
+    ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
     {
+        self.check_size(groups)?;
         let count = groups.iter().map(|&side| u64::from(side)).product::<u64>();
         let bindings = resources.bindings(self.program.bindings());
         let group_size = self.group_size();
@@ -305,7 +307,7 @@ impl Compute {
             }
             all
         };
-        tasks.run(self.program.order_dependent || shares, &worker)
+        Ok(tasks.run(self.program.order_dependent || shares, &worker))
     }
 
     /// Memory that the invocations of a dispatch share otherwise than by atomic instructions that

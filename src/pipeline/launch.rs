@@ -9,13 +9,15 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Bindings, Observer, Reg, Registers, Resources, TaskWatch, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
+use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::{Trapped, missing_record, spent_together};
+use crate::pipeline::tracing::check_trace;
+use crate::pipeline::trapped::{Trapped, host_ray_trap, spent_together};
 
 /// Counts of what a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -361,7 +363,8 @@ impl Launch<'_> {
     /// that index, and operations are not observed.
     ///
     /// # Errors
-    /// The trap, if there is one.
+    /// The trap, if there is one; `InvalidArgument` for an index outside the launch, and as
+    /// [`Launch::run`].
     pub fn run_one<T: PipelineObserver, O: Observer<1>>(
         &self,
         id: [u32; 3],
@@ -370,6 +373,13 @@ impl Launch<'_> {
         observer: &mut O,
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
+        self.invocation_count(size)?;
+        if id.iter().zip(size).any(|(&at, side)| at >= side) {
+            let ([x, y, z], [width, height, depth]) = (id, size);
+            let message =
+                format!("invocation {x},{y},{z} is outside the launch of {width} x {height} x {depth}");
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
             return match self.pipeline.subgroup_size {
                 ..=64 => self.run_subgroup::<64, T>(record, id, size, pipeline_observer),
@@ -422,10 +432,18 @@ impl Launch<'_> {
         }
     }
 
+    /// Checks a ray that the host traces, as `OpTraceRayKHR` of a shader would.
+    pub(super) fn check_ray(&self, operands: &RayOperands) -> Result<()> {
+        check_trace(&operands.trace, self.pipeline.flags).map_err(|rule| {
+            let rule = ray_rules::describe_of_trace(rule);
+            Error::new(ErrorKind::InvalidArgument, format!("a ray that cannot be traced: {rule}"))
+        })
+    }
+
     /// Traces one ray without a ray generation shader.
     ///
     /// # Errors
-    /// The trap, if there is one.
+    /// The trap, if there is one; `InvalidArgument` for a ray that breaks a rule.
     pub fn trace<T: PipelineObserver>(
         &self,
         tlas: &Arc<Tlas>,
@@ -446,6 +464,7 @@ impl Launch<'_> {
         pipeline_observer: &mut T,
         observer: &mut O,
     ) -> Result<RayOutcome> {
+        self.check_ray(&operands)?;
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
@@ -453,11 +472,8 @@ impl Launch<'_> {
         let words = |payload: &Registers<1>| payload.lane_words(Reg(0), payload.len() as u32, 0).collect();
         match (stack.trapped, trace) {
             (Some(trapped), _) => Err(trapped.error),
-            (None, Some(trace)) => match trace.trap_code(0) {
-                Some(code) => {
-                    let record = missing_record(&self.pipeline.sbt, code, trace.record_indices[0]);
-                    Err(record.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note))
-                }
+            (None, Some(trace)) => match host_ray_trap(self.pipeline, &trace) {
+                Some(trapped) => Err(trapped.error),
                 None => Ok(RayOutcome {
                     committed: trace.committed[0],
                     payload: trace.host_payload.as_ref().map_or_else(Vec::new, words),

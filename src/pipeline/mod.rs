@@ -46,7 +46,7 @@ pub use observer::{Caller, Event, PipelineObserver};
 pub use sbt::{Sbt, SbtRecord};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
-pub(crate) use trapped::{limit_note, trap_error};
+pub(crate) use trapped::{trap_error, with_limit};
 
 /// The instructions that an invocation may execute, counted at back edges, calls and stops (a
 /// trace, a call of a callable shader, a report, a barrier: 64 instructions each), unless set
@@ -130,6 +130,19 @@ impl Pipeline {
         counts.max().unwrap_or(0)
     }
 
+    /// Checks what [`PipelineBuilder::build`] has checked, as its parts may have been changed
+    /// since: groups, tables and the limits that are counted on.
+    ///
+    /// # Errors
+    /// `InvalidScene` where a group or a record names what does not exist, or is of another kind;
+    /// `InvalidArgument` for the size of subgroups and the depth of calls.
+    pub(crate) fn check_parts(&self) -> Result<()> {
+        self.groups.iter().try_for_each(|&group| check_group(&self.programs, group))?;
+        self.sbt.check(&self.programs, &self.groups)?;
+        check_subgroup_size(self.subgroup_size)?;
+        check_callable_depth(self.max_callable_depth)
+    }
+
     /// Whether a shader has no effect, whatever its inputs are.
     fn is_empty(&self, shader: Shader) -> bool {
         self.programs[shader.0 as usize].is_empty()
@@ -190,36 +203,11 @@ impl PipelineBuilder {
     /// Adds a group and gives its index.
     ///
     /// # Errors
-    /// `InvalidScene` if a shader's stage does not fit its member of the group.
+    /// `InvalidScene` if a shader's stage does not fit its member of the group; `InvalidArgument`
+    /// for a shader that was not added.
     #[doc(hidden)]
     pub fn group(&mut self, group: Group) -> Result<u32> {
-        let check = |shader: Shader, stages: &[Stage]| {
-            let program = self.programs.get(shader.0 as usize).ok_or_else(|| {
-                Error::new(ErrorKind::InvalidArgument, format!("the pipeline has no shader {}", shader.0))
-            })?;
-            if stages.contains(&program.stage) {
-                return Ok(());
-            }
-            let wanted: Vec<_> = stages.iter().map(|stage| stage.name()).collect();
-            Err(Error::new(
-                ErrorKind::InvalidScene,
-                format!("shader `{}` is {}, not {}", program.name, program.stage.name(), wanted.join(" or ")),
-            )
-            .note("VUID-VkRayTracingShaderGroupCreateInfoKHR-type-03474 and others"))
-        };
-        match group {
-            Group::General(shader) => check(shader, &[Stage::RayGeneration, Stage::Miss, Stage::Callable])?,
-            Group::Hit(HitGroup { closest_hit, any_hit, intersection }) => {
-                let members = [
-                    (closest_hit, Stage::ClosestHit),
-                    (any_hit, Stage::AnyHit),
-                    (intersection, Stage::Intersection),
-                ];
-                for (shader, stage) in members {
-                    shader.map_or(Ok(()), |shader| check(shader, &[stage]))?;
-                }
-            }
-        }
+        check_group(&self.programs, group)?;
         self.groups.push(group);
         Ok(self.groups.len() as u32 - 1)
     }
@@ -260,16 +248,20 @@ impl PipelineBuilder {
     /// Adds a hit group of any of its three shaders as the next hit record.
     ///
     /// # Errors
-    /// As [`PipelineBuilder::group`].
+    /// As [`PipelineBuilder::group`]; `InvalidArgument` for two shaders of one stage.
     pub fn hit(mut self, programs: impl IntoIterator<Item = Program>) -> Result<Self> {
         let mut group = HitGroup::default();
         for program in programs {
             let stage = program.stage;
             let shader = self.shader(program);
-            *group.member(stage).ok_or_else(|| {
+            let member = group.member(stage).ok_or_else(|| {
                 let message = format!("{} cannot be part of a hit group", stage.name());
                 Error::new(ErrorKind::InvalidScene, message)
-            })? = Some(shader);
+            })?;
+            if member.replace(shader).is_some() {
+                let message = format!("a hit group with two shaders of the stage {}", stage.name());
+                return Err(Error::new(ErrorKind::InvalidArgument, message));
+            }
         }
         let group = self.group(Group::Hit(group))?;
         self.sbt.hit.push(Some(SbtRecord::new(group)));
@@ -404,6 +396,36 @@ impl PipelineBuilder {
             }
         }
         Ok(())
+    }
+}
+
+/// Checks that the shaders of a group exist and are of its stages.
+fn check_group(programs: &[Arc<Program>], group: Group) -> Result<()> {
+    let check = |shader: Shader, stages: &[Stage]| {
+        let program = programs.get(shader.0 as usize).ok_or_else(|| {
+            Error::new(ErrorKind::InvalidArgument, format!("the pipeline has no shader {}", shader.0))
+        })?;
+        if stages.contains(&program.stage) {
+            return Ok(());
+        }
+        let wanted: Vec<_> = stages.iter().map(|stage| stage.name()).collect();
+        Err(Error::new(
+            ErrorKind::InvalidScene,
+            format!("shader `{}` is {}, not {}", program.name, program.stage.name(), wanted.join(" or ")),
+        )
+        .note("VUID-VkRayTracingShaderGroupCreateInfoKHR-type-03474 and others"))
+    };
+    match group {
+        Group::General(shader) => check(shader, &[Stage::RayGeneration, Stage::Miss, Stage::Callable]),
+        Group::Hit(HitGroup { closest_hit, any_hit, intersection }) => {
+            let members = [
+                (closest_hit, Stage::ClosestHit),
+                (any_hit, Stage::AnyHit),
+                (intersection, Stage::Intersection),
+            ];
+            let mut members = members.into_iter().filter_map(|(shader, stage)| Some((shader?, stage)));
+            members.try_for_each(|(shader, stage)| check(shader, &[stage]))
+        }
     }
 }
 

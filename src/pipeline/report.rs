@@ -46,6 +46,7 @@ impl<const W: usize> IntersectionReport<W> {
             let kind = HitKind(batch.registers[hit_kind].0[lane]);
             if kind.0 > 127 {
                 let op = batch.op - 1;
+                batch.fault_value[lane] = kind.0.into();
                 batch.trap(Mask::lane(lane), TrapCode::InvalidHitKind, op);
                 continue;
             }

@@ -3,45 +3,52 @@
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Invocation, Observer};
+use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::{Launch, RayOperands, Stats};
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::stack::{Stack, bindings};
-use crate::pipeline::trapped::Trapped;
+use crate::pipeline::trapped::{Trapped, host_ray_trap};
+
+/// How shaders end that ran: with their counts, or with a trap.
+pub type Ended = std::result::Result<Stats, Box<Trapped>>;
 
 impl Launch<'_> {
-    /// Runs the pipeline's ray generation shader over a small grid, W lanes at a time.
+    /// Runs the pipeline's ray generation shader over a small grid, W lanes at a time. The inner
+    /// result is the trap of the lowest launch index.
     ///
     /// # Errors
-    /// The trap of the lowest launch index.
+    /// `InvalidArgument` for more invocations than `maxRayDispatchInvocationCount`.
     pub fn run_single_threaded<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         size: [u32; 3],
         (pipeline_observer, observer): (&mut T, &mut O),
-    ) -> Result<Stats, Box<Trapped>>
+    ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
     {
-        let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Stats::default()) };
+        let count = self.invocation_count(size)?;
+        let Some(record) = &self.pipeline.sbt.ray_generation else { return Ok(Ok(Stats::default())) };
         let bindings = bindings(self.pipeline, self.resources);
-        let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
         let watch = self.watchdog(count).watch();
         watch.begin_task(count);
         let mut stack =
             Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer).watched(watch);
         stack.launch_batches(record, &LaunchOrder::by_index(size), 0..count);
-        outcome(stack.trapped, stack.stats)
+        Ok(outcome(stack.trapped, stack.stats))
     }
 
     /// Runs a shader for one invocation, in the first of W lanes, without a caller. The payload and
-    /// attributes that it writes are discarded. Intersection shaders cannot run so: they report to
-    /// a trace.
+    /// attributes that it writes are discarded. The inner result is its trap.
     ///
     /// # Errors
-    /// The trap.
+    /// `InvalidArgument` where the pipeline has no such shader, and for one that does not run by
+    /// itself: an intersection shader, which reports to a trace, and any that is not of ray
+    /// tracing.
     pub fn invoke<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         shader: Shader,
@@ -49,38 +56,48 @@ impl Launch<'_> {
         payload: &[u32],
         attributes: &[u32],
         (pipeline_observer, observer): (&mut T, &mut O),
-    ) -> Result<Stats, Box<Trapped>>
+    ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
     {
+        let invalid = |message| Error::new(ErrorKind::InvalidArgument, message);
+        let program = self.pipeline.programs.get(shader.0 as usize);
+        let program = program.ok_or_else(|| invalid(format!("the pipeline has no shader {}", shader.0)))?;
+        if matches!(program.stage, Stage::Intersection | Stage::Compute | Stage::Other(_)) {
+            let (name, stage) = (&program.name, program.stage.name());
+            return Err(invalid(format!("shader `{name}` is {stage}, which does not run by itself")));
+        }
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
         stack.invoke(shader, invocation, payload.into(), attributes.into());
-        outcome(stack.trapped, stack.stats)
+        Ok(outcome(stack.trapped, stack.stats))
     }
 
-    /// Traces one ray, in the first of W lanes, without a ray generation shader.
+    /// Traces one ray, in the first of W lanes, without a ray generation shader. The inner result
+    /// is the trap.
     ///
     /// # Errors
-    /// The trap.
+    /// `InvalidArgument` for a ray that breaks a rule.
     pub fn trace_single<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
         (pipeline_observer, observer): (&mut T, &mut O),
-    ) -> Result<Stats, Box<Trapped>>
+    ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
     {
+        self.check_ray(&operands)?;
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
-        stack.trace(tlas, operands);
-        outcome(stack.trapped, stack.stats)
+        let trace = stack.trace(tlas, operands);
+        let of_ray = || trace.and_then(|trace| host_ray_trap(self.pipeline, &trace));
+        Ok(outcome(stack.trapped.or_else(of_ray), stack.stats))
     }
 }
 
-fn outcome(trapped: Option<Trapped>, stats: Stats) -> Result<Stats, Box<Trapped>> {
+fn outcome(trapped: Option<Trapped>, stats: Stats) -> Ended {
     trapped.map_or(Ok(stats), |trapped| Err(Box::new(trapped)))
 }

@@ -5,13 +5,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::error::{Error, ErrorKind};
 use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{
-    Batch, Bindings, Exit, Invocation, Lanes, Mask, Observer, Reg, Registers, Resources, Stop, TaskWatch,
-    Trap, TrapCode,
+    Batch, Bindings, Exit, Invocation, LaneTrap, Lanes, Mask, Observer, Reg, Registers, Resources, Stop,
+    TaskWatch, TrapCode,
 };
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -26,7 +25,7 @@ use crate::pipeline::payload;
 use crate::pipeline::report::IntersectionReport;
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::trace::{PendingCall, Trace, Words, general_shader, record_at};
-use crate::pipeline::trapped::{Trapped, limit_note};
+use crate::pipeline::trapped::{Trapped, ended_without_shader};
 use crate::program::Program;
 
 /// The role in which a shader runs.
@@ -398,7 +397,7 @@ where
             let live = running.batch.live().lanes();
             let first = live.min_by_key(|&lane| running.batch.invocations.number(lane));
             if let Some(lane) = first.filter(|_| !told) {
-                self.trap(&running, lane, Trap { code, op: running.batch.op.saturating_sub(1) });
+                self.trap(&running, lane, LaneTrap { code, op: running.batch.op.saturating_sub(1) });
                 break;
             }
         }
@@ -406,16 +405,7 @@ where
         self.stack_size = 0;
         if let (Some(code), Some(watch), None) = (code, &self.watch, &self.trapped) {
             // A ray that no shader has traced.
-            let note = limit_note(code, self.pipeline.fuel, Some(watch.watchdog()));
-            let error = note.into_iter().fold(Error::new(ErrorKind::Trap, code.message()), Error::note);
-            self.trapped = Some(Trapped {
-                launch_id: [0; 3],
-                code,
-                fault_value: 0,
-                shader: Shader(0),
-                offset: 0,
-                error,
-            });
+            self.trapped = Some(ended_without_shader(code, self.pipeline.fuel, watch.watchdog()));
         }
     }
 

@@ -105,14 +105,12 @@ where
                 let word = |at: u32| u64::from(batch.registers[operands.plus(at)].0[lane]);
                 word(0) | word(1) << 32
             };
-            let checked = register.map(|_| check(&trace.rays.get(lane), flags));
+            let checked = register.map(|_| check_trace(&trace.rays.get(lane), flags));
             let trap = match checked {
-                Err(code) => Some((code, handle())),
+                Err(code) => Some((code, 0)),
                 _ if !found.contains(lane) => Some((TrapCode::AccelerationStructureMissing, handle())),
-                _ if trace.depth > self.pipeline.max_recursion => {
-                    Some((TrapCode::RecursionTooDeep, handle()))
-                }
-                _ if is_full => Some((TrapCode::StackOverflow, handle())),
+                _ if trace.depth > self.pipeline.max_recursion => Some((TrapCode::RecursionTooDeep, 0)),
+                _ if is_full => Some((TrapCode::StackOverflow, 0)),
                 Ok(Err(broken)) => Some((TrapCode::InvalidTrace, broken as u64)),
                 Ok(Ok(())) => None,
             };
@@ -232,7 +230,7 @@ const SKIPS: u32 = 0x300;
 
 /// Checks a ray against the valid usage of `OpTraceRayKHR`. If the pipeline skips one kind of
 /// primitive, the ray must not skip the other.
-fn check(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
+pub(super) fn check_trace(trace: &TraceRay, flags: PipelineFlags) -> Result<(), RayRule> {
     trace.check()?;
     if (trace.flags.0 | flags.ray_flags()) & SKIPS == SKIPS {
         return Err(match trace.flags.contains(RayFlags::SKIP_TRIANGLES) {

@@ -3,16 +3,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::error::{Error, ErrorKind, Place};
-use crate::machine::{Batch, Observer, Trap, TrapCode, Watchdog};
+use crate::error::{Error, Place, Trap, TrapOperands};
+use crate::machine::{Batch, LaneTrap, Observer, TrapCode, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
+use crate::pipeline::Pipeline;
 use crate::pipeline::group::Shader;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
 use crate::pipeline::stack::{RunningShader, ShaderCallFrame, Stack};
+use crate::pipeline::trace::Trace;
 use crate::program::Program;
 
 /// A trap, where it happened, and its error message.
@@ -28,8 +30,20 @@ pub struct Trapped {
     pub shader: Shader,
     /// The instruction, in words from the start of the shader's module.
     pub offset: u32,
-    /// The error message.
+    /// The error, whose [`Error::trap`] has all of this and the values that caused it.
     pub error: Error,
+}
+
+/// What a report tells beyond the place of a trap: a note, and the values in it as data.
+struct Cause {
+    note: String,
+    operands: TrapOperands,
+}
+
+impl Cause {
+    fn tell(self, error: Error) -> Error {
+        error.note(self.note).with_trap(|trap| trap.operands = self.operands)
+    }
 }
 
 /// The number of callers that a report names at each end of the stack.
@@ -40,7 +54,7 @@ where
     LaneKernel: Width<W>,
 {
     /// Records a trap, if its launch index is the lowest so far.
-    pub(super) fn trap(&mut self, running: &RunningShader<W>, lane: usize, trap: Trap) {
+    pub(super) fn trap(&mut self, running: &RunningShader<W>, lane: usize, trap: LaneTrap) {
         if trap.code == TrapCode::Callee {
             return;
         }
@@ -50,8 +64,9 @@ where
             return;
         }
         let program = &*self.pipeline.programs[running.shader.0 as usize];
+        let programs = &self.pipeline.programs;
         let mut error =
-            trap_error(program, &self.pipeline.programs, &running.batch, lane, trap).note(format!(
+            trap_error((running.shader, program), programs, &running.batch, lane, trap).note(format!(
                 "in {} `{}`, launch id ({}, {}, {})",
                 program.stage.name(),
                 program.name,
@@ -60,31 +75,47 @@ where
                 launch_id[2]
             ));
         let fault_value = running.batch.fault_value[lane];
-        error = self.limit_notes(trap.code).into_iter().fold(error, Error::note);
-        error =
-            missing_record(&self.pipeline.sbt, trap.code, fault_value).into_iter().fold(error, Error::note);
-        if trap.code == TrapCode::PayloadMismatch {
-            error =
-                self.mismatch(running, trap.op, fault_value).into_iter().flatten().fold(error, Error::note);
+        if trap.code == TrapCode::ShaderRecordEmpty {
+            error = error.note(
+                "its data is the key `record` of a table in the scene's [pipeline]: `{ shader = ..., record = { \
+                 ... } }`, in Rust SbtRecord::with_data or ShaderTest::shader_record",
+            );
         }
-        let callers = self.frames.iter().rev().filter_map(|frame| match frame {
-            ShaderCallFrame::Shader(caller) => Some(caller),
-            _ => None,
-        });
-        let callers: Vec<String> = callers
-            .map(|caller| {
-                let program = &*self.pipeline.programs[caller.shader.0 as usize];
-                let line = source_line(program, caller.batch.op.saturating_sub(1));
-                format!("called by {} `{}`{line}", program.stage.name(), program.name)
+        let record = || missing_record(&self.pipeline.sbt, trap.code, fault_value);
+        let cause = self.limit(trap.code).or_else(record);
+        error = cause.into_iter().fold(error, |error, cause| cause.tell(error));
+        if trap.code == TrapCode::PayloadMismatch {
+            error = with_callee(error, self.pipeline, fault_value);
+            if let Some((notes, vuid)) = self.mismatch(running, trap.op, fault_value) {
+                error = notes.into_iter().fold(error, Error::note).with_trap(|trap| trap.vuid = vuid);
+            }
+        }
+        let callers: Vec<(&Program, Shader, u32)> = self
+            .frames
+            .iter()
+            .rev()
+            .filter_map(|frame| match frame {
+                ShaderCallFrame::Shader(caller) => {
+                    let program = &*programs[caller.shader.0 as usize];
+                    Some((program, caller.shader, caller.batch.op.saturating_sub(1)))
+                }
+                _ => None,
             })
             .collect();
+        let frames = callers.iter().map(|&(program, shader, op)| program.frame(shader.0, op));
+        error = error.with_trap(|trap| trap.stack.extend(frames));
         // Of a deep recursion, only the callers at both ends are named.
         let between = callers.len().saturating_sub(2 * SHOWN_CALLERS);
-        for (at, caller) in callers.into_iter().enumerate() {
+        for (at, (program, _, op)) in callers.into_iter().enumerate() {
             error = match at.checked_sub(SHOWN_CALLERS) {
                 Some(0) if between > 0 => error.note(format!("and by {between} more, in between")),
                 Some(hidden) if hidden < between => error,
-                _ => error.note(caller),
+                _ => error.note(format!(
+                    "called by {} `{}`{}",
+                    program.stage.name(),
+                    program.name,
+                    source_line(program, op)
+                )),
             };
         }
         let offset = program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
@@ -95,39 +126,53 @@ where
 
 impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     /// The limit that a trap is about.
-    fn limit_notes(&self, code: TrapCode) -> Option<String> {
-        if code == TrapCode::RecursionTooDeep {
-            return Some(format!(
-                "the limit is max_recursion_depth = {}, and this is a trace of depth {}: raise it in the scene's \
-                 [pipeline], with --max-recursion-depth, or Builder::max_recursion",
-                self.pipeline.max_recursion,
-                u64::from(self.pipeline.max_recursion) + 1
-            ));
-        }
-        if code == TrapCode::ShaderRecordEmpty {
-            return Some("its data is the key `record` of a table in the scene's [pipeline]: `{ shader = ..., record = { \
-                         ... } }`, in Rust SbtRecord::with_data or ShaderTest::shader_record".to_owned());
-        }
-        if code == TrapCode::CallablesTooDeep {
-            return Some(format!(
-                "the limit is max_callable_depth = {}: raise it in the scene's [pipeline], with \
-                 --max-callable-depth, or Builder::max_callable_depth",
-                self.pipeline.max_callable_depth
-            ));
-        }
-        if code == TrapCode::StackOverflow {
-            return Some(format!(
-                "the limit is max_stack_size = {} bytes of registers: raise it in the scene's [pipeline], \
-                 with --max-stack-size, or Builder::max_stack_size",
-                self.pipeline.max_stack_size
-            ));
-        }
-        let dog = self.watch.as_ref().map(|watch| &**watch.watchdog());
-        limit_note(code, self.pipeline.fuel, dog)
+    fn limit(&self, code: TrapCode) -> Option<Cause> {
+        let pipeline = self.pipeline;
+        let (key, value, note) = match code {
+            TrapCode::RecursionTooDeep => (
+                "max_recursion_depth",
+                f64::from(pipeline.max_recursion),
+                format!(
+                    "the limit is max_recursion_depth = {}, and this is a trace of depth {}: raise it in the scene's \
+                     [pipeline], with --max-recursion-depth, or Builder::max_recursion",
+                    pipeline.max_recursion,
+                    u64::from(pipeline.max_recursion) + 1
+                ),
+            ),
+            TrapCode::CallablesTooDeep => (
+                "max_callable_depth",
+                f64::from(pipeline.max_callable_depth),
+                format!(
+                    "the limit is max_callable_depth = {}: raise it in the scene's [pipeline], with \
+                     --max-callable-depth, or Builder::max_callable_depth",
+                    pipeline.max_callable_depth
+                ),
+            ),
+            TrapCode::StackOverflow => (
+                "max_stack_size",
+                pipeline.max_stack_size as f64,
+                format!(
+                    "the limit is max_stack_size = {} bytes of registers: raise it in the scene's [pipeline], \
+                     with --max-stack-size, or Builder::max_stack_size",
+                    pipeline.max_stack_size
+                ),
+            ),
+            _ => {
+                let dog = self.watch.as_ref().map(|watch| &**watch.watchdog());
+                return limit(code, pipeline.fuel, dog);
+            }
+        };
+        Some(Cause { note, operands: TrapOperands::Limit { key, value } })
     }
 
-    /// The types that two shaders declare for one payload, and the rule that they break.
-    fn mismatch(&self, running: &RunningShader<W>, op: u32, called: u64) -> Option<Vec<String>> {
+    /// The types that two shaders declare for one payload with the rule that they break, and the
+    /// VUID of that rule where it has one.
+    fn mismatch(
+        &self,
+        running: &RunningShader<W>,
+        op: u32,
+        called: u64,
+    ) -> Option<([String; 2], Option<String>)> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
         let passed = match program(running.shader).ops.get(op as usize)? {
             Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
@@ -144,55 +189,105 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
         };
         let (caller, first) = passed.or_else(traced)?;
         let called = program(Shader(u32::try_from(called).ok()?));
-        let rule = match called.stage {
-            Stage::Callable => "SPV_KHR_ray_tracing, OpExecuteCallableKHR: both are of one type",
-            _ => "VUID-RuntimeSpirv-OpTraceRayKHR-11855: both are of one type",
+        const TRACE: &str = "VUID-RuntimeSpirv-OpTraceRayKHR-11855";
+        let (rule, vuid) = match called.stage {
+            Stage::Callable => ("SPV_KHR_ray_tracing, OpExecuteCallableKHR", None),
+            _ => (TRACE, Some(TRACE.to_owned())),
         };
-        Some(vec![payload::mismatch(program(caller), first, called)?, rule.to_owned()])
+        let types = payload::mismatch(program(caller), first, called)?;
+        Some(([types, format!("{rule}: both are of one type")], vuid))
     }
 }
 
 /// Names the limit that stopped an invocation, and how it is raised.
-pub(crate) fn limit_note(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<String> {
+pub(crate) fn with_limit(error: Error, code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Error {
+    limit(code, fuel, dog).into_iter().fold(error, |error, cause| cause.tell(error))
+}
+
+fn limit(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<Cause> {
     let limits = dog.map(Watchdog::limits);
     let seconds = |limit: Option<Option<Duration>>| limit.flatten().unwrap_or_default().as_secs_f64();
-    match code {
-        TrapCode::OutOfFuel => Some(format!(
-            "the limit is fuel = {fuel} instructions of an invocation: raise it in the scene's [pipeline], \
-             with --fuel, or by `fuel` of Builder, Compute and ShaderTest"
-        )),
-        TrapCode::LaunchOutOfFuel => Some(format!(
-            "the limit is launch_fuel = {} instructions of all invocations together: raise it in the scene's \
-             [pipeline], with --launch-fuel, or by LaunchLimits::fuel",
-            dog.map_or(0, Watchdog::fuel)
-        )),
-        TrapCode::LaunchTimedOut => Some(format!(
-            "the limit is timeout = {} s of the launch, and depends on the machine: raise it with --timeout, or by \
-             LaunchLimits::timeout",
-            seconds(limits.map(|limits| limits.timeout))
-        )),
-        TrapCode::BatchTimedOut => Some(format!(
-            "the limit is batch_timeout = {} s of invocations that run together, and depends on the machine: raise it \
-             with --batch-timeout, or by LaunchLimits::batch_timeout",
-            seconds(limits.map(|limits| limits.batch_timeout))
-        )),
-        _ => None,
-    }
+    let (key, value, note) = match code {
+        TrapCode::OutOfFuel => (
+            "fuel",
+            fuel as f64,
+            format!(
+                "the limit is fuel = {fuel} instructions of an invocation: raise it in the scene's [pipeline], \
+                 with --fuel, or by `fuel` of Builder, Compute and ShaderTest"
+            ),
+        ),
+        TrapCode::LaunchOutOfFuel => {
+            let fuel = dog.map_or(0, Watchdog::fuel);
+            let note = format!(
+                "the limit is launch_fuel = {fuel} instructions of all invocations together: raise it in the \
+                 scene's [pipeline], with --launch-fuel, or by LaunchLimits::fuel"
+            );
+            ("launch_fuel", fuel as f64, note)
+        }
+        TrapCode::LaunchTimedOut => {
+            let timeout = seconds(limits.map(|limits| limits.timeout));
+            let note = format!(
+                "the limit is timeout = {timeout} s of the launch, and depends on the machine: raise it with \
+                 --timeout, or by LaunchLimits::timeout"
+            );
+            ("timeout", timeout, note)
+        }
+        TrapCode::BatchTimedOut => {
+            let timeout = seconds(limits.map(|limits| limits.batch_timeout));
+            let note = format!(
+                "the limit is batch_timeout = {timeout} s of invocations that run together, and depends on the \
+                 machine: raise it with --batch-timeout, or by LaunchLimits::batch_timeout"
+            );
+            ("batch_timeout", timeout, note)
+        }
+        _ => return None,
+    };
+    Some(Cause { note, operands: TrapOperands::Limit { key, value } })
+}
+
+/// Names the shader, by its index, whose payload does not match.
+fn with_callee(error: Error, pipeline: &Pipeline, shader: u64) -> Error {
+    error.with_trap(|trap| {
+        if let Some(program) = pipeline.programs.get(shader as usize) {
+            let (stage, entry_point) = (program.stage, program.name.clone());
+            trap.operands = TrapOperands::Callee { shader: shader as u32, stage, entry_point };
+        }
+    })
 }
 
 /// The trap of a launch whose invocations, up to one, have spent more together than they may.
 pub(super) fn spent_together(launch_id: [u32; 3], dog: &Watchdog) -> Trapped {
     let code = TrapCode::LaunchOutOfFuel;
     let [x, y, z] = launch_id;
-    let error = Error::new(ErrorKind::Trap, code.message())
+    let error = Error::trapped(Trap { launch_id, ..Trap::new(code) })
         .note(format!("the invocations up to that with launch id ({x}, {y}, {z}) have spent it together"));
-    let error = limit_note(code, 0, Some(dog)).into_iter().fold(error, Error::note);
+    let error = with_limit(error, code, 0, Some(dog));
     Trapped { launch_id, code, fault_value: 0, shader: Shader(0), offset: 0, error }
 }
 
-/// Describes the missing record that a trap is about.
-pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<String> {
-    let (what, count, key) = match code {
+/// The trap of a launch, or of a ray from the host, that a limit ends while no shader runs.
+pub(super) fn ended_without_shader(code: TrapCode, fuel: u64, dog: &Watchdog) -> Trapped {
+    let error = with_limit(Error::trapped(Trap::new(code)), code, fuel, Some(dog));
+    Trapped { launch_id: [0; 3], code, fault_value: 0, shader: Shader(0), offset: 0, error }
+}
+
+/// The trap of a ray from the host at which no shader trapped: its table has no record for it, say.
+pub(super) fn host_ray_trap<const W: usize>(pipeline: &Pipeline, trace: &Trace<W>) -> Option<Trapped> {
+    let (code, found) = (trace.trap_code(0)?, trace.record_indices[0]);
+    let record = missing_record(&pipeline.sbt, code, found);
+    let is_mismatch = code == TrapCode::PayloadMismatch;
+    let fault_value = if record.is_some() || is_mismatch { found } else { 0 };
+    let error = Error::trapped(Trap { fault_value, ..Trap::new(code) });
+    let mut error = record.into_iter().fold(error, |error, cause| cause.tell(error));
+    if is_mismatch {
+        error = with_callee(error, pipeline, fault_value);
+    }
+    Some(Trapped { launch_id: [0; 3], code, fault_value, shader: Shader(0), offset: 0, error })
+}
+
+/// The missing record that a trap is about.
+fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<Cause> {
+    let (what, count, table) = match code {
         TrapCode::HitRecordMissing => {
             ("instance offset + geometry index x SBT stride + SBT offset", sbt.hit.len(), "hit")
         }
@@ -201,27 +296,38 @@ pub(super) fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<St
         _ => return None,
     };
     let records = if count == 1 { "1 record".to_owned() } else { format!("{count} records") };
-    Some(format!(
-        "record {index} ({what}), counted from 0, of a table with {records}: `{key}` of the scene's [pipeline], \
-         or Builder::{key}"
-    ))
+    let note = format!(
+        "record {index} ({what}), counted from 0, of a table with {records}: `{table}` of the scene's [pipeline], \
+         or Builder::{table}"
+    );
+    Some(Cause { note, operands: TrapOperands::Record { table, index, records: count as u64 } })
 }
 
 /// The error of a trap without its callers: message, source position, and access. Other programs
 /// run with the one that trapped.
 pub(crate) fn trap_error<const W: usize>(
-    program: &Program,
+    (shader, program): (Shader, &Program),
     others: &[Arc<Program>],
     batch: &Batch<W>,
     lane: usize,
-    trap: Trap,
+    trap: LaneTrap,
 ) -> Error {
-    let error = with_location(program, trap.op, Error::new(ErrorKind::Trap, trap.code.message()), "");
+    let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
+    let last_out_of_bounds = |op| batch.out_of_bounds_indices.last(op, lane);
+    let index = program.out_of_bounds_index(trap, fault_value, accessed, last_out_of_bounds);
+    let (index, operand) = index.unzip();
+    let data = Trap {
+        launch_id: batch.invocations.launch_id(lane),
+        // The offset of an index that is out of bounds is none of the access.
+        fault_value: if trap.code == TrapCode::IndexOutOfBounds { 0 } else { fault_value },
+        operands: program.trap_operands(trap, fault_value, accessed, operand),
+        stack: vec![program.frame(shader.0, trap.op)],
+        vuid: program.ray_vuid(trap, fault_value).or_else(|| trap.code.vuid().map(str::to_owned)),
+        ..Trap::new(trap.code)
+    };
+    let error = with_location(program, trap.op, Error::trapped(data), "");
     let of_loop = trap.code.is_limit().then(|| program.describe_loop(trap, batch.turns.of(lane)));
     let error = of_loop.flatten().into_iter().fold(error, Error::note);
-    let (fault_value, accessed) = (batch.fault_value[lane], batch.access_fault(lane));
-    let index =
-        program.describe_index(trap, fault_value, accessed, |op| batch.out_of_bounds_indices.last(op, lane));
     let access = program.describe_access(trap, fault_value, accessed);
     let bound = match trap.code {
         TrapCode::DescriptorMissing | TrapCode::AccelerationStructureMissing => {
@@ -287,7 +393,7 @@ mod tests {
     #[test]
     fn a_missing_record_is_told_with_its_table() {
         let sbt = Sbt { hit: vec![None; 3], miss: vec![None], callable: vec![None; 2], ..Sbt::default() };
-        let note = |code, index| missing_record(&sbt, code, index).expect("a note");
+        let note = |code, index| missing_record(&sbt, code, index).expect("a note").note;
         assert_eq!(
             note(TrapCode::ShaderRecordMissing, 7),
             "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: `callable` of the \
@@ -301,6 +407,10 @@ mod tests {
             note(TrapCode::MissRecordMissing, 1)
                 .ends_with("1 record: `miss` of the scene's [pipeline], or Builder::miss")
         );
-        assert_eq!(missing_record(&sbt, TrapCode::RecursionTooDeep, 0), None);
+        assert!(missing_record(&sbt, TrapCode::RecursionTooDeep, 0).is_none());
+        assert_eq!(
+            missing_record(&sbt, TrapCode::HitRecordMissing, 3).map(|cause| cause.operands),
+            Some(TrapOperands::Record { table: "hit", index: 3, records: 3 })
+        );
     }
 }

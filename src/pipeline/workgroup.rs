@@ -14,7 +14,7 @@ use smallvec::SmallVec;
 use crate::error::Error;
 use crate::interp;
 use crate::machine::{
-    Batch, Bindings, Exit, Invocation, Mask, Observer, Stop, TaskWatch, Trap, TrapCode, Workgroup,
+    Batch, Bindings, Exit, Invocation, LaneTrap, Mask, Observer, Stop, TaskWatch, TrapCode, Workgroup,
 };
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -22,7 +22,7 @@ use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::launch::Stats;
 use crate::pipeline::observer::Event;
-use crate::pipeline::trapped::{Trapped, limit_note, source_line, trap_error};
+use crate::pipeline::trapped::{Trapped, source_line, trap_error, with_limit};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
 /// Bytes of workgroup memory of all workgroups that share a batch, where that is more than one.
@@ -241,7 +241,7 @@ where
             }
         };
         let op = barrier(first).map_or(0, |op| op - 1);
-        self.report(first, Trap { code: TrapCode::BarrierDivergence, op }, workgroup, Some(note));
+        self.report(first, LaneTrap { code: TrapCode::BarrierDivergence, op }, workgroup, Some(note));
         self.end(positions);
     }
 
@@ -258,7 +258,7 @@ where
     }
 
     /// Records a trap, if it is the first.
-    fn report(&mut self, at: usize, trap: Trap, workgroup: &Workgroup, note: Option<String>) {
+    fn report(&mut self, at: usize, trap: LaneTrap, workgroup: &Workgroup, note: Option<String>) {
         if self.trapped.is_some() {
             return;
         }
@@ -267,13 +267,12 @@ where
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
         let [group, local, global] = ids.map(|[x, y, z]| format!("({x}, {y}, {z})"));
-        let mut error: Error = trap_error(self.program, &[], batch, at % W, trap);
+        let mut error: Error = trap_error((Shader(0), self.program), &[], batch, at % W, trap);
         if let Some(note) = note {
             error = error.note(note);
         }
         let (stage, name) = (self.program.stage.name(), &self.program.name);
-        let limit = limit_note(trap.code, self.compute.fuel, Some(self.watch.watchdog()));
-        error = limit.into_iter().fold(error, Error::note);
+        error = with_limit(error, trap.code, self.compute.fuel, Some(self.watch.watchdog()));
         error = error.note(format!(
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));

@@ -2,7 +2,7 @@
 //! turns.
 
 use crate::machine::lanes::Reg;
-use crate::machine::{LoopTurns, Trap};
+use crate::machine::{LaneTrap, LoopTurns};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::op::{Access, Op};
@@ -45,7 +45,7 @@ impl Program {
     /// source line, the variables that changed and those that did not. `None` where it was stopped
     /// in no loop.
     #[doc(hidden)]
-    pub fn describe_loop(&self, trap: Trap, turns: &[LoopTurns]) -> Option<String> {
+    pub fn describe_loop(&self, trap: LaneTrap, turns: &[LoopTurns]) -> Option<String> {
         let count = self.ops.len() as u32;
         let block = match trap.op.checked_sub(count) {
             Some(block) => block,

@@ -18,6 +18,7 @@ pub mod race_analysis;
 mod regalloc;
 mod schedule;
 pub mod source_map;
+mod trap_operands;
 pub mod verify;
 pub mod workgroup;
 
@@ -27,14 +28,14 @@ use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::resource::STRUCTURE_HANDLE;
 use crate::machine::{
-    AccessFault, Batch, Binding, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
+    AccessFault, Batch, Binding, Bindings, Exit, LaneTrap, Lanes, Mask, Reg, Registers, TrapCode,
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::translate::{InputRegisters, InterfaceRegisters, Origin, Slot};
-use crate::ops::{atomic, memory, ray_rules, superop};
+use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
 
@@ -335,7 +336,7 @@ impl Program {
     #[doc(hidden)]
     pub fn describe_access(
         &self,
-        trap: Trap,
+        trap: LaneTrap,
         fault_value: u64,
         accessed: Option<&AccessFault>,
     ) -> Option<String> {
@@ -351,18 +352,7 @@ impl Program {
             let name = self.describe_descriptor(handle).filter(|_| high == STRUCTURE_HANDLE)?;
             return Some(format!("{name} holds none"));
         }
-        let op = self.ops.get(trap.op as usize)?;
-        let chunk = match op {
-            Op::Memory(
-                memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
-            ) => Some(chunk),
-            Op::Atomic(op) => match &op.target {
-                atomic::AtomicTarget::Buffer(chunk) => Some(chunk),
-                _ => None,
-            },
-            _ => None,
-        };
-        let Some(chunk) = chunk else { return self.describe_texel(accessed?) };
+        let Some(chunk) = self.accessed_chunk(trap.op) else { return self.describe_texel(accessed?) };
         let bytes = chunk.width / 8 * chunk.count;
         let extent = match trap.code {
             TrapCode::IndexOutOfBounds => String::new(),

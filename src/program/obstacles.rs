@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use crate::error::Error;
+use crate::error::{Error, Place};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::ops::support::{self, Gap};
@@ -16,7 +16,11 @@ use crate::ops::support::{self, Gap};
 pub fn obstacles(module: &Arc<Module>, entry: &EntryPoint, error: &Error) -> Vec<String> {
     let is_other_stage = matches!(entry.stage, Stage::Other(_));
     let gaps = if is_other_stage { Vec::new() } else { support::gaps(module, entry) };
-    let is_listed = gaps.iter().any(|gap| error.message().contains(&gap.name));
+    // An error at an instruction that a gap is about tells of the gap.
+    let words =
+        || error.places().filter_map(|(place, _)| if let Place::Word(at) = place { Some(*at) } else { None });
+    let is_about = |gap: &Gap| words().any(|at| gap.offsets.iter().any(|&offset| offset as usize == at));
+    let is_listed = gaps.iter().any(is_about);
     let first = (!is_listed).then(|| error.to_string());
     first.into_iter().chain(gaps.iter().map(|gap| obstacle(module, gap))).collect()
 }

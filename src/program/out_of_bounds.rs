@@ -1,7 +1,8 @@
 //! Describes the out-of-bounds index of an access that trapped: its value, the array and the
 //! array's length.
 
-use crate::machine::{AccessFault, Reg, Trap, TrapCode};
+use crate::error::IndexOperand;
+use crate::machine::{AccessFault, LaneTrap, Reg, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::atomic;
@@ -21,7 +22,7 @@ mod opcode {
 
 /// An index of an access chain, and the composite that it indexes.
 struct ChainIndex {
-    /// The source expression of the composite: `table`, `block.registers[2]`.
+    /// The source expression of the composite: `table`, `block.registers[2]`; empty for none.
     path: String,
     /// The array, vector or matrix.
     from: TypeId,
@@ -31,26 +32,25 @@ struct ChainIndex {
 }
 
 impl Program {
-    /// Describes the index that was out of bounds in an access that trapped. `last_out_of_bounds`
-    /// returns, for an operation that computes an index, when it last was out of bounds, and its
-    /// value.
-    #[doc(hidden)]
-    pub fn describe_index(
+    /// The index that was out of bounds in an access that trapped, described and as data.
+    /// `last_out_of_bounds` returns, for an operation that computes an index, when it last was out
+    /// of bounds, and its value.
+    pub(crate) fn out_of_bounds_index(
         &self,
-        trap: Trap,
+        trap: LaneTrap,
         fault_value: u64,
         accessed: Option<&AccessFault>,
         last_out_of_bounds: impl Fn(u32) -> Option<(u64, u32)>,
-    ) -> Option<String> {
+    ) -> Option<(String, IndexOperand)> {
         match trap.code {
             TrapCode::IndexOutOfBounds => {
                 let found =
                     self.indices(trap.op).into_iter().filter_map(|at| Some((last_out_of_bounds(at)?, at)));
                 // The last one that was out of bounds caused this trap.
                 let ((_, index), at) = found.max()?;
-                self.describe_computed_index(at, index)
+                self.computed_index(at, index)
             }
-            TrapCode::BufferOutOfBounds => self.describe_element(trap.op, fault_value, accessed?),
+            TrapCode::BufferOutOfBounds => self.element_index(trap.op, fault_value, accessed?),
             _ => None,
         }
     }
@@ -91,7 +91,7 @@ impl Program {
         found
     }
 
-    fn describe_computed_index(&self, at: u32, index: u32) -> Option<String> {
+    fn computed_index(&self, at: u32, index: u32) -> Option<(String, IndexOperand)> {
         let Op::Memory(memory::MemoryOp::Index { length, .. }) = self.ops[at as usize] else { return None };
         let chain_indices = self.chain_indices(self.origins[at as usize].offset);
         let may_be_it = |chain_index: &&ChainIndex| {
@@ -106,23 +106,26 @@ impl Program {
         };
         let mut candidates = chain_indices.iter().filter(may_be_it);
         let (first, others) = (candidates.next()?, candidates.count());
-        let index = self.describe_value(first.index, index);
-        Some(match (others, self.count(first.from)) {
-            (0, Some(_)) => {
-                format!("{index} of {}, which has {}", first.path, self.describe_count(first.from))
-            }
-            (0, None) => format!("{index} of {}", first.path),
+        let (operand, length) = (self.index_operand(first, index), self.count(first.from));
+        let (index, path) = (describe_value(&operand), self.describe_path(first));
+        let text = match (others, length) {
+            (0, Some(_)) => format!("{index} of {path}, which has {}", self.describe_count(first.from)),
+            (0, None) => format!("{index} of {path}"),
             // Several dimensions have the same length: the message names the whole array.
-            (_, Some(_)) => {
-                format!("{index} of a side of {} with {}", first.path, self.describe_count(first.from))
-            }
-            (_, None) => format!("{index} of an array of {}", first.path),
-        })
+            (_, Some(_)) => format!("{index} of a side of {path} with {}", self.describe_count(first.from)),
+            (_, None) => format!("{index} of an array of {path}"),
+        };
+        Some((text, IndexOperand { length, ..operand }))
     }
 
-    /// Describes the element of a runtime array that an access beyond the end of its buffer
-    /// indexed.
-    fn describe_element(&self, op: u32, fault_value: u64, accessed: &AccessFault) -> Option<String> {
+    /// The index of the element of a runtime array at which an access was beyond the end of its
+    /// buffer.
+    fn element_index(
+        &self,
+        op: u32,
+        fault_value: u64,
+        accessed: &AccessFault,
+    ) -> Option<(String, IndexOperand)> {
         let AccessFault::Buffer { size, .. } = *accessed else { return None };
         let index = match &self.ops[op as usize] {
             Op::Memory(
@@ -147,16 +150,21 @@ impl Program {
         let index = u32::try_from(fault_value.checked_sub(offset)? / stride).ok()?;
         let count = size.saturating_sub(offset) / stride;
         let elements = if count == 1 { "element" } else { "elements" };
-        let index = self.describe_value(chain_index.index, index);
-        Some(format!("{index} of {}, which has {count} {elements} in this buffer", chain_index.path))
+        let operand = self.index_operand(chain_index, index);
+        let (index, path) = (describe_value(&operand), self.describe_path(chain_index));
+        let text = format!("{index} of {path}, which has {count} {elements} in this buffer");
+        Some((text, IndexOperand { length: Some(count), ..operand }))
     }
 
-    fn describe_value(&self, index: Id, value: u32) -> String {
-        match self.module.type_of(index).map(|ty| self.module.ty(ty)) {
-            Some(Type::Int { width: 64, .. }) if value == u32::MAX => "an index beyond 32 bits".to_owned(),
-            Some(Type::Int { signed: true, .. }) => format!("index {}", value as i32),
-            _ => format!("index {value}"),
-        }
+    /// The value of an index by its type; the length is still to be told.
+    fn index_operand(&self, chain_index: &ChainIndex, value: u32) -> IndexOperand {
+        let index = match self.module.type_of(chain_index.index).map(|ty| self.module.ty(ty)) {
+            Some(Type::Int { width: 64, .. }) if value == u32::MAX => None,
+            Some(Type::Int { signed: true, .. }) => Some(i64::from(value as i32)),
+            _ => Some(i64::from(value)),
+        };
+        let of = Some(&chain_index.path).filter(|path| !path.is_empty()).cloned();
+        IndexOperand { index, length: None, of }
     }
 
     /// The length of a composite type; `None` where it depends on a buffer or a binding.
@@ -178,8 +186,10 @@ impl Program {
         format!("{count} {part}{}", if count == 1 { "" } else { "s" })
     }
 
-    fn describe_type(&self, ty: TypeId) -> String {
-        match self.module.ty(ty) {
+    /// The source expression of what an index indexes, or what it is.
+    fn describe_path(&self, chain_index: &ChainIndex) -> String {
+        match self.module.ty(chain_index.from) {
+            _ if !chain_index.path.is_empty() => format!("`{}`", chain_index.path),
             Type::Vector { .. } => "a vector".to_owned(),
             Type::Matrix { .. } => "a matrix".to_owned(),
             _ => "an array".to_owned(),
@@ -194,11 +204,8 @@ impl Program {
         let operands = &words[(offset as usize + 3).min(end)..end];
         let vector = |vector: u32, index: u32| {
             let from = self.module.type_of(Id(vector));
-            let path = self.path(Id(vector)).map(|path| format!("`{path}`"));
-            let chain_index = |from| {
-                let path = path.unwrap_or_else(|| self.describe_type(from));
-                ChainIndex { path, from, index: Id(index), offset: None }
-            };
+            let path = self.path(Id(vector)).unwrap_or_default();
+            let chain_index = |from| ChainIndex { path, from, index: Id(index), offset: None };
             from.map(chain_index).into_iter().collect()
         };
         match (head as u16, operands) {
@@ -249,7 +256,7 @@ impl Program {
                 | Type::Matrix { column: part, .. }) => {
                     // Each block of an array has a buffer of its own.
                     let blocks = matches!(module.ty(part), Type::Struct { block: true, .. });
-                    let path = if path.is_empty() { self.describe_type(ty) } else { format!("`{path}`") };
+                    let path = path.clone();
                     chain_indices.push(ChainIndex { path, from: ty, index: Id(index), offset });
                     offset = offset.filter(|_| blocks);
                     ty = part;
@@ -289,4 +296,8 @@ impl Program {
             _ => None,
         }
     }
+}
+
+fn describe_value(operand: &IndexOperand) -> String {
+    operand.index.map_or_else(|| "an index beyond 32 bits".to_owned(), |index| format!("index {index}"))
 }

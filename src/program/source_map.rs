@@ -1,6 +1,6 @@
 //! Maps operations to source lines.
 
-use crate::error::Place;
+use crate::error::{Place, ShaderFrame};
 use crate::module::debug_info::SourceLine;
 use crate::program::Program;
 
@@ -9,6 +9,26 @@ impl Program {
     #[doc(hidden)]
     pub fn place(&self, op: u32) -> Option<Place> {
         self.place_at(self.origins.get(op as usize)?.offset)
+    }
+
+    /// This program as a frame of a stack of shader calls: it is the shader of this index in its
+    /// pipeline, and is at an operation.
+    pub(crate) fn frame(&self, shader: u32, op: u32) -> ShaderFrame {
+        let word = self.origins.get(op as usize).map(|origin| origin.offset);
+        let debug = &self.module.debug_info;
+        let line = word.and_then(|word| debug.line_at(word).or_else(|| self.line_near(word)));
+        let file = line.and_then(|line| debug.files.get(line.file as usize));
+        // A line of a file that the module does not name is told nowhere.
+        let line = line.filter(|_| file.is_some());
+        ShaderFrame {
+            shader,
+            stage: self.stage,
+            entry_point: self.name.clone(),
+            file: file.map(|file| file.name.clone()),
+            line: line.map(|line| line.line),
+            column: line.map(|line| line.column).filter(|&column| column > 0),
+            word,
+        }
     }
 
     /// The source line of the instruction at a word offset of the module.
@@ -23,8 +43,12 @@ impl Program {
     /// else in its function.
     #[doc(hidden)]
     pub fn place_near(&self, offset: u32) -> Option<Place> {
+        self.place_of(self.line_near(offset)?)
+    }
+
+    fn line_near(&self, offset: u32) -> Option<SourceLine> {
         let function = self.module.functions.iter().rfind(|function| function.offset <= offset)?;
-        self.place_of(self.module.debug_info.line_before(offset, function.offset)?)
+        self.module.debug_info.line_before(offset, function.offset)
     }
 
     fn place_of(&self, line: SourceLine) -> Option<Place> {

@@ -244,7 +244,7 @@ pub fn write_picture(path: &Path, image: &machine::image::Image, to_srgb: bool) 
 pub fn write_png(path: &Path, image: &machine::image::Image, to_srgb: bool) -> Result<()> {
     let [width, height, _] = image.shape().extent;
     stream_png(path, [width, height], image.format(), to_srgb, |png| {
-        png.rows(0..height, |row| image.row_bytes(row))
+        png.rows(0..height, |row| Ok(image.row_bytes(row)))
     })
 }
 
@@ -285,14 +285,15 @@ impl PngRows<'_> {
     /// Writes the next rows, given the bytes of the texels of each.
     ///
     /// # Errors
-    /// `Io`
-    pub fn rows(&mut self, rows: Range<u32>, bytes: impl Fn(u32) -> Vec<u8> + Sync) -> Result<()> {
+    /// `Io`, and those of `bytes`.
+    pub fn rows(&mut self, rows: Range<u32>, bytes: impl Fn(u32) -> Result<Vec<u8>> + Sync) -> Result<()> {
         // The number of rows that all threads convert before this thread writes them.
         const ROWS_PER_CHUNK: u32 = 64;
         let (conversion, end) = (&self.conversion, rows.end);
         for first in rows.step_by(ROWS_PER_CHUNK as usize) {
             let some = first..end.min(first.saturating_add(ROWS_PER_CHUNK));
-            let pixels: Vec<_> = some.into_par_iter().map(|row| conversion.pixels(&bytes(row))).collect();
+            let pixels = some.into_par_iter().map(|row| Ok(conversion.pixels(&bytes(row)?)));
+            let pixels: Vec<_> = pixels.collect::<Result<_>>()?;
             let written = pixels.iter().try_for_each(|row| self.to.write_all(row));
             written.map_err(|error| Error::io(self.path, error))?;
         }

@@ -289,6 +289,8 @@ fn a_misaligned_atomic_traps() {
     .refused();
     assert_eq!(error.kind(), ErrorKind::Trap);
     assert_eq!(error.message(), "an atomic instruction on a misaligned offset");
+    // The member's offset is 2.
+    assert!(error.notes()[0].starts_with("4 bytes at offset 2 of `"), "{}", error.render());
 }
 
 #[test]

@@ -543,6 +543,31 @@ mod tests {
     }
 
     #[test]
+    fn a_trap_tells_shader_line_and_values() {
+        use crate::error::TrapOperands;
+        use crate::machine::TrapCode;
+        use crate::module::interface::Stage;
+
+        // Line 10 writes word `at` of buffer `at / 2`: the last of four invocations is beyond the
+        // 12 bytes of the second one.
+        let buffer = ["1[0]=8", "1[1]=12"].map(str::to_owned).to_vec();
+        let arguments = Arguments { buffer, ..Arguments::default() };
+        let module = Path::new("spirv-fixtures/fail/compute/array-of-buffers/main.comp.spv");
+        let scene = arguments.scene(module, None, InputLimits::default()).unwrap();
+        let assembled = crate::scene::assemble(&scene).unwrap();
+        let error = assembled.run::<64>(&assembled.resources, &|_| ()).unwrap_err();
+        let trap = error.trap().expect("a trap");
+        assert_eq!((trap.code, trap.launch_id), (TrapCode::BufferOutOfBounds, [3, 0, 0]));
+        assert_eq!((trap.stage(), trap.line()), (Some(Stage::Compute), Some(10)));
+        let TrapOperands::Buffer { descriptor, offset, size, index, length, .. } = &trap.operands else {
+            panic!("{trap:?}")
+        };
+        assert_eq!((*offset, *size, *index, *length), (12, Some(12), Some(3), Some(3)));
+        let found = descriptor.as_ref().expect("where the buffer is bound");
+        assert_eq!((found.set, found.binding, found.element), (0, 1, 1));
+    }
+
+    #[test]
     fn sizes_of_runtime_arrays_do_not_wrap() {
         assert_eq!(element_for_each(16, 4, 10), 16 + 4 * 10);
         // 2^63 - 1 is the greatest number of TOML: a scene's text with more is none.

@@ -282,7 +282,7 @@ impl Expectations {
         match (&self.trap, &observed.trap) {
             (None, None) => {}
             (None, Some(trap)) => {
-                let subject = trap::launch_id(trap).map_or(Subject::Launch, Subject::Invocation);
+                let subject = trap::invocation(trap);
                 found.push(Difference::of(trap.clone().context("a shader trapped")).about(subject));
             }
             (Some(expected), None) => {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::accel::{Candidate, Committed, HitKind};
-use crate::error::Place;
+use crate::error::{ShaderFrame, Stage, Trap};
 use crate::geometry::{Intersection, Surface};
 use crate::harness::value::Value as Found;
 use crate::machine::TrapCode;
@@ -117,18 +117,26 @@ fn hits_and_misses_of_rays() {
 fn traps_and_counts() {
     let trap = format!("[expect.trap]\ncode = 'out_of_fuel'\nline = 3\nlaunch_id = [1, 0, 0]\n{BECAUSE}");
     assert!(difference(&trap).contains("no trap; expected: the invocation ran out of fuel"));
-    let with = |code: TrapCode, line: u32, id: &str| {
-        let place = Place::Line { file: "a.rgen".into(), line, column: 0 };
-        let error = Error::new(ErrorKind::Trap, code.message()).at(place).note(format!("launch id {id}"));
+    let with = |code: TrapCode, line: u32, launch_id: [u32; 3]| {
+        let frame = ShaderFrame {
+            shader: 0,
+            stage: Stage::RayGeneration,
+            entry_point: "main".into(),
+            file: Some("a.rgen".into()),
+            line: Some(line),
+            column: None,
+            word: None,
+        };
+        let error = Error::trapped(Trap { launch_id, stack: vec![frame], ..Trap::new(code) });
         let observed = Observed { trap: Some(error), ..observed() };
         expect(&trap).check(&observed).map_err(|error| error.render())
     };
-    assert_eq!(with(TrapCode::OutOfFuel, 3, "(1, 0, 0)"), Ok(()));
-    assert!(with(TrapCode::Unreachable, 3, "(1, 0, 0)").unwrap_err().contains("another trap"));
-    assert!(with(TrapCode::OutOfFuel, 4, "(1, 0, 0)").unwrap_err().contains("trapped elsewhere"));
-    assert!(with(TrapCode::OutOfFuel, 3, "(2, 0, 0)").unwrap_err().contains("another invocation"));
+    assert_eq!(with(TrapCode::OutOfFuel, 3, [1, 0, 0]), Ok(()));
+    assert!(with(TrapCode::Unreachable, 3, [1, 0, 0]).unwrap_err().contains("another trap"));
+    assert!(with(TrapCode::OutOfFuel, 4, [1, 0, 0]).unwrap_err().contains("trapped elsewhere"));
+    assert!(with(TrapCode::OutOfFuel, 3, [2, 0, 0]).unwrap_err().contains("another invocation"));
     assert!(difference(&format!("[expect.stats]\nrays = 4\n{BECAUSE}")).contains("expected 4, found 3"));
-    let error = Error::new(ErrorKind::Trap, TrapCode::Unreachable.message());
+    let error = Error::trapped(Trap::new(TrapCode::Unreachable));
     let observed = Observed { trap: Some(error), ..observed() };
     assert!(expect("").check(&observed).is_err());
 }

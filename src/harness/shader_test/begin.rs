@@ -19,6 +19,13 @@ impl ShaderTest {
             depth: 1,
             ..Invocation::default()
         };
+        // A launch index that is set by name is that of a trap, too.
+        let by_name = self.builtins.iter().rfind(|(builtin, _)| builtin.name == "LaunchIdKHR");
+        if let Some((_, words)) = by_name
+            && let &[x, y, z] = &words[..]
+        {
+            invocation.launch_id = [x, y, z];
+        }
         let Some(hit) = self.hit.clone() else { return Ok((invocation, None)) };
         let resolved = hit.resolve()?;
         let attributes = resolved.hit.candidate.intersection.attributes.map(f32::to_bits);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
@@ -16,7 +16,7 @@ use crate::machine::{Batch, Exit, Mask, Reg};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
-use crate::pipeline::{Event, Pipeline, Shader, limit_note, trap_error};
+use crate::pipeline::{Event, Pipeline, Shader, trap_error, with_limit};
 
 impl ShaderTest {
     /// Runs the shader once. Buffers and images are copied first: a test can be run again.
@@ -91,9 +91,8 @@ impl ShaderTest {
         }
         let exit = batch.exits[0];
         if let Exit::Trapped(trap) = exit {
-            let error = trap_error(program, &[], &batch, 0, trap);
-            let limit = limit_note(trap.code, self.fuel, None);
-            return Err(limit.into_iter().fold(error, Error::note));
+            let error = trap_error((Shader(0), program), &[], &batch, 0, trap);
+            return Err(with_limit(error, trap.code, self.fuel, None));
         }
         let words = self.payload_rows().map_or_else(Vec::new, |registers| words(&batch, registers));
         events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });

@@ -165,6 +165,7 @@ impl ShaderTest {
         }
         if kind > 127 {
             let op = batch.op - 1;
+            batch.fault_value[0] = kind.into();
             batch.trap(Mask::ALL, TrapCode::InvalidHitKind, op);
         } else if report.accepted {
             batch.invocations.set_t_max(0, t);

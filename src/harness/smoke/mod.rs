@@ -275,7 +275,13 @@ fn verdict(error: &Error) -> SmokeVerdict {
 /// A bug of this crate in the shape of an error, of no class of its own.
 fn bug_report(bug: &str) -> ErrorReport {
     let class = ErrorClass::Other.name();
-    ErrorReport { message: bug.to_owned(), class, notes: Vec::new(), report: format!("error: {bug}\n") }
+    ErrorReport {
+        message: bug.to_owned(),
+        class,
+        notes: Vec::new(),
+        report: format!("error: {bug}\n"),
+        trap: None,
+    }
 }
 
 /// Keeps a panic from ending the whole test: it is a bug, but of one entry point.

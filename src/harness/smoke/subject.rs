@@ -468,10 +468,10 @@ impl Once<'_> {
             let compute = Compute::new(program.clone())?.fuel(fuel).launch_limits(limits);
             let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
             if !<O as Observer<LANES>>::active() {
-                return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ()).err());
+                return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ())?.err());
             }
             let mut event = |event| stand_in.event(event);
-            return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer).err());
+            return Ok(compute.run_to_trap_observed(&given.resources, groups, &mut event, observer)?.err());
         }
         let mut builder = Pipeline::builder();
         builder = builder.fuel(fuel).launch_limits(limits);
@@ -510,10 +510,10 @@ impl Once<'_> {
         };
         let watch = (stand_in, observer);
         let ended = match way {
-            Way::Launch => launch.run_single_threaded::<LANES, _, _>(set.launch_size, watch),
+            Way::Launch => launch.run_single_threaded::<LANES, _, _>(set.launch_size, watch)?,
             Way::Box => {
                 let operands = RayOperands::from(hits::ray(set.behind));
-                launch.trace_single::<LANES, _, _>(&hits::one_box()?, operands, watch)
+                launch.trace_single::<LANES, _, _>(&hits::one_box()?, operands, watch)?
             }
             Way::Hit(kind) => {
                 let (hit, trace, t) = kind.hit(set.behind)?;
@@ -522,16 +522,16 @@ impl Once<'_> {
                     (_, SmokeGeometry::Aabb) | (None, _) => given.attributes.clone(),
                     (Some(hit), _) => hit.candidate.intersection.attributes.map(f32::to_bits).to_vec(),
                 };
-                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &attributes, watch)
+                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &attributes, watch)?
             }
             Way::Miss => {
                 let ray = Ray::new([0.25, 0.5, 3.0], [0.6, 0.0, 0.8]).with_interval(0.0, 1000.0);
                 let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
                 (invocation.trace, invocation.t_max) = (Some(trace), ray.t_max);
-                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], watch)
+                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], watch)?
             }
             Way::Call | Way::Dispatch => {
-                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], watch)
+                launch.invoke::<LANES, _, _>(shader, invocation, &given.payload, &[], watch)?
             }
         };
         Ok(ended.err())

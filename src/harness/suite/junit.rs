@@ -14,7 +14,9 @@ use crate::harness::suite::{Finished, Outcome, SuiteReport, report};
 /// # Errors
 /// `Io` where the writer of XML fails.
 pub fn junit(report: &SuiteReport) -> Result<String> {
-    let failed = |error: io::Error| Error::new(ErrorKind::Io, format!("the report as JUnit XML: {error}"));
+    let failed = |error: io::Error| {
+        Error::new(ErrorKind::Io, format!("the report as JUnit XML: {error}")).caused_by(error)
+    };
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 4);
     write(&mut writer, &report.finished).map_err(failed)?;
     let mut xml = writer.into_inner();

@@ -273,13 +273,17 @@ fn test_json(finished: &Finished) -> Value {
     });
     let error = |error: &Error| {
         let place = place(error).map(|(file, line)| json!({ "file": file, "line": line }));
-        json!({
+        let mut told = json!({
             "message": error.message(),
             "class": error.class().name(),
             "at": place,
             "notes": error.notes(),
             "report": error.render(),
-        })
+        });
+        if let Some(trap) = error.trap() {
+            told["trap"] = json!(trap);
+        }
+        told
     };
     match &finished.outcome {
         Outcome::Failed(failure) => {

@@ -22,7 +22,7 @@ use crate::harness::stability::perturb::{Instability, Perturbation, perturb, per
 use crate::harness::stability::shadow::{shadow, shadow_one};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
 use crate::input::{InputLimit, InputLimits};
-use crate::machine::{LaunchLimits, TrapCode};
+use crate::machine::LaunchLimits;
 use crate::scene::RunLimits;
 use crate::scene::file::{GivenRay, RayEntry};
 
@@ -443,7 +443,7 @@ impl Tester<'_> {
             mendable,
         };
         // What was stopped by a limit runs no second time.
-        let stopped = differences.iter().any(|one| TrapCode::limit_of_message(one.error.message()).is_some());
+        let stopped = differences.iter().any(|one| one.error.trap().is_some_and(|trap| trap.code.is_limit()));
         let skip = self.options.bless && mendable || stopped;
         let writer = if skip { None } else { writer(self.loaded, &first.subject, ray) };
         failure.line = writer.as_ref().and_then(|writer| writer.line.clone()).or_else(|| place(&first.error));
