@@ -1,9 +1,10 @@
 //! What Vulkan's valid usage demands of geometries and instances.
 
-use crate::accel::blas::Geometry;
+use crate::accel::flags::InstanceFlags;
+use crate::accel::geometry::Geometry;
 use crate::accel::geometry_data::{GeometryData, GeometryKind, Indexing};
+use crate::accel::instance::TlasInstance;
 use crate::accel::primitive::Primitive;
-use crate::accel::tlas::{InstanceFlags, TlasInstance};
 use crate::error::{Error, ErrorKind};
 use crate::geometry::Transform;
 

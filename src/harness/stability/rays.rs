@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use crate::accel::observer::HitPrimitive;
+use crate::accel::hit::HitPrimitive;
 use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay};
 use crate::geometry::Ray;
 use crate::harness::stability::shadows::ShadowValue;
