@@ -2,6 +2,7 @@
 //! materials, textures, nodes and cameras.
 
 pub mod gltf;
+pub mod listed;
 pub mod material;
 pub mod model;
 pub mod obj;

@@ -17,6 +17,7 @@ mod device;
 pub mod encoding;
 pub mod file;
 pub mod files;
+pub mod frame;
 pub mod generate;
 pub mod geometry;
 pub mod image;

@@ -14,11 +14,11 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::{Class, Component, Format};
 use crate::scene::image::radiance::Radiance;
-use crate::scene::image::{Picture, exr_support, texel_bytes, texel_numbers};
+use crate::scene::image::{Picture, exr_support, invalid, texel_bytes, texel_numbers};
 
 /// Texels that a byte of a PNG file can stand for: deflate makes at most 1032 bytes of one, and a
 /// byte holds at most eight grey texels.
@@ -56,10 +56,6 @@ impl Picture {
         let decoded = contained("image", ErrorKind::InvalidImage, || decode(bytes, wanted, limits));
         decoded.map_err(|error| error.at(Place::File(path.to_path_buf())))
     }
-}
-
-pub(super) fn invalid(message: impl Into<String>) -> Error {
-    Error::new(ErrorKind::InvalidImage, message)
 }
 
 /// A file's numbers before they are texels of a format.
