@@ -8,6 +8,7 @@
 
 mod allowed;
 mod calculate;
+mod envelope;
 pub mod found;
 pub mod outputs;
 pub mod perturb;
@@ -17,10 +18,11 @@ mod rays;
 mod report;
 pub mod shadow;
 mod shadow_interpreter;
+mod shadow_value;
 mod shadows;
 mod stable;
 
-pub use allowed::Envelope;
+pub use envelope::Envelope;
 pub use found::ShadowFindings;
 pub use perturb::{Instability, Perturbation, perturb};
 pub use place::SourceLocation;
