@@ -413,3 +413,8 @@ fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(u32)) {
         Terminator::Call { .. } | Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
     }
 }
+
+/// Whether an operation copies a register to itself.
+pub(super) fn is_noop(op: &Op) -> bool {
+    matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
+}

@@ -6,8 +6,8 @@ use crate::machine::{LoopTurns, Trap};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::op::{Access, Op};
+use crate::program::copy_propagation::is_noop;
 use crate::program::lower::{LowerOptions, lower_with, translate};
-use crate::program::regalloc::is_noop;
 use crate::program::{Program, Terminator};
 
 /// A variable in registers, or a phi, of which the report of a loop can tell.

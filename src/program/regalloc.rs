@@ -27,7 +27,7 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::op::{Access, Op};
 use crate::ops::superop::{ResultUse, SuperCode, takes_float};
 use crate::ops::{bit, memory};
-use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read, is_noop};
 use crate::program::schedule::ListScheduler;
 use crate::program::{Program, Terminator};
 use direct_registers::{rename_constants, rename_values};
@@ -381,11 +381,6 @@ fn propagate_local_copies(
             *to = *from;
         }
     }
-}
-
-/// Whether an operation copies a register to itself.
-pub(super) fn is_noop(op: &Op) -> bool {
-    matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }
 
 /// The pool of registers that local values share, a stack: the register that was freed last is
