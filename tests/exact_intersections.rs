@@ -13,7 +13,7 @@ use anyhit::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
 };
-use anyhit::math::f32x8::BaselineSimd;
+use anyhit::math::baseline_simd::BaselineSimd;
 use anyhit::stress::draw::Draw;
 use anyhit::stress::reference::{self, Expected, ObjectLine, Root};
 

@@ -32,7 +32,7 @@ use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::traversal::{TraversalState, TraversalTask};
 use crate::geometry::Ray;
-use crate::math::f32x8::BaselineSimd;
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::lane_ops::LaneOps;
 
 /// How far a traversal is.

@@ -32,6 +32,7 @@ mod transform;
 mod trav_ray;
 mod traversal;
 mod validate;
+mod validate_instances;
 mod wide_bvh;
 
 pub use blas::Blas;

@@ -10,7 +10,7 @@ use crate::accel::motion::or_identity;
 use crate::accel::rules::is_opaque;
 use crate::accel::transform::IDENTITY;
 use crate::accel::wide_bvh::WideBvh;
-use crate::accel::{motion_bounds, validate};
+use crate::accel::{motion_bounds, validate_instances};
 use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
 use crate::math::lane_ops::CpuTier;
@@ -79,7 +79,7 @@ impl Tlas {
         precision: Precision,
         cpu_tier: CpuTier,
     ) -> Result<Arc<Self>> {
-        let mistakes = validate::instances(&instances);
+        let mistakes = validate_instances::instances(&instances);
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }
