@@ -3,7 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::machine::resource::{BindingSummary, Bindings, STRUCTURE_HANDLE};
+use crate::machine::device_memory::STRUCTURE_HANDLE;
+use crate::machine::resource::{BindingSummary, Bindings};
 
 /// Why an invocation was stopped by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -4,7 +4,7 @@
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::resource::STRUCTURE_HANDLE;
+use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::memory::{self, BufferRef, Chunk};
