@@ -9,6 +9,7 @@ mod copy_propagation;
 pub mod dce;
 pub mod descriptors;
 mod loop_report;
+mod loop_variable;
 pub mod lower;
 mod obstacles;
 mod out_of_bounds;
@@ -25,7 +26,7 @@ use std::sync::Arc;
 
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::resource::STRUCTURE_HANDLE;
+use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{
     AccessFault, Batch, Binding, Bindings, Exit, Lanes, Mask, Reg, Registers, Trap, TrapCode,
 };
@@ -38,7 +39,7 @@ use crate::ops::{atomic, memory, ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
 
-pub use loop_report::LoopVariable;
+pub use loop_variable::LoopVariable;
 pub use lower::{Inlining, LowerOptions, Optimization, lower, lower_with};
 pub use obstacles::obstacles;
 pub use regalloc::{OptimizedCode, Superblock};
