@@ -6,10 +6,12 @@ use crate::accel::Tlas;
 use crate::machine::{Invocation, Observer};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::group::Shader;
-use crate::pipeline::launch::{Launch, RayOperands, Stats};
+use crate::pipeline::host_ray::RayOperands;
+use crate::pipeline::launch::Launch;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::stack::{Stack, bindings};
+use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::Trapped;
 
 impl Launch<'_> {

@@ -15,14 +15,12 @@ use crate::machine::invocation::{Invocations, LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Exit, Lanes, Mask, Registers, TrapCode};
 use crate::module::interface::Stage;
-use crate::pipeline::Pipeline;
-use crate::pipeline::group::{Group, HitGroup, Shader};
-use crate::pipeline::launch::Stats;
+use crate::pipeline::group::{Group, HitGroup, Role, Shader};
 use crate::pipeline::observer::{Caller, Event, PipelineObserver, TraversalAdapter};
 use crate::pipeline::opaque_batch::OpaqueBatch;
-use crate::pipeline::payload;
 use crate::pipeline::sbt::{Record, is_beyond_end};
-use crate::pipeline::stack::Role;
+use crate::pipeline::stats::Stats;
+use crate::pipeline::{Pipeline, payload};
 
 /// The words of a payload, of callable data or of hit attributes, in one lane.
 pub(super) type Words = SmallVec<[u32; 16]>;

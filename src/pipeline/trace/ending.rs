@@ -7,10 +7,9 @@ use crate::accel::{Committed, RayFlags};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Mask, Registers, TrapCode};
 use crate::pipeline::Pipeline;
-use crate::pipeline::group::Shader;
+use crate::pipeline::group::{Role, Shader};
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::sbt::is_beyond_end;
-use crate::pipeline::stack::Role;
 use crate::pipeline::trace::{Trace, Words, general_shader, hit_group_at, record_at};
 
 impl<const W: usize> Trace<W> {
