@@ -17,6 +17,7 @@ mod probe;
 mod rays;
 mod report;
 pub mod shadow;
+mod shadow_context;
 mod shadow_interpreter;
 mod shadow_value;
 mod shadows;

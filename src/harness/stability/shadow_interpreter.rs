@@ -7,7 +7,7 @@ use crate::accel::Candidate;
 use crate::harness::stability::found::{LineFindings, ShadowFindings};
 use crate::harness::stability::probe::{Probe, RunPart};
 use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery, ShadowedTrace};
-use crate::harness::stability::shadow::ShadowContext;
+use crate::harness::stability::shadow_context::{Memory, ShadowContext};
 use crate::harness::stability::shadow_value::ShadowValue;
 use crate::harness::stability::shadows::{ShadowFrame, WaitsFor, bits, float};
 use crate::machine::object::ObjectRef;
@@ -24,9 +24,6 @@ use crate::program::Terminator;
 
 /// A sum or difference that loses more bits than this counts as a cancellation.
 const CANCELLATION_BITS: f64 = 8.0;
-
-/// The shadow values of scalars in buffers, by buffer and byte offset.
-pub(super) type Memory = HashMap<(usize, u64), ShadowValue>;
 
 /// The shadow interpreter of one task of invocations.
 pub(super) struct ShadowInterpreter<'a> {
