@@ -1,11 +1,14 @@
 //! Tests of expectations: which hold, which fail, and with which messages.
 
+use super::difference::SHOWN;
 use super::*;
 use crate::accel::{Candidate, Committed, HitKind};
 use crate::error::Place;
 use crate::geometry::{Intersection, Surface};
 use crate::harness::value::Value as Found;
 use crate::machine::TrapCode;
+
+use crate::error::ErrorKind;
 
 fn found(committed: Option<Committed>) -> RayFound {
     RayFound { committed, custom_index: 5, payload: Found::nothing() }

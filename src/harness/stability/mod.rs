@@ -10,6 +10,7 @@ mod allowed;
 mod calculate;
 mod envelope;
 pub mod found;
+mod instability;
 pub mod outputs;
 pub mod perturb;
 mod place;
@@ -25,7 +26,8 @@ mod stable;
 
 pub use envelope::Envelope;
 pub use found::ShadowFindings;
-pub use perturb::{Instability, Perturbation, perturb};
+pub use instability::{Instability, Perturbation};
+pub use perturb::perturb;
 pub use place::SourceLocation;
 pub use shadow::shadow;
 pub use stable::StableExpectation;
