@@ -7,7 +7,7 @@ use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
-use crate::ops::image::access::TexelRef;
+use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};

@@ -14,8 +14,9 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::memory;
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::program::{Program, Terminator};
 
 /// The most bits of liveness that are computed: more would take too much memory.

@@ -23,8 +23,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::ops::superop::{ResultUse, SuperCode, takes_float};
 use crate::ops::{bit, memory};
 use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read, is_noop};

@@ -7,8 +7,9 @@
 //! results.
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::memory;
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::program::copy_propagation::is_noop;
 
 /// No operation, or the end of a linked list.

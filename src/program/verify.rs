@@ -14,7 +14,8 @@ use std::ops::Range;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::Reg;
-use crate::ops::op::{Access, Op};
+use crate::ops::access::Access;
+use crate::ops::op::Op;
 use crate::ops::superop::SuperCode;
 use crate::ops::symbolic::{ImplicitRegisters, State, ValueTable, reaches_addressed};
 use crate::program::copy_propagation::{for_each_terminator_read, is_noop};

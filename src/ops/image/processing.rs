@@ -15,11 +15,13 @@ use crate::machine::image::{Dimension, Image, Position};
 use crate::machine::sampler::{ReductionMode, Sampler};
 use crate::machine::{Reg, TrapCode};
 use crate::module::{Id, Instruction};
+use crate::ops::access::Access;
+use crate::ops::image::declared::{texel_result, view_of};
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::reader::LaneReader;
-use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
-use crate::ops::op::{Access, Op as Operation};
+use crate::ops::image::view::View;
+use crate::ops::image::{ImageOp, TexelRegisters};
+use crate::ops::op::Op as Operation;
 use crate::ops::translate::{Translator, Words};
 
 /// The longest side of a box (`maxBoxFilterBlockSize`).
