@@ -167,6 +167,8 @@ fn use_signed_conversions(ops: &mut [Op], constants: &[(Reg, u32)]) {
     if !ops.iter().any(|op| matches!(op, Op::LaneKernel { kernel, .. } if std::ptr::eq(*kernel, unsigned))) {
         return;
     }
+    let amounts: FxHashSet<Reg> =
+        constants.iter().filter(|(_, word)| (1..32).contains(word)).map(|&(reg, _)| reg).collect();
     let mut written: FxHashMap<Reg, usize> = FxHashMap::default();
     for at in 0..ops.len() {
         if let Op::LaneKernel { kernel, from: [from, ..], .. } = ops[at]
@@ -174,7 +176,7 @@ fn use_signed_conversions(ops: &mut [Op], constants: &[(Reg, u32)]) {
             && let Some(&Op::LaneKernel { kernel: shift, from: [_, by, _], .. }) =
                 written.get(&from).map(|&by| &ops[by])
             && bit::ShiftRightLogical.kernel(32).is_some_and(|known| std::ptr::eq(known, shift))
-            && constants.iter().any(|&(reg, word)| reg == by && (1..32).contains(&word))
+            && amounts.contains(&by)
             && let Op::LaneKernel { kernel, .. } = &mut ops[at]
         {
             *kernel = signed;
