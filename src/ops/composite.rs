@@ -13,8 +13,9 @@ use crate::ops::linear_algebra::{columns, scalar_width_of_matrix};
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
+use crate::ops::translate::Translator;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
-use crate::ops::translate::{Translator, Words, registers_from};
+use crate::ops::value_registers::{Words, registers_from};
 use crate::ops::{address, linear_algebra};
 
 /// Opcodes translated here.

@@ -14,7 +14,8 @@ use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
 use crate::ops::conversion::encoded;
 use crate::ops::glsl::{InverseSqrt, Sqrt};
 use crate::ops::relational_logical::{FOrdLessThan, select::SelectWord};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[

@@ -79,7 +79,8 @@ use crate::module::{Id, Instruction};
 use crate::ops::conversion::Conversion;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// The families of every section.
 pub static SECTIONS: &[&[&OpFamily]] = &[

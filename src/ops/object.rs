@@ -7,7 +7,8 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module};
 use crate::ops::builtin::{self, ValueShape};
 use crate::ops::pointer::{PointerBase, storage};
-use crate::ops::translate::{Translator, registers_from};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::registers_from;
 
 /// Whether a value of this type is, or holds, a ray query or a hit object.
 pub fn holds_object(module: &Module, ty: TypeId) -> bool {

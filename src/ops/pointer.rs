@@ -14,7 +14,8 @@ use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_copyable;
 use crate::ops::op::Op;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
-use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, Words};
+use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator};
+use crate::ops::value_registers::Words;
 use crate::ops::{address, builtin};
 
 /// Storage classes, numbers of the specification.

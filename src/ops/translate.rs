@@ -28,12 +28,11 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::pointer::{self, Pointer};
 use crate::ops::pointer_layout::{self, ends_in_matrix};
-use crate::ops::value_registers::words_from;
+use crate::ops::value_registers::{Words, registers_from, words_from};
 use budget::{WORDS_OF_A_STEP, named};
 use fingerprint::Fingerprint;
 use values::Values;
 
-pub use crate::ops::value_registers::{Words, registers_from};
 pub use constants::array_length;
 pub use values::IdValue;
 

@@ -11,7 +11,8 @@ use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
 use crate::ops::memory::Chunk;
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase};
-use crate::ops::translate::{Translator, Words, registers_from};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::{Words, registers_from};
 
 /// Translates atomic instructions; `false` for an instruction of another section.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {

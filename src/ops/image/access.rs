@@ -20,7 +20,8 @@ use crate::ops::image::{ImageOp, TexelRegisters};
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase};
-use crate::ops::translate::{IdValue, Translator, Words};
+use crate::ops::translate::{IdValue, Translator};
+use crate::ops::value_registers::Words;
 
 /// An operation that reads a texel.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,7 +8,8 @@ use crate::module::ty::{ImageType, Type, TypeId};
 use crate::module::{Id, Instruction};
 use crate::ops::image::TexelRegisters;
 use crate::ops::image::view::{View, dimension};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// Allocates the registers of an instruction's texel and defines its result; a sparse texel follows
 /// its residency code. `checked` says that it comes from the image of operand 0.

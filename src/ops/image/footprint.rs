@@ -22,7 +22,8 @@ use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::View;
 use crate::ops::op::Op as Operation;
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// An operation that gives the footprint of a sample.
 #[derive(Clone, Debug, PartialEq)]

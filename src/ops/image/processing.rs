@@ -22,7 +22,8 @@ use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::View;
 use crate::ops::image::{ImageOp, TexelRegisters};
 use crate::ops::op::Op as Operation;
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// The longest side of a box (`maxBoxFilterBlockSize`).
 const MAX_BOX_SIDE: f32 = 64.0;

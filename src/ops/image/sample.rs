@@ -19,7 +19,8 @@ use crate::ops::image::view::View;
 use crate::ops::image::{ImageOp, TexelRegisters};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op as Operation;
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// The result that is computed from the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

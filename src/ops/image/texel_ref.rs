@@ -6,7 +6,7 @@ use crate::machine::image::{Image, Position};
 use crate::machine::{AccessFault, Batch, Bindings, Reg, TrapCode};
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::view::View;
-use crate::ops::translate::Words;
+use crate::ops::value_registers::Words;
 
 /// A texel, named by integer coordinates.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,8 @@ use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::OpFamily;
 use crate::ops::op::Op as Operation;
 use crate::ops::subgroup::{BallotCount, OPCODES, ReadSource, ReductionKind, SubgroupKind, SubgroupOp};
-use crate::ops::translate::{Translator, Words, registers_from};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::{Words, registers_from};
 use crate::ops::{arithmetic, bit, glsl, relational_logical};
 
 /// Translates subgroup instructions; `false` for an instruction of another section.

@@ -10,7 +10,8 @@ use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer;
-use crate::ops::translate::{Origin, Translator, Words};
+use crate::ops::translate::{Origin, Translator};
+use crate::ops::value_registers::Words;
 
 impl Translator<'_> {
     /// How many words a value of a type takes in registers.
