@@ -1,4 +1,5 @@
-//! What a ray keeps for its closest approaches; `closest_approach` derives the bounds.
+//! What a ray keeps for its closest approaches. `closest_approach` derives the error bounds and
+//! names their terms a and c.
 
 use crate::math::real::dot;
 
@@ -9,9 +10,9 @@ pub(super) struct ClosestApproachTerms {
     pub inverse: f64,
     /// An upper bound of 1 / |d|, at most √3 / |d|.
     pub inv_length: f64,
-    /// c above, the part of the error that grows with the distances.
+    /// c, the part of the error that grows with the distances.
     pub relative_error: f64,
-    /// a above, the part of the error that does not.
+    /// a, the part of the error that does not.
     pub absolute_error: f64,
     /// The interval of the ray without the t that round to infinity, which are no hits.
     pub interval: (f64, f64),

@@ -180,7 +180,7 @@ impl Reader {
                 }
                 Token::Word(word) if word == "mod" => {
                     if let Some(Token::Word(name)) = next(1) {
-                        let inner = [path, &[name.clone()]].concat();
+                        let inner = [path, std::slice::from_ref(name)].concat();
                         module.children.insert(name.clone());
                         if next(2) == Some(&Token::Punctuation('{')) {
                             let length = group_length(&tokens[at + 2..]);
