@@ -13,7 +13,7 @@ use anyhit::internals::geometry::{
     Bounds, Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
     world_to_object,
 };
-use anyhit::internals::math::f32x8::BaselineSimd;
+use anyhit::internals::math::baseline_simd::BaselineSimd;
 use anyhit::internals::stress::draw::Draw;
 use anyhit::internals::stress::reference::{self, Expected, ObjectLine, Root};
 

@@ -23,6 +23,7 @@ mod driver_golden;
 #[cfg(feature = "stress")]
 mod exact_intersections;
 mod examples;
+mod file_circles;
 mod first_tests;
 mod fixtures;
 mod instructions;

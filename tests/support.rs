@@ -2,6 +2,7 @@
 
 pub mod assembly;
 pub mod files;
+pub mod imports;
 pub mod mutate;
 pub mod recorded;
 pub mod verdict;

@@ -11,7 +11,7 @@ use obvhs::triangle::Triangle;
 
 use anyhit::internals::accel::GeometryData;
 
-use crate::rows::PICTURE;
+use crate::scene_files::PICTURE;
 use crate::scenes;
 use crate::table::{Measured, Table};
 

@@ -3,11 +3,10 @@
 use anyhit::internals::accel::GeometryFlags;
 
 use crate::installed::{Installed, Printed};
+use crate::scene_files::PICTURE;
 use crate::table::{Measured, Table};
 use crate::{frames, obvhs, scenes, traverse};
 
-/// The size of the pictures.
-pub const PICTURE: [u32; 2] = [1024, 768];
 /// The greatest difference of the numbers of hits, for each thousand pixels: the intersections of
 /// the peers are not exact.
 const MAX_HIT_DIFFERENCE: f64 = 1.0;

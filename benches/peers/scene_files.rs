@@ -10,8 +10,10 @@ use std::path::Path;
 use anyhit::internals::accel::GeometryData;
 use anyhit::internals::geometry::Ray;
 
-use crate::rows::PICTURE;
 use crate::scenes::{self, Scene};
+
+/// The size of the pictures.
+pub const PICTURE: [u32; 2] = [1024, 768];
 
 /// Writes all of them below `share`.
 pub fn write(share: &Path) {

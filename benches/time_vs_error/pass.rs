@@ -5,8 +5,8 @@ use anyhit::internals::math::lane_ops::{LaneOps, LaneTask};
 
 use crate::contender::{Contender, PlacedInstance};
 use crate::scene::Scene;
-use crate::shape::Shape;
-use crate::tree::{Bvh, Corners, LeafVisitor, TravRay};
+use crate::shape::{Corners, Shape};
+use crate::tree::{Bvh, LeafVisitor, TravRay};
 
 /// The t, the instance and the primitive of a hit.
 pub type Hit = Option<(f32, u32, u32)>;

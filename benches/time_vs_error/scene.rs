@@ -6,8 +6,7 @@ use anyhit::internals::scene::generate::{Chains, Grass, Ground, Hair, SphereScat
 use anyhit::internals::scene::random::Random;
 
 use crate::contender::PlacedInstance;
-use crate::shape::Shape;
-use crate::tree::Corners;
+use crate::shape::{Corners, Shape};
 
 pub const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 

@@ -2,7 +2,8 @@
 
 use anyhit::internals::accel::{Geometry, GeometryData, GeometryFlags, Primitive};
 
-use crate::tree::Corners;
+/// The least and the greatest corner of a box.
+pub type Corners = [[f32; 3]; 2];
 
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {

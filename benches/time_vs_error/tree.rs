@@ -5,9 +5,7 @@ use anyhit::internals::math::f32x4::F32x4;
 use anyhit::internals::math::lane_ops::LaneOps;
 
 use crate::contender::PlacedInstance;
-
-/// The least and the greatest corner of a box.
-pub type Corners = [[f32; 3]; 2];
+use crate::shape::Corners;
 
 struct Node {
     planes: [[[f32; 4]; 3]; 2],

@@ -5,82 +5,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::accel::built_blas::BuiltBlas;
-use crate::accel::geometry_data::{GeometryData, GeometryKind};
-use crate::accel::micromap::OpacityMicromap;
-use crate::accel::motion::interpolate;
-use crate::accel::primitive::{Primitive, triangle};
+use crate::accel::geometry::Geometry;
+use crate::accel::geometry_data::GeometryKind;
+use crate::accel::primitive::Primitive;
 use crate::accel::validate;
 use crate::error::{Error, Result};
 use crate::geometry::Bounds;
-
-/// `VkGeometryFlagsKHR`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct GeometryFlags(pub u32);
-
-impl GeometryFlags {
-    /// `VK_GEOMETRY_OPAQUE_BIT_KHR`
-    pub const OPAQUE: Self = Self(1);
-    /// `VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR`: nothing to do, any-hit never runs
-    /// twice for one candidate here.
-    pub const NO_DUPLICATE_ANY_HIT: Self = Self(2);
-
-    /// Whether all of the given bits are set.
-    pub fn contains(self, bits: Self) -> bool {
-        self.0 & bits.0 == bits.0
-    }
-}
-
-/// One geometry of a BLAS.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Geometry {
-    /// The primitives of the geometry.
-    pub data: GeometryData,
-    /// The flags of the geometry.
-    pub flags: GeometryFlags,
-    /// Opacity of the triangles' parts, which then stands in place of [`GeometryFlags::OPAQUE`].
-    pub opacity_micromap: Option<Arc<OpacityMicromap>>,
-    /// `ClusterIDNV` of its triangles; without it they belong to no cluster.
-    pub cluster_id: Option<u32>,
-    /// Positions at time 1 of triangles whose own vertices are those of time 0, one for each
-    /// (`VkAccelerationStructureGeometryMotionTrianglesDataNV`); without it they are at rest.
-    pub vertices_t1: Option<Arc<[[f32; 3]]>>,
-}
-
-impl Geometry {
-    /// Primitives at rest, without micromap or cluster.
-    pub fn new(data: GeometryData, flags: GeometryFlags) -> Self {
-        Self { data, flags, opacity_micromap: None, cluster_id: None, vertices_t1: None }
-    }
-
-    /// The data of primitive `PrimitiveId` at a time within 0 and 1: the vertices of a triangle
-    /// that moves are interpolated, after the geometry transform.
-    ///
-    /// # Panics
-    /// As [`GeometryData::primitive`].
-    pub fn primitive_at(&self, primitive: u32, time: f32) -> Primitive {
-        match self.motion_keys(primitive) {
-            Some(motion_keys) => Primitive::Triangle(interpolate_triangle(&motion_keys, time)),
-            None => self.data.primitive(primitive),
-        }
-    }
-
-    /// The vertices of a triangle that moves, at time 0 and at time 1 (its motion keys).
-    pub(super) fn motion_keys(&self, primitive: u32) -> Option<[[[f32; 3]; 3]; 2]> {
-        let (GeometryData::Triangles { vertices, indices, transform }, Some(later)) =
-            (&self.data, &self.vertices_t1)
-        else {
-            return None;
-        };
-        Some([vertices, &later[..]].map(|all| triangle(all, indices, transform, primitive)))
-    }
-}
-
-/// Interpolates the vertices of a triangle between its two motion keys.
-pub(super) fn interpolate_triangle([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32; 3]; 3] {
-    std::array::from_fn(|corner| {
-        std::array::from_fn(|axis| interpolate(first[corner][axis], second[corner][axis], time))
-    })
-}
 
 /// A bottom-level acceleration structure: geometries of one kind under one BVH.
 ///

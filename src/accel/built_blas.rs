@@ -2,7 +2,8 @@
 
 mod build;
 
-use crate::accel::blas::{GeometryFlags, interpolate_triangle};
+use crate::accel::flags::GeometryFlags;
+use crate::accel::geometry::interpolate_triangle;
 use crate::accel::node::NodeRef;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{self, CullRay, LANES, ShearedRay};

@@ -2,10 +2,10 @@
 //! that only some tests need are made on first use.
 
 use crate::accel::built_blas::{BuiltBlas, Culling, LeafRay};
-use crate::accel::cursor::TraceRay;
 use crate::accel::geometry_data::GeometryKind;
 use crate::accel::node::NodeRef;
 use crate::accel::tlas::{InstanceTransform, Tlas};
+use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::TravRay;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::block::{CullRay, ShearedRay};

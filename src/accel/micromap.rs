@@ -13,8 +13,7 @@
 //! an index, stated as a recursion; its way of rounding decides which microtriangle has a point of
 //! an edge.
 
-use crate::accel::rules::RayFlags;
-use crate::accel::tlas::InstanceFlags;
+use crate::accel::flags::{InstanceFlags, RayFlags};
 
 /// The deepest subdivision that a micromap may have here (devices: at least 3).
 pub const MAX_SUBDIVISION_LEVEL: u32 = 12;

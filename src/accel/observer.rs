@@ -1,6 +1,6 @@
 //! Observers of a traversal, for counters and for the explanation of a ray.
 
-use crate::accel::cursor::{Candidate, Committed};
+use crate::accel::hit::{Candidate, Committed, HitPrimitive};
 use crate::geometry::Intersection;
 
 /// Receives the steps of a traversal. `()` receives none and costs nothing.
@@ -41,17 +41,6 @@ pub trait TraversalObserver {
 impl TraversalObserver for () {
     const EXPLAINS_MISSES: bool = false;
     const IS_NOOP: bool = true;
-}
-
-/// The identity of a primitive in a TLAS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct HitPrimitive {
-    /// `InstanceId`
-    pub instance: u32,
-    /// `RayGeometryIndexKHR`
-    pub geometry: u32,
-    /// `PrimitiveId`
-    pub primitive: u32,
 }
 
 /// What became of an instance.

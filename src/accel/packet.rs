@@ -16,14 +16,17 @@
 mod ray_soa;
 mod traversal;
 
+use ray_soa::{PerRay, RaySoA, WorldRays};
+use traversal::PacketTraversal;
+
 use crate::accel::built_blas::GeomPrim;
-use crate::accel::cursor::{Candidate, Committed, Cursor, TraceRay};
+use crate::accel::cursor::Cursor;
+use crate::accel::hit::{Candidate, Committed};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::{NodeRef, WIDTH};
 use crate::accel::tlas::Tlas;
+use crate::accel::trace_ray::TraceRay;
 use crate::geometry::{Intersection, Precision, Surface};
-use ray_soa::{PerRay, RaySoA, WorldRays};
-use traversal::PacketTraversal;
 
 /// The largest number of rays in a packet.
 pub const MAX_RAYS: usize = 64;

@@ -3,14 +3,14 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::accel::binned_sah::{PrimRef, SahCost};
-use crate::accel::blas::Blas;
+use crate::accel::flags::RayFlags;
 use crate::accel::geometry_data::GeometryKind;
-use crate::accel::motion::{Motion, or_identity};
-use crate::accel::motion_bounds;
-use crate::accel::rules::{RayFlags, is_opaque};
+use crate::accel::instance::TlasInstance;
+use crate::accel::motion::or_identity;
+use crate::accel::rules::is_opaque;
 use crate::accel::transform::IDENTITY;
-use crate::accel::validate;
 use crate::accel::wide_bvh::WideBvh;
+use crate::accel::{motion_bounds, validate_instances};
 use crate::error::{Error, Result};
 use crate::geometry::{Bounds, ObjectRay, Precision, Ray, Transform, world_to_object};
 use crate::math::lane_ops::CpuTier;
@@ -18,72 +18,6 @@ use crate::math::lane_ops::CpuTier;
 /// Up to this many instances are entered one after another without a BVH, so that no BLAS is built
 /// that no ray reaches.
 const MAX_LINEAR_INSTANCES: usize = 4;
-
-/// `VkGeometryInstanceFlagsKHR`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct InstanceFlags(pub u32);
-
-impl InstanceFlags {
-    /// `VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR`
-    pub const TRIANGLE_FACING_CULL_DISABLE: Self = Self(1);
-    /// `VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR`
-    pub const TRIANGLE_FLIP_FACING: Self = Self(2);
-    /// `VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR`
-    pub const FORCE_OPAQUE: Self = Self(4);
-    /// `VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR`
-    pub const FORCE_NO_OPAQUE: Self = Self(8);
-    /// `VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_BIT_KHR`
-    pub const FORCE_OPACITY_MICROMAP_2_STATE: Self = Self(16);
-    /// `VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_BIT_KHR`
-    pub const DISABLE_OPACITY_MICROMAPS: Self = Self(32);
-
-    /// Whether all of the given bits are set.
-    pub fn contains(self, bits: Self) -> bool {
-        self.0 & bits.0 == bits.0
-    }
-}
-
-/// An instance of a BLAS.
-#[derive(Clone, Debug)]
-pub struct TlasInstance {
-    /// The BLAS that the instance places.
-    pub blas: Arc<Blas>,
-    /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`); counts where `motion` is `None`.
-    pub transform: [[f32; 4]; 3],
-    /// How it moves; `None` for an instance at rest.
-    pub motion: Option<Motion>,
-    /// `InstanceCustomIndexKHR`, 24 bits.
-    pub custom_index: u32,
-    /// Visibility mask, compared with the ray's cull mask.
-    pub mask: u8,
-    /// `instanceShaderBindingTableRecordOffset`, 24 bits.
-    pub sbt_record_offset: u32,
-    /// The flags of the instance.
-    pub flags: InstanceFlags,
-}
-
-impl TlasInstance {
-    /// An instance at rest that is visible to every ray (mask 0xFF), with custom index, offset and
-    /// flags 0; `transform` is object to world.
-    pub fn of(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Self {
-        let (custom_index, sbt_record_offset, flags) = (0, 0, InstanceFlags::default());
-        Self { blas, transform, motion: None, custom_index, mask: 0xFF, sbt_record_offset, flags }
-    }
-
-    /// Whether object space is world space at any time.
-    pub fn is_identity(&self) -> bool {
-        self.motion.is_none() && self.transform == IDENTITY
-    }
-
-    /// Object to world at a time within 0 and 1 (`ObjectToWorldKHR`, row-major). The identity where
-    /// there is none: no ray hits such an instance.
-    pub fn object_to_world(&self, time: f32) -> [[f32; 4]; 3] {
-        match &self.motion {
-            None => self.transform,
-            Some(motion) => or_identity(motion.at(time)),
-        }
-    }
-}
 
 /// The transform of an instance from world space to its object space.
 #[derive(Debug)]
@@ -145,7 +79,7 @@ impl Tlas {
         precision: Precision,
         cpu_tier: CpuTier,
     ) -> Result<Arc<Self>> {
-        let mistakes = validate::instances(&instances);
+        let mistakes = validate_instances::instances(&instances);
         if !mistakes.is_empty() {
             return Err(Error::several(mistakes));
         }

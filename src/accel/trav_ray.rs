@@ -372,7 +372,7 @@ mod tests {
     use crate::accel::node::{Node, WIDTH};
     use crate::accel::wide_bvh::WideBvh;
     use crate::geometry::Transform;
-    use crate::math::f32x8::BaselineSimd;
+    use crate::math::baseline_simd::BaselineSimd;
 
     fn exact(x: f32) -> RBig {
         RBig::try_from(x).expect("finite")

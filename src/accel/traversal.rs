@@ -1,20 +1,22 @@
 //! The BVH traversal of one ray: through the tree over the instances (TLAS) and the tree of each
 //! instance that the ray enters (BLAS).
 
-use crate::accel::blas::GeometryFlags;
 use crate::accel::built_blas::BuiltBlas;
-use crate::accel::cursor::{Candidate, Cursor, HitQueue, TraceRay};
+use crate::accel::flags::{GeometryFlags, InstanceFlags};
+use crate::accel::hit::{Candidate, HitPrimitive};
+use crate::accel::hit_queue::HitQueue;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
 use crate::accel::node::{Node, NodeRef, WIDTH};
-use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict, TraversalObserver};
+use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict, TraversalObserver};
 use crate::accel::rules::{
     apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible,
 };
-use crate::accel::tlas::{InstanceFlags, Tlas};
+use crate::accel::tlas::Tlas;
+use crate::accel::trace_ray::TraceRay;
 use crate::accel::trav_ray::{NodeLimit, Slabs, TravRay};
 use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision};
-use crate::math::f32x8::{BaselineSimd, F32x8Ops};
+use crate::math::f32x8::F32x8Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
 /// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the
@@ -118,31 +120,16 @@ impl TraversalState {
     }
 }
 
-impl Cursor {
-    /// Traverses until the next candidate is known; returns `false` if nothing is left to visit.
-    /// `start` begins at the root, `FULLY_OPAQUE` says that no candidate is possible.
-    pub(super) fn advance<V: TraversalObserver, const FULLY_OPAQUE: bool>(
-        &mut self,
-        tlas: &Tlas,
-        start: bool,
-        observer: &mut V,
-    ) -> bool {
-        let trace = &self.trace;
-        let (traversal, hits) = (&mut self.traversal, &mut self.hits);
-        let task = TraversalTask::<V, FULLY_OPAQUE> { traversal, hits, trace, tlas, observer, start };
-        if V::EXPLAINS_MISSES { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
-    }
-}
-
-/// The arguments of one call of [`Cursor::advance`], each of which fits into a register. A larger
+/// The arguments of one step of a cursor, each of which fits into a register. A larger
 /// argument would be copied through vector registers, which stalls on store forwarding.
-struct TraversalTask<'a, V, const FULLY_OPAQUE: bool> {
-    traversal: &'a mut TraversalState,
-    hits: &'a mut HitQueue,
-    trace: &'a TraceRay,
-    tlas: &'a Tlas,
-    observer: &'a mut V,
-    start: bool,
+pub(super) struct TraversalTask<'a, V, const FULLY_OPAQUE: bool> {
+    pub traversal: &'a mut TraversalState,
+    pub hits: &'a mut HitQueue,
+    pub trace: &'a TraceRay,
+    pub tlas: &'a Tlas,
+    pub observer: &'a mut V,
+    /// Whether the traversal begins at the root.
+    pub start: bool,
 }
 
 impl<V: TraversalObserver, const FULLY_OPAQUE: bool> LaneTask for TraversalTask<'_, V, FULLY_OPAQUE> {

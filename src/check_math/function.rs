@@ -3,7 +3,7 @@
 use dashu_float::Context;
 use dashu_float::round::mode::HalfEven;
 
-use crate::check_math::judge::{Big, FloatWidth, big};
+use crate::check_math::float_width::{Big, FloatWidth, big};
 use crate::ops::conversion::Conversion;
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
 use crate::ops::{arithmetic, conversion, glsl};

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use crate::check_math::CheckMathSettings;
+use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::CheckedFunction;
-use crate::check_math::judge::FloatWidth;
 
 /// The inputs of one function, by number.
 pub struct Inputs {

@@ -6,6 +6,7 @@
 //! boundary, and one in arbitrary precision for the rest. The instructions use neither. [`judge`]
 //! decides whether a result is correct, [`inputs`] chooses the inputs.
 
+pub mod float_width;
 pub mod function;
 pub mod inputs;
 pub mod judge;
@@ -14,9 +15,10 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, ReferenceValue};
 use crate::check_math::inputs::Inputs;
-use crate::check_math::judge::{FloatWidth, Judgement};
+use crate::check_math::judge::Judgement;
 use crate::machine::{Reg, Registers};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 

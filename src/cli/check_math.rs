@@ -2,8 +2,8 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, FUNCTIONS};
-use crate::check_math::judge::FloatWidth;
 use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
 use crate::error::{Error, ErrorKind, Result};

@@ -17,6 +17,7 @@ pub mod render;
 pub mod session;
 pub mod shell;
 pub mod transcript;
+mod traversal;
 pub mod values;
 
 pub use session::{ExplainRequest, Session};

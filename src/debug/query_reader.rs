@@ -4,8 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::accel::{Tlas, TraceRay};
-use crate::debug::names;
-use crate::debug::reader::EventReader;
+use crate::debug::names::{self, Names};
 use crate::debug::transcript::{QueryCandidate, QueryEnd, QueryReport, Step};
 use crate::debug::values::FloatValue;
 use crate::machine::{RayQueryEvent, RayQueryStep};
@@ -35,11 +34,11 @@ impl<'a> QueryReader<'a> {
 
     /// Reads an event: the initialisation of a query adds a step, any other event updates the step
     /// of its query.
-    pub(super) fn read(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, reader: &EventReader<'_>) {
+    pub(super) fn read(&mut self, event: RayQueryEvent, steps: &mut Vec<Step>, names: &Names<'_>) {
         let RayQueryEvent { query, op, step, .. } = event;
         if let RayQueryStep::Initialize(tlas, trace) = step {
             let called_at = self.program.and_then(|program| names::source_line(program, op));
-            let traversal = reader.traversal(called_at, &tlas, &trace);
+            let traversal = names.traversal(called_at, &tlas, &trace);
             let report =
                 QueryReport { traversal, candidates: Vec::new(), hit: None, end: QueryEnd::Underway };
             self.queries.insert(query, QueryState { step: steps.len(), tlas, trace, closest: None });
@@ -82,7 +81,7 @@ impl<'a> QueryReader<'a> {
             RayQueryStep::Terminate => report.end = QueryEnd::Terminated,
             RayQueryStep::Commit(hit) => {
                 state.closest = Some(state.closest.map_or(hit.t, |closest| closest.min(hit.t)));
-                report.hit = Some(reader.hit(&state.tlas, &state.trace, &hit));
+                report.hit = Some(names.hit(&state.tlas, &state.trace, &hit));
             }
         }
     }

@@ -41,17 +41,16 @@ mod linear_swept_sphere;
 mod sphere;
 mod triangle;
 
+use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
+use crate::math::f32x4::F32x4;
+use crate::math::real::Real;
+
+/// The number of primitives in a block.
+pub use crate::math::f32x4::LANES;
 pub use aabb::{Aabb4, BoxRay};
 pub use linear_swept_sphere::LinearSweptSphere4;
 pub use sphere::Sphere4;
 pub use triangle::{ShearedRay, Triangle4};
-
-/// The number of primitives in a block.
-pub use crate::math::f32x4::LANES;
-
-use crate::geometry::{ApproximateRay, Bounds, ObjectRay, Ray};
-use crate::math::f32x4::F32x4;
-use crate::math::real::Real;
 
 /// The mask of all lanes.
 const ALL_LANES: u32 = (1 << LANES) - 1;
@@ -325,7 +324,7 @@ fn norm1(a: [F32x4; 3]) -> F32x4 {
 mod tests {
     use super::*;
     use crate::geometry::Ray;
-    use crate::math::f32x8::BaselineSimd;
+    use crate::math::baseline_simd::BaselineSimd;
 
     const UNIT_BOX: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 

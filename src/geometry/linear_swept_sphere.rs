@@ -36,7 +36,8 @@
 mod exact;
 mod f64_filter;
 
-use crate::geometry::object_ray::{BoundedRay, ObjectRay};
+use crate::geometry::bounded_ray::BoundedRay;
+use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, error_or_zero, round_within_closed, rounded};
 use crate::geometry::{Bounds, Intersection, Precision, Surface, sphere};
 use crate::math::error_bound::{Divisor, product_error, two_units};

@@ -17,7 +17,9 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 pub mod aabb;
+mod approach_terms;
 pub mod block;
+mod bounded_ray;
 mod bounds;
 mod closest_approach;
 mod intersection4;

@@ -38,16 +38,17 @@
 
 mod four;
 
-pub(super) use four::intersect4;
-
+use crate::geometry::bounded_ray::BoundedRay;
 use crate::geometry::closest_approach::{self, ClosestApproach};
-use crate::geometry::object_ray::{BoundedRay, ObjectRay};
+use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, error_or_zero, round_within_closed};
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
 use crate::math::error_bound::{Divisor, product_error, two_units};
 use crate::math::exact::{self, Dyadic, Vector};
 use crate::math::real::{Real, cross, dot, from_f32, norm1, sub};
 use crate::math::surd::Surd;
+
+pub(super) use four::intersect4;
 
 /// Where a ray enters a sphere, within the closed interval. A sphere without a positive, finite
 /// radius and a finite centre is never hit.

@@ -35,16 +35,16 @@
 mod four;
 mod one;
 
-pub(super) use four::intersect4;
-pub(super) use one::intersect_simd;
-
 use crate::geometry::object_ray::{DoubleRay, ObjectRay};
 use crate::geometry::verdict::Verdict;
 use crate::geometry::{Bounds, Intersection, Precision, Surface};
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::exact::{self, Dyadic};
-use crate::math::f32x8::BaselineSimd;
 use crate::math::real::{Real, cross, dot, from_f32, sub};
 use crate::math::surd::Surd;
+
+pub(super) use four::intersect4;
+pub(super) use one::intersect_simd;
 
 /// Where a ray meets a triangle, strictly within the interval. The attributes are the barycentrics
 /// of the second and third vertex. A triangle with a vertex that is not finite is never hit.

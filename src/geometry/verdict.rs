@@ -1,6 +1,6 @@
 //! The verdict of a filter, and the test of its t against the interval.
 
-use crate::geometry::object_ray::BoundedRay;
+use crate::geometry::bounded_ray::BoundedRay;
 use crate::math::real::Real;
 
 /// The outcome of a filter: a floating-point test with an error bound.

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use bytemuck::NoUninit;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::scene::Scene;
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::{Buffer, DeviceMemory};
 
@@ -13,7 +12,7 @@ use crate::machine::{Buffer, DeviceMemory};
 /// are filled: so that they hold each other's addresses, in circles, too.
 ///
 /// The first address is `0x1_0000_0000`, and each further one is a multiple of 4 GiB: an access
-/// past the end of a buffer meets no other one. A [`Scene`], a
+/// past the end of a buffer meets no other one. A [`Scene`](crate::Scene), a
 /// [`ShaderTest`](crate::ShaderTest) and a [`ComputeTest`](crate::ComputeTest) take a copy of the
 /// buffers (`device_buffers`), and traps and explanations tell addresses by the buffers' names.
 ///
@@ -92,10 +91,9 @@ impl DeviceBuffers {
         Ok(())
     }
 
-    /// Gives an address to the acceleration structure of a scene, for
-    /// `OpConvertUToAccelerationStructureKHR`; the one that it has, where it has one.
-    pub fn structure(&mut self, scene: &Scene) -> u64 {
-        self.memory.add_structure(scene.tlas())
+    /// The address space, to give further addresses.
+    pub(super) fn memory_mut(&mut self) -> &mut DeviceMemory {
+        &mut self.memory
     }
 
     /// The address space, with buffers of its own.
@@ -110,6 +108,7 @@ fn invalid(message: String) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use crate::harness::scene::Scene;
     use std::sync::Arc;
 
     use super::*;

@@ -8,7 +8,6 @@ use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
 use crate::debug::render::{self, RenderOptions};
 use crate::harness::memory;
-use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::machine::{DeviceMemory, Resources};
 use crate::pipeline::{Event, Launch, Pipeline, RayOperands};
 
@@ -31,45 +30,6 @@ pub(super) enum What {
     Ray { tlas: Arc<Tlas>, operands: RayOperands, resources: Resources },
     /// A single shader: its events, and what answered its calls.
     Shader { events: Vec<Event>, calls: Vec<String>, memory: DeviceMemory },
-}
-
-impl What {
-    /// A shader's run, and a line for each call that was answered.
-    pub fn shader(
-        events: Vec<Event>,
-        traces: &[TraceCall],
-        executes: &[ExecuteCall],
-        calls: &[CallableCall],
-        memory: &DeviceMemory,
-    ) -> Self {
-        let trace = |call: &TraceCall| {
-            let (ray, number) = (call.trace.ray, call.number + 1);
-            let answer = call.payload.value();
-            format!("trace {number}: from {:?} towards {:?}, answered {answer:?}", ray.origin, ray.direction)
-        };
-        let call = |call: &CallableCall| {
-            let answer = call.data.value();
-            format!(
-                "call {}: index {}, given {:?}, answered {answer:?}",
-                call.number + 1,
-                call.index,
-                call.given
-            )
-        };
-        let execute = |call: &ExecuteCall| {
-            let what = if call.hit.is_some() { "hit" } else { "miss" };
-            let answer = call.payload.value();
-            format!(
-                "execution {}: {what} record {}, given {:?}, answered {answer:?}",
-                call.number + 1,
-                call.record,
-                call.given
-            )
-        };
-        let (traces, executes) = (traces.iter().map(trace), executes.iter().map(execute));
-        let calls = traces.chain(executes).chain(calls.iter().map(call)).collect();
-        Self::Shader { events, calls, memory: memory.clone() }
-    }
 }
 
 impl Explanation {

@@ -13,7 +13,7 @@ use crate::debug::{ExplainRequest, Session};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
 use crate::harness::memory::copied;
-use crate::harness::run::fresh_resources;
+use crate::harness::observe::fresh_resources;
 use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
 use crate::harness::typed;

@@ -69,6 +69,35 @@ pub struct CallableCall {
     pub data: TypedBytes,
 }
 
+/// A line for each call that was answered, for the explanation of a shader's run.
+pub(super) fn answered(
+    traces: &[TraceCall],
+    executes: &[ExecuteCall],
+    calls: &[CallableCall],
+) -> Vec<String> {
+    let trace = |call: &TraceCall| {
+        let (ray, number) = (call.trace.ray, call.number + 1);
+        let answer = call.payload.value();
+        format!("trace {number}: from {:?} towards {:?}, answered {answer:?}", ray.origin, ray.direction)
+    };
+    let execute = |call: &ExecuteCall| {
+        let what = if call.hit.is_some() { "hit" } else { "miss" };
+        let answer = call.payload.value();
+        format!(
+            "execution {}: {what} record {}, given {:?}, answered {answer:?}",
+            call.number + 1,
+            call.record,
+            call.given
+        )
+    };
+    let call = |call: &CallableCall| {
+        let answer = call.data.value();
+        format!("call {}: index {}, given {:?}, answered {answer:?}", call.number + 1, call.index, call.given)
+    };
+    let (traces, executes) = (traces.iter().map(trace), executes.iter().map(execute));
+    traces.chain(executes).chain(calls.iter().map(call)).collect()
+}
+
 impl TraceCall {
     /// Lets a trace into a hit object meet this instance alone. The ray is really intersected with
     /// it; where it passes by, and without this, the hit object encodes a miss.

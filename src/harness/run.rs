@@ -2,27 +2,24 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::accel::Tlas;
 use crate::debug::session::{self, ResolvedRequest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::cost::{Costs, Counter, Meter};
 use crate::harness::coverage::{Counts, Recorder};
-use crate::harness::expect::{Bytes, Observed, RayFound};
+use crate::harness::expect::{Observed, RayFound};
 use crate::harness::layout::{Layout, Rules};
-use crate::harness::memory;
+use crate::harness::observe::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::StableExpectation;
 use crate::harness::stability::perturb::perturb_one;
-use crate::harness::value::Value;
-use crate::machine::{Batch, Binding, Descriptor, Observer, Printed, Resources};
+use crate::harness::tasks::in_tasks;
+use crate::machine::{Batch, Observer, Resources};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
-use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Shader, Stats};
+use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Stats};
 use crate::program::Program;
 use crate::scene::file::RayEntry;
 use crate::scene::pass::PassWork;
-use crate::scene::resources::Output;
 use crate::scene::{Assembled, ResolvedScene};
 
 /// Runs a scene's launch and dispatches at a width, and traces its rays.
@@ -97,46 +94,6 @@ fn launch(
     observed
 }
 
-/// A copy of resources that collects what shaders print.
-pub(super) fn fresh_resources(resources: &Resources) -> Resources {
-    Resources { printed: Some(Arc::<Printed>::default()), ..memory::copied(resources) }
-}
-
-/// Reads buffers, images and printed lines.
-pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
-    for line in resources.printed.iter().flat_map(|printed| printed.take()) {
-        observed.printed += &line.text;
-        if !line.text.ends_with('\n') {
-            observed.printed.push('\n');
-        }
-    }
-    for binding in &scene.resources {
-        let key = Binding { set: binding.set, binding: binding.binding };
-        let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
-        let name = binding.name.clone();
-        let place = Some([binding.set, binding.binding, binding.element]);
-        match found {
-            Some(Descriptor::Buffer(buffer)) => {
-                let bytes = buffer.bytes();
-                observed.buffers.push(Bytes { name, binding: place, row: None, bytes, image: None });
-            }
-            Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
-                let row = Some([image.shape().extent[0] as usize, image.format().texel_size() as usize]);
-                let linear = binding.output == Some(Output::Linear);
-                let (bytes, image) = (image.bytes(), Some((image.clone(), linear)));
-                observed.images.push(Bytes { name, binding: place, row, bytes, image });
-            }
-            _ => {}
-        }
-    }
-    for unbound in &scene.unbound {
-        if let Some((_, buffer)) = resources.memory.named_buffer(&unbound.name) {
-            let (name, bytes) = (unbound.name.clone(), buffer.bytes());
-            observed.buffers.push(Bytes { name, binding: None, row: None, bytes, image: None });
-        }
-    }
-}
-
 /// Counts the cost of every ray of a scene's launches. Each invocation runs by itself.
 ///
 /// # Errors
@@ -181,30 +138,6 @@ fn costs_of(launch: &Launch<'_>, size: [u32; 3]) -> Result<Costs> {
         Ok(meter.costs())
     });
     all.into_iter().try_fold(Costs::default(), |sum, one| Ok(sum.or(one?)))
-}
-
-/// Runs the invocations of a launch in tasks on all threads: in ranges of 256 consecutive launch
-/// indices, or in one task where shaders depend on the order of invocations or share memory. A
-/// task is given its number and the launch ids of its invocations; the results are in the tasks'
-/// order.
-pub(super) fn in_tasks<T: Send>(
-    launch: &Launch<'_>,
-    size: [u32; 3],
-    task: impl Fn(u64, &mut dyn Iterator<Item = [u32; 3]>) -> T + Sync,
-) -> Vec<T> {
-    const INVOCATIONS: u64 = 256;
-    let [width, height, depth] = size.map(u64::from);
-    let id =
-        |index: u64| [index % width, index / width % height, index / width / height].map(|axis| axis as u32);
-    let count = width * height * depth;
-    let ordered =
-        launch.pipeline.order_dependent() || launch.pipeline.shared_memory(size, launch.resources).is_some();
-    if ordered {
-        return vec![task(0, &mut (0..count).map(id))];
-    }
-    let range = |number: u64| number * INVOCATIONS..count.min((number + 1) * INVOCATIONS);
-    let tasks = (0..count.div_ceil(INVOCATIONS)).into_par_iter();
-    tasks.map(|number| task(number, &mut range(number).map(id))).collect()
 }
 
 /// What is measured while a ray runs.
@@ -343,53 +276,5 @@ fn describe_payload(pipeline: &Pipeline) -> Vec<String> {
         let lines = Layout::new(module, ty, Rules::Packed).lines().into_iter();
         let lines = lines.map(|(offset, member)| format!("{offset:>6}  {member}"));
         std::iter::once(format!("offset  {}", module.describe_type(ty))).chain(lines).collect()
-    })
-}
-
-/// The result of the first ray of a run.
-pub(super) fn first_ray(pipeline: &Pipeline, events: &[Event]) -> RayFound {
-    // Traversal ends before a closest-hit shader traces on: the first to end is the first ray.
-    let traversed = events.iter().find_map(|event| match event {
-        Event::Traversed { committed, shader, .. } => Some((*committed, *shader)),
-        _ => None,
-    });
-    let (committed, shader) = traversed.unwrap_or_default();
-    let mut depth = 0;
-    let payload = events.iter().find_map(|event| match event {
-        Event::Trace { .. } => {
-            depth += 1;
-            None
-        }
-        Event::Traced { payload } => {
-            depth -= 1;
-            (depth == 0).then_some(&payload[..])
-        }
-        _ => None,
-    });
-    let payload = payload.map_or_else(Value::nothing, |words| payload_of(pipeline, shader, words));
-    let tlas = events.iter().find_map(|event| match event {
-        Event::Trace { tlas, .. } => Some(tlas),
-        _ => None,
-    });
-    let custom_index = committed.zip(tlas).map_or(0, |(hit, tlas)| {
-        let instance = hit.candidate.instance as usize;
-        tlas.instances()[instance].custom_index
-    });
-    RayFound { committed, custom_index, payload }
-}
-
-/// A payload, typed as the last shader declares it, or as the largest declared payload.
-fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
-    let registers = |program: &Arc<Program>| {
-        program
-            .interface_registers(storage::INCOMING_RAY_PAYLOAD)
-            .map(|registers| (program.clone(), registers.ty, registers.count))
-    };
-    let ran = shader.and_then(|shader| registers(&pipeline.programs[shader.0 as usize]));
-    let declared =
-        ran.or_else(|| pipeline.programs.iter().filter_map(registers).max_by_key(|(.., count)| *count));
-    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    declared.map_or_else(Value::nothing, |(program, ty, _)| {
-        Layout::new(&program.module, ty, Rules::Packed).read(&bytes)
     })
 }

@@ -7,8 +7,8 @@
 
 use std::fmt::Debug;
 
-use crate::harness::layout::Layout;
 use crate::module::ty::Type;
+use crate::scene::layout::Layout;
 
 /// What kind of scalar a number in the text is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,6 +8,7 @@ use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::harness::bound;
+use crate::harness::device_buffers::DeviceBuffers;
 use crate::harness::given::{Given, gives_resources};
 use crate::harness::texels::Texels;
 use crate::machine::{Descriptor, Resources};
@@ -124,6 +125,14 @@ impl Scene {
 }
 
 gives_resources!(Scene);
+
+impl DeviceBuffers {
+    /// Gives an address to the acceleration structure of a scene, for
+    /// `OpConvertUToAccelerationStructureKHR`; the one that it has, where it has one.
+    pub fn structure(&mut self, scene: &Scene) -> u64 {
+        self.memory_mut().add_structure(scene.tlas())
+    }
+}
 
 #[cfg(test)]
 mod tests {

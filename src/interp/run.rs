@@ -41,14 +41,10 @@ where
                 batch.paused = true;
                 return Stop::Paused;
             }
-            if let Some(supercode) = supercode {
-                batch.op = LaneKernel::run_superops(
-                    &mut batch.registers,
-                    supercode,
-                    ops,
-                    batch.op..superblock.end,
-                    batch.mask,
-                );
+            if let Some(supercode) = supercode
+                && let Some((registers, mask)) = LaneKernel::as_64(&mut batch.registers, batch.mask)
+            {
+                batch.op = supercode.run::<64>(registers, ops, batch.op..superblock.end, mask);
                 if batch.op == superblock.end {
                     break;
                 }

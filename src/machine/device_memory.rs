@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::machine::resource::{Buffer, STRUCTURE_HANDLE};
+use crate::machine::buffer::Buffer;
 
 /// Bits of an address that count bytes in a region.
 const REGION_BITS: u32 = 32;
@@ -303,6 +303,10 @@ impl DeviceMemory {
         Ok(())
     }
 }
+
+/// The upper word of an acceleration structure's value that tells a descriptor's handle from a
+/// device address: no allocation lies that high.
+pub const STRUCTURE_HANDLE: u32 = u32::MAX;
 
 #[cfg(test)]
 mod tests {

@@ -6,8 +6,8 @@ use smallvec::SmallVec;
 
 use crate::accel::{Candidate, HitKind, HitPrimitive, RayFlags, Tlas, TlasInstance, TraceRay};
 use crate::geometry::Ray;
+use crate::machine::buffer::Buffer;
 use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
-use crate::machine::resource::Buffer;
 use crate::machine::workgroup::Workgroup;
 
 /// The initial state of one invocation, for [`Invocations::set`].

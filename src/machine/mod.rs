@@ -6,6 +6,7 @@
 //! [`resource`]s.
 
 pub mod batch;
+pub mod buffer;
 pub mod device_memory;
 pub mod format;
 pub mod hit_object;
@@ -26,6 +27,7 @@ pub mod watchdog;
 pub mod workgroup;
 
 pub use batch::{Batch, Frame};
+pub use buffer::Buffer;
 pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
 pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
@@ -34,7 +36,7 @@ pub use observe::Observer;
 pub use out_of_bounds::OutOfBoundsIndices;
 pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};
-pub use resource::{Binding, BindingSummary, Bindings, Buffer, Descriptor, MemoryPolicy, Resources};
+pub use resource::{Binding, BindingSummary, Bindings, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
 pub use trap::{AccessFault, Exit, LaneTrap, TrapCode};
 pub use turns::{LoopTurns, Turns};

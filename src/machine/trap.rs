@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::machine::resource::{BindingSummary, Bindings, STRUCTURE_HANDLE};
+use crate::machine::device_memory::STRUCTURE_HANDLE;
+use crate::machine::resource::{BindingSummary, Bindings};
 
 pub use crate::error::TrapCode;
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::machine::resource::Buffer;
+use crate::machine::buffer::Buffer;
 
 /// A workgroup: what its invocations share.
 #[derive(Clone, Debug)]

@@ -10,7 +10,7 @@ use glam::Vec4;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
-use crate::math::f32x8::BaselineSimd;
+use crate::math::baseline_simd::BaselineSimd;
 
 /// The number of lanes.
 pub const LANES: usize = 4;

@@ -8,6 +8,7 @@ use pulp::f32x8;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::f32x4::F32x4;
 use crate::math::float;
 
@@ -43,10 +44,6 @@ pub trait F32x8Ops: Copy {
     /// Truncates each lane to an integer; saturates, and gives 0 for a NaN.
     fn to_i32(self, a: Self::F32x8) -> [i32; 8];
 }
-
-/// SIMD on the baseline instruction set of the target: pairs of [`F32x4`].
-#[derive(Clone, Copy, Debug)]
-pub struct BaselineSimd;
 
 impl F32x8Ops for BaselineSimd {
     type F32x8 = [F32x4; 2];

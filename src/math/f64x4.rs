@@ -9,7 +9,7 @@ use pulp::f64x4;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V3;
 
-use crate::math::f32x8::BaselineSimd;
+use crate::math::baseline_simd::BaselineSimd;
 
 /// Operations on four `f64` lanes.
 pub trait F64x4Ops: Copy {

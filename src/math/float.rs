@@ -7,6 +7,7 @@
 
 use half::f16;
 
+use crate::math::exponent::Exponent;
 use crate::math::{hard, power};
 
 /// Converts like `a as i32`, in operations that the compiler vectorises: the sum of 1.5 * 2^52 and
@@ -109,7 +110,7 @@ pub trait Float: Copy + PartialOrd {
 }
 
 macro_rules! native {
-    ($ty:ty, $bits:ty, $mantissa:literal, $bias:literal, $mask:literal, $($method:ident = $function:path),* $(,)?) => {
+    ($ty:ty, $($method:ident = $function:path),* $(,)?) => {
         impl Float for $ty {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -161,39 +162,13 @@ macro_rules! native {
             fn mul_add(self, factor: Self, summand: Self) -> Self {
                 <$ty>::mul_add(self, factor, summand)
             }
-            #[inline(never)]
+            #[inline(always)]
             fn frexp(self) -> (Self, i32) {
-                if self == 0.0 || !self.is_finite() {
-                    return (self, 0);
-                }
-                // A denormal is scaled into the normal range first; the product is exact.
-                let scale = (1u64 << ($mantissa + 1)) as $ty;
-                let denormal = self.abs() < <$ty>::MIN_POSITIVE;
-                let (normal, shift) = if denormal { (self * scale, $mantissa + 1) } else { (self, 0) };
-                let bits = normal.to_bits();
-                let exponent = (bits >> $mantissa & $mask) as i32 - ($bias - 1) - shift;
-                let bits = bits & !(($mask as $bits) << $mantissa) | (($bias - 1) as $bits) << $mantissa;
-                (<$ty>::from_bits(bits), exponent)
+                Exponent::frexp(self)
             }
-            #[inline(never)]
+            #[inline(always)]
             fn ldexp(self, exponent: i32) -> Self {
-                // Only the last of the steps can round: the others stay exact or saturate.
-                let (mantissa, own) = Float::frexp(self);
-                if self == 0.0 || !self.is_finite() {
-                    return self;
-                }
-                let sum = (i64::from(own) + i64::from(exponent)).clamp(-4096, 4096) as i32;
-                let power = |e: i32| <$ty>::from_bits(((e + $bias) as $bits) << $mantissa);
-                let (low, high) = (2 - $bias, $bias);
-                if sum > high {
-                    mantissa * power(high) * power((sum - high).min(high))
-                } else if sum >= low {
-                    mantissa * power(sum)
-                } else {
-                    // One rounding: the scaled mantissa is exact until the last product.
-                    let rest = (sum - low).max(low);
-                    mantissa * power(rest) * power(low)
-                }
+                Exponent::ldexp(self, exponent)
             }
             // Never inlined: a row's loop over the lanes would hold as many copies.
             $(#[inline(never)]
@@ -243,10 +218,6 @@ impl BinaryFunctions for f64 {
 
 native!(
     f32,
-    u32,
-    23,
-    127,
-    0xFF,
     inverse_sqrt = pxfm::f_rsqrtf,
     sin = hard::sin,
     cos = hard::cos,
@@ -267,10 +238,6 @@ native!(
 );
 native!(
     f64,
-    u64,
-    52,
-    1023,
-    0x7FF,
     inverse_sqrt = pxfm::f_rsqrt,
     sin = pxfm::f_sin,
     cos = pxfm::f_cos,

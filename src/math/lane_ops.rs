@@ -6,8 +6,9 @@
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V3, V4};
 
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::f32x4::FmaOps;
-use crate::math::f32x8::{BaselineSimd, F32x8Ops};
+use crate::math::f32x8::F32x8Ops;
 use crate::math::f64x4::F64x4Ops;
 
 /// A function that is generic over the instruction set, with its arguments.

@@ -1,7 +1,9 @@
 //! Numerics: elementary functions, SIMD lanes, exact arithmetic, error bounds, distances in ulp.
 
+pub mod baseline_simd;
 pub mod error_bound;
 pub mod exact;
+mod exponent;
 pub mod f32x4;
 pub mod f32x8;
 pub mod f64x4;

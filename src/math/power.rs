@@ -1,6 +1,6 @@
 //! Correctly rounded powers: the cases that `pxfm` does not round correctly.
 
-use crate::math::float::Float;
+use crate::math::exponent::Exponent;
 
 /// `x^y` in f32, correctly rounded.
 ///
@@ -21,7 +21,7 @@ pub fn pow_f64(x: f64, y: f64) -> f64 {
         // Even of a NaN (IEEE 754-2019, 9.2.1).
         (1.0, _) | (_, 0.0) => 1.0,
         // For which the crate's power gives NaN where x is large.
-        (_, -0.5) if x > 0.0 => x.inverse_sqrt(),
+        (_, -0.5) if x > 0.0 => pxfm::f_rsqrt(x),
         _ => with_sign(x, y, pxfm::f_pow(x, y)),
     }
 }
@@ -46,8 +46,8 @@ fn exact(x: f64, y: f64) -> Option<f64> {
         return None;
     }
     // |x| is base * 2^exponent, the base odd.
-    let (mantissa, exponent) = Float::frexp(x.abs());
-    let significand = Float::ldexp(mantissa, 53) as u64;
+    let (mantissa, exponent) = x.abs().frexp();
+    let significand = mantissa.ldexp(53) as u64;
     let zeros = significand.trailing_zeros();
     let (mut base, mut exponent) = (significand >> zeros, i64::from(exponent) - 53 + i64::from(zeros));
     // y is power / 2^roots.
@@ -68,7 +68,7 @@ fn exact(x: f64, y: f64) -> Option<f64> {
         _ => base.checked_pow(u32::try_from(power).ok()?).filter(|&raised| raised < 1 << 53)?,
     };
     let exponent = (exponent * power).clamp(-4096, 4096) as i32;
-    let value = Float::ldexp(raised as f64, exponent);
+    let value = (raised as f64).ldexp(exponent);
     Some(if negative && y % 2.0 != 0.0 { -value } else { value })
 }
 

@@ -4,12 +4,10 @@ use rspirv::spirv::Op;
 
 use crate::error::{Error, Place, Result};
 use crate::module::check_encoding::EncodedTypes;
-use crate::module::grammar::{is_id, opcode, walk};
-use crate::module::load::UnknownResults;
-use crate::module::names::opcode_name;
-use crate::module::words::{Span, invalid};
-use crate::module::{BasicBlock, Definition, Id, Instruction, Module};
-use crate::module::{check_access, check_encoding};
+use crate::module::grammar::{is_id, opcode, opcode_name, walk};
+use crate::module::id_map::UnknownResults;
+use crate::module::span::{Span, invalid, span_of};
+use crate::module::{BasicBlock, Definition, Id, Instruction, Module, check_access, check_encoding};
 
 /// Checks every instruction of every function, then that the call graph of no entry point has a
 /// cycle; returns what each function uses.
@@ -231,15 +229,6 @@ impl Checker<'_> {
                 self.module.describe_id(Id(self.module.words[at]))
             ),
         )
-    }
-}
-
-/// The words of an instruction, the first one included.
-pub(super) fn span_of(instruction: &Instruction) -> Span {
-    Span {
-        opcode: instruction.opcode,
-        start: instruction.offset as usize,
-        end: instruction.operands.end as usize,
     }
 }
 

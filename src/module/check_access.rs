@@ -4,11 +4,9 @@
 use rspirv::spirv::Op;
 
 use crate::error::{Error, Result};
-use crate::module::check::span_of;
-use crate::module::grammar::opcode;
-use crate::module::names::opcode_name;
+use crate::module::grammar::{opcode, opcode_name};
+use crate::module::span::{invalid, span_of};
 use crate::module::ty::{Type, TypeId};
-use crate::module::words::invalid;
 use crate::module::{Id, Instruction, Module};
 
 /// Checks one instruction. Those that access no composite or memory are accepted.

@@ -12,12 +12,10 @@ use rspirv::spirv::Op;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
-use crate::module::check::span_of;
 use crate::module::constant::ConstantValue;
-use crate::module::grammar::{is_id, walk};
-use crate::module::names::opcode_name;
+use crate::module::grammar::{is_id, opcode_name, walk};
+use crate::module::span::{invalid, span_of};
 use crate::module::ty::{Type, TypeId};
-use crate::module::words::invalid;
 use crate::module::{Definition, Id, Instruction, Module};
 
 /// `SaturatedToLargestFloat8NormalConversionEXT`

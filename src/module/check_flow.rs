@@ -5,7 +5,7 @@ use smallvec::{SmallVec, smallvec};
 
 use crate::error::Result;
 use crate::module::grammar::opcode;
-use crate::module::words::invalid;
+use crate::module::span::invalid;
 use crate::module::{BasicBlock, Definition, Function, Id, Instruction, Module};
 
 /// Checks the edges between the blocks of every function.

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use rspirv::spirv::{NonsemanticShaderDebuginfo100Op as DebugOp, Op};
 
 use crate::module::debug_info::{DebugInfo, SourceFile, SourceLine};
-use crate::module::words::{Span, lossy_string};
+use crate::module::span::Span;
+use crate::module::words::lossy_string;
 use crate::module::{Id, Module};
 
 /// Collects debug information in the order of the module.

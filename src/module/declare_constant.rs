@@ -9,11 +9,10 @@ use crate::input::InputLimit;
 use crate::module::Definition;
 use crate::module::constant::{Constant, ConstantValue};
 use crate::module::declare_type::unsupported_continuation;
-use crate::module::grammar::Opcode;
+use crate::module::grammar::{Opcode, opcode_name};
 use crate::module::load::Loader;
-use crate::module::names::opcode_name;
+use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeId};
-use crate::module::words::{Span, invalid};
 
 impl Loader<'_> {
     /// How many words the value of an `OpConstant` or `OpSpecConstant` takes; 1 for anything else.

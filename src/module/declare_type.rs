@@ -8,32 +8,11 @@ use rspirv::spirv::{Capability, Op};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::InputLimit;
 use crate::module::constant::ConstantValue;
-use crate::module::grammar::Opcode;
+use crate::module::grammar::{Opcode, opcode_name};
 use crate::module::load::Loader;
-use crate::module::names::opcode_name;
-use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeId};
-use crate::module::words::{Span, invalid};
+use crate::module::span::{Span, invalid};
+use crate::module::ty::{BFLOAT16, FLOAT8_E4M3, FLOAT8_E5M2, ImageType, Member, Type, TypeExtent, TypeId};
 use crate::module::{Definition, Id};
-
-/// How large a type is as a tree of types.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TypeExtent {
-    /// Levels of nesting, from 1.
-    pub(super) depth: u32,
-    /// The type itself and its parts with theirs; see [`InputLimit::TypeParts`].
-    pub(super) parts: u64,
-}
-
-impl TypeExtent {
-    /// The extent of a type without parts.
-    pub(super) const LEAF: Self = Self { depth: 1, parts: 1 };
-
-    /// The extent of a type around `count` parts of this one.
-    pub(super) fn around(self, count: u32) -> Self {
-        let parts = self.parts.saturating_mul(count.into()).saturating_add(1);
-        Self { depth: self.depth + 1, parts }
-    }
-}
 
 impl Loader<'_> {
     /// Reads `OpTypeForwardPointer`: a pointer type whose pointee is declared later.

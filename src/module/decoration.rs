@@ -6,9 +6,10 @@ use std::ops::Range;
 use rspirv::spirv;
 
 use crate::error::Result;
-use crate::module::load::{CopyBudget, UnknownResults};
+use crate::module::copy_budget::CopyBudget;
+use crate::module::id_map::UnknownResults;
+use crate::module::span::{Span, invalid};
 use crate::module::ty::{MatrixLayout, Type};
-use crate::module::words::{Span, invalid};
 use crate::module::{Definition, Id, Module};
 
 /// A decoration with its literal operands, numbers as in the specification.

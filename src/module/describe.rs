@@ -1,7 +1,8 @@
 //! Describes ids and types in error messages and listings.
 
 use crate::math::float_format::FloatFormat;
-use crate::module::names::{opcode_name, storage_class_name};
+use crate::module::grammar::opcode_name;
+use crate::module::names::storage_class_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 

@@ -6,11 +6,11 @@
 use rspirv::spirv::Op;
 
 use crate::error::Result;
-use crate::module::grammar::{Opcode, opcode, walk};
+use crate::module::grammar::{Opcode, opcode, opcode_name, walk};
 use crate::module::load::{FUNCTION_STORAGE, Loader};
-use crate::module::names::opcode_name;
+use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeId};
-use crate::module::words::{Span, Walker, invalid};
+use crate::module::words::Walker;
 use crate::module::{BasicBlock, Definition, Function, Id, Instruction};
 
 impl<'w> Loader<'w> {

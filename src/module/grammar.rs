@@ -3,17 +3,16 @@
 //! An enumerant that the tables do not know may have parameters of its own, so the operands after
 //! it cannot be parsed: the rest of such an instruction is kept unread.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::LazyLock;
 
-use rspirv::dr;
 use rspirv::grammar::reflect::is_block_terminator;
 use rspirv::grammar::{INSTRUCTION_TABLE, LogicalOperand, OperandKind, OperandQuantifier};
-use rspirv::spirv;
+use rspirv::{dr, spirv};
 
 use crate::error::Result;
-use crate::module::names::opcode_name;
-use crate::module::words::{Span, ends_string, invalid};
+use crate::module::span::{Span, ends_string, invalid};
 
 /// The table entry of an opcode.
 #[derive(Clone, Copy)]
@@ -394,6 +393,14 @@ fn parameters(kind: OperandKind, word: u32) -> Option<Vec<LogicalOperand>> {
             of_mask(word, |bit| spirv::TensorOperands::from_bits(bit).map(dr::Operand::TensorOperands))
         }
         _ => Some(Vec::new()),
+    }
+}
+
+/// The name of an opcode (`OpFAdd`), or `opcode 1234`.
+pub fn opcode_name(number: u16) -> Cow<'static, str> {
+    match opcode(number) {
+        Some(known) => format!("Op{}", known.name).into(),
+        None => format!("opcode {number}").into(),
     }
 }
 

@@ -42,6 +42,9 @@ impl<T: Copy> IdMap<T> {
     }
 }
 
+/// Ids that an instruction of unknown opcode may define, with that opcode.
+pub(super) type UnknownResults = HashMap<Id, u16>;
+
 #[cfg(test)]
 mod tests {
     use super::*;

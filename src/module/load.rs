@@ -12,16 +12,16 @@ use rspirv::spirv::Op;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits};
 use crate::module::check::{self, FunctionUses};
+use crate::module::copy_budget::CopyBudget;
 use crate::module::debug_info::DebugInfo;
 use crate::module::debug_reader::DebugReader;
-use crate::module::declare_type::TypeExtent;
 use crate::module::decoration::{Decorations, PendingDecorations};
-use crate::module::grammar::{Opcode, is_constant, is_id, opcode, walk};
-use crate::module::id_map::IdMap;
+use crate::module::grammar::{Opcode, is_constant, is_id, opcode, opcode_name, walk};
+use crate::module::id_map::{IdMap, UnknownResults};
 use crate::module::interface::{EntryPoint, Stage};
-use crate::module::names::opcode_name;
-use crate::module::ty::{Type, TypeId};
-use crate::module::words::{Header, Span, Walker, header, invalid, string, words_of};
+use crate::module::span::{Span, invalid};
+use crate::module::ty::{Type, TypeExtent, TypeId};
+use crate::module::words::{Header, Walker, header, string, words_of};
 use crate::module::{Definition, GlobalVariable, Id, Module, check_flow};
 
 /// The storage class of variables inside functions.
@@ -68,9 +68,6 @@ pub fn load_with(bytes: &[u8], limits: InputLimits) -> Result<Module> {
     }
     Ok(module)
 }
-
-/// Ids that an instruction of unknown opcode may define, with that opcode.
-pub(super) type UnknownResults = HashMap<Id, u16>;
 
 /// How an imported instruction set is treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -580,31 +577,6 @@ impl<'w> Loader<'w> {
                 self.module.describe_id(self.id(at))
             ),
         )
-    }
-}
-
-/// Bounds the copies that a few words can request (a group's decorations for each target).
-pub(super) struct CopyBudget {
-    left: usize,
-}
-
-impl CopyBudget {
-    pub(super) fn new(words: usize) -> Self {
-        Self { left: 16 * words + 65_536 }
-    }
-
-    pub(super) fn spend(&mut self, words: usize, at: usize) -> Result<()> {
-        match self.left.checked_sub(words) {
-            Some(left) => {
-                self.left = left;
-                Ok(())
-            }
-            None => Err(Error::new(
-                ErrorKind::UnsupportedModule,
-                "the module's few words ask for more copies of decorations or modes than are made here",
-            )
-            .at(Place::Word(at))),
-        }
     }
 }
 

@@ -9,6 +9,7 @@ mod check_access;
 pub mod check_encoding;
 mod check_flow;
 pub mod constant;
+mod copy_budget;
 pub mod debug_info;
 mod debug_reader;
 mod declare_constant;
@@ -22,6 +23,7 @@ pub mod interface;
 pub mod load;
 mod lookup;
 pub mod names;
+mod span;
 pub mod ty;
 mod words;
 

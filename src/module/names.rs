@@ -2,18 +2,9 @@
 
 use std::borrow::Cow;
 
-use rspirv::grammar;
-use rspirv::spirv;
+use rspirv::{grammar, spirv};
 
-use crate::module::grammar::opcode;
-
-/// The name of an opcode (`OpFAdd`), or `opcode 1234`.
-pub fn opcode_name(number: u16) -> Cow<'static, str> {
-    match opcode(number) {
-        Some(known) => format!("Op{}", known.name).into(),
-        None => format!("opcode {number}").into(),
-    }
-}
+pub use crate::module::grammar::opcode_name;
 
 /// The name of a capability (`RayTracingKHR`), or `capability 1234`.
 pub fn capability_name(number: u32) -> Cow<'static, str> {

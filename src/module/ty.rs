@@ -270,6 +270,26 @@ impl ScalarCounter<'_> {
     }
 }
 
+/// How large a type is as a tree of types.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TypeExtent {
+    /// Levels of nesting, from 1.
+    pub(super) depth: u32,
+    /// The type itself and its parts with theirs; see [`InputLimit::TypeParts`].
+    pub(super) parts: u64,
+}
+
+impl TypeExtent {
+    /// The extent of a type without parts.
+    pub(super) const LEAF: Self = Self { depth: 1, parts: 1 };
+
+    /// The extent of a type around `count` parts of this one.
+    pub(super) fn around(self, count: u32) -> Self {
+        let parts = self.parts.saturating_mul(count.into()).saturating_add(1);
+        Self { depth: self.depth + 1, parts }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use pretty_assertions::assert_eq;

@@ -2,22 +2,15 @@
 //!
 //! SPIR-V specification, section 2.3 "Physical Layout of a SPIR-V Module and Instruction".
 
-use std::ops::Range;
-
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits};
+use crate::module::span::{Span, ends_string, invalid};
 
 /// The first word of every module.
 const MAGIC: u32 = 0x0723_0203;
 
 /// Words of the header: magic, version, generator, bound, schema.
 pub(crate) const HEADER_WORDS: usize = 5;
-
-/// The error for a violated rule at a word of the module.
-#[cold]
-pub(crate) fn invalid(offset: usize, message: impl Into<String>) -> Error {
-    Error::new(ErrorKind::InvalidModule, message).at(Place::Word(offset))
-}
 
 /// The header of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,21 +21,6 @@ pub(crate) struct Header {
     pub(crate) generator: u32,
     /// Every id is less than this.
     pub(crate) bound: u32,
-}
-
-/// One instruction: its opcode and the range of its words, the first (count and opcode) included.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Span {
-    pub(crate) opcode: u16,
-    pub(crate) start: usize,
-    pub(crate) end: usize,
-}
-
-impl Span {
-    /// The range of its operands, result type and result id included.
-    pub(crate) fn operands(self) -> Range<usize> {
-        self.start + 1..self.end
-    }
 }
 
 /// The words of a module, in this machine's byte order.
@@ -191,11 +169,6 @@ pub(crate) fn lossy_string(words: &[u32]) -> String {
     }
     let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
-}
-
-/// Whether one of the word's four bytes is zero.
-pub(crate) fn ends_string(word: u32) -> bool {
-    word.to_le_bytes().contains(&0)
 }
 
 #[cfg(test)]

@@ -15,7 +15,8 @@ use crate::ops::op::Op;
 use crate::ops::pointer::{self, Pointer, PointerBase, storage};
 use crate::ops::pointer_stride::{Stride, array_stride};
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
-use crate::ops::translate::{IdValue, Translator, Words};
+use crate::ops::translate::{IdValue, Translator};
+use crate::ops::value_registers::Words;
 
 /// Kernels of address arithmetic.
 pub mod kernels {

@@ -16,7 +16,8 @@ use crate::ops::glsl::{FMax, FMin, SMax, SMin, UMax, UMin};
 use crate::ops::lane_kernel::OpFamily;
 use crate::ops::relational_logical::{IEqual, select::SelectWord};
 use crate::ops::subgroup::{self, ReadSource};
-use crate::ops::translate::{InputRegisters, Translator, Words, registers_from};
+use crate::ops::translate::{InputRegisters, Translator};
+use crate::ops::value_registers::{Words, registers_from};
 
 /// `SPV_AMD_shader_trinary_minmax`
 pub const TRINARY: &str = "SPV_AMD_shader_trinary_minmax";

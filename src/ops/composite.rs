@@ -8,14 +8,15 @@ use crate::error::Result;
 use crate::machine::Reg;
 use crate::module::Instruction;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::address;
 use crate::ops::integer_operand::ReadAs;
-use crate::ops::linear_algebra;
+use crate::ops::linear_algebra::{columns, scalar_width_of_matrix};
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::ops::relational_logical::select::SelectWord;
+use crate::ops::translate::Translator;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
-use crate::ops::translate::{Translator, Words, registers_from};
+use crate::ops::value_registers::{Words, registers_from};
+use crate::ops::{address, linear_algebra};
 
 /// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
@@ -244,26 +245,6 @@ pub fn replicate(translator: &mut Translator<'_>, ty: TypeId, part: crate::modul
         return Err(translator.invalid(format!("the constituent repeated does not make a {name}")));
     }
     Ok(words.iter().copied().cycle().take(count).collect())
-}
-
-/// The first register of each component of each column of a matrix.
-pub fn columns(translator: &mut Translator<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
-    let ty = translator.type_of(matrix)?;
-    let Type::Matrix { column, count } = *translator.module.ty(ty) else {
-        return Err(translator.invalid("a matrix is needed here"));
-    };
-    let each = translator.scalar_width(column)?.div_ceil(32) as usize;
-    let words = translator.words(matrix)?;
-    let components: Words = words.chunks(each).map(|chunk| chunk[0]).collect();
-    Ok(components.chunks((components.len() / count.max(1) as usize).max(1)).map(Words::from_slice).collect())
-}
-
-/// Bits of a matrix's scalars.
-pub fn scalar_width_of_matrix(translator: &Translator<'_>, matrix: crate::module::Id) -> Result<u32> {
-    match *translator.module.ty(translator.type_of(matrix)?) {
-        Type::Matrix { column, .. } => translator.scalar_width(column),
-        _ => Err(translator.invalid("a matrix is needed here")),
-    }
 }
 
 /// The first word, among those of a composite, of the part that literal indices name, and its

@@ -5,7 +5,8 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::Result;
 use crate::module::ty::TypeId;
 use crate::module::{Id, Instruction};
-use crate::ops::translate::{IdValue, Translator, Words};
+use crate::ops::translate::{IdValue, Translator};
+use crate::ops::value_registers::Words;
 
 /// The words of an operation on constants.
 pub fn operation(

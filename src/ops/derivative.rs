@@ -14,7 +14,8 @@ use crate::module::Instruction;
 use crate::ops::arithmetic::{FAdd, FSub};
 use crate::ops::glsl::FAbs;
 use crate::ops::subgroup::{self, ReadSource};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[

@@ -9,7 +9,8 @@ use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{IAdd, IMul};
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// Kernels of packed components and of saturating sums.
 pub mod kernels {

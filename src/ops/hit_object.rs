@@ -12,9 +12,8 @@ use crate::machine::hit_object::{Attributes, EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::ops::access::{Access, object_accesses, object_write_accesses};
 use crate::ops::memory;
-use crate::ops::object;
-use crate::ops::op::Access;
 
 pub use getters::HitObjectGetter;
 pub use translate::{OPCODES, translate};
@@ -61,18 +60,18 @@ impl HitObjectOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::RecordHit { object, operands, with_index, attributes } => {
-                object::write_accesses(object, visit);
+                object_write_accesses(object, visit);
                 visit(Access::Read(operands, hit_operands(with_index)));
                 visit(Access::Read(attributes.first, attributes.count));
             }
             Self::RecordMiss { object, operands } => {
-                object::write_accesses(object, visit);
+                object_write_accesses(object, visit);
                 visit(Access::Read(operands, MISS_OPERANDS));
             }
-            Self::RecordEmpty { object } => object::write_accesses(object, visit),
+            Self::RecordEmpty { object } => object_write_accesses(object, visit),
             Self::RecordFromQuery { object, query, record, attributes, hit_kind } => {
-                object::write_accesses(object, visit);
-                object::accesses(query, visit);
+                object_write_accesses(object, visit);
+                object_accesses(query, visit);
                 visit(Access::Read(record, 1));
                 visit(Access::Read(attributes.first, attributes.count));
                 if let Some(hit_kind) = hit_kind {
@@ -80,16 +79,16 @@ impl HitObjectOp {
                 }
             }
             Self::SetRecord { object, record } => {
-                object::accesses(object, visit);
+                object_accesses(object, visit);
                 visit(Access::Read(record, 1));
                 visit(Access::Effect);
             }
             Self::Get { object, getter, to } => {
-                object::accesses(object, visit);
+                object_accesses(object, visit);
                 visit(Access::Write(to, getter.shape.words()));
             }
             Self::GetAttributes { object, to } => {
-                object::accesses(object, visit);
+                object_accesses(object, visit);
                 visit(Access::Write(to.first, to.count));
             }
             Self::Reorder => visit(Access::Effect),

@@ -10,7 +10,8 @@ use crate::module::Id;
 use crate::module::ty::Type;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// Kernels that convert an integer to one word.
 pub mod saturate {

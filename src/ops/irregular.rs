@@ -16,9 +16,9 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::glsl::parts;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily, family};
-use crate::ops::relational_logical as logical;
-use crate::ops::translate::{Translator, Words};
-use crate::ops::{amd, componentwise, debug_printf, linear_algebra};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
+use crate::ops::{amd, componentwise, debug_printf, linear_algebra, relational_logical as logical};
 
 /// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[

@@ -5,7 +5,6 @@
 //! macro writes an [`OpFamily`], the instruction at all its widths, from one closure.
 
 use std::fmt;
-use std::ops::Range;
 use std::sync::LazyLock;
 
 #[cfg(target_arch = "x86_64")]
@@ -14,8 +13,6 @@ use pulp::x86::V3;
 use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Reg, Registers, Scalar};
 use crate::math::lane_ops::CpuTier;
-use crate::ops::op::Op;
-use crate::ops::superop::SuperCode;
 
 /// Runs a kernel over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut [Lanes<W>], Reg, &[Reg; 3]);
@@ -87,10 +84,10 @@ pub trait Width<const W: usize> {
         false
     }
 
-    /// Runs superinstructions up to the first operation that has none, and returns its index; see
-    /// [`SuperCode::run`].
-    fn run_superops(_: &mut Registers<W>, _: &SuperCode, _: &[Op], range: Range<u32>, _: Mask<W>) -> u32 {
-        range.start
+    /// A batch of 64 lanes as such, to run superinstructions; no other has any.
+    #[inline(always)]
+    fn as_64(_: &mut Registers<W>, _: Mask<W>) -> Option<(&mut Registers<64>, Mask<64>)> {
+        None
     }
 }
 
@@ -112,15 +109,9 @@ impl Width<64> for LaneKernel {
         registers.cpu_tier().is_wide()
     }
 
-    #[inline]
-    fn run_superops(
-        registers: &mut Registers<64>,
-        code: &SuperCode,
-        ops: &[Op],
-        range: Range<u32>,
-        mask: Mask<64>,
-    ) -> u32 {
-        code.run(registers, ops, range, mask)
+    #[inline(always)]
+    fn as_64(registers: &mut Registers<64>, mask: Mask<64>) -> Option<(&mut Registers<64>, Mask<64>)> {
+        Some((registers, mask))
     }
 }
 

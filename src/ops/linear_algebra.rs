@@ -11,11 +11,11 @@ use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;
 use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
-use crate::ops::composite::{columns, scalar_width_of_matrix};
 use crate::ops::conversion::encoded;
 use crate::ops::glsl::{InverseSqrt, Sqrt};
 use crate::ops::relational_logical::{FOrdLessThan, select::SelectWord};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
@@ -436,5 +436,25 @@ fn eta(s: &mut FloatEmitter<'_, '_>, instruction: &Instruction, reg: Reg) -> Res
     match kernel(Conversion::F, from, s.width) {
         Some(kernel) => s.translator.emit_kernel(kernel, &[reg]),
         None => Ok(reg),
+    }
+}
+
+/// The first register of each component of each column of a matrix.
+pub fn columns(translator: &mut Translator<'_>, matrix: crate::module::Id) -> Result<Vec<Words>> {
+    let ty = translator.type_of(matrix)?;
+    let Type::Matrix { column, count } = *translator.module.ty(ty) else {
+        return Err(translator.invalid("a matrix is needed here"));
+    };
+    let each = translator.scalar_width(column)?.div_ceil(32) as usize;
+    let words = translator.words(matrix)?;
+    let components: Words = words.chunks(each).map(|chunk| chunk[0]).collect();
+    Ok(components.chunks((components.len() / count.max(1) as usize).max(1)).map(Words::from_slice).collect())
+}
+
+/// Bits of a matrix's scalars.
+pub fn scalar_width_of_matrix(translator: &Translator<'_>, matrix: crate::module::Id) -> Result<u32> {
+    match *translator.module.ty(translator.type_of(matrix)?) {
+        Type::Matrix { column, .. } => translator.scalar_width(column),
+        _ => Err(translator.invalid("a matrix is needed here")),
     }
 }

@@ -4,13 +4,14 @@
 use smallvec::SmallVec;
 
 use crate::error::Result;
-use crate::machine::resource::STRUCTURE_HANDLE;
+use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
 use crate::ops::pointer::{Pointer, PointerBase, add_offset, beyond_4_gib, descriptor_count, storage};
-use crate::ops::translate::{Translator, Words, registers_from};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::{Words, registers_from};
 
 /// Translates a load through a pointer.
 pub fn load(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Words> {

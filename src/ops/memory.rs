@@ -14,11 +14,7 @@ use crate::machine::{
     AccessFault, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers,
     TrapCode,
 };
-use crate::ops::op::Access;
-
-pub use crate::ops::pointer::{
-    Pointer, PointerBase, pointer_from_words, pointer_word_count, pointer_words, variable,
-};
+use crate::ops::access::Access;
 
 /// The value of a computed offset whose index is outside its array: an access through it traps.
 pub const OUT_OF_BOUNDS: u32 = u32::MAX;

@@ -14,10 +14,15 @@
 //!   componentwise.
 //! * What the others share: the translator ([`translate`]), which turns ids into registers, so that
 //!   composites cost nothing when the program runs; operations ([`op`], [`lane_kernel`],
-//!   [`superop`]); operands (`builtin`, `integer_operand`, `intersection_view`, `object`,
-//!   `pointer_layout`, `pointer_stride`); rules (`interface_check`, `operand_types`, `ray_rules`,
-//!   `support`); other ways to execute operations (`shadow_op`, `symbolic`).
+//!   [`superop`]); operands (`access`, `builtin`, `integer_operand`, `intersection_view`, `object`,
+//!   `pointer_layout`, `pointer_stride`, `value_registers`); rules (`interface_check`,
+//!   `operand_types`, `ray_rules`, `support`); other ways to execute operations (`shadow_op`,
+//!   `symbolic`).
+//!
+//! An operation must not need the translator, which emits it: where a section defines operations
+//! of its own, they and how they run stand in its file, their translation in a file below that.
 
+pub mod access;
 pub mod address;
 pub mod amd;
 pub mod arithmetic;
@@ -64,6 +69,7 @@ pub mod support;
 pub mod symbolic;
 pub mod trace_operands;
 pub mod translate;
+pub mod value_registers;
 
 use rspirv::spirv::Op as Opcode;
 
@@ -73,7 +79,8 @@ use crate::module::{Id, Instruction};
 use crate::ops::conversion::Conversion;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// The families of every section.
 pub static SECTIONS: &[&[&OpFamily]] = &[

@@ -6,28 +6,9 @@ use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Instruction, Module};
 use crate::ops::builtin::{self, ValueShape};
-use crate::ops::memory::PointerBase;
-use crate::ops::op::Access;
-use crate::ops::pointer::storage;
-use crate::ops::translate::{Translator, registers_from};
-
-/// Reports the registers that an operation reads to find an object (see
-/// [`crate::ops::op::Op::accesses`]).
-pub fn accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
-    match object {
-        ObjectRef::Register(reg) => visit(Access::Read(reg, 1)),
-        ObjectRef::Computed { index, .. } => visit(Access::Read(index, 1)),
-    }
-}
-
-/// Reports the registers of an operation that replaces an object: it reads and writes the handle.
-pub fn write_accesses(object: ObjectRef, visit: &mut dyn FnMut(Access)) {
-    accesses(object, visit);
-    if let ObjectRef::Register(reg) = object {
-        visit(Access::Write(reg, 1));
-    }
-    visit(Access::Effect);
-}
+use crate::ops::pointer::{PointerBase, storage};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::registers_from;
 
 /// Whether a value of this type is, or holds, a ray query or a hit object.
 pub fn holds_object(module: &Module, ty: TypeId) -> bool {

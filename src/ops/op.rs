@@ -1,6 +1,7 @@
 //! Operations: what instructions are translated to. They have no types and no composites.
 
 use crate::machine::{Batch, Bindings, Reg};
+use crate::ops::access::Access;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::{atomic, debug_printf, hit_object, image, memory, ray_query, ray_tracing, subgroup};
 
@@ -38,17 +39,6 @@ pub enum Op {
 
 // Every pass over a program iterates over all operations, so large and rare variants are boxed.
 const _: () = assert!(size_of::<Op>() <= 40);
-
-/// An access of an operation to registers, for passes over programs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
-    /// Reads this many registers.
-    Read(Reg, u32),
-    /// Writes this many registers.
-    Write(Reg, u32),
-    /// Has a side effect: the operation must not be eliminated.
-    Effect,
-}
 
 impl Op {
     /// Reports the registers that the operation reads and writes, and whether it has a side effect.

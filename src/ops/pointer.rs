@@ -7,14 +7,15 @@ use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
-use crate::ops::image::access::TexelRef;
+use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::load_store::{load, load_aligned, store, store_aligned};
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_copyable;
 use crate::ops::op::Op;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
-use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, Words};
+use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator};
+use crate::ops::value_registers::Words;
 use crate::ops::{address, builtin};
 
 /// Storage classes, numbers of the specification.

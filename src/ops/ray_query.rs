@@ -7,21 +7,20 @@
 //! defines, are (u, 0), u being 0 for a sphere, and they are never front facing.
 
 use rspirv::spirv::Op as Opcode;
-use smallvec::SmallVec;
 
 use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
 use crate::geometry::{ObjectRay, Ray};
 use crate::machine::object::ObjectRef;
 use crate::machine::{AccessFault, Batch, Bindings, Mask, RayQuery, Reg, TrapCode};
-use crate::module::Instruction;
-use crate::module::ty::Type;
+use crate::ops::access::{Access, object_accesses, object_write_accesses};
 use crate::ops::builtin::{ValueShape, floats};
 use crate::ops::intersection_view::{IntersectionView, write_floats, write_word};
 use crate::ops::memory;
-use crate::ops::object::{self, define_result, object_ref};
-use crate::ops::op::{Access, Op as Operation};
-use crate::ops::translate::Translator;
+
+pub use translate::translate;
+
+mod translate;
 
 /// Words of the operands of `OpRayQueryInitializeKHR`: acceleration structure (2), ray flags, cull
 /// mask, origin (3), t min, direction (3), t max.
@@ -167,33 +166,33 @@ impl RayQueryOp {
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         match *self {
             Self::Initialize { query, operands, .. } => {
-                object::write_accesses(query, visit);
+                object_write_accesses(query, visit);
                 visit(Access::Read(operands, OPERANDS));
             }
             Self::Proceed { query, to } => {
-                object::accesses(query, visit);
+                object_accesses(query, visit);
                 visit(Access::Write(to, 1));
                 visit(Access::Effect);
             }
             Self::Terminate { query } | Self::Confirm { query } => {
-                object::accesses(query, visit);
+                object_accesses(query, visit);
                 visit(Access::Effect);
             }
             Self::Generate { query, t } => {
-                object::accesses(query, visit);
+                object_accesses(query, visit);
                 visit(Access::Read(t, 1));
                 visit(Access::Effect);
             }
             Self::Type { query, to, .. } => {
-                object::accesses(query, visit);
+                object_accesses(query, visit);
                 visit(Access::Write(to, 1));
             }
             Self::GetRay { query, getter, to } => {
-                object::accesses(query, visit);
+                object_accesses(query, visit);
                 visit(Access::Write(to, getter.shape.words()));
             }
             Self::Get { query, getter, to, .. } => {
-                object::accesses(query, visit);
+                object_accesses(query, visit);
                 visit(Access::Write(to, getter.shape.words()));
             }
             Self::Uninitialize { first, count } => {
@@ -388,88 +387,3 @@ pub const OPCODES: &[Opcode] = &[
     Opcode::RayQueryGetIntersectionLSSRadiiNV,
     Opcode::RayQueryGetIntersectionLSSHitValueNV,
 ];
-
-/// Translates ray query instructions; `false` for an instruction of another section.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
-    if !OPCODES.contains(&opcode) {
-        return Ok(false);
-    }
-    let id = translator.id(instruction, 0)?;
-    let query = object_ref(translator, id, |ty| matches!(ty, Type::RayQuery))?;
-    let op = match opcode {
-        Opcode::RayQueryInitializeKHR => {
-            let mut words: SmallVec<[Reg; 12]> = SmallVec::new();
-            for at in 1..8 {
-                words.extend(translator.operand(instruction, at)?);
-            }
-            if words.len() != OPERANDS as usize {
-                return Err(translator.invalid("the operands of OpRayQueryInitializeKHR have wrong types"));
-            }
-            let operands = translator.consecutive(&words)?;
-            let micromaps = match translator.micromap_mode {
-                Some(mode) => translator.constant_integer(mode)? != 0,
-                None => true,
-            };
-            RayQueryOp::Initialize { query, operands, micromaps }
-        }
-        Opcode::RayQueryProceedKHR => {
-            RayQueryOp::Proceed { query, to: define_result(translator, instruction, ValueShape::Bool)? }
-        }
-        Opcode::RayQueryTerminateKHR => RayQueryOp::Terminate { query },
-        Opcode::RayQueryConfirmIntersectionKHR => RayQueryOp::Confirm { query },
-        Opcode::RayQueryGenerateIntersectionKHR => match translator.operand(instruction, 1)?[..] {
-            [t] => RayQueryOp::Generate { query, t },
-            _ => return Err(translator.invalid("a hit distance must be a 32-bit float")),
-        },
-        Opcode::RayQueryGetIntersectionTypeKHR => {
-            let committed = committed(translator, instruction)?;
-            RayQueryOp::Type {
-                query,
-                committed,
-                to: define_result(translator, instruction, ValueShape::Int)?,
-            }
-        }
-        Opcode::RayQueryGetIntersectionCandidateAABBOpaqueKHR => {
-            let getter = &AABB_OPAQUE;
-            RayQueryOp::Get {
-                query,
-                committed: false,
-                getter,
-                to: define_result(translator, instruction, getter.shape)?,
-            }
-        }
-        _ => {
-            if let Some(getter) = RAY_GETTERS.iter().find(|getter| getter.opcode == opcode) {
-                RayQueryOp::GetRay {
-                    query,
-                    getter,
-                    to: define_result(translator, instruction, getter.shape)?,
-                }
-            } else if let Some(getter) = GETTERS.iter().find(|getter| getter.opcode == opcode) {
-                let committed = committed(translator, instruction)?;
-                RayQueryOp::Get {
-                    query,
-                    committed,
-                    getter,
-                    to: define_result(translator, instruction, getter.shape)?,
-                }
-            } else {
-                return Ok(false);
-            }
-        }
-    };
-    translator.emit(Operation::RayQuery(op));
-    Ok(true)
-}
-
-/// The operand Intersection: 0 for the candidate, 1 for what is committed.
-fn committed(translator: &mut Translator<'_>, instruction: &Instruction) -> Result<bool> {
-    let id = translator.id(instruction, 1)?;
-    match translator.constant_integer(id)? {
-        0 => Ok(false),
-        1 => Ok(true),
-        other => Err(translator.invalid(format!(
-            "the operand Intersection is {other}: it must be 0 (candidate) or 1 (committed) (SPV_KHR_ray_query)"
-        ))),
-    }
-}

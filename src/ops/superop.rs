@@ -287,7 +287,8 @@ macro_rules! functions {
                 )),*];
                 let truncation = (conversion::kernel(Conversion::FToS, 32, 32), Self::FToS);
                 let all = families.into_iter().chain(conversions).chain([truncation]);
-                all.filter_map(|(kernel, function)| Some((kernel?, function))).collect()
+                let missing = "bug in anyhit: a superinstruction's function has no kernel of its width";
+                all.map(|(kernel, function)| (kernel.expect(missing), function)).collect()
             }
 
             /// Whether the first two operands may be swapped.

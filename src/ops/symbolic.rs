@@ -9,11 +9,11 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::memory;
-use crate::ops::op::{Access, Op};
-use crate::ops::{arithmetic, bit, glsl, relational_logical as logical};
+use crate::ops::op::Op;
+use crate::ops::{arithmetic, bit, glsl, memory, relational_logical as logical};
 
 /// The number of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

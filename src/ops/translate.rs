@@ -24,14 +24,17 @@ use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::builtin::Builtin;
 use crate::ops::float_controls::{self, FloatControls};
 use crate::ops::lane_kernel::{LaneKernel, OpFamily};
-use crate::ops::memory::{self, Pointer};
+use crate::ops::memory;
 use crate::ops::op::Op;
+use crate::ops::pointer::{self, Pointer};
 use crate::ops::pointer_layout::{self, ends_in_matrix};
+use crate::ops::value_registers::{Words, registers_from, words_from};
 use budget::{WORDS_OF_A_STEP, named};
-pub use constants::array_length;
 use fingerprint::Fingerprint;
-pub use values::{IdValue, Words, registers_from};
-use values::{Values, words_from};
+use values::Values;
+
+pub use constants::array_length;
+pub use values::IdValue;
 
 /// A descriptor binding that a program uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -574,7 +577,7 @@ impl<'m> Translator<'m> {
         }
         let value = match self.module.definition(id) {
             Some(Definition::Constant(index)) => return self.constant_value(index),
-            Some(Definition::Variable(index)) => IdValue::Pointer(memory::variable(self, index)?.into()),
+            Some(Definition::Variable(index)) => IdValue::Pointer(pointer::variable(self, index)?.into()),
             Some(Definition::Result(..) | Definition::Parameter(..)) => {
                 return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
             }
@@ -596,7 +599,7 @@ impl<'m> Translator<'m> {
             return Ok(words);
         }
         if let IdValue::Pointer(pointer) = self.value(id)?
-            && matches!(pointer.base, memory::PointerBase::Buffer(_))
+            && matches!(pointer.base, pointer::PointerBase::Buffer(_))
             && !pointer.is_packed(self)
             && (pointer.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
         {
@@ -610,7 +613,7 @@ impl<'m> Translator<'m> {
     pub fn words_unchecked(&mut self, id: Id) -> Result<Words> {
         match self.value(id)? {
             IdValue::Words(words) => Ok(words),
-            IdValue::Pointer(pointer) => memory::pointer_words(self, &pointer),
+            IdValue::Pointer(pointer) => pointer::pointer_words(self, &pointer),
         }
     }
 
@@ -623,7 +626,7 @@ impl<'m> Translator<'m> {
             IdValue::Pointer(pointer) => Ok(*pointer),
             IdValue::Words(words) => {
                 let ty = self.type_of(id)?;
-                let mut pointer = memory::pointer_from_words(self, ty, &words)?;
+                let mut pointer = pointer::pointer_from_words(self, ty, &words)?;
                 let steps = pointer_layout::infer_layout(self, id, &mut pointer)?;
                 self.charge(steps);
                 Ok(pointer)

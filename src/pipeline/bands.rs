@@ -17,8 +17,9 @@ use crate::machine::image::{Image, Position};
 use crate::machine::{Binding, Descriptor};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::launch::{Launch, Stats};
+use crate::pipeline::launch::Launch;
 use crate::pipeline::order;
+use crate::pipeline::stats::Stats;
 use crate::program::Program;
 use crate::program::race_analysis::{LaunchExtent, OwnRow};
 

@@ -38,3 +38,16 @@ impl HitGroup {
         }
     }
 }
+
+/// The role in which a shader runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    RayGeneration,
+    AnyHit,
+    /// An any-hit shader that decides on a report of an intersection shader.
+    ReportedAnyHit,
+    Intersection,
+    ClosestHit,
+    Miss,
+    Callable,
+}

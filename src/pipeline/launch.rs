@@ -1,136 +1,23 @@
 //! Launches: a grid of ray generation invocations, or one ray.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::accel::{Committed, Tlas, TraceRay};
+use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Bindings, Observer, Reg, Registers, Resources, TaskWatch, Watchdog};
-use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
+use crate::pipeline::host_ray::{RayOperands, RayOutcome};
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
+use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
 use crate::pipeline::tracing::check_trace;
 use crate::pipeline::trapped::{Trapped, host_ray_trap, spent_together};
-
-/// Counts of what a launch did.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Stats {
-    /// Rays traced.
-    pub rays: u64,
-    /// Ray queries initialised.
-    pub ray_queries: u64,
-    /// Rays and ray queries whose direction is zero, which no triangle, sphere or swept sphere
-    /// meets.
-    pub zero_directions: u64,
-    /// Instructions that reorder invocations, which changes nothing here, counted by invocations.
-    pub reorders: u64,
-    /// Invocations and batches by stage.
-    #[doc(hidden)]
-    pub shaders: BTreeMap<Stage, ShaderStats>,
-    /// Work that was elided.
-    #[doc(hidden)]
-    pub elided: Elided,
-}
-
-/// Work of rays that was elided because nothing depends on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Elided {
-    /// Closest hits on opaque geometry whose hit group has an any-hit shader, which did not run.
-    pub any_hit: u64,
-    /// Occlusion rays that ended at the first hit found, because nothing reads which hit it is.
-    pub occlusion: u64,
-    /// Invocations of shaders without side effects, which did not run.
-    pub empty: u64,
-    /// Invocations of closest-hit and miss shaders that write only payload words that are never
-    /// read, which did not run.
-    pub unread: u64,
-}
-
-/// How often shaders of a stage ran.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ShaderStats {
-    /// The number of invocations.
-    pub invocations: u64,
-    /// The number of batches that they ran in.
-    pub batches: u64,
-}
-
-impl Stats {
-    /// How many invocations of a stage's shaders ran.
-    pub fn invocations(&self, stage: Stage) -> u64 {
-        self.shaders.get(&stage).map_or(0, |shaders| shaders.invocations)
-    }
-
-    /// Counts invocations of a shader without effect.
-    pub(super) fn elide(&mut self, stage: Stage, count: u32) {
-        self.elided.empty += u64::from(count);
-        self.count_without_batch(stage, count);
-    }
-
-    /// Counts invocations of a shader that writes only payload words that are never read.
-    pub(super) fn elide_unread(&mut self, stage: Stage, count: u32) {
-        self.elided.unread += u64::from(count);
-        self.count_without_batch(stage, count);
-    }
-
-    fn count_without_batch(&mut self, stage: Stage, count: u32) {
-        if count > 0 {
-            self.shaders.entry(stage).or_default().invocations += u64::from(count);
-        }
-    }
-
-    /// The sum of two counts.
-    #[must_use]
-    pub fn plus(mut self, other: &Self) -> Self {
-        self.rays += other.rays;
-        self.ray_queries += other.ray_queries;
-        self.zero_directions += other.zero_directions;
-        self.reorders += other.reorders;
-        self.elided.any_hit += other.elided.any_hit;
-        self.elided.occlusion += other.elided.occlusion;
-        self.elided.empty += other.elided.empty;
-        self.elided.unread += other.elided.unread;
-        for (&stage, stats) in &other.shaders {
-            let sum = self.shaders.entry(stage).or_default();
-            sum.invocations += stats.invocations;
-            sum.batches += stats.batches;
-        }
-        self
-    }
-}
-
-/// The result of one ray.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RayOutcome {
-    /// The closest hit; `None` for a miss.
-    pub committed: Option<Committed>,
-    /// The payload's words.
-    pub payload: Vec<u32>,
-    /// Counts of the work done.
-    pub stats: Stats,
-}
-
-/// The operands of a ray that the host traces, without a ray generation shader.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RayOperands {
-    /// Ray, flags, cull mask.
-    pub trace: TraceRay,
-    /// SBT offset.
-    pub sbt_offset: u32,
-    /// SBT stride.
-    pub sbt_stride: u32,
-    /// Miss index.
-    pub miss_index: u32,
-    /// The payload's words.
-    pub payload: Vec<u32>,
-}
 
 /// A pipeline with its resources, ready to launch.
 #[derive(Clone, Debug)]

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::accel::observer::{HitPrimitive, InstanceVerdict, PrimitiveVerdict};
+use crate::accel::hit::HitPrimitive;
+use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, TraversalObserver};
 use crate::machine::{Exit, RayQueryEvent, Reg};
 use crate::module::interface::Stage;

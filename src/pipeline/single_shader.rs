@@ -8,10 +8,12 @@ use crate::machine::{Invocation, Observer};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::group::Shader;
-use crate::pipeline::launch::{Launch, RayOperands, Stats};
+use crate::pipeline::host_ray::RayOperands;
+use crate::pipeline::launch::Launch;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::order::LaunchOrder;
 use crate::pipeline::stack::{Stack, bindings};
+use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::{Trapped, host_ray_trap};
 
 /// How shaders end that ran: with their counts, or with a trap.

@@ -16,30 +16,17 @@ use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
-use crate::pipeline::Pipeline;
-use crate::pipeline::group::Shader;
-use crate::pipeline::launch::{RayOperands, Stats};
+use crate::pipeline::group::{Role, Shader};
+use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
-use crate::pipeline::payload;
 use crate::pipeline::report::IntersectionReport;
 use crate::pipeline::sbt::SbtRecord;
+use crate::pipeline::stats::Stats;
 use crate::pipeline::trace::{PendingCall, Trace, Words, general_shader, record_at};
 use crate::pipeline::trapped::{Trapped, ended_without_shader};
+use crate::pipeline::{Pipeline, payload};
 use crate::program::Program;
-
-/// The role in which a shader runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
-    RayGeneration,
-    AnyHit,
-    /// An any-hit shader that decides on a report of an intersection shader.
-    ReportedAnyHit,
-    Intersection,
-    ClosestHit,
-    Miss,
-    Callable,
-}
 
 /// A shader that runs or waits, in the lanes of its caller that called it.
 #[derive(Clone, Debug)]
@@ -618,13 +605,4 @@ fn begin<const W: usize>(pipeline: &Pipeline, running: &mut RunningShader<W>, la
     let program = &pipeline.programs[running.shader.0 as usize];
     running.lanes = lanes;
     program.begin(&mut running.batch, lanes, pipeline.fuel);
-}
-
-impl Stats {
-    /// Counts a batch of a stage and the invocations in its lanes.
-    pub(super) fn count(&mut self, stage: Stage, lanes: u32) {
-        let entry = self.shaders.entry(stage).or_default();
-        entry.batches += 1;
-        entry.invocations += u64::from(lanes);
-    }
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::pipeline::launch::Stats;
+use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::Trapped;
 
 /// A queue of numbered tasks. Each idle thread takes the next one, so that threads end at about the

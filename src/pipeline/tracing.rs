@@ -10,12 +10,11 @@ use crate::machine::{AccessFault, Bindings, Mask, Observer, Reg, Registers, Trap
 use crate::ops::hit_object;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
-use crate::pipeline::PipelineFlags;
-use crate::pipeline::launch::RayOperands;
+use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
-use crate::pipeline::payload;
 use crate::pipeline::stack::{ShaderCallFrame, Stack};
 use crate::pipeline::trace::{Trace, Words};
+use crate::pipeline::{PipelineFlags, payload};
 
 impl<const W: usize> Trace<W> {
     /// Reads the operands of an instruction for the lanes of a mask; returns the lanes whose

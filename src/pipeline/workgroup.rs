@@ -18,10 +18,9 @@ use crate::machine::{
 };
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
-use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
-use crate::pipeline::launch::Stats;
 use crate::pipeline::observer::Event;
+use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::{Trapped, source_line, trap_error, with_limit};
 use crate::program::{Program, Terminator, WorkgroupLayout};
 
@@ -73,10 +72,19 @@ impl<'a, O> Observers<'a, O> {
     }
 }
 
+/// What a dispatch sets for each invocation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InvocationLimits {
+    /// Instructions that it may execute.
+    pub fuel: u64,
+    /// `SubgroupSize`
+    pub subgroup_size: u32,
+}
+
 /// Runs workgroups, at a time as many as fill a batch.
 pub(super) struct WorkgroupRunner<'a, const W: usize> {
-    compute: &'a Compute,
     program: &'a Program,
+    limits: InvocationLimits,
     bindings: &'a Bindings,
     batches: Vec<WorkgroupBatch<W>>,
     /// The number of workgroups that run together.
@@ -93,12 +101,11 @@ where
     LaneKernel: Width<W>,
 {
     pub fn new(
-        compute: &'a Compute,
+        (program, limits): (&'a Program, InvocationLimits),
         bindings: &'a Bindings,
         layout: WorkgroupLayout,
         watch: &Arc<TaskWatch>,
     ) -> Self {
-        let program = &*compute.program;
         let group_size = layout.size.iter().product::<u32>() as usize;
         // A call returns when all lanes of its batch have returned. So workgroups with barriers in
         // calls must not share a batch: each waits only for itself.
@@ -117,7 +124,7 @@ where
             .collect();
         let (stats, trapped) = (Stats::default(), None);
         let watch = watch.clone();
-        Self { compute, program, bindings, batches, concurrent, group_size, layout, stats, trapped, watch }
+        Self { program, limits, bindings, batches, concurrent, group_size, layout, stats, trapped, watch }
     }
 
     /// Runs workgroups. Returns the trap of the first workgroup that has one.
@@ -169,7 +176,7 @@ where
                 let invocation = Invocation {
                     launch_id: group.global_id(local_index),
                     launch_size: std::array::from_fn(|axis| group.count[axis] * group.size[axis]),
-                    subgroup_size: self.compute.subgroup_size,
+                    subgroup_size: self.limits.subgroup_size,
                     workgroup: Some(group.clone()),
                     local_index,
                     subgroup_order: place,
@@ -181,7 +188,7 @@ where
                 continue;
             }
             let mask = Mask::first(lanes);
-            self.program.begin(&mut member.batch, mask, self.compute.fuel);
+            self.program.begin(&mut member.batch, mask, self.limits.fuel);
             self.watch.charge(u64::from(self.program.entry_cost()) * u64::from(mask.count()));
             member.waiting.push(WaitingLanes { block: member.batch.block, op: member.batch.op, mask });
             self.stats.count(self.program.stage, mask.count());
@@ -272,7 +279,7 @@ where
             error = error.note(note);
         }
         let (stage, name) = (self.program.stage.name(), &self.program.name);
-        error = with_limit(error, trap.code, self.compute.fuel, Some(self.watch.watchdog()));
+        error = with_limit(error, trap.code, self.limits.fuel, Some(self.watch.watchdog()));
         error = error.note(format!(
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));

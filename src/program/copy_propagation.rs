@@ -14,8 +14,9 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::memory;
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::program::{Program, Terminator};
 
 /// The most bits of liveness that are computed: more would take too much memory.
@@ -412,4 +413,9 @@ fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(u32)) {
         }
         Terminator::Call { .. } | Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
     }
+}
+
+/// Whether an operation copies a register to itself.
+pub(super) fn is_noop(op: &Op) -> bool {
+    matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }

@@ -4,7 +4,8 @@
 //! also means that an index which is out of bounds but never used does not trap.
 
 use crate::machine::Reg;
-use crate::ops::op::{Access, Op};
+use crate::ops::access::Access;
+use crate::ops::op::Op;
 use crate::ops::{memory, ray_tracing};
 use crate::program::Program;
 use crate::program::copy_propagation::for_each_terminator_read;

@@ -9,6 +9,7 @@ mod copy_propagation;
 pub mod dce;
 pub mod descriptors;
 mod loop_report;
+mod loop_variable;
 pub mod lower;
 mod obstacles;
 mod out_of_bounds;
@@ -26,7 +27,7 @@ use std::sync::Arc;
 
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::resource::STRUCTURE_HANDLE;
+use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{
     AccessFault, Batch, Binding, Bindings, Exit, LaneTrap, Lanes, Mask, Reg, Registers, TrapCode,
 };
@@ -39,7 +40,7 @@ use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
 
-pub use loop_report::LoopVariable;
+pub use loop_variable::LoopVariable;
 pub use lower::{Inlining, LowerOptions, Optimization, lower, lower_with};
 pub use obstacles::obstacles;
 pub use regalloc::{OptimizedCode, Superblock};

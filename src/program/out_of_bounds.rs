@@ -5,9 +5,10 @@ use crate::error::IndexOperand;
 use crate::machine::{AccessFault, LaneTrap, Reg, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
+use crate::ops::access::Access;
 use crate::ops::atomic;
 use crate::ops::memory::{self, Length};
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::program::Program;
 
 /// Instructions that take indices.

@@ -4,10 +4,10 @@
 
 use crate::machine::stop::RegSpan;
 use crate::machine::{Exit, Reg};
-use crate::ops::memory;
-use crate::ops::op::{Access, Op};
+use crate::ops::access::Access;
+use crate::ops::op::Op;
 use crate::ops::pointer::storage;
-use crate::ops::ray_tracing;
+use crate::ops::{memory, ray_tracing};
 use crate::program::copy_propagation::for_each_terminator_read;
 use crate::program::{Block, Program, Terminator};
 

@@ -28,21 +28,22 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
+use crate::ops::access::Access;
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
 use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
 use crate::ops::bit::ShiftLeftLogical;
 use crate::ops::image::ImageOp;
-use crate::ops::image::access::TexelRef;
+use crate::ops::image::texel_ref::TexelRef;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{
     BufferRef, Chunk, Length, MemoryOp, PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE,
 };
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::ops::translate::InputRegisters;
 use crate::program::Program;
-
 use affine::{AffineExpr, AffineRange, Symbol, both, scaled};
 use aliases::AliasedMemory;
+
 pub use image_rows::OwnRow;
 
 /// How memory is accessed.

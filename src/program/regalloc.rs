@@ -23,11 +23,12 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::conversion::{self, Conversion};
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::ops::superop::{ResultUse, SuperCode, takes_float};
 use crate::ops::{bit, memory};
-use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read, is_noop};
 use crate::program::schedule::ListScheduler;
 use crate::program::{Program, Terminator};
 use direct_registers::{rename_constants, rename_values};
@@ -166,6 +167,8 @@ fn use_signed_conversions(ops: &mut [Op], constants: &[(Reg, u32)]) {
     if !ops.iter().any(|op| matches!(op, Op::LaneKernel { kernel, .. } if std::ptr::eq(*kernel, unsigned))) {
         return;
     }
+    let amounts: FxHashSet<Reg> =
+        constants.iter().filter(|(_, word)| (1..32).contains(word)).map(|&(reg, _)| reg).collect();
     let mut written: FxHashMap<Reg, usize> = FxHashMap::default();
     for at in 0..ops.len() {
         if let Op::LaneKernel { kernel, from: [from, ..], .. } = ops[at]
@@ -173,7 +176,7 @@ fn use_signed_conversions(ops: &mut [Op], constants: &[(Reg, u32)]) {
             && let Some(&Op::LaneKernel { kernel: shift, from: [_, by, _], .. }) =
                 written.get(&from).map(|&by| &ops[by])
             && bit::ShiftRightLogical.kernel(32).is_some_and(|known| std::ptr::eq(known, shift))
-            && constants.iter().any(|&(reg, word)| reg == by && (1..32).contains(&word))
+            && amounts.contains(&by)
             && let Op::LaneKernel { kernel, .. } = &mut ops[at]
         {
             *kernel = signed;
@@ -381,11 +384,6 @@ fn propagate_local_copies(
             *to = *from;
         }
     }
-}
-
-/// Whether an operation copies a register to itself.
-pub(super) fn is_noop(op: &Op) -> bool {
-    matches!(op, Op::Memory(memory::MemoryOp::Move { to, from }) if to == from)
 }
 
 /// The pool of registers that local values share, a stack: the register that was freed last is

@@ -7,9 +7,10 @@
 //! results.
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::memory;
-use crate::ops::op::{Access, Op};
-use crate::program::regalloc::is_noop;
+use crate::ops::op::Op;
+use crate::program::copy_propagation::is_noop;
 
 /// No operation, or the end of a linked list.
 const NONE: u32 = u32::MAX;

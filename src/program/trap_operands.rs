@@ -2,7 +2,7 @@
 
 use crate::accel::RayRule;
 use crate::error::{DescriptorElement, IndexOperand, TrapOperands};
-use crate::machine::resource::STRUCTURE_HANDLE;
+use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{AccessFault, Binding, Bindings, LaneTrap, TrapCode};
 use crate::ops::atomic::AtomicTarget;
 use crate::ops::memory::{BufferRef, Chunk, MemoryOp};

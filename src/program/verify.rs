@@ -14,11 +14,11 @@ use std::ops::Range;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::Reg;
-use crate::ops::op::{Access, Op};
+use crate::ops::access::Access;
+use crate::ops::op::Op;
 use crate::ops::superop::SuperCode;
 use crate::ops::symbolic::{ImplicitRegisters, State, ValueTable, reaches_addressed};
-use crate::program::copy_propagation::for_each_terminator_read;
-use crate::program::regalloc::is_noop;
+use crate::program::copy_propagation::{for_each_terminator_read, is_noop};
 use crate::program::{Block, Program, Superblock, Terminator};
 
 /// Programs of more operations are not checked.

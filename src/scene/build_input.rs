@@ -9,9 +9,10 @@ use crate::accel::build_input::{
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::scene::data::{DataPieces, DataSources};
+use crate::scene::data::DataPieces;
+use crate::scene::data_sources::DataSources;
 use crate::scene::files::Files;
-use crate::scene::models::OpenModels;
+use crate::scene::open_models::OpenModels;
 use crate::scene::read::{Named, Span, Table};
 
 /// The buffers of one geometry, as a scene writes them.

@@ -12,10 +12,10 @@
 use glam::{DMat4, DVec4};
 
 use crate::error::Result;
-use crate::scene::data::DataSources;
-use crate::scene::geometry::parse_transform;
+use crate::scene::data_sources::DataSources;
 use crate::scene::mesh::material::Projection;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of};
+use crate::scene::transform_entry::{matrix_of, parse_transform};
 
 /// A camera as a scene writes it: by its numbers, or one of a mesh file.
 #[derive(Clone, Debug)]
@@ -294,12 +294,6 @@ fn several<T>(table: &Table<'_>) -> Option<T> {
         table.report().push(table.span().error(message));
     }
     None
-}
-
-/// A 3x4 matrix, as a scene writes a transform.
-pub(super) fn matrix_of(rows: &[[f32; 4]; 3]) -> DMat4 {
-    let [x, y, z] = rows.map(|row| DVec4::from_array(row.map(f64::from)));
-    DMat4::from_cols(x, y, z, DVec4::W).transpose()
 }
 
 /// A camera as a scene writes it.

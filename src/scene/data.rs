@@ -9,17 +9,17 @@
 //! Everything is little-endian, and padding is explicit but in structs: the file determines every
 //! byte that a shader's `std430`, `scalar` or `std140` layout reads.
 
-use std::path::Path;
-
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::math::float_format::FloatFormat;
+use crate::scene::address_entry::AddressOf;
 use crate::scene::camera::CameraPiece;
-use crate::scene::encoding::{AddressOf, Data};
+use crate::scene::data_sources::DataSources;
+use crate::scene::encoding::Data;
 use crate::scene::files::Files;
-use crate::scene::mesh_piece::{MeshPiece, SceneMeshes};
-use crate::scene::models::OpenModels;
-use crate::scene::read::{Diagnostics, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::mesh_piece::MeshPiece;
+use crate::scene::read::{Diagnostics, OneOrMore, Parse, Spanned, Table, TomlValue};
+use crate::scene::read_file::read;
+use crate::scene::scalar::Scalar;
 use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
 use crate::scene::struct_lookup::DataBlock;
 use crate::scene::tree::Toml;
@@ -51,26 +51,6 @@ enum Content {
     Struct(Box<StructPiece>),
     /// A device address.
     Address(AddressOf),
-}
-
-/// What data may name.
-#[derive(Clone, Copy)]
-pub struct DataSources<'a> {
-    /// Files beside the scene.
-    pub files: &'a dyn Files,
-    /// The width of the picture divided by its height, for cameras.
-    pub aspect: f32,
-    /// The mesh files of the scene.
-    pub models: &'a OpenModels,
-    /// Its meshes and instances; `None` where they are not known yet.
-    pub meshes: Option<SceneMeshes<'a>>,
-}
-
-impl<'a> DataSources<'a> {
-    /// Files alone, without meshes.
-    pub fn files(files: &'a dyn Files, models: &'a OpenModels) -> Self {
-        Self { files, aspect: 1.0, models, meshes: None }
-    }
 }
 
 impl DataPieces {
@@ -202,24 +182,6 @@ fn grown(bytes: &[u8], more: u64, files: &dyn Files) -> Result<usize> {
     Ok(all as usize)
 }
 
-/// Reads a file that a scene names; the error points at the name.
-pub(crate) fn read(files: &dyn Files, path: &str, span: &Span) -> Result<Vec<u8>> {
-    read_limited(files, path, span, InputLimit::FileBytes)
-}
-
-/// Reads a file that a scene names and whose kind has a limit of its own.
-pub(crate) fn read_limited(files: &dyn Files, path: &str, span: &Span, limit: InputLimit) -> Result<Vec<u8>> {
-    let path = span.source.sibling(path);
-    files.read_limited(&path, limit).map_err(|error| at(error, span, &path))
-}
-
-fn at(error: Error, span: &Span, path: &Path) -> Error {
-    match error.kind() {
-        ErrorKind::Io => error.at_with(span.place(), format!("looked for at {}", path.display())),
-        _ => error.at(span.place()),
-    }
-}
-
 impl Parse for DataPieces {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         OneOrMore::parse(value).map(|pieces| Self(pieces.0))
@@ -277,118 +239,6 @@ fn align(table: &Table<'_>, to: &Spanned<u32>) -> Option<Content> {
     None
 }
 
-/// A type of scalar as a scene names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
-    F16,
-    F32,
-    F64,
-    Bf16,
-    E4m3,
-    E5m2,
-    U8,
-    I8,
-    U16,
-    I16,
-    U32,
-    I32,
-    U64,
-    I64,
-    Bool,
-}
-
-impl Scalar {
-    const ALL: [Self; 15] = [
-        Self::F16,
-        Self::F32,
-        Self::F64,
-        Self::Bf16,
-        Self::E4m3,
-        Self::E5m2,
-        Self::U8,
-        Self::I8,
-        Self::U16,
-        Self::I16,
-        Self::U32,
-        Self::I32,
-        Self::U64,
-        Self::I64,
-        Self::Bool,
-    ];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::F16 => "f16",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::Bf16 => "bf16",
-            Self::E4m3 => "e4m3",
-            Self::E5m2 => "e5m2",
-            Self::U8 => "u8",
-            Self::I8 => "i8",
-            Self::U16 => "u16",
-            Self::I16 => "i16",
-            Self::U32 => "u32",
-            Self::I32 => "i32",
-            Self::U64 => "u64",
-            Self::I64 => "i64",
-            Self::Bool => "bool",
-        }
-    }
-
-    /// The little-endian bytes of one value.
-    fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
-        match self {
-            Self::F16 => bytes.extend(small_float_bytes(value, FloatFormat::Binary16, "f16")?),
-            Self::Bf16 => bytes.extend(small_float_bytes(value, FloatFormat::BFloat16, "bf16")?),
-            Self::E4m3 => bytes.extend(small_float_bytes(value, FloatFormat::E4M3, "e4m3")?),
-            Self::E5m2 => bytes.extend(small_float_bytes(value, FloatFormat::E5M2, "e5m2")?),
-            Self::F32 => bytes.extend(f32::parse(value)?.to_le_bytes()),
-            Self::F64 => bytes.extend(f64::parse(value)?.to_le_bytes()),
-            Self::U8 => bytes.extend(u8::parse(value)?.to_le_bytes()),
-            Self::I8 => bytes.extend(i8::parse(value)?.to_le_bytes()),
-            Self::U16 => bytes.extend(u16::parse(value)?.to_le_bytes()),
-            Self::I16 => bytes.extend(i16::parse(value)?.to_le_bytes()),
-            Self::U32 => bytes.extend(u32::parse(value)?.to_le_bytes()),
-            Self::I32 => bytes.extend(i32::parse(value)?.to_le_bytes()),
-            Self::U64 => bytes.extend(u64::parse(value)?.to_le_bytes()),
-            Self::I64 => bytes.extend(i64::parse(value)?.to_le_bytes()),
-            // VkBool32, which is also how compilers lay out a bool in a buffer.
-            Self::Bool => bytes.extend(u32::from(bool::parse(value)?).to_le_bytes()),
-        }
-        Some(())
-    }
-
-    /// The values under this type's key, flattened.
-    fn column(self, table: &Table<'_>) -> Option<Vec<u8>> {
-        let mut bytes = Vec::new();
-        self.flatten(table.value(self.name())?, &mut bytes)?;
-        Some(bytes)
-    }
-
-    fn flatten(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
-        let Some(elements) = value.elements() else { return self.encode(value, bytes) };
-        let mut all_good = true;
-        for element in elements {
-            all_good &= self.flatten(element, bytes).is_some();
-        }
-        all_good.then_some(())
-    }
-}
-
-/// The bytes of a float of 8 or 16 bits. It is rounded by way of f64: 53 bits are more than twice
-/// the 11 of a half, plus two, so double rounding has no effect unless the decimal lies within
-/// 2^-53 of a tie without being one.
-pub(super) fn small_float_bytes(value: TomlValue<'_>, format: FloatFormat, name: &str) -> Option<Vec<u8>> {
-    let wide = f64::parse(value)?;
-    let bits = format.round(wide);
-    let rounded = format.value(bits);
-    if !rounded.is_finite() && wide.is_finite() || rounded.is_nan() && !wide.is_nan() {
-        return value.wrong(format!("`{wide}` is beyond the range of {name}"));
-    }
-    Some(bits.to_le_bytes()[..format.width() as usize / 8].to_vec())
-}
-
 /// Bytes as hexadecimal digits; white space and `_` between them are ignored.
 struct Hex(Vec<u8>);
 
@@ -429,6 +279,7 @@ impl Parse for ScalarPiece {
 mod tests {
     use super::*;
     use crate::scene::files::EmbeddedFiles;
+    use crate::scene::open_models::OpenModels;
     use crate::scene::read::Document;
 
     fn encode(text: &str) -> Result<Vec<u8>> {

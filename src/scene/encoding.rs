@@ -2,20 +2,12 @@
 //! are.
 
 use crate::error::{Error, ErrorKind, Place, Result};
+use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
-use crate::scene::read::{Span, Spanned};
+use crate::scene::read::Span;
 
 /// The bytes of an address.
 const ADDRESS_SIZE: usize = 8;
-
-/// `{ address_of = "materials", offset = 16 }`
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AddressOf {
-    /// A resource, or an acceleration structure by its own name.
-    pub target: Spanned<String>,
-    /// The distance in bytes from its beginning.
-    pub offset: Spanned<u64>,
-}
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {

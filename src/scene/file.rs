@@ -14,11 +14,15 @@ use crate::machine::MemoryPolicy;
 use crate::machine::sampler::Sampler;
 use crate::module::interface::Stage;
 use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check_callable_depth};
-use crate::scene::data::{DataPieces, DataSources};
+use crate::scene::data::DataPieces;
+use crate::scene::data_sources::DataSources;
 use crate::scene::device;
+use crate::scene::entry::Entry;
 use crate::scene::files::EmbeddedFiles;
-use crate::scene::geometry::{GeometryEntry, InstanceEntry};
-use crate::scene::models::{ModelEntry, OpenModels};
+use crate::scene::geometry::GeometryEntry;
+use crate::scene::instance_entry::InstanceEntry;
+use crate::scene::models::ModelEntry;
+use crate::scene::open_models::OpenModels;
 use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, launch};
 use crate::scene::read::{
     Diagnostics, Document, Named, OneOrMore, Parse, Span, Spanned, Table, TomlSource, TomlValue,
@@ -68,15 +72,6 @@ pub struct SceneFile {
     pub rays: Vec<RayEntry>,
     /// `[[variant]]`
     pub variants: Vec<VariantEntry>,
-}
-
-/// A named table; `None` where it has a mistake that is already reported.
-#[derive(Clone, Debug)]
-pub struct Entry<T> {
-    /// Its name.
-    pub name: Spanned<String>,
-    /// Its content.
-    pub content: Option<T>,
 }
 
 impl SceneFile {

@@ -3,10 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use crate::accel::{
-    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, Motion, OpacityMicromap,
-    TlasInstance,
-};
+use crate::accel::{EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, OpacityMicromap};
 use crate::error::{Error, Result};
 use crate::scene::build_input::BuildEntry;
 use crate::scene::files::Files;
@@ -14,9 +11,9 @@ use crate::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter};
 use crate::scene::mesh::Mesh;
 use crate::scene::mesh::model::{MeshFormat, Model};
 use crate::scene::micromap::opacity_micromap;
-use crate::scene::models::{MeshSelection, OpenModels};
-use crate::scene::motion::motion;
+use crate::scene::open_models::{MeshSelection, OpenModels};
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
+use crate::scene::transform_entry::parse_transform;
 use crate::scene::tree::Toml;
 
 /// One geometry as a scene writes it.
@@ -435,206 +432,5 @@ fn radii_of(table: &Table<'_>, radii: Spanned<OneOrMore<f32>>, count: usize) -> 
             table.report().push(radii.span.error(message));
             None
         }
-    }
-}
-
-/// One instance as a scene writes it.
-#[derive(Clone, Debug)]
-pub struct InstanceEntry {
-    /// The span of its table.
-    pub span: Span,
-    /// The geometries of its BLAS.
-    pub geometry: Arc<[Spanned<String>]>,
-    /// The name of its TLAS.
-    pub tlas: String,
-    /// Object to world.
-    pub transform: [[f32; 4]; 3],
-    /// How it moves.
-    pub motion: Option<Motion>,
-    /// `InstanceCustomIndexKHR`
-    pub custom_index: u32,
-    /// Visibility mask.
-    pub mask: u8,
-    /// Record offset in the hit records.
-    pub sbt_offset: u32,
-    /// The geometry's flags.
-    pub flags: InstanceFlags,
-}
-
-#[derive(Clone, Copy)]
-pub(crate) struct InstanceFlag(u32);
-
-/// `VkGeometryInstanceFlagBitsKHR`
-impl Named for InstanceFlag {
-    const WHAT: &'static str = "flag of an instance";
-    const NAMES: &'static [(&'static str, Self)] = &[
-        ("triangle_facing_cull_disable", Self(1)),
-        ("triangle_flip_facing", Self(2)),
-        ("force_opaque", Self(4)),
-        ("force_no_opaque", Self(8)),
-        ("force_opacity_micromap_2_state", Self(0x10)),
-        ("disable_opacity_micromaps", Self(0x20)),
-    ];
-}
-
-impl Parse for InstanceEntry {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let table = Table::new(value)?;
-        let geometry = table.required::<OneOrMore<Spanned<String>>>("geometry");
-        let tlas = table.or("tlas", "main".to_string());
-        let transform = parse_transform(&table).unwrap_or(IDENTITY);
-        let motion = motion(&table, transform);
-        let custom_index = bits24(&table, "custom_index");
-        let mask = table.or("mask", 0xff);
-        let sbt_offset = bits24(&table, "sbt_offset");
-        let flags = instance_flags(&table);
-        table.finish();
-        let entry = Self {
-            span: value.span(),
-            geometry: geometry?.0.into(),
-            tlas,
-            transform,
-            motion,
-            custom_index: custom_index?,
-            mask,
-            sbt_offset: sbt_offset?,
-            flags,
-        };
-        Some(entry)
-    }
-}
-
-impl InstanceEntry {
-    /// The instance with this BLAS.
-    pub fn instance(&self, blas: Arc<Blas>) -> TlasInstance {
-        TlasInstance {
-            blas,
-            transform: self.transform,
-            motion: self.motion.clone(),
-            custom_index: self.custom_index,
-            mask: self.mask,
-            sbt_record_offset: self.sbt_offset,
-            flags: self.flags,
-        }
-    }
-}
-
-/// Reads `flags`.
-pub(super) fn instance_flags(table: &Table<'_>) -> InstanceFlags {
-    let flags = table.optional::<OneOrMore<InstanceFlag>>("flags");
-    InstanceFlags(flags.map_or(0, |flags| flags.0.iter().fold(0, |all, flag| all | flag.0)))
-}
-
-/// Reads a number of 24 bits; without the key it is 0.
-pub(super) fn bits24(table: &Table<'_>, key: &'static str) -> Option<u32> {
-    let Some(value) = table.value(key) else { return Some(0) };
-    let number = u32::parse(value)?;
-    if number >= 1 << 24 {
-        return value.wrong(format!("`{key}` has 24 bits: at most 16777215"));
-    }
-    Some(number)
-}
-
-const IDENTITY: [[f32; 4]; 3] = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]];
-
-/// Reads `transform`, or `scale`, `rotate` and `translate`, which apply in this order.
-pub(super) fn parse_transform(table: &Table<'_>) -> Option<[[f32; 4]; 3]> {
-    let matrix = table.optional::<Matrix>("transform");
-    let translate = table.or("translate", [0.0; 3]);
-    let rotate = table.optional::<Rotation>("rotate");
-    let scale = table.optional::<OneOrMore<f32>>("scale");
-    let has_components = ["translate", "rotate", "scale"].iter().any(|key| table.has(key));
-    if !has_components {
-        return matrix.map(|matrix| matrix.0);
-    }
-    if let Some(value) = table.value("transform") {
-        return value.wrong("give `transform`, or `translate`, `rotate` and `scale`, but not both");
-    }
-    let scale = match &scale {
-        Some(scale) => scale_vector(table.value("scale")?, scale)?,
-        None => [1.0; 3],
-    };
-    let rotation = rotate.map_or([[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], |rotation| rotation.matrix());
-    Some(std::array::from_fn(|row| {
-        std::array::from_fn(|column| match column {
-            3 => translate[row],
-            _ => (rotation[row][column] * f64::from(scale[column])) as f32,
-        })
-    }))
-}
-
-/// Reads a scale: one number for all axes, or three.
-pub(super) fn scale_vector(value: TomlValue<'_>, scale: &OneOrMore<f32>) -> Option<[f32; 3]> {
-    match scale.0[..] {
-        [all] => Some([all; 3]),
-        [x, y, z] => Some([x, y, z]),
-        _ => value.wrong("`scale` is one number or three"),
-    }
-}
-
-/// A matrix as three rows of four, or as twelve numbers in that order (`VkTransformMatrixKHR`).
-struct Matrix([[f32; 4]; 3]);
-
-impl Parse for Matrix {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let nested =
-            value.elements().is_some_and(|mut rows| rows.any(|row| matches!(row.toml(), Toml::Array(_))));
-        if nested {
-            return <[[f32; 4]; 3]>::parse(value).map(Self);
-        }
-        let flat = <[f32; 12]>::parse(value)?;
-        Some(Self(std::array::from_fn(|row| std::array::from_fn(|column| flat[4 * row + column]))))
-    }
-}
-
-pub(super) struct Rotation {
-    axis: [f32; 3],
-    degrees: f32,
-}
-
-impl Parse for Rotation {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let table = Table::new(value)?;
-        let axis = table.required::<Spanned<[f32; 3]>>("axis");
-        let degrees = table.required("degrees");
-        table.finish();
-        let (axis, degrees) = (axis?, degrees?);
-        if axis.value == [0.0; 3] || axis.value.iter().any(|x| !x.is_finite()) {
-            value.report().push(axis.span.error("an axis is finite and not zero"));
-            return None;
-        }
-        Some(Self { axis: axis.value, degrees })
-    }
-}
-
-impl Rotation {
-    /// The quaternion x, y, z, w.
-    pub(super) fn quaternion(&self) -> [f32; 4] {
-        // Half of the angle, in units of half turns.
-        let half = self.degrees / 360.0;
-        let (sine, cosine) = (f64::from(pxfm::f_sinpif(half)), pxfm::f_cospif(half));
-        let [x, y, z] = self.unit_axis().map(|x| (x * sine) as f32);
-        [x, y, z, cosine]
-    }
-
-    fn unit_axis(&self) -> [f64; 3] {
-        let a = self.axis.map(f64::from);
-        let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
-        a.map(|x| x / length)
-    }
-
-    /// The matrix by Rodrigues' formula, with sine and cosine of half turns, so that right angles
-    /// are exact.
-    fn matrix(&self) -> [[f64; 3]; 3] {
-        let half_turns = self.degrees / 180.0;
-        let (sine, cosine) = (f64::from(pxfm::f_sinpif(half_turns)), f64::from(pxfm::f_cospif(half_turns)));
-        let a = self.unit_axis();
-        let cross = [[0., -a[2], a[1]], [a[2], 0., -a[0]], [-a[1], a[0], 0.]];
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                let one = if i == j { cosine } else { 0.0 };
-                one + sine * cross[i][j] + (1.0 - cosine) * a[i] * a[j]
-            })
-        })
     }
 }

@@ -18,7 +18,6 @@ use crate::machine::format::{Class, Component, Format};
 use crate::module::Module;
 use crate::module::ty::{ImageType, Type};
 use crate::scene::read::Named;
-use decode::invalid;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
 impl Named for Format {
@@ -385,6 +384,10 @@ pub(crate) fn exr_support() -> Result<()> {
     }
     Err(Error::new(ErrorKind::UnsupportedTool, "this build neither reads nor writes OpenEXR files")
         .note("build it with `cargo build --features exr`, or use HDR or PNG"))
+}
+
+pub(super) fn invalid(message: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidImage, message)
 }
 
 #[cfg(test)]

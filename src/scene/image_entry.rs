@@ -6,14 +6,16 @@ use crate::error::{ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::format::Format;
 use crate::machine::image::{Dimension, ImageShape};
-use crate::scene::data::{DataPieces, DataSources, read};
+use crate::scene::data::DataPieces;
+use crate::scene::data_sources::DataSources;
+use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::files::Files;
 use crate::scene::image::{Picture, texel_bytes};
 use crate::scene::mesh::material::PictureSource;
 use crate::scene::mesh_piece::TextureReference;
 use crate::scene::mip;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
-use crate::scene::resources::DescriptorKind;
+use crate::scene::read_file::read;
 use crate::scene::sampler::SamplerReference;
 use crate::scene::tree::Toml;
 

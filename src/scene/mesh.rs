@@ -5,6 +5,7 @@
 mod absent;
 #[cfg(feature = "gltf")]
 pub mod gltf;
+pub mod listed;
 pub mod material;
 pub mod model;
 #[cfg(feature = "obj")]

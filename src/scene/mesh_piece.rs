@@ -6,15 +6,15 @@ mod tables;
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
-use crate::scene::encoding::AddressOf;
-use crate::scene::geometry::InstanceEntry;
+use crate::scene::address_entry::AddressOf;
+use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::mesh::material::{Texture, TextureSlot};
 use crate::scene::mesh::model::{Model, Part};
 use crate::scene::mesh_piece::tables::{
     Column, ColumnKind, GeometryColumn, InstanceColumn, MaterialColumn, NOTHING, geometry, instance,
     material, places,
 };
-use crate::scene::models::MeshSelection;
+use crate::scene::open_models::MeshSelection;
 use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, unknown_name};
 
 /// A piece that comes from meshes.

@@ -6,21 +6,28 @@
 //! [`ResolvedScene`], has acceleration structures, bytes and texels, but no pipeline: the
 //! pipeline makes its own objects from it. `docs/scene.md` is the format's reference.
 
+pub mod address_entry;
 pub mod addresses;
 pub mod assemble;
+mod assign_addresses;
 mod build_input;
 pub mod camera;
 pub mod data;
+pub mod data_sources;
 pub mod demo;
+pub mod descriptor_kind;
 mod descriptors;
 mod device;
 pub mod encoding;
+pub mod entry;
 pub mod file;
 pub mod files;
+pub mod frame;
 pub mod generate;
 pub mod geometry;
 pub mod image;
 pub mod image_entry;
+pub mod instance_entry;
 pub mod layout;
 pub mod mesh;
 pub mod mesh_piece;
@@ -53,5 +60,9 @@ mod mesh_tests;
 #[cfg(test)]
 mod mistakes;
 mod motion;
+pub mod open_models;
+mod read_file;
 #[cfg(test)]
 mod reference_tests;
+pub mod scalar;
+mod transform_entry;

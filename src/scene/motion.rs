@@ -1,8 +1,8 @@
 //! `motion` and `srt` of `[[instance]]`.
 
 use crate::accel::{Motion, Srt};
-use crate::scene::geometry::{Rotation, parse_transform, scale_vector};
 use crate::scene::read::{OneOrMore, Parse, Table, TomlValue};
+use crate::scene::transform_entry::{Rotation, parse_transform, scale_vector};
 
 /// Reads the motion of an instance, given its transform at time 0.
 pub(super) fn motion(table: &Table<'_>, transform: [[f32; 4]; 3]) -> Option<Motion> {

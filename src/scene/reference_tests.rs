@@ -58,7 +58,7 @@ fn every_key_is_described() {
         names::<crate::scene::geometry::Kind>().map(|name| format!("[geometry.g]\ntype = '{name}'\nzzz = 1")),
     );
     tables.extend(
-        names::<crate::scene::resources::DescriptorKind>()
+        names::<crate::scene::descriptor_kind::DescriptorKind>()
             .map(|name| format!("[resources.r]\ntype = '{name}'\nzzz = 1")),
     );
     for text in tables {
@@ -78,9 +78,10 @@ fn every_name_is_described() {
     use crate::accel::{EndCaps, Indexing};
     use crate::machine::image::Dimension;
     use crate::machine::sampler::{AddressMode, BorderColor, CompareOp, Filter, ReductionMode};
+    use crate::scene::descriptor_kind::DescriptorKind;
     use crate::scene::resources::*;
     let all = names::<crate::scene::geometry::Kind>()
-        .chain(names::<crate::scene::geometry::InstanceFlag>())
+        .chain(names::<crate::scene::instance_entry::InstanceFlag>())
         .chain(names::<crate::scene::file::RayFlag>())
         .chain(names::<crate::machine::format::Format>())
         .chain(names::<EndCaps>())

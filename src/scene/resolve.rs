@@ -12,16 +12,21 @@ use crate::machine::PrintedBytes;
 use crate::machine::sampler::Sampler;
 use crate::module::Module;
 use crate::pipeline::DeviceProfile;
-use crate::scene::addresses;
-use crate::scene::data::{DataPieces, DataSources, read_limited};
+use crate::scene::assign_addresses;
+use crate::scene::data::DataPieces;
+use crate::scene::data_sources::DataSources;
 use crate::scene::encoding::Data;
-use crate::scene::file::{Entry, NamedPipelineEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
+use crate::scene::entry::Entry;
+use crate::scene::file::{NamedPipelineEntry, PipelineEntry, RayEntry, SceneFile, ShaderEntry};
 use crate::scene::files::{Counted, Files, SceneFiles};
-use crate::scene::geometry::{GeometryEntry, InstanceEntry};
+use crate::scene::geometry::GeometryEntry;
+use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::mesh_piece::SceneMeshes;
-use crate::scene::models::{MeshSelection, ModelEntry, OpenModels};
+use crate::scene::models::ModelEntry;
+use crate::scene::open_models::{MeshSelection, OpenModels};
 use crate::scene::pass_entry::{DispatchEntry, PassEntry};
 use crate::scene::read::{Diagnostics, Document, Spanned, unknown_name};
+use crate::scene::read_file::read_limited;
 use crate::scene::resolve::modules::{ModuleKey, SceneModules};
 use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
@@ -286,7 +291,7 @@ impl<'a> Resolver<'a> {
             files: SceneFiles { limits: self.files.limits(), root: self.files.root().cloned() },
         };
         if self.report.is_empty() {
-            addresses::check(&scene, self.report);
+            assign_addresses::check(&scene, self.report);
         }
         Some(scene)
     }

@@ -4,9 +4,9 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
+use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
 use crate::scene::data::ScalarPiece;
-use crate::scene::encoding::AddressOf;
 use crate::scene::read::{Parse, Spanned, TomlValue, integer, list_of, nearest};
 use crate::scene::tree::Toml;
 

@@ -15,12 +15,13 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
-use crate::scene::data::small_float_bytes;
-use crate::scene::encoding::{AddressOf, Data, Flattened};
+use crate::scene::address_entry::AddressOf;
+use crate::scene::encoding::{Data, Flattened};
 use crate::scene::layout::Layout;
 use crate::scene::read::{
     Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
 };
+use crate::scene::scalar::small_float_bytes;
 use crate::scene::struct_lookup::{
     DataBlock, distinct, find, find_block, layout_note, longest, name_of, strides,
 };

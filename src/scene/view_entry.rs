@@ -2,8 +2,8 @@
 //! resource holds.
 
 use crate::machine::format::Format;
+use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::read::{Spanned, Table};
-use crate::scene::resources::DescriptorKind;
 use crate::scene::sampler::SamplerReference;
 
 /// A view as a scene writes it.

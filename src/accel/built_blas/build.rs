@@ -2,8 +2,9 @@
 //! their boxes if it pays, and stores the primitives in its order.
 
 use crate::accel::binned_sah::{PrimRef, SahCost};
-use crate::accel::blas::{Geometry, GeometryFlags};
 use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks};
+use crate::accel::flags::GeometryFlags;
+use crate::accel::geometry::Geometry;
 use crate::accel::geometry_data::{GeometryData, GeometryKind};
 use crate::accel::primitive::{self, Primitive, PrimitiveVisitor};
 use crate::accel::wide_bvh::WideBvh;

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use proptest::prelude::*;
 
 use super::*;
-use crate::accel::{Blas, Geometry, GeometryData, GeometryFlags, RayFlags, TlasInstance};
-use crate::accel::{EndCaps, Indexing};
+use crate::accel::{Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, RayFlags, TlasInstance};
 use crate::geometry::Ray;
-use crate::math::f32x8::BaselineSimd;
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::lane_ops::LaneOps;
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];

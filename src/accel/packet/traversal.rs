@@ -2,7 +2,6 @@
 //! instance.
 
 use crate::accel::built_blas::{BuiltBlas, LeafRay};
-use crate::accel::cursor::TraceRay;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::packet::ray_soa::{OctantGroup, PerRay, RaySoA};
@@ -11,6 +10,7 @@ use crate::accel::rules::{
     apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_skipped, is_visible,
 };
 use crate::accel::tlas::{InstanceTransform, Tlas};
+use crate::accel::trace_ray::TraceRay;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{DoubleRay, Intersection, Intersection4, ObjectRay};
 use crate::math::f64x4::F64x4Ops;

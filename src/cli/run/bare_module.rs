@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::cli::module_file;
-use crate::cli::run::dump::invalid;
+use crate::cli::run::dump::{binding, invalid};
 use crate::compile::{CompileOptions, DebugInfoLevel, Language, SourceSettings};
 use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, read_argument};
@@ -54,20 +54,6 @@ pub struct Arguments {
     /// SubgroupSize [default: 32]
     #[arg(long, value_name = "N")]
     subgroup_size: Option<u32>,
-}
-
-/// Parses `[SET,]BINDING`, or `[SET,]BINDING[ELEMENT]` for an element of an array of descriptors.
-pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
-    let number = |text: &str| text.trim().parse().ok();
-    let (numbers, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
-        Some(parts) => parts.and_then(|(numbers, element)| Some((numbers, Some(number(element)?))))?,
-        None => (text, None),
-    };
-    let binding = match numbers.split_once(',') {
-        Some((set, binding)) => Binding { set: number(set)?, binding: number(binding)? },
-        None => Binding { set: 0, binding: number(numbers)? },
-    };
-    Some((binding, element))
 }
 
 /// A resource given on the command line. Without an element it is the default of all elements that

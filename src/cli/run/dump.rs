@@ -147,7 +147,7 @@ pub fn descriptor(
     let named = scene.resources.iter().find(|one| one.name == what);
     let (binding, element) = match named {
         Some(one) => (Binding { set: one.set, binding: one.binding }, one.element),
-        None => match super::bare_module::binding(what) {
+        None => match binding(what) {
             Some((binding, element)) => (binding, element.unwrap_or(0)),
             None => {
                 let known: Vec<_> = scene.resources.iter().map(|one| format!("`{}`", one.name)).collect();
@@ -338,4 +338,18 @@ fn json_of(value: &Value) -> serde_json::Value {
     let text = scalar(value);
     // JSON has no numbers for NaN and infinity: they become strings.
     serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text))
+}
+
+/// Parses `[SET,]BINDING`, or `[SET,]BINDING[ELEMENT]` for an element of an array of descriptors.
+pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
+    let number = |text: &str| text.trim().parse().ok();
+    let (numbers, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
+        Some(parts) => parts.and_then(|(numbers, element)| Some((numbers, Some(number(element)?))))?,
+        None => (text, None),
+    };
+    let binding = match numbers.split_once(',') {
+        Some((set, binding)) => Binding { set: number(set)?, binding: number(binding)? },
+        None => Binding { set: 0, binding: number(numbers)? },
+    };
+    Some((binding, element))
 }

@@ -23,7 +23,8 @@
 
 use super::{cap, side};
 use crate::geometry::Intersection;
-use crate::geometry::closest_approach::{self, ClosestApproach, ClosestApproachTerms};
+use crate::geometry::approach_terms::ClosestApproachTerms;
+use crate::geometry::closest_approach::{self, ClosestApproach};
 use crate::geometry::object_ray::ObjectRay;
 use crate::geometry::verdict::{Verdict, rounded};
 use crate::math::real::{dot, from_f32, norm1, sub};

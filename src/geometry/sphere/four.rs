@@ -2,7 +2,7 @@
 //! and bounds of `geometry::closest_approach`, lane by lane. A product that goes into a sum
 //! unrounded is off by less than those allow.
 
-use crate::geometry::closest_approach::ClosestApproachTerms;
+use crate::geometry::approach_terms::ClosestApproachTerms;
 use crate::geometry::intersection4::{ALL, Intersection4, Interval4};
 use crate::geometry::object_ray::ObjectRay;
 use crate::math::f32x4::F32x4;

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::harness::expect::{Difference, SHOWN, Subject};
+use crate::harness::expect::difference::SHOWN;
+use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::{Tolerance, TypedNumbers};
 use crate::machine::image::Image;
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};

@@ -6,6 +6,7 @@
 //! renewed.
 
 mod bytes;
+mod difference;
 mod hit;
 mod payload;
 mod picture;
@@ -16,24 +17,22 @@ mod stats;
 mod trap;
 
 pub use bytes::{Bytes, BytesExpectation};
+pub use difference::{Difference, Fix, PictureDifference, Subject};
 pub use hit::{HitExpectation, RayFound};
 pub use payload::PayloadExpectation;
-pub use picture::{Measure, PictureDifference, PictureExpectation};
+pub use picture::{Measure, PictureExpectation};
 pub use printed::PrintedExpectation;
 pub(crate) use printed::diff as printed_diff;
 pub use ray::{FoundExpectation, OneRay, RayExpectation};
 pub use stats::StatsExpectation;
 pub use trap::{TrapExpectation, TrapName};
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::harness::cost::Costs;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
 use crate::scene::SceneFiles;
-use crate::scene::read::{Diagnostics, Document, Parse, Span, Spanned, Table, TomlValue, nearest};
-
-/// How many differences of one table are shown.
-const SHOWN: usize = 6;
+use crate::scene::read::{Diagnostics, Document, Parse, Span, Spanned, Table, TomlValue};
 
 /// All that `[expect]` says, or that `[ray.expect]` says beside the hit and the payload.
 #[derive(Clone, Debug, Default)]
@@ -79,94 +78,6 @@ pub struct Observed {
     pub costs: Option<Costs>,
     /// What depends on rounding, where an expectation needs it.
     pub stability: Option<Result<Instability>>,
-}
-
-/// Something that is not as expected.
-#[derive(Clone, Debug)]
-pub struct Difference {
-    /// What differs, at its place in the scene file.
-    pub error: Error,
-    /// What makes the expectation hold; not there where the value is derived.
-    pub fix: Option<Fix>,
-    /// Which result differs.
-    pub subject: Subject,
-    /// Both pictures, where pictures differ.
-    pub picture: Option<Box<PictureDifference>>,
-    /// Whether it is counted by the difference before and need not be shown.
-    pub counted: bool,
-}
-
-/// A change of a scene file, or another file to write.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fix {
-    /// Another text for a range of the file.
-    Text(Span, String),
-    /// A file, written as a whole.
-    File(std::path::PathBuf, Vec<u8>),
-}
-
-/// The result that differs from an expectation.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Subject {
-    /// Nothing in particular.
-    #[default]
-    Launch,
-    /// Bytes of the buffer at set, binding and array element.
-    Buffer([u32; 3], usize),
-    /// Bytes of the buffer that is bound nowhere, by its name.
-    UnboundBuffer(String, usize),
-    /// A texel of the image at set, binding and array element.
-    Texel([u32; 3], [u32; 2]),
-    /// A named ray, and the word of its payload where it is one.
-    Ray(String, Option<usize>),
-    /// A word of the payload of the ray at hand.
-    Payload(usize),
-    /// A launch index.
-    Invocation([u32; 3]),
-}
-
-impl Difference {
-    /// A difference at a place of the scene file.
-    pub fn new(span: &Span, message: impl Into<String>, because: Option<&String>) -> Self {
-        let error = Error::new(ErrorKind::Expectation, message).at_with(span.place(), "");
-        Self::of(match because {
-            Some(because) => error.note(format!("because: {because}")),
-            None => error,
-        })
-    }
-
-    /// An error as a difference.
-    pub fn of(error: Error) -> Self {
-        Self { error, fix: None, subject: Subject::default(), picture: None, counted: false }
-    }
-
-    /// A name that the scene does not know, with those that it does.
-    fn unknown<'n>(name: &Spanned<String>, what: &str, known: impl Iterator<Item = &'n str> + Clone) -> Self {
-        let label = nearest(&name.value, known.clone()).map(|near| format!("did you mean `{near}`?"));
-        let message = format!("the scene has no {what} `{}`", name.value);
-        let error = name.span.error_with(message, label.unwrap_or_default());
-        let known: Vec<_> = known.map(|name| format!("`{name}`")).collect();
-        let known = if known.is_empty() { "none".into() } else { known.join(", ") };
-        Self::of(error.note(format!("there are: {known}")))
-    }
-
-    /// Differences as one error; there must be some.
-    pub fn as_error(differences: Vec<Self>) -> Error {
-        let shown = differences.into_iter().filter(|difference| !difference.counted);
-        Error::several(shown.map(|difference| difference.error).collect())
-    }
-
-    /// With what makes it hold, unless the value is derived.
-    #[must_use]
-    fn mended(self, span: &Span, text: impl Into<String>, because: Option<&String>) -> Self {
-        let fix = because.is_none().then(|| Fix::Text(span.clone(), text.into()));
-        Self { fix, ..self }
-    }
-
-    #[must_use]
-    fn about(self, subject: Subject) -> Self {
-        Self { subject, ..self }
-    }
 }
 
 impl Expectations {

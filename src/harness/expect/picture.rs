@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
+use crate::harness::expect::difference::PictureDifference;
 use crate::harness::expect::similarity::similarity;
 use crate::harness::expect::{Bytes, Difference, Fix};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
@@ -41,51 +42,6 @@ pub enum Measure {
     /// counts: the structural similarity (SSIM) of the luma in its block of 8 x 8, and how near
     /// colours and alpha are.
     Similarity(Spanned<f64>),
-}
-
-/// Two pictures, both as 8-bit RGBA.
-#[derive(Clone, Debug)]
-pub struct PictureDifference {
-    /// The image's name.
-    pub name: String,
-    /// The expected picture.
-    pub expected: Rgba8,
-    /// What was found.
-    pub found: Rgba8,
-}
-
-impl PictureDifference {
-    /// Of the bytes of two pictures of one size; `None` where they are not.
-    pub fn new(name: &str, [width, height]: [u32; 2], expected: Vec<u8>, found: Vec<u8>) -> Option<Self> {
-        let picture = |pixels: Vec<u8>| {
-            let size = 4 * u64::from(width) * u64::from(height);
-            (pixels.len() as u64 == size).then_some(Rgba8 { extent: [width, height], pixels })
-        };
-        Some(Self { name: name.into(), expected: picture(expected)?, found: picture(found)? })
-    }
-
-    /// Where they differ, and how much: black where they are equal, else from dark to bright by the
-    /// difference of each channel as a part of the greatest.
-    pub fn difference(&self) -> Rgba8 {
-        let texels = |picture: &Rgba8| picture.pixels.as_chunks::<4>().0.to_vec();
-        let distances: Vec<[u8; 4]> = texels(&self.expected)
-            .into_iter()
-            .zip(texels(&self.found))
-            .map(|(expected, found)| {
-                std::array::from_fn(|channel| expected[channel].abs_diff(found[channel]))
-            })
-            .collect();
-        let most = distances.iter().flatten().copied().max().unwrap_or(0).max(1);
-        let shown = distances.into_iter().flat_map(|[r, g, b, a]| {
-            // A difference of alpha alone is shown, too.
-            let [r, g, b] = [r.max(a), g.max(a), b.max(a)].map(|one| match one {
-                0 => 0,
-                one => (48 + u32::from(one) * 207 / u32::from(most)) as u8,
-            });
-            [r, g, b, 255]
-        });
-        Rgba8 { extent: self.expected.extent, pixels: shown.collect() }
-    }
 }
 
 impl Parse for PictureExpectation {

@@ -1,5 +1,6 @@
 //! Tests of expectations: which hold, which fail, and with which messages.
 
+use super::difference::SHOWN;
 use super::*;
 use crate::accel::{Candidate, Committed, HitKind};
 use crate::error::{ShaderFrame, Stage, Trap};

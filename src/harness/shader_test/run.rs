@@ -7,6 +7,7 @@ use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
 use crate::harness::memory;
+use crate::harness::mock::answered;
 use crate::harness::shader_outcome::ShaderOutcome;
 use crate::harness::shader_test::ShaderTest;
 use crate::harness::value::Value;
@@ -98,7 +99,11 @@ impl ShaderTest {
         events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
         let explanation = Arc::new(Explanation {
             pipeline: self.pipeline(),
-            what: What::shader(events, &traces, &executes, &calls, &resources.memory),
+            what: What::Shader {
+                events,
+                calls: answered(&traces, &executes, &calls),
+                memory: resources.memory.clone(),
+            },
         });
         let mut payload = self.read(&batch, self.payload_rows());
         payload.explained_by(&explanation);

@@ -6,32 +6,7 @@
 //! most likely to change. Instructions that Vulkan defines by a formula are drawn step by step.
 
 use crate::harness::stability::calculate::Draw;
-use crate::scene::read::Named;
-
-/// The device whose errors are simulated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Envelope {
-    /// The errors that Vulkan allows.
-    #[default]
-    Vulkan,
-    /// The errors that NVIDIA's driver was measured to make.
-    Nvidia,
-}
-
-impl Envelope {
-    /// The name in sentences.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Vulkan => "Vulkan",
-            Self::Nvidia => "NVIDIA's driver",
-        }
-    }
-}
-
-impl Named for Envelope {
-    const WHAT: &'static str = "an envelope";
-    const NAMES: &'static [(&'static str, Self)] = &[("vulkan", Self::Vulkan), ("nvidia", Self::Nvidia)];
-}
+use crate::harness::stability::envelope::Envelope;
 
 /// How far NVIDIA's driver reports a hit from its t, in units in the last place (all but one of a
 /// thousand rays in ordinary scenes).

@@ -1,6 +1,6 @@
 //! Draws perturbed results of arithmetic within an error bound.
 
-use crate::harness::stability::allowed::Envelope;
+use crate::harness::stability::envelope::Envelope;
 
 /// A seeded pseudorandom generator (SplitMix64).
 #[derive(Clone, Copy, Debug)]

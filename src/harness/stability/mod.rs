@@ -8,7 +8,9 @@
 
 mod allowed;
 mod calculate;
+mod envelope;
 pub mod found;
+mod instability;
 pub mod outputs;
 pub mod perturb;
 mod place;
@@ -16,13 +18,16 @@ mod probe;
 mod rays;
 mod report;
 pub mod shadow;
+mod shadow_context;
 mod shadow_interpreter;
+mod shadow_value;
 mod shadows;
 mod stable;
 
-pub use allowed::Envelope;
+pub use envelope::Envelope;
 pub use found::ShadowFindings;
-pub use perturb::{Instability, Perturbation, perturb};
+pub use instability::{Instability, Perturbation};
+pub use perturb::perturb;
 pub use place::SourceLocation;
 pub use shadow::shadow;
 pub use stable::StableExpectation;

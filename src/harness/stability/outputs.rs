@@ -3,29 +3,12 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::harness::expect::{Bytes, Observed};
+use crate::harness::stability::instability::UnstableOutput;
 use crate::harness::typed::{typed, typed_unbound};
 use crate::harness::value::Leaf;
 use crate::machine::Binding;
 use crate::machine::format::Class;
 use crate::scene::Assembled;
-
-/// An output that differs between runs.
-#[derive(Clone, Debug, PartialEq)]
-pub struct UnstableOutput {
-    /// The value that differs most: `` `sums` values[3] ``, `` `image` texel (4, 2).r ``,
-    /// `payload.color[0]`.
-    pub name: String,
-    /// The number of values of the output that differ in some run.
-    pub values: usize,
-    /// The value without perturbation.
-    pub reference: String,
-    /// The value that differs most from the reference.
-    pub other: String,
-    /// The number of its run, from 1.
-    pub run: u32,
-    /// By how much, as a share of the value or absolutely below 1; infinite for what is no float.
-    pub difference: f64,
-}
 
 /// Compares the outputs of runs with those of a reference run.
 #[derive(Debug)]

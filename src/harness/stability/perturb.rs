@@ -4,76 +4,26 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::accel::Committed;
 use crate::debug::session::ResolvedRequest;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{ErrorKind, Result};
 use crate::harness::expect::Observed;
-use crate::harness::run::{first_ray, fresh_resources, read_resources};
-use crate::harness::stability::allowed::{self, Envelope, NVIDIA_T};
+use crate::harness::observe::{first_ray, fresh_resources, read_resources};
+use crate::harness::stability::allowed::{self, NVIDIA_T};
 use crate::harness::stability::calculate::{Draw, SplitMix64, mix64};
-use crate::harness::stability::outputs::{OutputComparison, UnstableOutput};
-use crate::harness::stability::place::{Programs, SourceLocation};
+use crate::harness::stability::envelope::Envelope;
+use crate::harness::stability::instability::{DecisionKind, Instability, Perturbation};
+use crate::harness::stability::outputs::OutputComparison;
+use crate::harness::stability::place::Programs;
 use crate::harness::stability::probe::{self, Probe, RunPart};
-use crate::harness::stability::shadow::branch_offsets;
+use crate::harness::stability::shadow_context::branch_offsets;
 use crate::harness::stability::shadows::{bits, float};
 use crate::machine::{Batch, Bindings, Reg};
 use crate::module::Module;
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::ray_query;
+use crate::ops::{memory, ray_query};
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
-
-/// How runs are perturbed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Perturbation {
-    /// The number of runs.
-    pub runs: u32,
-    /// The seed of the random numbers; they do not depend on the order of threads.
-    pub seed: u64,
-    /// How far results are moved.
-    pub envelope: Envelope,
-    /// How far floats of the outputs may differ: as a share of the value, or absolutely below 1.
-    pub tolerance: f64,
-}
-
-impl Default for Perturbation {
-    fn default() -> Self {
-        Self { runs: 16, seed: 1, envelope: Envelope::Vulkan, tolerance: 0.01 }
-    }
-}
-
-/// The kind of a decision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum DecisionKind {
-    /// The target of a branch or switch.
-    Branch,
-    /// The primitive that a traced ray hits.
-    Hit,
-}
-
-/// What differs between perturbed runs.
-#[derive(Clone, Debug, Default)]
-pub struct Instability {
-    /// How runs were perturbed.
-    pub perturbation: Perturbation,
-    /// The number of outputs.
-    pub output_count: usize,
-    /// Outputs that differ by more than the tolerance.
-    pub outputs: Vec<UnstableOutput>,
-    /// The first decisions at which invocations diverge from the run without perturbation, and the
-    /// number of invocations.
-    pub branches: BTreeMap<(SourceLocation, DecisionKind), u64>,
-    /// Runs that trapped, numbered from 1.
-    pub traps: Vec<(u32, Error)>,
-}
-
-impl Instability {
-    /// Whether every output was the same in every run.
-    pub fn is_stable(&self) -> bool {
-        self.outputs.is_empty() && self.traps.is_empty()
-    }
-}
 
 /// Runs a scene's passes several times, each time on a copy of its resources.
 ///

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::run::in_tasks;
+use crate::harness::tasks::in_tasks;
 use crate::machine::{Batch, Bindings, Observer, Resources};
 use crate::pipeline::{Event, Launch, Pipeline};
 use crate::scene::pass::{LaunchPass, PassWork};

@@ -3,10 +3,10 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use crate::accel::observer::HitPrimitive;
+use crate::accel::hit::HitPrimitive;
 use crate::accel::{Candidate, Committed, Cursor, RayFlags, Tlas, TraceRay};
 use crate::geometry::Ray;
-use crate::harness::stability::shadows::ShadowValue;
+use crate::harness::stability::shadow_value::ShadowValue;
 use crate::machine::{RayQuery, Reg};
 
 /// The offset of a ray's origin among the operands of its instruction, in words. t min, direction

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::error::Error;
 use crate::harness::stability::SourceLocation;
 use crate::harness::stability::found::{LineFindings, ShadowFindings};
-use crate::harness::stability::perturb::{DecisionKind, Instability, Perturbation};
+use crate::harness::stability::instability::{DecisionKind, Instability, Perturbation};
 
 impl ShadowFindings {
     /// A table of the significant lines, worst first.
@@ -134,7 +134,7 @@ impl Instability {
 
     /// One sentence for each output that is not stable.
     pub fn output_lines(&self) -> Vec<String> {
-        let output = |one: &super::outputs::UnstableOutput| {
+        let output = |one: &super::instability::UnstableOutput| {
             let more =
                 if one.values > 1 { format!(" (and {} more values)", one.values - 1) } else { String::new() };
             format!(

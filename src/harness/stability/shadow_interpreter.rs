@@ -7,14 +7,16 @@ use crate::accel::Candidate;
 use crate::harness::stability::found::{LineFindings, ShadowFindings};
 use crate::harness::stability::probe::{Probe, RunPart};
 use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery, ShadowedTrace};
-use crate::harness::stability::shadow::ShadowContext;
-use crate::harness::stability::shadows::{ShadowFrame, ShadowValue, WaitsFor, bits, float};
+use crate::harness::stability::shadow_context::{Memory, ShadowContext};
+use crate::harness::stability::shadow_value::ShadowValue;
+use crate::harness::stability::shadows::{ShadowFrame, WaitsFor, bits, float};
 use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Bindings, Exit, Reg};
 use crate::module::interface::Stage;
+use crate::ops::access::Access;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{self, Chunk};
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::ops::pointer::storage;
 use crate::ops::shadow_op::{ScratchRegisters, ShadowOp};
 use crate::ops::{ray_query, ray_tracing};
@@ -23,9 +25,6 @@ use crate::program::Terminator;
 
 /// A sum or difference that loses more bits than this counts as a cancellation.
 const CANCELLATION_BITS: f64 = 8.0;
-
-/// The shadow values of scalars in buffers, by buffer and byte offset.
-pub(super) type Memory = HashMap<(usize, u64), ShadowValue>;
 
 /// The shadow interpreter of one task of invocations.
 pub(super) struct ShadowInterpreter<'a> {

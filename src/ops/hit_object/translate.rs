@@ -15,7 +15,8 @@ use crate::ops::hit_object::{HitObjectOp, MISS_OPERANDS, hit_operands};
 use crate::ops::object::{self, define_result};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::storage;
-use crate::ops::ray_tracing::{self, TRACE_OPERANDS, variable_span};
+use crate::ops::ray_tracing::translate::variable_span;
+use crate::ops::ray_tracing::{self, TRACE_OPERANDS};
 use crate::ops::translate::Translator;
 
 /// Opcodes translated here, beside those of `GETTERS`.

@@ -6,154 +6,22 @@
 use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
-use crate::machine::format::{Class, Component};
-use crate::machine::image::{Image, Position};
-use crate::machine::{AccessFault, Batch, Bindings, Reg, TrapCode};
+use crate::machine::format::Class;
+use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::ops::access::Access;
+use crate::ops::image::declared::{check_texel, texel_result, view_of};
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::LaneReader;
-use crate::ops::image::view::{View, check_texel, view_of};
-use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
+use crate::ops::image::texel_ref::TexelRef;
+use crate::ops::image::view::View;
+use crate::ops::image::{ImageOp, TexelRegisters};
 use crate::ops::integer_operand::ReadAs;
-use crate::ops::op::{Access, Op as Operation};
+use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase};
-use crate::ops::translate::{IdValue, Translator, Words};
-
-/// A texel, named by integer coordinates.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TexelRef {
-    /// The declared view of the image.
-    pub view: View,
-    /// The image's handle.
-    pub image: Reg,
-    /// Column, row, slice, then layer or cube face, as many as the dimension has.
-    pub coordinate: Words,
-    /// The offset that is added to the column, row and slice.
-    pub offset: Option<Words>,
-    /// The mip level.
-    pub level: Option<Reg>,
-    /// The sample.
-    pub sample: Option<Reg>,
-}
-
-impl TexelRef {
-    fn new(
-        translator: &Translator<'_>,
-        view: View,
-        image: Reg,
-        coordinate: Words,
-        operands: &Operands,
-    ) -> Result<Self> {
-        let dimension = view.dimension;
-        let layer = usize::from(dimension.is_arrayed() || dimension.is_cube());
-        let count = dimension.axes() + layer;
-        if coordinate.len() < count {
-            return Err(translator.invalid(format!("a texel of this image has {count} coordinates")));
-        }
-        Ok(Self {
-            view,
-            image,
-            coordinate: coordinate[..count].into(),
-            offset: operands.offset.clone(),
-            level: operands.lod,
-            sample: operands.sample,
-        })
-    }
-
-    /// The registers that are read.
-    pub fn registers(&self) -> impl Iterator<Item = Reg> {
-        let optional = self.level.into_iter().chain(self.sample);
-        let offset = self.offset.iter().flatten().copied();
-        [self.image].into_iter().chain(self.coordinate.iter().copied()).chain(optional).chain(offset)
-    }
-
-    /// The image of a lane, and the texel's index in it.
-    ///
-    /// # Errors
-    /// As [`View::image`], and `ImageOutOfBounds`: every texel of a null image is outside.
-    pub fn resolve<'b, const W: usize>(
-        &self,
-        reader: LaneReader<'_, 'b, W>,
-    ) -> Result<(&'b Image, usize), TrapCode> {
-        let image = reader.image(self.view, self.image)?;
-        if image.is_null() {
-            return Err(TrapCode::ImageOutOfBounds);
-        }
-        let mut position = Position::default();
-        let axes = self.view.dimension.axes();
-        for (axis, coordinate) in self.coordinates(reader).enumerate() {
-            *if axis < axes { &mut position.at[axis] } else { &mut position.layer } = coordinate;
-        }
-        position.level = self.level.map_or(0, |reg| reader.word(reg));
-        position.sample = self.sample.map_or(0, |reg| reader.word(reg));
-        let outside = || match image.contains(&position) {
-            true => TrapCode::ImageRowAbsent,
-            false => TrapCode::ImageOutOfBounds,
-        };
-        Ok((image, image.index(&position).ok_or_else(outside)?))
-    }
-
-    /// Whether an access outside the image does not trap.
-    pub fn is_robust<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> bool {
-        reader.bindings.is_robust() || reader.image(self.view, self.image).is_ok_and(Image::is_null)
-    }
-
-    /// The coordinates with the offset added; layers and faces have no offset.
-    fn coordinates<const W: usize>(&self, reader: LaneReader<'_, '_, W>) -> impl Iterator<Item = i64> {
-        let axes = self.view.dimension.axes();
-        self.coordinate.iter().enumerate().map(move |(axis, &reg)| {
-            let offset = self.offset.as_ref().and_then(|offset| offset.get(axis)).filter(|_| axis < axes);
-            // A signed coordinate below 0 and an unsigned one above 2^31 are both outside.
-            i64::from(reader.integer(reg)) + offset.map_or(0, |&reg| i64::from(reader.integer(reg)))
-        })
-    }
-
-    /// Stores the coordinates of the lane, for the report of its trap.
-    #[cold]
-    pub fn record_fault<const W: usize>(&self, batch: &mut Batch<W>, lane: usize, bindings: &Bindings) {
-        let reader = LaneReader::new(&batch.registers, lane, bindings);
-        let handle = reader.word(self.image);
-        let axes = self.view.dimension.axes();
-        let fault = match self.view.image(bindings, handle) {
-            Err(_) => AccessFault::descriptor(handle, bindings),
-            Ok(image) => {
-                let shape = image.shape();
-                let level = self.level.map_or(0, |reg| reader.word(reg));
-                let layer = self.coordinate.len() > axes;
-                let sides = shape.level_extent(level.min(shape.levels - 1));
-                AccessFault::Texel {
-                    handle,
-                    coordinate: self.coordinates(reader).collect(),
-                    extent: sides[..axes].iter().copied().chain(layer.then_some(shape.layers)).collect(),
-                    level: [level, shape.levels],
-                    sample: [self.sample.map_or(0, |reg| reader.word(reg)), shape.samples],
-                }
-            }
-        };
-        batch.record_access_fault(lane, fault);
-    }
-
-    /// Does what [`TexelRef::resolve`] does for atomic instructions: the texel must have the size
-    /// of the scalar that the pointer points to, or be the vector of that many 16-bit floats.
-    ///
-    /// # Errors
-    /// As [`TexelRef::resolve`], and `ImageMismatch` for a texel of another size.
-    pub fn resolve_atomic<'b, const W: usize>(
-        &self,
-        reader: LaneReader<'_, 'b, W>,
-        components: u32,
-    ) -> Result<(&'b Image, usize), TrapCode> {
-        let (image, index) = self.resolve(reader)?;
-        let size = if self.view.wide { 8 } else { 4 };
-        let format = image.format();
-        let fits = match components {
-            1 => format.texel_size() == size && format.channels == 1,
-            _ => format.component == Component::Float16 && u32::from(format.channels) == components,
-        };
-        if fits { Ok((image, index)) } else { Err(TrapCode::ImageMismatch) }
-    }
-}
+use crate::ops::translate::{IdValue, Translator};
+use crate::ops::value_registers::Words;
 
 /// An operation that reads a texel.
 #[derive(Clone, Debug, PartialEq)]
@@ -255,6 +123,30 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     Ok(true)
 }
 
+/// The texel of an instruction, whose coordinates must suffice for the image.
+fn new_texel_ref(
+    translator: &Translator<'_>,
+    view: View,
+    image: Reg,
+    coordinate: Words,
+    operands: &Operands,
+) -> Result<TexelRef> {
+    let dimension = view.dimension;
+    let layer = usize::from(dimension.is_arrayed() || dimension.is_cube());
+    let count = dimension.axes() + layer;
+    if coordinate.len() < count {
+        return Err(translator.invalid(format!("a texel of this image has {count} coordinates")));
+    }
+    Ok(TexelRef {
+        view,
+        image,
+        coordinate: coordinate[..count].into(),
+        offset: operands.offset.clone(),
+        level: operands.lod,
+        sample: operands.sample,
+    })
+}
+
 fn texel_ref(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
@@ -264,7 +156,7 @@ fn texel_ref(
     let view = view_of(translator, id)?;
     let image = translator.words(id)?[0];
     let coordinate = integer_coordinates(translator, instruction)?;
-    TexelRef::new(translator, view, image, coordinate, operands)
+    new_texel_ref(translator, view, image, coordinate, operands)
 }
 
 /// The integer coordinates of operand 1.
@@ -287,7 +179,7 @@ fn texel_pointer(translator: &mut Translator<'_>, instruction: &Instruction) -> 
     let sample = translator.integer(sample, ReadAs::Coordinate)?;
     let sample = Some(sample).filter(|_| view.multisampled);
     let operands = Operands { sample, ..Operands::default() };
-    let texel = TexelRef::new(translator, view, image, coordinate, &operands)?;
+    let texel = new_texel_ref(translator, view, image, coordinate, &operands)?;
     let pointer = Pointer::new(PointerBase::Texel(Box::new(texel)), pointee, storage_class);
     if let Some(id) = instruction.result {
         translator.define(id, IdValue::Pointer(pointer.into()));

@@ -13,14 +13,17 @@ use crate::machine::sampler::AddressMode;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::ops::access::Access;
 use crate::ops::derivative::derivative;
 use crate::ops::image::ImageOp;
+use crate::ops::image::declared::view_of;
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::Operands;
 use crate::ops::image::reader::LaneReader;
-use crate::ops::image::view::{View, view_of};
-use crate::ops::op::{Access, Op as Operation};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::image::view::View;
+use crate::ops::op::Op as Operation;
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// An operation that gives the footprint of a sample.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,6 +5,8 @@
 //! * [`access`]: fetches, reads, writes and texel pointers.
 //! * [`query`]: sizes, levels, samples; [`footprint`]: which texels would be read.
 //! * [`processing`]: weighted samples, box filters, block matching.
+//! * [`view`], [`texel_ref`], [`reader`]: what operations hold of an image, of a texel and of a
+//!   lane; [`declared`]: what instructions declare of the first two.
 //!
 //! Instructions that need implicit derivatives run in compute shaders with a derivative group, and
 //! are rejected in other shaders when they are lowered: ray-tracing stages have none. Sparse forms
@@ -13,6 +15,7 @@
 pub mod access;
 pub mod address;
 pub mod cube;
+pub mod declared;
 pub mod filter;
 #[cfg(test)]
 mod filter_tests;
@@ -23,18 +26,19 @@ pub mod processing;
 pub mod query;
 pub mod reader;
 pub mod sample;
+pub mod texel_ref;
+mod translate;
 pub mod view;
 
 use rspirv::spirv::Op as Opcode;
-use smallvec::SmallVec;
 
 use crate::error::Result;
 use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
-use crate::module::Instruction;
-use crate::module::ty::Type;
+
+use crate::ops::access::Access;
 use crate::ops::image::reader::LaneReader;
-use crate::ops::op::Access;
-use crate::ops::translate::{Translator, Words};
+
+pub use translate::translate;
 
 /// Opcodes translated here; see [`IMPLICIT`] too.
 pub const OPCODES: &[Opcode] = &[
@@ -182,7 +186,7 @@ pub struct TexelRegisters {
 }
 
 impl TexelRegisters {
-    fn registers(self) -> u32 {
+    pub(super) fn registers(self) -> u32 {
         if self.wide { 2 * self.count } else { self.count }
     }
 
@@ -197,105 +201,14 @@ impl TexelRegisters {
     }
 }
 
-/// Translates image instructions; `false` for an instruction of another section.
-///
-/// # Errors
-/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
-pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
-    match opcode {
-        Opcode::SampledImage => {
-            check_sampled_image(translator, instruction)?;
-            let (image, sampler) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
-            translator.define_result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
-        }
-        Opcode::Image => {
-            let sampled = translator.type_of(translator.id(instruction, 0)?)?;
-            let result = translator.result_type(instruction)?;
-            if !matches!(*translator.module.ty(sampled), Type::SampledImage(image) if image == result) {
-                return Err(translator.invalid("OpImage takes the image of a sampled image of its type"));
-            }
-            let words = translator.operand(instruction, 0)?;
-            translator.define_result(instruction, SmallVec::from_slice(&words[..1]));
-        }
-        // Code 0 says that all texels were resident; no other code occurs.
-        Opcode::ImageSparseTexelsResident => {
-            let resident = translator.constant(1)?;
-            translator.define_result(instruction, SmallVec::from_slice(&[resident]));
-        }
-        _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
-            let name = crate::module::names::opcode_name(instruction.opcode);
-            return Err(translator.invalid(format!(
-                "{name} needs implicit derivatives, which only fragment stages have, and compute with a derivative \
-                 group (SPIR-V 3.3.10, \"{name}\"): give the level of detail or gradients explicitly"
-            )));
-        }
-        _ => {
-            return Ok(sample::translate(translator, opcode, instruction)?
-                || access::translate(translator, opcode, instruction)?
-                || query::translate(translator, opcode, instruction)?
-                || footprint::translate(translator, opcode, instruction)?
-                || processing::translate(translator, opcode, instruction)?);
-        }
-    }
-    Ok(true)
-}
-
-/// Checks that `OpSampledImage` combines a sampler with an image of its result's type.
-fn check_sampled_image(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
-    let result = translator.result_type(instruction)?;
-    let Type::SampledImage(image) = *translator.module.ty(result) else {
-        return Err(translator.invalid("the result of OpSampledImage is no sampled image"));
-    };
-    if translator.type_of(translator.id(instruction, 0)?)? != image {
-        return Err(translator.invalid("the image of OpSampledImage is not of its result's image type"));
-    }
-    let sampler = translator.type_of(translator.id(instruction, 1)?)?;
-    match *translator.module.ty(sampler) {
-        Type::Sampler => Ok(()),
-        _ => Err(translator.invalid("the sampler of OpSampledImage is none")),
-    }
-}
-
-/// Allocates the registers of an instruction's texel and defines its result; a sparse texel follows
-/// its residency code. `checked` says that it comes from the image of operand 0.
-fn texel_result(
-    translator: &mut Translator<'_>,
-    instruction: &Instruction,
-    sparse: bool,
-    checked: bool,
-) -> Result<TexelRegisters> {
-    let mut ty = translator.result_type(instruction)?;
-    let mut words = Words::new();
-    if sparse {
-        ty = match translator.module.ty(ty) {
-            Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
-            _ => {
-                return Err(translator.invalid("a sparse image instruction gives a struct of code and texel"));
-            }
-        };
-        words.push(translator.constant(0)?);
-    }
-    if checked {
-        view::check_texel(translator, translator.id(instruction, 0)?, ty)?;
-    }
-    let width = translator.scalar_width(ty)?;
-    let texel = TexelRegisters { to: Reg(0), count: translator.component_count(ty), wide: width == 64 };
-    if texel.count > 4 {
-        return Err(translator.invalid("a texel has at most four components"));
-    }
-    let texel = TexelRegisters { to: translator.fresh(texel.registers())?, ..texel };
-    words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
-    translator.define_result(instruction, words);
-    Ok(texel)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::error::ErrorKind;
-    use crate::module::Id;
     use crate::module::assemble::Assembler;
     use crate::module::interface::Stage;
+    use crate::module::{Id, Instruction};
+    use crate::ops::translate::Translator;
 
     #[test]
     fn implicit_levels_of_detail_are_refused_by_their_rule() {

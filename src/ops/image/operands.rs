@@ -9,7 +9,8 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::image::filter::Lod;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::integer_operand::ReadAs;
-use crate::ops::translate::{Translator, Words};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 const BIAS: u32 = 0x1;
 const LOD: u32 = 0x2;

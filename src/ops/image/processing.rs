@@ -15,12 +15,15 @@ use crate::machine::image::{Dimension, Image, Position};
 use crate::machine::sampler::{ReductionMode, Sampler};
 use crate::machine::{Reg, TrapCode};
 use crate::module::{Id, Instruction};
+use crate::ops::access::Access;
+use crate::ops::image::declared::{texel_result, view_of};
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::reader::LaneReader;
-use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
-use crate::ops::op::{Access, Op as Operation};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::image::view::View;
+use crate::ops::image::{ImageOp, TexelRegisters};
+use crate::ops::op::Op as Operation;
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// The longest side of a box (`maxBoxFilterBlockSize`).
 const MAX_BOX_SIDE: f32 = 64.0;

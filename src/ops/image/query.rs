@@ -6,11 +6,13 @@ use crate::error::Result;
 use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
+use crate::ops::access::Access;
+use crate::ops::image::declared::{texel_result, view_of};
 use crate::ops::image::reader::LaneReader;
-use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
+use crate::ops::image::view::View;
+use crate::ops::image::{ImageOp, TexelRegisters};
 use crate::ops::integer_operand::ReadAs;
-use crate::ops::op::{Access, Op as Operation};
+use crate::ops::op::Op as Operation;
 use crate::ops::translate::Translator;
 
 /// The property of the image that is queried.

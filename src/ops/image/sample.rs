@@ -8,16 +8,19 @@ use crate::machine::image::Dimension;
 use crate::machine::{Reg, TrapCode};
 use crate::module::Instruction;
 use crate::module::ty::Type;
+use crate::ops::access::Access;
 use crate::ops::arithmetic::FDiv;
 use crate::ops::derivative::derivative;
+use crate::ops::image::declared::{texel_result, view_of};
 use crate::ops::image::filter::Lookup;
 use crate::ops::image::operands::{self, Operands};
 use crate::ops::image::reader::LaneReader;
-use crate::ops::image::view::{View, view_of};
-use crate::ops::image::{ImageOp, TexelRegisters, texel_result};
+use crate::ops::image::view::View;
+use crate::ops::image::{ImageOp, TexelRegisters};
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::op::{Access, Op as Operation};
-use crate::ops::translate::{Translator, Words};
+use crate::ops::op::Op as Operation;
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
 
 /// The result that is computed from the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,10 +4,8 @@ use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image};
 use crate::machine::{Bindings, Descriptor, TrapCode};
-use crate::module::Id;
-use crate::module::ty::{ImageType, Type, TypeId};
+use crate::module::ty::ImageType;
 use crate::ops::memory::OUT_OF_BOUNDS;
-use crate::ops::translate::Translator;
 
 /// The image type (`OpTypeImage`) that a shader declares, as far as operations need it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,43 +55,6 @@ impl View {
     }
 }
 
-/// The view that the type of an image or sampled image declares.
-pub fn view_of(translator: &Translator<'_>, id: Id) -> Result<View> {
-    view(translator, &image_type(translator, id)?)
-}
-
-/// Checks the type of a texel that is read or written against the image's `Sampled Type`.
-///
-/// # Errors
-/// `InvalidModule` where they differ.
-pub fn check_texel(translator: &Translator<'_>, image: Id, texel: TypeId) -> Result<()> {
-    let sampled = image_type(translator, image)?.sampled_type;
-    let component = match *translator.module.ty(texel) {
-        Type::Vector { component, .. } => component,
-        _ => texel,
-    };
-    if component == sampled || *translator.module.ty(sampled) == Type::Void {
-        return Ok(());
-    }
-    let [texel, sampled] = [texel, sampled].map(|ty| translator.module.describe_type(ty));
-    let message = format!("a texel of type {texel} of an image whose Sampled Type is {sampled}");
-    Err(translator.invalid(message).note("SPIR-V 3.3.10: its components are the same as Sampled Type"))
-}
-
-fn image_type(translator: &Translator<'_>, id: Id) -> Result<ImageType> {
-    let mut ty = translator.type_of(id)?;
-    if let Type::Pointer { pointee: Some(pointee), .. } = *translator.module.ty(ty) {
-        ty = pointee;
-    }
-    if let Type::SampledImage(image) = *translator.module.ty(ty) {
-        ty = image;
-    }
-    match *translator.module.ty(ty) {
-        Type::Image(image) => Ok(image),
-        _ => Err(translator.invalid(format!("%{} is no image", id.0))),
-    }
-}
-
 /// The dimension of an image type (`Dim` and `Arrayed`); `None` where no image has it.
 pub fn dimension(image: &ImageType) -> Option<Dimension> {
     Some(match (image.dim, image.arrayed) {
@@ -107,36 +68,4 @@ pub fn dimension(image: &ImageType) -> Option<Dimension> {
         (5, false) => Dimension::Buffer,
         _ => return None,
     })
-}
-
-fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
-    let dimension = match (image.dim, dimension(image)) {
-        (_, Some(dimension)) => dimension,
-        (4, _) => return Err(translator.unsupported("images of Dim Rect, which Vulkan does not have")),
-        (6, _) => return Err(translator.unsupported("subpass images, which only fragment stages have")),
-        (dim, None) => {
-            let arrayed = if image.arrayed { ", arrayed" } else { "" };
-            return Err(translator.unsupported(format!("images of Dim {dim}{arrayed}")));
-        }
-    };
-    // No such image can be created, so nothing could be bound.
-    if image.multisampled && !matches!(dimension, Dimension::D2 | Dimension::D2Array) {
-        let message = "a multisampled image of another dimension than 2D";
-        return Err(translator.unsupported(message).note("VUID-VkImageCreateInfo-samples-02257"));
-    }
-    let (class, width) = match *translator.module.ty(image.sampled_type) {
-        Type::Float { width, encoding: None } => (Class::Float, width),
-        Type::Int { width, signed: true } => (Class::Sint, width),
-        Type::Int { width, signed: false } => (Class::Uint, width),
-        _ => {
-            return Err(translator
-                .invalid("a Sampled Type that is no number (VUID-StandaloneSpirv-OpTypeImage-04656)"));
-        }
-    };
-    if width != 32 && !(width == 64 && class != Class::Float) {
-        return Err(translator.unsupported(format!(
-            "a Sampled Type of {width} bits (VUID-StandaloneSpirv-OpTypeImage-04656 has 32, and 64-bit integers)"
-        )));
-    }
-    Ok(View { dimension, multisampled: image.multisampled, class, wide: width == 64 })
 }

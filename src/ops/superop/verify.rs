@@ -7,8 +7,9 @@ use std::sync::LazyLock;
 use rustc_hash::FxHashMap;
 
 use crate::machine::Reg;
+use crate::ops::access::Access;
 use crate::ops::lane_kernel::LaneKernel;
-use crate::ops::op::{Access, Op};
+use crate::ops::op::Op;
 use crate::ops::superop::pairs::PairShape;
 use crate::ops::superop::{Function, SuperCode, SuperOp, has_operand, takes_float};
 use crate::ops::symbolic::{State, ValueNumber, ValueTable};

@@ -9,8 +9,9 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::memory;
-use crate::ops::translate::{Origin, Translator, Words};
+use crate::ops::pointer;
+use crate::ops::translate::{Origin, Translator};
+use crate::ops::value_registers::Words;
 
 impl Translator<'_> {
     /// How many words a value of a type takes in registers.
@@ -51,7 +52,7 @@ impl Translator<'_> {
                 }
                 sum
             }
-            Type::Pointer { storage_class, .. } => memory::pointer_word_count(storage_class),
+            Type::Pointer { storage_class, .. } => pointer::pointer_word_count(storage_class),
             other => {
                 let name = self.module.describe_type(ty);
                 return Err(match other {

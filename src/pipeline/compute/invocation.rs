@@ -105,7 +105,9 @@ impl Compute {
             let observer: &mut dyn Observer<W> = &mut one;
             let mut observers = Observers::new(observer, &mut on_event).with_traversal();
             let group = &mut std::iter::once(self.group(index, groups));
-            WorkgroupRunner::<W>::new(self, &bindings, self.layout, watch).run(group, &mut observers).1
+            WorkgroupRunner::<W>::new(self.for_runner(), &bindings, self.layout, watch)
+                .run(group, &mut observers)
+                .1
         };
         let exit = one.exit;
         let mut events = events.into_inner();

@@ -4,7 +4,8 @@ use crate::error::Result;
 use crate::module::{Definition, Function, Id, Instruction};
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::translate::{IdValue, Origin, Words};
+use crate::ops::translate::{IdValue, Origin};
+use crate::ops::value_registers::Words;
 use crate::program::lower::{
     CalledFunction, INLINE_DEPTH, INLINE_SIZE, INLINE_TOTAL, Inlining, Lowering, ReturnTarget,
 };

@@ -10,8 +10,8 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::superop::DIRECT_REGISTERS;
 use crate::program::Program;
-use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read};
-use crate::program::regalloc::{LocalValues, OperandKind, RegisterPool, for_each_renameable, is_noop};
+use crate::program::copy_propagation::{AliasedRegisters, for_each_terminator_read, is_noop};
+use crate::program::regalloc::{LocalValues, OperandKind, RegisterPool, for_each_renameable};
 
 /// Renames extended registers whose values live longer than a superblock to free direct ones.
 ///

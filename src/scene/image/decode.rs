@@ -7,7 +7,7 @@
 
 use std::path::Path;
 
-use crate::error::{Error, ErrorKind, Place, Result};
+use crate::error::{ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::{Class, Component, Format};
 #[cfg(not(feature = "images"))]
@@ -15,7 +15,7 @@ use crate::scene::image::missing_images;
 #[cfg(feature = "images")]
 use crate::scene::image::png_jpeg;
 use crate::scene::image::radiance::Radiance;
-use crate::scene::image::{Picture, exr_support, texel_bytes, texel_numbers};
+use crate::scene::image::{Picture, exr_support, invalid, texel_bytes, texel_numbers};
 
 /// The fewest bytes of a row of a Radiance file: its first texel.
 const HDR_ROW: u64 = 4;
@@ -48,10 +48,6 @@ impl Picture {
         let decoded = contained("image", ErrorKind::InvalidImage, || decode(bytes, wanted, limits));
         decoded.map_err(|error| error.at(Place::File(path.to_path_buf())))
     }
-}
-
-pub(super) fn invalid(message: impl Into<String>) -> Error {
-    Error::new(ErrorKind::InvalidImage, message)
 }
 
 /// A file's numbers before they are texels of a format.

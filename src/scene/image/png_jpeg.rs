@@ -11,7 +11,8 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use crate::error::{ErrorKind, Result};
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::format::Format;
-use crate::scene::image::decode::{Decoded, Header, Numbers, invalid};
+use crate::scene::image::decode::{Decoded, Header, Numbers};
+use crate::scene::image::invalid;
 
 /// Texels that a byte of a PNG file can stand for: deflate makes at most 1032 bytes of one, and a
 /// byte holds at most eight grey texels.

@@ -5,7 +5,7 @@
 //! counts, or the four components one after the other, each in runs.
 
 use crate::error::Result;
-use crate::scene::image::decode::invalid;
+use crate::scene::image::invalid;
 
 /// What a file says of itself, and its rows.
 pub(super) struct Radiance<'a> {

@@ -14,10 +14,10 @@ use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::sampler::{AddressMode, Filter, Sampler};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
+use crate::scene::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
 use crate::scene::mesh::material::{
     FileCamera, Material, PictureSource, Projection, Texture, TextureMapping, TextureSlot,
 };
-use crate::scene::mesh::model::{Listed, ListedPart, ModelNode, Numbers};
 use crate::scene::mesh::uri::{base64, percent_decoded};
 
 /// How deep nodes may be nested.

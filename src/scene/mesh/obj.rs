@@ -13,8 +13,8 @@ use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::sampler::Sampler;
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
+use crate::scene::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
 use crate::scene::mesh::material::{Material, PictureSource, Texture, TextureSlot};
-use crate::scene::mesh::model::{Listed, ListedPart, ModelNode, Numbers};
 
 /// An open file: its groups, in the order of the model's parts.
 #[derive(Debug)]

@@ -2,13 +2,13 @@
 
 use std::collections::HashMap;
 
-use crate::scene::camera::matrix_of;
-use crate::scene::encoding::AddressOf;
-use crate::scene::geometry::InstanceEntry;
+use crate::scene::address_entry::AddressOf;
+use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::mesh::material::{Material, TextureSlot};
 use crate::scene::mesh::model::Part;
 use crate::scene::mesh_piece::SceneMeshes;
 use crate::scene::read::{Named, Parse, Spanned, Table, TomlValue};
+use crate::scene::transform_entry::matrix_of;
 use crate::scene::tree::Toml;
 
 /// What the kinds of columns have in common.

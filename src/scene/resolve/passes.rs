@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use crate::error::Error;
 use crate::machine::{LaunchFuel, LaunchLimits};
+use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::file::{GeneralEntry, HitEntry, PipelineEntry, RayEntry};
 use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, PassWorkEntry};
 use crate::scene::read::{Spanned, list_of, unknown_name};
@@ -12,7 +13,7 @@ use crate::scene::resolved::{
     Rebinding, RebindingSource, ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedPass,
     ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedShader, ShaderBindingTable,
 };
-use crate::scene::resources::{Content, DescriptorKind, ResourceEntry};
+use crate::scene::resources::{Content, ResourceEntry};
 use crate::scene::struct_lookup::DataBlock;
 
 /// The shaders that a pipeline names.

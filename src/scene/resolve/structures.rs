@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::accel::{Blas, Geometry, Tlas, TlasInstance};
-use crate::scene::geometry::InstanceEntry;
+use crate::scene::instance_entry::InstanceEntry;
 use crate::scene::models::Expanded;
 use crate::scene::read::Span;
 use crate::scene::resolve::Resolver;

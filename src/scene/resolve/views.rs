@@ -6,11 +6,12 @@ use crate::error::{Error, Place, Result};
 use crate::machine::Buffer;
 use crate::machine::format::Format;
 use crate::machine::sampler::Sampler;
+use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::read::{Named, Spanned, unknown_name};
 use crate::scene::resolve::Resolver;
 use crate::scene::resolved::{ResolvedBinding, UnboundBuffer};
-use crate::scene::resources::{BufferView, Content, DescriptorKind, Resource};
+use crate::scene::resources::{BufferView, Content, Resource};
 use crate::scene::view_entry::{RangeEntry, ViewEntry};
 
 /// What a view may be a view of.

@@ -5,7 +5,7 @@ use crate::geometry::{
     Bounds, DoubleRay, Intersection, ObjectRay, Precision, Ray, Surface, Transform, Verdict, aabb,
     linear_swept_sphere, sphere, triangle,
 };
-use crate::math::f32x8::BaselineSimd;
+use crate::math::baseline_simd::BaselineSimd;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 use crate::stress::case::Shape;
 use crate::stress::judge::{Failure, Tally, fail};

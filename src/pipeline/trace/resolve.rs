@@ -1,16 +1,17 @@
-//! The end of a trace: finds the closest-hit and miss shaders that its rays call, and elides those
+//! The decisions of a trace's shaders, and its end: takes over what any-hit and intersection
+//! shaders decide, finds the closest-hit and miss shaders that its rays call, and elides those
 //! without effect.
 
 use smallvec::SmallVec;
 
-use crate::accel::{Committed, RayFlags};
+use crate::accel::{Candidate, Committed, HitKind, RayFlags, hit_record_index};
+use crate::machine::invocation::Invocations;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Mask, Registers, TrapCode};
+use crate::machine::{Batch, Exit, Lanes, Mask, Registers, TrapCode};
 use crate::pipeline::Pipeline;
-use crate::pipeline::group::Shader;
+use crate::pipeline::group::{Role, Shader};
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
-use crate::pipeline::sbt::is_beyond_end;
-use crate::pipeline::stack::Role;
+use crate::pipeline::sbt::{SbtRecord, is_beyond_end};
 use crate::pipeline::trace::{Trace, Words, general_shader, hit_group_at, record_at};
 
 impl<const W: usize> Trace<W> {
@@ -108,6 +109,122 @@ impl<const W: usize> Trace<W> {
         let is_empty = shader.is_some_and(|shader| pipeline.is_empty(shader));
         let unread = |shader| self.caller.is_some_and(|caller| writes_only_unread(pipeline, caller, shader));
         HitOrMissShader { shader, has_any_hit, is_empty, writes_only_unread: shader.is_some_and(unread) }
+    }
+
+    /// The index of the record of a lane's miss shader.
+    pub fn miss_record_index(&self, lane: usize) -> u64 {
+        u64::from(self.miss_index.0[lane] & 0xFFFF)
+    }
+
+    /// The index of the hit record of a lane's candidate.
+    pub fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> u64 {
+        let instance = candidate.instance_in(self.tlas(lane));
+        let (stride, offset) = (self.sbt_stride.0[lane], self.sbt_offset.0[lane]);
+        hit_record_index(instance.sbt_record_offset, candidate.geometry, stride, offset)
+    }
+
+    /// Applies the exits of a shader that the lanes' rays called.
+    pub fn apply_exits(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
+        for lane in lanes.lanes() {
+            let exit = batch.exits[lane];
+            if let Exit::Trapped(_) = exit {
+                self.trap(lane, TrapCode::Callee);
+                continue;
+            }
+            if role != Role::AnyHit {
+                continue;
+            }
+            let cursor = self.cursor_mut(lane);
+            if exit != Exit::Ignored {
+                cursor.confirm();
+            }
+            if exit == Exit::Terminated {
+                cursor.terminate();
+            }
+        }
+    }
+
+    /// Stores the attributes of a lane's committed hit.
+    pub fn commit_attributes(&mut self, lane: usize, attributes: Words) {
+        if self.attributes.len() <= lane {
+            self.attributes.resize_with(lane + 1, Words::new);
+        }
+        self.attributes[lane] = attributes;
+    }
+
+    /// A lane's hit of a built-in primitive (no box), whose attributes traversal computes.
+    #[inline]
+    fn built_in_candidate(&self, lane: usize) -> Option<&Candidate> {
+        let candidate = self.committed[lane].as_ref().map(|committed| &committed.candidate);
+        candidate.filter(|candidate| !self.from_hit_objects && !candidate.is_box())
+    }
+
+    /// The attributes of a lane's committed hit.
+    pub fn committed_attributes(&self, lane: usize) -> Words {
+        match self.built_in_candidate(lane) {
+            Some(candidate) => Words::from_slice(&candidate.intersection.attributes.map(f32::to_bits)),
+            None => self.attributes.get(lane).cloned().unwrap_or_default(),
+        }
+    }
+
+    /// Writes the builtins of a shader that runs in a role.
+    pub fn write_builtins(&self, pipeline: &Pipeline, role: Role, lanes: Mask<W>, to: &mut Invocations<W>) {
+        (to.launch_id, to.launch_size, to.depth) = (self.launch_id, self.launch_size, self.depth);
+        to.rays = self.rays;
+        to.structures.copy(&self.structures);
+        to.record_indices = self.record_indices;
+        to.hit = role != Role::Miss;
+        let table = if to.hit { &pipeline.sbt.hit } else { &pipeline.sbt.miss };
+        let mut record = None;
+        for lane in lanes.lanes() {
+            let index = self.record_indices[lane];
+            if record.as_ref().is_none_or(|(known, _)| *known != index) {
+                record = Some((index, record_at(table, index).and_then(SbtRecord::shader_record)));
+            }
+            to.set_record(lane, record.as_ref().and_then(|(_, record)| record.as_ref()));
+        }
+        match role {
+            Role::ClosestHit => {
+                for lane in lanes.lanes() {
+                    if let Some(Committed { candidate, t, hit_kind }) = &self.committed[lane] {
+                        to.hits.set(lane, candidate.hit_primitive(), *hit_kind);
+                        to.set_t_max(lane, *t);
+                    }
+                }
+            }
+            Role::AnyHit | Role::ReportedAnyHit | Role::Intersection => {
+                for lane in lanes.lanes() {
+                    let cursor = self.cursor(lane);
+                    let Some(candidate) = cursor.candidate() else { continue };
+                    let kind = candidate.hit_kind().unwrap_or(HitKind(0));
+                    to.hits.set(lane, candidate.hit_primitive(), kind);
+                    let t = if candidate.is_box() { cursor.t_max() } else { candidate.intersection.t };
+                    to.set_t_max(lane, t);
+                }
+            }
+            _ => to.t_max = self.rays.t_max,
+        }
+    }
+
+    /// Writes the initial hit attributes of a shader that runs in a role.
+    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
+        for lane in lanes.lanes() {
+            let candidate = match role {
+                Role::AnyHit => self.cursor(lane).candidate(),
+                Role::ClosestHit => self.built_in_candidate(lane),
+                _ => return,
+            };
+            if let Some(candidate) = candidate {
+                let values = candidate.intersection.attributes;
+                registers
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(register, value)| register.0[lane] = value.to_bits());
+            } else if role == Role::ClosestHit {
+                let words = self.attributes.get(lane).into_iter().flatten();
+                registers.iter_mut().zip(words).for_each(|(register, &word)| register.0[lane] = word);
+            }
+        }
     }
 }
 

@@ -1,0 +1,61 @@
+//! A geometry of a BLAS: primitives of one kind with their flags, micromap and motion.
+
+use std::sync::Arc;
+
+use crate::accel::flags::GeometryFlags;
+use crate::accel::geometry_data::GeometryData;
+use crate::accel::micromap::OpacityMicromap;
+use crate::accel::motion::interpolate;
+use crate::accel::primitive::{Primitive, triangle};
+
+/// One geometry of a BLAS.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Geometry {
+    /// The primitives of the geometry.
+    pub data: GeometryData,
+    /// The flags of the geometry.
+    pub flags: GeometryFlags,
+    /// Opacity of the triangles' parts, which then stands in place of [`GeometryFlags::OPAQUE`].
+    pub opacity_micromap: Option<Arc<OpacityMicromap>>,
+    /// `ClusterIDNV` of its triangles; without it they belong to no cluster.
+    pub cluster_id: Option<u32>,
+    /// Positions at time 1 of triangles whose own vertices are those of time 0, one for each
+    /// (`VkAccelerationStructureGeometryMotionTrianglesDataNV`); without it they are at rest.
+    pub vertices_t1: Option<Arc<[[f32; 3]]>>,
+}
+
+impl Geometry {
+    /// Primitives at rest, without micromap or cluster.
+    pub fn new(data: GeometryData, flags: GeometryFlags) -> Self {
+        Self { data, flags, opacity_micromap: None, cluster_id: None, vertices_t1: None }
+    }
+
+    /// The data of primitive `PrimitiveId` at a time within 0 and 1: the vertices of a triangle
+    /// that moves are interpolated, after the geometry transform.
+    ///
+    /// # Panics
+    /// As [`GeometryData::primitive`].
+    pub fn primitive_at(&self, primitive: u32, time: f32) -> Primitive {
+        match self.motion_keys(primitive) {
+            Some(motion_keys) => Primitive::Triangle(interpolate_triangle(&motion_keys, time)),
+            None => self.data.primitive(primitive),
+        }
+    }
+
+    /// The vertices of a triangle that moves, at time 0 and at time 1 (its motion keys).
+    pub(super) fn motion_keys(&self, primitive: u32) -> Option<[[[f32; 3]; 3]; 2]> {
+        let (GeometryData::Triangles { vertices, indices, transform }, Some(later)) =
+            (&self.data, &self.vertices_t1)
+        else {
+            return None;
+        };
+        Some([vertices, &later[..]].map(|all| triangle(all, indices, transform, primitive)))
+    }
+}
+
+/// Interpolates the vertices of a triangle between its two motion keys.
+pub(super) fn interpolate_triangle([first, second]: &[[[f32; 3]; 3]; 2], time: f32) -> [[f32; 3]; 3] {
+    std::array::from_fn(|corner| {
+        std::array::from_fn(|axis| interpolate(first[corner][axis], second[corner][axis], time))
+    })
+}

@@ -1,0 +1,50 @@
+//! An instance: what a TLAS says of a BLAS that it places.
+
+use std::sync::Arc;
+
+use crate::accel::blas::Blas;
+use crate::accel::flags::InstanceFlags;
+use crate::accel::motion::{Motion, or_identity};
+use crate::accel::transform::IDENTITY;
+
+/// An instance of a BLAS.
+#[derive(Clone, Debug)]
+pub struct TlasInstance {
+    /// The BLAS that the instance places.
+    pub blas: Arc<Blas>,
+    /// Object to world, row-major 3x4 (`VkTransformMatrixKHR`); counts where `motion` is `None`.
+    pub transform: [[f32; 4]; 3],
+    /// How it moves; `None` for an instance at rest.
+    pub motion: Option<Motion>,
+    /// `InstanceCustomIndexKHR`, 24 bits.
+    pub custom_index: u32,
+    /// Visibility mask, compared with the ray's cull mask.
+    pub mask: u8,
+    /// `instanceShaderBindingTableRecordOffset`, 24 bits.
+    pub sbt_record_offset: u32,
+    /// The flags of the instance.
+    pub flags: InstanceFlags,
+}
+
+impl TlasInstance {
+    /// An instance at rest that is visible to every ray (mask 0xFF), with custom index, offset and
+    /// flags 0; `transform` is object to world.
+    pub fn of(blas: Arc<Blas>, transform: [[f32; 4]; 3]) -> Self {
+        let (custom_index, sbt_record_offset, flags) = (0, 0, InstanceFlags::default());
+        Self { blas, transform, motion: None, custom_index, mask: 0xFF, sbt_record_offset, flags }
+    }
+
+    /// Whether object space is world space at any time.
+    pub fn is_identity(&self) -> bool {
+        self.motion.is_none() && self.transform == IDENTITY
+    }
+
+    /// Object to world at a time within 0 and 1 (`ObjectToWorldKHR`, row-major). The identity where
+    /// there is none: no ray hits such an instance.
+    pub fn object_to_world(&self, time: f32) -> [[f32; 4]; 3] {
+        match &self.motion {
+            None => self.transform,
+            Some(motion) => or_identity(motion.at(time)),
+        }
+    }
+}

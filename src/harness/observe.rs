@@ -1,0 +1,102 @@
+//! What is observed of a run: its first ray, and what its shaders wrote and printed.
+
+use std::sync::Arc;
+
+use crate::harness::expect::{Bytes, Observed, RayFound};
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::memory;
+use crate::harness::value::Value;
+use crate::machine::{Binding, Descriptor, Printed, Resources};
+use crate::ops::pointer::storage;
+use crate::pipeline::{Event, Pipeline, Shader};
+use crate::program::Program;
+use crate::scene::ResolvedScene;
+use crate::scene::resources::Output;
+
+/// A copy of resources that collects what shaders print.
+pub(super) fn fresh_resources(resources: &Resources) -> Resources {
+    Resources { printed: Some(Arc::<Printed>::default()), ..memory::copied(resources) }
+}
+
+/// Reads buffers, images and printed lines.
+pub(super) fn read_resources(scene: &ResolvedScene, resources: &Resources, observed: &mut Observed) {
+    for line in resources.printed.iter().flat_map(|printed| printed.take()) {
+        observed.printed += &line.text;
+        if !line.text.ends_with('\n') {
+            observed.printed.push('\n');
+        }
+    }
+    for binding in &scene.resources {
+        let key = Binding { set: binding.set, binding: binding.binding };
+        let found = resources.descriptors.get(&key).and_then(|list| list.get(binding.element as usize));
+        let name = binding.name.clone();
+        let place = Some([binding.set, binding.binding, binding.element]);
+        match found {
+            Some(Descriptor::Buffer(buffer)) => {
+                let bytes = buffer.bytes();
+                observed.buffers.push(Bytes { name, binding: place, row: None, bytes, image: None });
+            }
+            Some(Descriptor::Image(image) | Descriptor::ImageSampler(image, _)) => {
+                let row = Some([image.shape().extent[0] as usize, image.format().texel_size() as usize]);
+                let linear = binding.output == Some(Output::Linear);
+                let (bytes, image) = (image.bytes(), Some((image.clone(), linear)));
+                observed.images.push(Bytes { name, binding: place, row, bytes, image });
+            }
+            _ => {}
+        }
+    }
+    for unbound in &scene.unbound {
+        if let Some((_, buffer)) = resources.memory.named_buffer(&unbound.name) {
+            let (name, bytes) = (unbound.name.clone(), buffer.bytes());
+            observed.buffers.push(Bytes { name, binding: None, row: None, bytes, image: None });
+        }
+    }
+}
+
+/// The result of the first ray of a run.
+pub(super) fn first_ray(pipeline: &Pipeline, events: &[Event]) -> RayFound {
+    // Traversal ends before a closest-hit shader traces on: the first to end is the first ray.
+    let traversed = events.iter().find_map(|event| match event {
+        Event::Traversed { committed, shader, .. } => Some((*committed, *shader)),
+        _ => None,
+    });
+    let (committed, shader) = traversed.unwrap_or_default();
+    let mut depth = 0;
+    let payload = events.iter().find_map(|event| match event {
+        Event::Trace { .. } => {
+            depth += 1;
+            None
+        }
+        Event::Traced { payload } => {
+            depth -= 1;
+            (depth == 0).then_some(&payload[..])
+        }
+        _ => None,
+    });
+    let payload = payload.map_or_else(Value::nothing, |words| payload_of(pipeline, shader, words));
+    let tlas = events.iter().find_map(|event| match event {
+        Event::Trace { tlas, .. } => Some(tlas),
+        _ => None,
+    });
+    let custom_index = committed.zip(tlas).map_or(0, |(hit, tlas)| {
+        let instance = hit.candidate.instance as usize;
+        tlas.instances()[instance].custom_index
+    });
+    RayFound { committed, custom_index, payload }
+}
+
+/// A payload, typed as the last shader declares it, or as the largest declared payload.
+fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
+    let registers = |program: &Arc<Program>| {
+        program
+            .interface_registers(storage::INCOMING_RAY_PAYLOAD)
+            .map(|registers| (program.clone(), registers.ty, registers.count))
+    };
+    let ran = shader.and_then(|shader| registers(&pipeline.programs[shader.0 as usize]));
+    let declared =
+        ran.or_else(|| pipeline.programs.iter().filter_map(registers).max_by_key(|(.., count)| *count));
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    declared.map_or_else(Value::nothing, |(program, ty, _)| {
+        Layout::new(&program.module, ty, Rules::Packed).read(&bytes)
+    })
+}

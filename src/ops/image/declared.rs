@@ -1,0 +1,114 @@
+//! What instructions declare of their images and texels.
+
+use crate::error::Result;
+use crate::machine::Reg;
+use crate::machine::format::Class;
+use crate::machine::image::Dimension;
+use crate::module::ty::{ImageType, Type, TypeId};
+use crate::module::{Id, Instruction};
+use crate::ops::image::TexelRegisters;
+use crate::ops::image::view::{View, dimension};
+use crate::ops::translate::Translator;
+use crate::ops::value_registers::Words;
+
+/// Allocates the registers of an instruction's texel and defines its result; a sparse texel follows
+/// its residency code. `checked` says that it comes from the image of operand 0.
+pub(super) fn texel_result(
+    translator: &mut Translator<'_>,
+    instruction: &Instruction,
+    sparse: bool,
+    checked: bool,
+) -> Result<TexelRegisters> {
+    let mut ty = translator.result_type(instruction)?;
+    let mut words = Words::new();
+    if sparse {
+        ty = match translator.module.ty(ty) {
+            Type::Struct { members, .. } if members.len() == 2 => members[1].ty,
+            _ => {
+                return Err(translator.invalid("a sparse image instruction gives a struct of code and texel"));
+            }
+        };
+        words.push(translator.constant(0)?);
+    }
+    if checked {
+        check_texel(translator, translator.id(instruction, 0)?, ty)?;
+    }
+    let width = translator.scalar_width(ty)?;
+    let texel = TexelRegisters { to: Reg(0), count: translator.component_count(ty), wide: width == 64 };
+    if texel.count > 4 {
+        return Err(translator.invalid("a texel has at most four components"));
+    }
+    let texel = TexelRegisters { to: translator.fresh(texel.registers())?, ..texel };
+    words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
+    translator.define_result(instruction, words);
+    Ok(texel)
+}
+
+/// The view that the type of an image or sampled image declares.
+pub fn view_of(translator: &Translator<'_>, id: Id) -> Result<View> {
+    view(translator, &image_type(translator, id)?)
+}
+
+/// Checks the type of a texel that is read or written against the image's `Sampled Type`.
+///
+/// # Errors
+/// `InvalidModule` where they differ.
+pub fn check_texel(translator: &Translator<'_>, image: Id, texel: TypeId) -> Result<()> {
+    let sampled = image_type(translator, image)?.sampled_type;
+    let component = match *translator.module.ty(texel) {
+        Type::Vector { component, .. } => component,
+        _ => texel,
+    };
+    if component == sampled || *translator.module.ty(sampled) == Type::Void {
+        return Ok(());
+    }
+    let [texel, sampled] = [texel, sampled].map(|ty| translator.module.describe_type(ty));
+    let message = format!("a texel of type {texel} of an image whose Sampled Type is {sampled}");
+    Err(translator.invalid(message).note("SPIR-V 3.3.10: its components are the same as Sampled Type"))
+}
+
+fn image_type(translator: &Translator<'_>, id: Id) -> Result<ImageType> {
+    let mut ty = translator.type_of(id)?;
+    if let Type::Pointer { pointee: Some(pointee), .. } = *translator.module.ty(ty) {
+        ty = pointee;
+    }
+    if let Type::SampledImage(image) = *translator.module.ty(ty) {
+        ty = image;
+    }
+    match *translator.module.ty(ty) {
+        Type::Image(image) => Ok(image),
+        _ => Err(translator.invalid(format!("%{} is no image", id.0))),
+    }
+}
+
+fn view(translator: &Translator<'_>, image: &ImageType) -> Result<View> {
+    let dimension = match (image.dim, dimension(image)) {
+        (_, Some(dimension)) => dimension,
+        (4, _) => return Err(translator.unsupported("images of Dim Rect, which Vulkan does not have")),
+        (6, _) => return Err(translator.unsupported("subpass images, which only fragment stages have")),
+        (dim, None) => {
+            let arrayed = if image.arrayed { ", arrayed" } else { "" };
+            return Err(translator.unsupported(format!("images of Dim {dim}{arrayed}")));
+        }
+    };
+    // No such image can be created, so nothing could be bound.
+    if image.multisampled && !matches!(dimension, Dimension::D2 | Dimension::D2Array) {
+        let message = "a multisampled image of another dimension than 2D";
+        return Err(translator.unsupported(message).note("VUID-VkImageCreateInfo-samples-02257"));
+    }
+    let (class, width) = match *translator.module.ty(image.sampled_type) {
+        Type::Float { width, encoding: None } => (Class::Float, width),
+        Type::Int { width, signed: true } => (Class::Sint, width),
+        Type::Int { width, signed: false } => (Class::Uint, width),
+        _ => {
+            return Err(translator
+                .invalid("a Sampled Type that is no number (VUID-StandaloneSpirv-OpTypeImage-04656)"));
+        }
+    };
+    if width != 32 && !(width == 64 && class != Class::Float) {
+        return Err(translator.unsupported(format!(
+            "a Sampled Type of {width} bits (VUID-StandaloneSpirv-OpTypeImage-04656 has 32, and 64-bit integers)"
+        )));
+    }
+    Ok(View { dimension, multisampled: image.multisampled, class, wide: width == 64 })
+}

@@ -1,0 +1,69 @@
+//! Translates image instructions to operations.
+
+use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
+
+use crate::error::Result;
+use crate::module::Instruction;
+use crate::module::ty::Type;
+use crate::ops::image::{IMPLICIT, access, footprint, processing, query, sample};
+use crate::ops::translate::Translator;
+
+/// Translates image instructions; `false` for an instruction of another section.
+///
+/// # Errors
+/// `InvalidModule` where it breaks a rule, `UnsupportedModule` where this crate does not run it.
+pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
+    match opcode {
+        Opcode::SampledImage => {
+            check_sampled_image(translator, instruction)?;
+            let (image, sampler) = (translator.operand(instruction, 0)?, translator.operand(instruction, 1)?);
+            translator.define_result(instruction, SmallVec::from_slice(&[image[0], sampler[0]]));
+        }
+        Opcode::Image => {
+            let sampled = translator.type_of(translator.id(instruction, 0)?)?;
+            let result = translator.result_type(instruction)?;
+            if !matches!(*translator.module.ty(sampled), Type::SampledImage(image) if image == result) {
+                return Err(translator.invalid("OpImage takes the image of a sampled image of its type"));
+            }
+            let words = translator.operand(instruction, 0)?;
+            translator.define_result(instruction, SmallVec::from_slice(&words[..1]));
+        }
+        // Code 0 says that all texels were resident; no other code occurs.
+        Opcode::ImageSparseTexelsResident => {
+            let resident = translator.constant(1)?;
+            translator.define_result(instruction, SmallVec::from_slice(&[resident]));
+        }
+        _ if IMPLICIT.contains(&opcode) && !translator.derivatives => {
+            let name = crate::module::names::opcode_name(instruction.opcode);
+            return Err(translator.invalid(format!(
+                "{name} needs implicit derivatives, which only fragment stages have, and compute with a derivative \
+                 group (SPIR-V 3.3.10, \"{name}\"): give the level of detail or gradients explicitly"
+            )));
+        }
+        _ => {
+            return Ok(sample::translate(translator, opcode, instruction)?
+                || access::translate(translator, opcode, instruction)?
+                || query::translate(translator, opcode, instruction)?
+                || footprint::translate(translator, opcode, instruction)?
+                || processing::translate(translator, opcode, instruction)?);
+        }
+    }
+    Ok(true)
+}
+
+/// Checks that `OpSampledImage` combines a sampler with an image of its result's type.
+fn check_sampled_image(translator: &Translator<'_>, instruction: &Instruction) -> Result<()> {
+    let result = translator.result_type(instruction)?;
+    let Type::SampledImage(image) = *translator.module.ty(result) else {
+        return Err(translator.invalid("the result of OpSampledImage is no sampled image"));
+    };
+    if translator.type_of(translator.id(instruction, 0)?)? != image {
+        return Err(translator.invalid("the image of OpSampledImage is not of its result's image type"));
+    }
+    let sampler = translator.type_of(translator.id(instruction, 1)?)?;
+    match *translator.module.ty(sampler) {
+        Type::Sampler => Ok(()),
+        _ => Err(translator.invalid("the sampler of OpSampledImage is none")),
+    }
+}

@@ -1,0 +1,148 @@
+//! The traversal of the rays of a trace, up to each candidate that a shader decides on.
+
+use crate::accel::{Cursor, RayFlags, TraceRay};
+use crate::machine::{Mask, TrapCode};
+use crate::module::interface::Stage;
+use crate::pipeline::Pipeline;
+use crate::pipeline::group::Role;
+use crate::pipeline::observer::{Event, PipelineObserver, TraversalAdapter};
+use crate::pipeline::sbt::is_beyond_end;
+use crate::pipeline::trace::{Trace, hit_group_at};
+
+impl<const W: usize> Trace<W> {
+    /// Traces all rays that can hit only opaque geometry, and gives the others a resumable
+    /// traversal.
+    pub(super) fn begin_traversal<T: PipelineObserver>(&mut self) {
+        if !T::ACTIVE {
+            for number in 0..self.structures.all().len() {
+                self.trace_opaque(number);
+            }
+        }
+        for lane in self.traversing.lanes() {
+            let trace = self.ray_with_pipeline_flags(lane);
+            if self.cursors.len() <= lane {
+                self.cursors.resize_with(lane + 1, || None);
+            }
+            let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
+            match &mut self.cursors[lane] {
+                Some(cursor) => cursor.reset(tlas, trace),
+                empty => *empty = Some(Cursor::new(tlas, trace)),
+            }
+        }
+    }
+
+    /// A lane's ray with the flags that the pipeline adds.
+    #[inline]
+    fn ray_with_pipeline_flags(&self, lane: usize) -> TraceRay {
+        let trace = self.rays.get(lane);
+        TraceRay { flags: trace.flags | RayFlags(self.pipeline_flags), ..trace }
+    }
+
+    /// Traces the rays of one acceleration structure that can hit only opaque geometry.
+    fn trace_opaque(&mut self, number: usize) {
+        let in_structure = match self.structures.all().len() {
+            1 => self.traversing,
+            _ => self.traversing & Mask::equal(self.structures.indices(), number as u32),
+        };
+        // Nothing reads which hit an occlusion ray commits, unless a hit object records it.
+        let occlusion = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
+        let hit_is_unread = self.invokes_hit_or_miss && self.caller.is_some();
+        let tlas = &self.structures.all()[number];
+        let mut remaining = in_structure;
+        while let Some(first) = remaining.lanes().next() {
+            let flags = self.ray_with_pipeline_flags(first).flags;
+            let mut same_flags = Mask::NONE;
+            self.opaque.rays.clear();
+            for lane in remaining.lanes() {
+                let ray = self.ray_with_pipeline_flags(lane);
+                if ray.flags == flags {
+                    self.opaque.rays.push(ray);
+                    same_flags = same_flags | Mask::lane(lane);
+                }
+            }
+            remaining = remaining.without(same_flags);
+            if !tlas.is_fully_opaque(flags) {
+                continue;
+            }
+            let occlusion_only = hit_is_unread && flags.contains(occlusion);
+            if occlusion_only {
+                self.stats.elided.occlusion += self.opaque.rays.len() as u64;
+            }
+            self.opaque.trace(tlas, occlusion_only);
+            for (lane, hit) in same_flags.lanes().zip(&self.opaque.hits) {
+                self.committed[lane] = *hit;
+            }
+            self.traversing = self.traversing.without(same_flags);
+        }
+    }
+
+    /// Advances each ray to the next candidate that needs a shader's decision.
+    pub(super) fn traverse<T: PipelineObserver>(&mut self, pipeline: &Pipeline, observer: &mut T) {
+        for lane in self.traversing.lanes() {
+            observer.invocation(self.launch_id(lane));
+            loop {
+                let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
+                let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
+                let Some(candidate) = cursor.proceed_with(tlas, &mut TraversalAdapter(observer)) else {
+                    self.committed[lane] = cursor.committed().copied();
+                    self.traversing = self.traversing.without(Mask::lane(lane));
+                    break;
+                };
+                let index = self.hit_record_index(lane, &candidate);
+                let (_, group) = hit_group_at(pipeline, index);
+                let shader = if candidate.is_box() { group.intersection } else { group.any_hit };
+                if T::ACTIVE {
+                    let instance = &self.tlas(lane).instances()[candidate.instance as usize];
+                    let arithmetic = [
+                        instance.sbt_record_offset,
+                        candidate.geometry,
+                        self.sbt_stride.0[lane] & 0xF,
+                        self.sbt_offset.0[lane] & 0xF,
+                    ];
+                    observer.event(Event::Candidate { candidate, record: index, arithmetic, shader });
+                }
+                if let Some(shader) = shader.filter(|shader| !self.payload_matches(pipeline, *shader)) {
+                    self.trap_payload_mismatch(lane, shader);
+                    self.cursor_mut(lane).terminate();
+                    continue;
+                }
+                // Under an observer every shader runs.
+                if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
+                    // An empty intersection shader reports no hit, an empty any-hit shader accepts.
+                    self.stats.elide(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
+                    self.cursor_mut(lane).confirm();
+                    continue;
+                }
+                match shader {
+                    _ if is_beyond_end(&pipeline.sbt.hit, index) => {
+                        self.record_indices[lane] = index;
+                        self.trap_and_terminate(lane, TrapCode::HitRecordMissing);
+                    }
+                    Some(shader) => {
+                        let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
+                        self.record_indices[lane] = index;
+                        self.enqueue_call(shader, role, Mask::lane(lane));
+                        break;
+                    }
+                    None if candidate.is_box() => {
+                        if pipeline.flags.no_null_intersection_shaders {
+                            self.trap_and_terminate(lane, TrapCode::NullIntersection);
+                        }
+                    }
+                    None if pipeline.flags.no_null_any_hit_shaders => {
+                        self.trap_and_terminate(lane, TrapCode::NullAnyHit);
+                    }
+                    None => {
+                        self.cursor_mut(lane).confirm();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Ends a ray during its traversal, so that its caller traps.
+    fn trap_and_terminate(&mut self, lane: usize, code: TrapCode) {
+        self.trap(lane, code);
+        self.cursor_mut(lane).terminate();
+    }
+}

@@ -1,0 +1,26 @@
+//! Reads the files that a scene names.
+
+use std::path::Path;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::input::InputLimit;
+use crate::scene::files::Files;
+use crate::scene::read::Span;
+
+/// Reads a file that a scene names; the error points at the name.
+pub(crate) fn read(files: &dyn Files, path: &str, span: &Span) -> Result<Vec<u8>> {
+    read_limited(files, path, span, InputLimit::FileBytes)
+}
+
+/// Reads a file that a scene names and whose kind has a limit of its own.
+pub(crate) fn read_limited(files: &dyn Files, path: &str, span: &Span, limit: InputLimit) -> Result<Vec<u8>> {
+    let path = span.source.sibling(path);
+    files.read_limited(&path, limit).map_err(|error| at(error, span, &path))
+}
+
+fn at(error: Error, span: &Span, path: &Path) -> Error {
+    match error.kind() {
+        ErrorKind::Io => error.at_with(span.place(), format!("looked for at {}", path.display())),
+        _ => error.at(span.place()),
+    }
+}
