@@ -4,4 +4,5 @@ pub mod assembly;
 pub mod files;
 pub mod mutate;
 pub mod recorded;
+pub mod skipped;
 pub mod verdict;
