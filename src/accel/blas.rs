@@ -128,7 +128,7 @@ impl Blas {
     }
 
     /// [`Blas::new`], with a BVH in which the box of a child of the root is too small.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "stress"))]
     pub(crate) fn with_small_box(geometries: Vec<Geometry>, slot: usize) -> Result<Arc<Self>> {
         let blas = Self::new(geometries)?;
         let mut built = BuiltBlas::build(&blas.geometries);

@@ -87,7 +87,7 @@ impl BuiltBlas {
     }
 
     /// [`WideBvh::shrink_box`].
-    #[cfg(test)]
+    #[cfg(all(test, feature = "stress"))]
     pub fn shrink_box(&mut self, slot: usize) {
         self.bvh.iter_mut().for_each(|bvh| bvh.shrink_box(slot));
     }

@@ -119,7 +119,7 @@ impl Node {
     }
 
     /// Makes the box of a child too small: a broken tree, which a judge must find.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "stress"))]
     pub fn shrink_box(&mut self, slot: usize) {
         for [low, high] in &mut self.planes {
             high[slot] = low[slot];

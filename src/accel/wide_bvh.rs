@@ -84,7 +84,7 @@ impl WideBvh {
     }
 
     /// [`Node::shrink_box`] of the root.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "stress"))]
     pub fn shrink_box(&mut self, slot: usize) {
         self.nodes[0].shrink_box(slot);
     }
