@@ -6,9 +6,10 @@
 //! `env` and `working-directory`, and expressions of `inputs`, `github` and `steps`.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+use crate::support::skipped::{self, test_name};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -223,22 +224,12 @@ expect = {{ t = {t}, because = "4 - 1/2" }}
     runner.file(&format!("{folder}/ball.test.toml"), scene.as_bytes());
 }
 
-/// Whether this machine has what the action's scripts call; loud where it has not.
-fn tools() -> bool {
-    let missing: Vec<&str> = ["bash", "curl", "tar", "sha256sum"]
-        .into_iter()
-        .filter(|tool| Command::new(tool).arg("--version").output().is_err())
-        .collect();
-    if !missing.is_empty() {
-        let _ =
-            writeln!(std::io::stderr(), "SKIPPED: the steps of action.yml: without {}", missing.join(", "));
-    }
-    missing.is_empty()
-}
+/// What the action's scripts call.
+const PROGRAMS: &[&str] = &["bash", "curl", "tar", "sha256sum"];
 
 #[test]
 fn a_green_project_passes_and_leaves_its_reports() {
-    if !tools() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
         return;
     }
     let runner = Runner::new();
@@ -258,7 +249,7 @@ fn a_green_project_passes_and_leaves_its_reports() {
 
 #[test]
 fn a_red_project_fails_with_an_annotation_from_the_root_of_the_repository() {
-    if !tools() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
         return;
     }
     let runner = Runner::new();
@@ -275,7 +266,7 @@ fn a_red_project_fails_with_an_annotation_from_the_root_of_the_repository() {
 
 #[test]
 fn shards_share_the_cases() {
-    if !tools() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
         return;
     }
     let runner = Runner::new();
@@ -289,7 +280,7 @@ fn shards_share_the_cases() {
 
 #[test]
 fn without_cases_the_program_is_installed_alone() {
-    if !tools() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
         return;
     }
     let ran = Runner::new().run(&[], &[]);
@@ -299,7 +290,7 @@ fn without_cases_the_program_is_installed_alone() {
 
 #[test]
 fn what_cannot_be_installed_is_told() {
-    if !tools() {
+    if !skipped::has_programs(test_name!(), PROGRAMS) {
         return;
     }
     let runner = Runner::new();

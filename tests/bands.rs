@@ -1,8 +1,6 @@
 //! Launches whose image is handed out in bands of rows: the same bits, traps and counts as of the
 //! whole image at once, in memory that the image's size does not change.
 
-#![allow(clippy::print_stdout, reason = "what is skipped is told")]
-
 use std::process::{Command, Stdio};
 
 use anyhit::internals::machine::format::{Component, Format};
@@ -11,6 +9,8 @@ use anyhit::internals::pipeline::{Launch, NotStreamed, Stats, StreamedImage};
 use anyhit::internals::scene::{self, DiskFiles, LoadOptions};
 use anyhit::{Error, ErrorKind, Module, Pipeline, Program, Scene};
 use pretty_assertions::assert_eq;
+
+use crate::support::skipped::{skipped, test_name};
 
 const COUNTS: Format = Format::new(Component::Uint32, 1);
 
@@ -399,7 +399,7 @@ fn the_command_streams_what_it_renders() {
         (Some(streamed), Some(whole)) => {
             assert!(streamed < 112 << 10 && whole > 131 << 10, "{streamed} KiB, {whole} KiB");
         }
-        _ => println!("skipped: /proc tells no memory here"),
+        _ => skipped(test_name!(), "the part about memory: /proc tells none here"),
     }
     // Images that take no more than two bands are held.
     let (code, out, ..) =

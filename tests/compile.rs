@@ -1,12 +1,13 @@
 //! The compilers at work. Where one is missing, its tests say so: those of GLSL are listed as
-//! ignored without the feature `glsl`, those of Slang write a line each without `slangc`.
+//! ignored without the feature `glsl`, those of Slang are skipped by name without `slangc`.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhit::ErrorKind;
 use anyhit::internals::compile::{CompileOptions, DebugInfoLevel, Language, Optimize, Source, tool};
 use anyhit::internals::error::Place;
+
+use crate::support::skipped::{self, test_name};
 
 const GLSL_MISS: &str = "#version 460\n#extension GL_EXT_ray_tracing : require\n\
     layout(location = 0) rayPayloadInEXT vec4 payload;\nvoid main() { payload = vec4(1.0); }\n";
@@ -144,9 +145,7 @@ fn a_named_glslang_is_used_and_must_exist() {
     assert_eq!(output.status.code(), Some(4));
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("GLSLANG names no program: `no-such-glslang`"), "{said}");
-    let installed = std::process::Command::new("glslangValidator").arg("--version").output();
-    if !installed.is_ok_and(|output| output.status.success()) {
-        let _ = writeln!(std::io::stderr(), "SKIPPED a_named_glslang: glslangValidator is not installed");
+    if !skipped::has_programs(test_name!(), &["glslangValidator"]) {
         return;
     }
     assert_eq!(run("glslangValidator").status.code(), Some(0));
@@ -177,25 +176,16 @@ fn a_build_without_glslang_calls_an_installed_one_or_says_how_to_get_it() {
         assert!(report.contains("'blue': undeclared identifier"), "{report}");
         assert!(report.contains("a.rmiss:4:"), "{report}");
     } else {
-        let _ = writeln!(std::io::stderr(), "no glslang is installed: only its absence is tested");
+        skipped::skipped(test_name!(), "no glslang is installed: only its absence is tested");
         let error = source.compile(&CompileOptions::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::UnsupportedTool);
         assert!(error.render().contains("--features glsl"), "{error:?}");
     }
 }
 
-/// Whether `slangc` is there. Where it is not, a line past the test harness's capture says so.
-fn slangc_installed(test: &str) -> bool {
-    let found = tool(Language::Slang);
-    if let Err(error) = &found {
-        let _ = writeln!(std::io::stderr(), "SKIPPED {test}: {}", error.message());
-    }
-    found.is_ok()
-}
-
 #[test]
 fn slang_keeps_the_names_of_entry_points() {
-    if !slangc_installed("slang_keeps_the_names_of_entry_points") {
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     let source = Source::from_text("a.slang", SLANG_MISS).unwrap();
@@ -208,7 +198,7 @@ fn slang_keeps_the_names_of_entry_points() {
 
 #[test]
 fn hlsl_compiles_with_the_names_of_entry_points() {
-    if !slangc_installed("hlsl_compiles_with_the_names_of_entry_points") {
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     let text = "struct Payload { float3 at; float t; };\n\
@@ -231,7 +221,7 @@ fn hlsl_compiles_with_the_names_of_entry_points() {
 
 #[test]
 fn slang_debug_info_adds_nonsemantic_instructions() {
-    if !slangc_installed("slang_debug_info_adds_nonsemantic_instructions") {
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     let source = Source::from_text("a.slang", SLANG_MISS).unwrap();
@@ -245,7 +235,7 @@ fn slang_debug_info_adds_nonsemantic_instructions() {
 
 #[test]
 fn a_mistake_in_slang_is_shown_in_the_text() {
-    if !slangc_installed("a_mistake_in_slang_is_shown_in_the_text") {
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     let text = SLANG_MISS.replace("float3(1, 2, 3)", "blue");
@@ -255,7 +245,7 @@ fn a_mistake_in_slang_is_shown_in_the_text() {
 
 #[test]
 fn a_mistake_in_an_include_of_slang_is_shown_there() {
-    if !slangc_installed("a_mistake_in_an_include_of_slang_is_shown_there") {
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     let folder = Folder::new("slang-include");
@@ -317,7 +307,7 @@ fn glsl_includes_from_other_folders() {
 
 #[test]
 fn slang_includes_from_other_folders() {
-    if !slangc_installed("slang_includes_from_other_folders") {
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     let folder = Folder::new("slang-folders");

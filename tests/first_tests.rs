@@ -4,12 +4,12 @@
 //! and of the Rust tests the functions, with the folder before their shaders' names. Whoever
 //! changes the page brings them in step by `BLESS=1 cargo test --test main first_tests::`.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhit::internals::compile::{Language, tool};
 use pretty_assertions::assert_eq;
+
+use crate::support::skipped::{self, test_name};
 
 #[cfg(feature = "glsl")]
 mod lss_glsl;
@@ -95,8 +95,7 @@ fn in_glsl() {
 
 #[test]
 fn in_slang() {
-    if let Err(error) = tool(Language::Slang) {
-        let _ = writeln!(std::io::stderr(), "SKIPPED in_slang: {}", error.message());
+    if !skipped::has_slangc(test_name!()) {
         return;
     }
     lss_slang::a_cone_leans_towards_its_thin_end().expect("the test of the page");

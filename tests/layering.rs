@@ -38,6 +38,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("dashu_ratio", &["stress"]),
     ("dashu_float", &["check_math"]),
+    ("obvhs", &["stress"]),
     ("safetensors", &["recording"]),
     ("quick_xml", &["harness"]),
     ("hmac_sha256", &["compile"]),

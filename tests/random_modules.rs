@@ -25,6 +25,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use crate::support::skipped::{self, test_name};
 use generate::{Generated, generate};
 
 /// The kinds of constructs that modules must hold.
@@ -203,10 +204,7 @@ fn modules_hold_every_kind_of_construct() {
 /// A Vulkan driver leaves the same, where Vulkan says what is left and the driver can do it.
 #[test]
 fn modules_give_what_a_vulkan_driver_gives() {
-    let Some(line) = vulkan::installed() else {
-        println!("SKIPPED: ANYHIT_VULKAN_MODULES names no program that runs modules on a Vulkan driver");
-        return;
-    };
+    let Some(line) = skipped::variable(test_name!(), "ANYHIT_VULKAN_MODULES") else { return };
     let count = number("ANYHIT_RANDOM_MODULES").unwrap_or(300);
     let seed = number("ANYHIT_RANDOM_SEED").unwrap_or(1);
     let first = number("ANYHIT_RANDOM_FIRST").unwrap_or(0);

@@ -29,6 +29,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use crate::support::mutate::Random;
+use crate::support::skipped::{self, test_name};
 use mutators::Mutate;
 use seeds::Seed;
 
@@ -288,7 +289,7 @@ fn panics_of_our_own_are_no_errors_of_a_file() {
 /// An input that failed: that of the test whose name its file's begins with.
 #[test]
 fn a_saved_input() {
-    let Ok(path) = std::env::var("ANYHIT_FUZZ_INPUT") else { return };
+    let Some(path) = skipped::variable(test_name!(), "ANYHIT_FUZZ_INPUT") else { return };
     let path = Path::new(&path);
     let bytes = std::fs::read(path).expect("a readable file");
     let name = path.file_name().expect("a file").to_string_lossy();

@@ -4,7 +4,11 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhit::internals::geometry::Precision;
-use anyhit::internals::stress::{StressCase, check};
+use anyhit::internals::harness::case::Case;
+use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
+use anyhit::internals::stress::scene::run;
+use anyhit::internals::stress::{StressCase, StressSettings, check};
+use rayon::prelude::*;
 
 #[test]
 fn what_was_wrong_once_is_right_now() {
@@ -20,6 +24,46 @@ fn what_was_wrong_once_is_right_now() {
         replayed += 1;
     }
     assert!(replayed > 0, "no cases in {}", folder.display());
+}
+
+#[test]
+fn structures_of_all_cases_are_traversed_as_by_the_trees_of_another_builder() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut cases = Case::discover(&root.join("shaders/pass")).expect("the cases' scene files");
+    cases.extend(Case::of(&root.join("scenes/swept-spheres.toml")).expect("a scene"));
+    cases.dedup_by(|one, other| one.scene == other.scene);
+    let settings = StressSettings { seed: 1, rays: Some(500), time: None, precision: Precision::Exact };
+    let judged = cases.par_iter().map(|case| {
+        let scene = load(&case.scene, &DiskFiles, &LoadOptions::default()).expect("a scene");
+        let report = run(&scene.tlas, &settings, |_| ());
+        if let Some(failure) = report.failures.first() {
+            panic!("{}: {failure}", case.scene.display());
+        }
+        (report.tally.rays.min(1), report.tally.trees.min(1), report.tally.packets.min(1))
+    });
+    let (rays, trees, packets) = judged.reduce(|| (0, 0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
+    // So many scenes have a structure, one with a tree, one whose rays stay together.
+    assert!(rays >= 50 && trees >= 3 && packets >= 10, "{rays}, {trees}, {packets}");
+}
+
+#[test]
+fn the_command_judges_a_scene() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let run = |scene: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
+        command
+            .args(["stress", scene, "--rays", "5000"])
+            .current_dir(root)
+            .output()
+            .expect("the command runs")
+    };
+    let ran = run("scenes/swept-spheres.toml");
+    let text = String::from_utf8_lossy(&ran.stdout);
+    let told = "\n0 wrong answers, judged by BVHs of obvhs over the same primitives\n";
+    assert!(ran.status.success() && text.ends_with(told), "{text}");
+    for other in ["scenes/none.toml", "shaders/pass/matrices/products/scene.toml"] {
+        assert_eq!(run(other).status.code(), Some(2), "{other}");
+    }
 }
 
 #[test]

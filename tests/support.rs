@@ -5,4 +5,5 @@ pub mod files;
 pub mod imports;
 pub mod mutate;
 pub mod recorded;
+pub mod skipped;
 pub mod verdict;

@@ -9,6 +9,8 @@
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 
+#[cfg(feature = "stress")]
+mod builders;
 mod clock;
 mod frames;
 mod growth;
@@ -34,4 +36,6 @@ fn main() {
     threads::run(&table);
     ready::run(&mut table);
     growth::run(&table);
+    #[cfg(feature = "stress")]
+    builders::run(&table);
 }

@@ -154,6 +154,28 @@ pub fn spheres(count: usize) -> Scene {
     }
 }
 
+/// Long thin triangles of all sizes in all directions, over a floor of two large ones.
+pub fn splinters(count: usize) -> Scene {
+    let mut random = Random(5);
+    let mut vertices: Vec<[f32; 3]> = Vec::new();
+    for _ in 0..count {
+        // Lengths from 0.02 to 5, most of them short; a hundredth as wide.
+        let length = 5.0 * 0.004f64.powf(random.between(0.0, 1.0));
+        let from = [(-5.0, 5.0), (0.0, 1.5), (-5.0, 5.0)].map(|(low, high)| random.between(low, high));
+        let to = from.map(|x| x + random.between(-1.0, 1.0) * length);
+        let beside = from.map(|x| x + random.between(-0.01, 0.01) * length);
+        vertices.extend([from, to, beside].map(|point| point.map(|x| x as f32)));
+    }
+    let [a, b, c, d] = [[-6.0, -0.1, -6.0], [6.0, -0.1, -6.0], [6.0, -0.1, 6.0], [-6.0, -0.1, 6.0]];
+    vertices.extend([a, c, b, a, d, c]);
+    Scene {
+        camera: Camera::new([0.5, 2.2, 7.5], [0.0, 0.3, 0.0]),
+        data: GeometryData::Triangles { vertices, indices: None, transform: None },
+        normals: Vec::new(),
+        spheres: Vec::new(),
+    }
+}
+
 /// The boxes around the spheres of [`spheres`].
 pub fn boxes(count: usize) -> Scene {
     let scene = spheres(count);

@@ -84,6 +84,7 @@ pub fn run(table: &mut Table) {
     let (grid, many, blades) = (table.size(256, 8), table.size(10_000, 50), table.size(30_000, 50));
     let (every, any) = (RayFlags::default(), RayFlags::TERMINATE_ON_FIRST_HIT);
     row("traverse triangles", every, &|| scenes::heightfield(grid));
+    row("traverse splinters", every, &|| scenes::splinters(blades));
     row("traverse spheres", every, &|| scenes::spheres(many));
     row("traverse boxes", every, &|| scenes::boxes(many));
     row("traverse swept spheres", every, &|| scenes::meadow(blades));

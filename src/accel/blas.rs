@@ -57,6 +57,16 @@ impl Blas {
         }))
     }
 
+    /// [`Blas::new`], with a BVH in which the box of a child of the root is too small.
+    #[cfg(all(test, feature = "stress"))]
+    pub(crate) fn with_small_box(geometries: Vec<Geometry>, slot: usize) -> Result<Arc<Self>> {
+        let blas = Self::new(geometries)?;
+        let mut built = BuiltBlas::build(&blas.geometries);
+        built.shrink_box(slot);
+        assert!(blas.built.set(built).is_ok(), "built before");
+        Ok(blas)
+    }
+
     /// The geometries in the order of their `RayGeometryIndexKHR`.
     pub fn geometries(&self) -> &[Geometry] {
         &self.geometries

@@ -87,6 +87,12 @@ impl BuiltBlas {
         self.bvh.as_ref()
     }
 
+    /// [`WideBvh::shrink_box`].
+    #[cfg(all(test, feature = "stress"))]
+    pub fn shrink_box(&mut self, slot: usize) {
+        self.bvh.iter_mut().for_each(|bvh| bvh.shrink_box(slot));
+    }
+
     /// All primitives as leaves, for a BLAS without a BVH.
     pub fn leaves(&self) -> impl Iterator<Item = NodeRef> + use<> {
         let count = self.geom_prims.len();

@@ -118,6 +118,14 @@ impl Node {
         }
     }
 
+    /// Makes the box of a child too small: a broken tree, which a judge must find.
+    #[cfg(all(test, feature = "stress"))]
+    pub fn shrink_box(&mut self, slot: usize) {
+        for [low, high] in &mut self.planes {
+            high[slot] = low[slot];
+        }
+    }
+
     /// The number of children.
     pub fn count(&self) -> usize {
         self.filled.count_ones() as usize

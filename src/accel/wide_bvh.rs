@@ -83,6 +83,12 @@ impl WideBvh {
         &self.nodes[child.index()]
     }
 
+    /// [`Node::shrink_box`] of the root.
+    #[cfg(all(test, feature = "stress"))]
+    pub fn shrink_box(&mut self, slot: usize) {
+        self.nodes[0].shrink_box(slot);
+    }
+
     /// The leaves among a node's children that are worth prefetching; does not load the node.
     #[inline(always)]
     pub fn leaves_to_prefetch(&self, node: NodeRef) -> Range<usize> {

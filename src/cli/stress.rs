@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::atomic_file;
+use crate::cli::input::SceneFileArgs;
 use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
+use crate::scene::LoadOptions;
 use crate::stress::family::FAMILIES;
 use crate::stress::{self, FoundFailure, StressReport, StressSettings, Tally};
 
@@ -15,8 +17,15 @@ use crate::stress::{self, FoundFailure, StressReport, StressSettings, Tally};
 ///
 /// Runs until --rays or --minutes is reached, or ten answers were wrong; without either until it is
 /// interrupted. A wrong answer is made smaller, printed, and saved as a file that the tests replay.
+///
+/// With a scene file, rays are drawn in its acceleration structures, and what they find there is
+/// compared with what they find by the BVHs of another builder over the same primitives.
 #[derive(Debug, clap::Args)]
 pub struct StressArgs {
+    /// A scene file, or `-` for standard input
+    #[arg(value_name = "SCENE")]
+    scene: Option<PathBuf>,
+
     /// The seed of the cases; it draws the same cases on every machine
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -36,23 +45,26 @@ pub struct StressArgs {
     /// The folder into which wrong cases are saved
     #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
     save: PathBuf,
+
+    #[command(flatten)]
+    files: SceneFileArgs,
 }
 
 /// Runs the command.
 ///
 /// # Errors
-/// `Expectation` where an answer was wrong; `Io` where its case cannot be saved.
+/// `Expectation` where an answer was wrong; `Io` where its case cannot be saved; what the scene
+/// lacks.
 pub fn run(args: StressArgs) -> Result<()> {
     let settings =
         StressSettings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
+    if let Some(path) = &args.scene {
+        return run_scene(path, &args.files, &settings);
+    }
     output::print(format_args!("seed {}, {} families\n", args.seed, FAMILIES.len()))?;
-    let mut last_printed = Instant::now();
+    let mut progress = Progress(Instant::now());
     let report = stress::run(&settings, |report| {
-        if last_printed.elapsed() >= Duration::from_secs(10) {
-            last_printed = Instant::now();
-            // A closed standard output is reported at the end.
-            let _ = output::print(line(report));
-        }
+        progress.print(report.time, report.total().rays, report.failures.len());
     });
     output::print(table(&report))?;
     if report.failures.is_empty() {
@@ -70,8 +82,35 @@ pub fn run(args: StressArgs) -> Result<()> {
             path.display()
         ))?;
     }
-    let message = format!("{} wrong answers", report.failures.len());
-    Err(Error::new(ErrorKind::Expectation, message))
+    Err(wrong_answers(report.failures.len()))
+}
+
+/// Judges the acceleration structures of a scene.
+fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> Result<()> {
+    let scene = files.scene(path, &LoadOptions::default())?;
+    output::notes(&scene.notes);
+    let mut progress = Progress(Instant::now());
+    let report = stress::scene::run(&scene.tlas, settings, |report| {
+        progress.print(report.time, report.tally.rays, report.failures.len());
+    });
+    let Tally { lines, rays, hits, trees, packets, .. } = report.tally;
+    if lines == 0 {
+        let message = "the scene has no acceleration structure with primitives";
+        return Err(Error::new(ErrorKind::InvalidScene, message));
+    }
+    let (seconds, wrong) = (report.time.as_secs_f64(), report.failures.len());
+    output::print(format_args!(
+        "{lines} rays, traced {rays} times in {seconds:.1} s: {hits} hit, {trees} went through trees, {packets} in \
+         packets\n{wrong} wrong answers, judged by BVHs of obvhs over the same primitives\n"
+    ))?;
+    for failure in &report.failures {
+        output::print(format_args!("\n{failure}\n"))?;
+    }
+    if wrong == 0 { Ok(()) } else { Err(wrong_answers(wrong)) }
+}
+
+fn wrong_answers(count: usize) -> Error {
+    Error::new(ErrorKind::Expectation, format!("{count} wrong answers"))
 }
 
 fn minutes(text: &str) -> std::result::Result<Duration, String> {
@@ -82,9 +121,18 @@ fn minutes(text: &str) -> std::result::Result<Duration, String> {
         .ok_or_else(|| format!("`{text}` is not a positive number of minutes"))
 }
 
-fn line(report: &StressReport) -> String {
-    let total = report.total();
-    format!("{:>6} s  {:>12} rays  {} wrong\n", report.time.as_secs(), total.rays, report.failures.len())
+/// Prints a line of progress every ten seconds; holds when it printed the last.
+struct Progress(Instant);
+
+impl Progress {
+    fn print(&mut self, time: Duration, rays: u64, wrong: usize) {
+        if self.0.elapsed() >= Duration::from_secs(10) {
+            self.0 = Instant::now();
+            let line = format!("{:>6} s  {rays:>12} rays  {wrong} wrong\n", time.as_secs());
+            // A closed standard output is reported at the end.
+            let _ = output::print(line);
+        }
+    }
 }
 
 fn table(report: &StressReport) -> String {

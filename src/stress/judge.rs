@@ -8,8 +8,8 @@
 //! every primitive.
 
 mod case_at_time;
-mod primitive;
-mod traversal;
+pub(in crate::stress) mod primitive;
+pub(in crate::stress) mod traversal;
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -11,7 +11,9 @@ pub mod draw;
 pub mod family;
 pub mod judge;
 pub mod minimise;
+mod obvhs_tree;
 pub mod reference;
+pub mod scene;
 
 pub use case::{Shape, StressCase};
 pub use judge::{Failure, Tally, check};

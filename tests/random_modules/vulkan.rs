@@ -8,10 +8,6 @@ use crate::random_modules::evaluate::Memory;
 use crate::random_modules::generate::{BUFFERS, Generated};
 
 /// The command that `ANYHIT_VULKAN_MODULES` names.
-pub fn installed() -> Option<String> {
-    std::env::var("ANYHIT_VULKAN_MODULES").ok().filter(|command| !command.is_empty())
-}
-
 fn command(line: &str) -> Command {
     let mut words = line.split_whitespace();
     let mut command = Command::new(words.next().expect("a program"));

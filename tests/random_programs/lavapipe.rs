@@ -4,12 +4,6 @@
 use std::path::Path;
 use std::process::Command;
 
-/// The command that `ANYHIT_VULKAN_COMPUTE` names: the program, where need be behind what brings it
-/// into the right surroundings.
-pub fn installed() -> Option<String> {
-    std::env::var("ANYHIT_VULKAN_COMPUTE").ok().filter(|command| !command.is_empty())
-}
-
 /// Runs each module on the same inputs and gives what it leaves in its outputs.
 pub fn run(command: &str, modules: &[Vec<u8>], inputs: &[u32], outputs: usize, groups: u32) -> Vec<Vec<u32>> {
     let folder = match std::env::var_os("ANYHIT_VULKAN_FOLDER") {

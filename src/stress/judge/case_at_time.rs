@@ -1,14 +1,16 @@
 //! A case at one time: its instances and vertices are interpolated. The hits of a ray are found by
 //! testing every primitive, without bounding boxes and BVHs.
 
+use std::cell::OnceCell;
 use std::cmp::Ordering;
 
 use crate::accel::motion::interpolate;
 use crate::accel::{InstanceFlags, RayFlags, TraceRay};
 use crate::geometry::{Intersection, ObjectRay, Precision, Ray, Surface, Transform};
 use crate::stress::case::{Placement, Shape, StressCase};
-use crate::stress::judge::primitive::intersect;
+use crate::stress::judge::primitive::{bounds, intersect};
 use crate::stress::judge::{Failure, fail};
+use crate::stress::obvhs_tree::ObvhsTree;
 use crate::stress::reference::motion::{is_between, is_transform};
 
 type Matrix = [[f32; 4]; 3];
@@ -19,6 +21,8 @@ pub struct CaseAtTime {
     /// The shapes at the time, without motion.
     pub shapes: Vec<Shape>,
     pub instances: Vec<InstanceAtTime>,
+    /// The tree of another builder over the shapes.
+    tree: OnceCell<ObvhsTree>,
 }
 
 /// An instance at a time.
@@ -61,7 +65,7 @@ impl CaseAtTime {
             let transform = matrix.as_ref().and_then(Transform::new);
             InstanceAtTime { placement, moved_matrix, matrix, transform }
         });
-        Self { time, shapes: shapes.collect(), instances: instances.collect() }
+        Self { time, shapes: shapes.collect(), instances: instances.collect(), tree: OnceCell::new() }
     }
 
     /// Checks the matrix of an instance at the time.
@@ -102,6 +106,33 @@ impl CaseAtTime {
 
     /// All hits of a ray of this time, in the order of their keys (t, instance, primitive).
     pub fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<ExactHit> {
+        self.hits_among(trace, precision, |_, test| (0..self.shapes.len()).for_each(test))
+    }
+
+    /// Checks that the tree of another builder leads to the same hits: where it does not, a box is
+    /// too small.
+    pub fn check_tree(
+        &self,
+        trace: &TraceRay,
+        precision: Precision,
+        hits: &[ExactHit],
+    ) -> Result<(), Failure> {
+        let tree = self.tree.get_or_init(|| ObvhsTree::new(self.shapes.iter().map(bounds)));
+        let found = self.hits_among(trace, precision, |ray, test| tree.visit(ray, test));
+        match hits.iter().find(|hit| !found.contains(hit)) {
+            Some(lost) => fail(format!("a tree over the bounds of the primitives loses {lost:?}")),
+            None if found.len() != hits.len() => fail("a tree over the bounds of the primitives adds hits"),
+            None => Ok(()),
+        }
+    }
+
+    /// The hits among the shapes that `visit` names for each instance, given its ray.
+    fn hits_among(
+        &self,
+        trace: &TraceRay,
+        precision: Precision,
+        visit: impl Fn(&ObjectRay, &mut dyn FnMut(usize)),
+    ) -> Vec<ExactHit> {
         let mut hits = Vec::new();
         for (instance, instance_at_time) in self.instances.iter().enumerate() {
             // Vulkan, "Ray Culling": the low eight bits of the masks have no bit in common.
@@ -109,12 +140,12 @@ impl CaseAtTime {
                 continue;
             }
             let Some(ray) = self.object_ray(instance, &trace.ray) else { continue };
-            for (shape, numbers) in self.shapes.iter().enumerate() {
-                let Some(found) = intersect(numbers, &ray, precision) else { continue };
+            visit(&ray, &mut |shape| {
+                let Some(found) = intersect(&self.shapes[shape], &ray, precision) else { return };
                 if let Some(surface) = instance_at_time.presented_surface(found.surface, trace.flags) {
                     hits.push(ExactHit { instance, shape, found: Intersection { surface, ..found } });
                 }
-            }
+            });
         }
         let key = |hit: &ExactHit| (hit.instance, hit.shape);
         let order = |a: &ExactHit, b: &ExactHit| a.found.t.partial_cmp(&b.found.t).unwrap_or(Ordering::Equal);
@@ -140,5 +171,35 @@ impl InstanceAtTime {
         };
         let is_culled = flags.0 & culls.0 != 0 && !has(InstanceFlags::TRIANGLE_FACING_CULL_DISABLE);
         (!is_culled).then_some(surface)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Bounds;
+
+    #[test]
+    fn a_box_that_is_too_small_is_found_by_the_other_tree() {
+        let ball = |k: usize| Shape::Sphere { center: [4.0 * k as f32, 0.0, 0.0], radius: 1.0 };
+        let ray = Ray::new([-4.0, 0.5, 0.0], [1.0, 0.0, 0.0]);
+        let case = StressCase::new((0..9).map(ball).collect(), (ray, None));
+        let check = |shrunk: Option<usize>| {
+            let case_at_time = CaseAtTime::new(&case, 0.0);
+            let boxes = case.shapes.iter().enumerate().map(|(at, shape)| {
+                let around = bounds(shape)?;
+                Some(if shrunk == Some(at) { Bounds { max: around.min, ..around } } else { around })
+            });
+            assert!(case_at_time.tree.set(ObvhsTree::new(boxes)).is_ok(), "built before");
+            let trace = case.trace();
+            let hits = case_at_time.hits(&trace, Precision::Exact);
+            assert_eq!(hits.len(), 9);
+            case_at_time.check_tree(&trace, Precision::Exact, &hits)
+        };
+        assert_eq!(check(None), Ok(()));
+        for shrunk in 0..9 {
+            let Failure(what) = check(Some(shrunk)).expect_err("a ball is lost");
+            assert!(what.contains("loses") && what.contains(&format!("shape: {shrunk},")), "{what}");
+        }
     }
 }

@@ -24,6 +24,19 @@ pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option
     }
 }
 
+/// The box around a shape that does not move; `None` if no ray can hit it.
+pub fn bounds(shape: &Shape) -> Option<Bounds> {
+    match *shape {
+        Shape::Triangle(vertices) => triangle::bounds(vertices),
+        Shape::MovingTriangle([first, second]) => {
+            Some(triangle::bounds(first)?.union(&triangle::bounds(second)?))
+        }
+        Shape::Aabb([min, max]) => aabb::bounds(min, max),
+        Shape::Sphere { center, radius } => sphere::bounds(center, radius),
+        Shape::LinearSweptSphere { positions, radii, .. } => linear_swept_sphere::bounds(positions, radii),
+    }
+}
+
 /// The SIMD test of a block of triangles.
 struct BlockTest<'a> {
     block: &'a block::Triangle4,

@@ -34,10 +34,10 @@ pub struct TracedScene {
 }
 
 /// A hit as a cursor or a packet reports it.
-#[derive(Debug, PartialEq)]
-struct ReportedHit {
-    hit_primitive: HitPrimitive,
-    found: Intersection,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraversalHit {
+    pub hit_primitive: HitPrimitive,
+    pub found: Intersection,
 }
 
 impl TracedScene {
@@ -75,12 +75,16 @@ impl TracedScene {
         Ok(Some(Self { structures, precision, geom_prims: geom_prims.collect(), has_boxes }))
     }
 
-    fn reported(&self, hit: &ExactHit) -> ReportedHit {
-        let (geometry, primitive) = self.geom_prims[hit.shape];
-        ReportedHit {
-            hit_primitive: HitPrimitive { instance: hit.instance as u32, geometry, primitive },
-            found: hit.found,
-        }
+    /// Hits as they must be reported.
+    fn reported(&self, hits: &[ExactHit]) -> Vec<TraversalHit> {
+        let reported = |hit: &ExactHit| {
+            let (geometry, primitive) = self.geom_prims[hit.shape];
+            TraversalHit {
+                hit_primitive: HitPrimitive { instance: hit.instance as u32, geometry, primitive },
+                found: hit.found,
+            }
+        };
+        hits.iter().map(reported).collect()
     }
 
     /// Checks the traversal of a single ray.
@@ -92,61 +96,14 @@ impl TracedScene {
     ) -> Result<(), Failure> {
         let hits = case_at_time.hits(trace, self.precision);
         let Ray { t_min, t_max, .. } = trace.ray;
+        if self.precision == Precision::Exact {
+            case_at_time.check_tree(trace, self.precision, &hits)?;
+        }
+        let hits = self.reported(&hits);
         for (name, tlas) in &self.structures {
-            self.check_cursor(tlas, trace, &hits, tally).map_err(|Failure(what)| {
+            check_cursor(tlas, trace, &hits, self.has_boxes, tally).map_err(|Failure(what)| {
                 Failure(format!("traversal ({name}) over {t_min:e}..{t_max:e}: {what}"))
             })?;
-        }
-        Ok(())
-    }
-
-    fn check_cursor(
-        &self,
-        tlas: &Tlas,
-        trace: &TraceRay,
-        hits: &[ExactHit],
-        tally: &mut Tally,
-    ) -> Result<(), Failure> {
-        let flags = RayFlags(trace.flags.0 & !RayFlags::OPAQUE.0 | RayFlags::NO_OPAQUE.0);
-        let all = TraceRay { flags, ..*trace };
-        let mut nodes = BlasNodeObserver(false);
-        let mut count = |nodes: &BlasNodeObserver| {
-            tally.rays += 1;
-            tally.hits += u64::from(!hits.is_empty());
-            tally.trees += u64::from(nodes.0);
-        };
-        for is_observed in [true, false] {
-            let mut cursor = Cursor::new(tlas, all);
-            let mut expected = hits.iter();
-            while let Some(candidate) =
-                if is_observed { cursor.proceed_with(tlas, &mut nodes) } else { cursor.proceed(tlas) }
-            {
-                let (reported, expected) =
-                    (reported(&candidate), expected.next().map(|hit| self.reported(hit)));
-                if expected.as_ref() != Some(&reported) {
-                    return fail(format!("{reported:?} is reported, not {expected:?}"));
-                }
-            }
-            if let Some(hit) = expected.next() {
-                return fail(format!("{:?} is not reported", self.reported(hit)));
-            }
-            count(&nodes);
-        }
-        if self.has_boxes {
-            return Ok(());
-        }
-
-        for any in [false, true] {
-            let mut cursor = Cursor::new(tlas, *trace);
-            if any {
-                cursor.end_at_any_opaque_hit();
-            }
-            if let Some(candidate) = cursor.proceed(tlas) {
-                return fail(format!("{:?} is reported, but opaque", reported(&candidate)));
-            }
-            let committed = cursor.committed().map(|hit| (reported(&hit.candidate), hit.t, hit.hit_kind));
-            self.check_committed(hits, committed, any).or_else(fail)?;
-            count(&nodes);
         }
         Ok(())
     }
@@ -175,71 +132,121 @@ impl TracedScene {
             .zip(cases_at_times)
             .map(|(trace, case_at_time)| case_at_time.hits(trace, precision))
             .collect();
+        let [hits, hits_of_shortened] = [hits, hits_of_shortened]
+            .map(|all| all.iter().map(|hits| self.reported(hits)).collect::<Vec<_>>());
         let runs = [(&traces, &hits, false), (&shortened, &hits_of_shortened, false), (&traces, &hits, true)];
         for (name, tlas) in &self.structures {
             // All runs share one `Packet`, which traces single rays for a while when packets do not
             // pay off.
             let mut packet = Packet::default();
             for (traces, hits, any) in runs {
-                self.check_packet(&mut packet, tlas, (traces, hits), any, tally)
+                check_packet(&mut packet, tlas, (traces, hits), any, tally)
                     .map_err(|Failure(what)| Failure(format!("a packet ({name}){what}")))?;
             }
         }
         Ok(())
     }
-
-    fn check_packet(
-        &self,
-        packet: &mut Packet,
-        tlas: &Tlas,
-        (traces, hits): (&[TraceRay], &[Vec<ExactHit>]),
-        any: bool,
-        tally: &mut Tally,
-    ) -> Result<(), Failure> {
-        let mut found = Vec::new();
-        if !packet.trace(tlas, traces, any, &mut found) || found.len() != traces.len() {
-            return fail(format!(" of {} rays: {} answers", traces.len(), found.len()));
-        }
-        for (lane, (found, hits)) in found.iter().zip(hits).enumerate() {
-            let committed = found.map(|hit| (reported(&hit.candidate), hit.t, hit.hit_kind));
-            self.check_committed(hits, committed, any).or_else(|what| {
-                let Ray { t_min, t_max, .. } = traces[lane].ray;
-                let any = if any { " for any hit" } else { "" };
-                fail(format!("{any}, ray {lane} over {t_min:e}..{t_max:e}: {what}"))
-            })?;
-            tally.hits += u64::from(!hits.is_empty());
-        }
-        tally.rays += traces.len() as u64;
-        tally.packets += u64::from(packet.traced_together());
-        Ok(())
-    }
-
-    /// Checks the committed hit: the closest one or, with `any`, any of the hits.
-    fn check_committed(
-        &self,
-        hits: &[ExactHit],
-        committed: Option<(ReportedHit, f32, HitKind)>,
-        any: bool,
-    ) -> Result<(), String> {
-        let allowed = if any { hits } else { &hits[..hits.len().min(1)] };
-        let is_right = match &committed {
-            None => hits.is_empty(),
-            Some((reported, t, kind)) => {
-                *t == reported.found.t
-                    && *kind == hit_kind(reported.found.surface)
-                    && allowed.iter().any(|hit| self.reported(hit) == *reported)
-            }
-        };
-        if is_right {
-            return Ok(());
-        }
-        let expected = hits.first().map(|hit| self.reported(hit));
-        Err(format!("{committed:?} is committed, not {expected:?}"))
-    }
 }
 
-fn reported(candidate: &Candidate) -> ReportedHit {
-    ReportedHit { hit_primitive: candidate.hit_primitive(), found: candidate.intersection }
+/// Checks the traversal of a single ray, given all its hits in order: all of them where nothing is
+/// opaque, and the closest and any where everything is, unless shaders decide about boxes.
+pub fn check_cursor(
+    tlas: &Tlas,
+    trace: &TraceRay,
+    hits: &[TraversalHit],
+    has_boxes: bool,
+    tally: &mut Tally,
+) -> Result<(), Failure> {
+    let flags = RayFlags(trace.flags.0 & !RayFlags::OPAQUE.0 | RayFlags::NO_OPAQUE.0);
+    let all = TraceRay { flags, ..*trace };
+    let mut nodes = BlasNodeObserver(false);
+    let mut count = |nodes: &BlasNodeObserver| {
+        tally.rays += 1;
+        tally.hits += u64::from(!hits.is_empty());
+        tally.trees += u64::from(nodes.0);
+    };
+    for is_observed in [true, false] {
+        let mut cursor = Cursor::new(tlas, all);
+        let mut expected = hits.iter();
+        while let Some(candidate) =
+            if is_observed { cursor.proceed_with(tlas, &mut nodes) } else { cursor.proceed(tlas) }
+        {
+            let (reported, expected) = (reported(&candidate), expected.next());
+            if expected != Some(&reported) {
+                return fail(format!("{reported:?} is reported, not {expected:?}"));
+            }
+        }
+        if let Some(hit) = expected.next() {
+            return fail(format!("{hit:?} is not reported"));
+        }
+        count(&nodes);
+    }
+    if has_boxes {
+        return Ok(());
+    }
+
+    for any in [false, true] {
+        let mut cursor = Cursor::new(tlas, *trace);
+        if any {
+            cursor.end_at_any_opaque_hit();
+        }
+        if let Some(candidate) = cursor.proceed(tlas) {
+            return fail(format!("{:?} is reported, but opaque", reported(&candidate)));
+        }
+        let committed = cursor.committed().map(|hit| (reported(&hit.candidate), hit.t, hit.hit_kind));
+        check_committed(hits, committed, any).or_else(fail)?;
+        count(&nodes);
+    }
+    Ok(())
+}
+
+/// Checks the traversal of opaque rays in a packet, given all hits of each.
+pub fn check_packet(
+    packet: &mut Packet,
+    tlas: &Tlas,
+    (traces, hits): (&[TraceRay], &[Vec<TraversalHit>]),
+    any: bool,
+    tally: &mut Tally,
+) -> Result<(), Failure> {
+    let mut found = Vec::new();
+    if !packet.trace(tlas, traces, any, &mut found) || found.len() != traces.len() {
+        return fail(format!(" of {} rays: {} answers", traces.len(), found.len()));
+    }
+    for (lane, (found, hits)) in found.iter().zip(hits).enumerate() {
+        let committed = found.map(|hit| (reported(&hit.candidate), hit.t, hit.hit_kind));
+        check_committed(hits, committed, any).or_else(|what| {
+            let Ray { t_min, t_max, .. } = traces[lane].ray;
+            let any = if any { " for any hit" } else { "" };
+            fail(format!("{any}, ray {lane} over {t_min:e}..{t_max:e}: {what}"))
+        })?;
+        tally.hits += u64::from(!hits.is_empty());
+    }
+    tally.rays += traces.len() as u64;
+    tally.packets += u64::from(packet.traced_together());
+    Ok(())
+}
+
+/// Checks the committed hit: the closest one or, with `any`, any of the hits.
+fn check_committed(
+    hits: &[TraversalHit],
+    committed: Option<(TraversalHit, f32, HitKind)>,
+    any: bool,
+) -> Result<(), String> {
+    let allowed = if any { hits } else { &hits[..hits.len().min(1)] };
+    let is_right = match &committed {
+        None => hits.is_empty(),
+        Some((reported, t, kind)) => {
+            *t == reported.found.t && *kind == hit_kind(reported.found.surface) && allowed.contains(reported)
+        }
+    };
+    if is_right {
+        return Ok(());
+    }
+    let expected = hits.first();
+    Err(format!("{committed:?} is committed, not {expected:?}"))
+}
+fn reported(candidate: &Candidate) -> TraversalHit {
+    TraversalHit { hit_primitive: candidate.hit_primitive(), found: candidate.intersection }
 }
 
 /// The expected hit kind: SEMANTICS 4.2 for triangles, values of this crate for the others.
