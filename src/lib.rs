@@ -70,6 +70,7 @@
 //! stands in `docs/architecture.md`.
 
 #![deny(unsafe_code)]
+#![warn(unreachable_pub)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod accel;

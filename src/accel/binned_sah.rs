@@ -19,16 +19,16 @@ use crate::math::f32x8::F32x8Ops;
 /// boxes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
-pub struct PrimRef([f32; 8]);
+pub(super) struct PrimRef([f32; 8]);
 
 const INF: f32 = f32::INFINITY;
 
 /// The coordinate that stands for infinity: finite coordinates lie in the unit cube.
-pub const INFINITY_PROXY: f32 = 2.0;
+pub(super) const INFINITY_PROXY: f32 = 2.0;
 
 /// The cost model of the surface area heuristic, in units of one inner node's test.
 #[derive(Clone, Copy, Debug)]
-pub struct SahCost {
+pub(super) struct SahCost {
     /// The largest number of primitives in a leaf; a power of two.
     pub max_leaf_size: usize,
     /// The cost of visiting one leaf.
@@ -43,7 +43,7 @@ pub struct SahCost {
 impl SahCost {
     /// The cost of `count` primitives in as few leaves as hold them.
     #[inline(always)]
-    pub fn leaf(&self, count: usize) -> f32 {
+    pub(super) fn leaf(&self, count: usize) -> f32 {
         let leaves = (count + self.max_leaf_size - 1) >> self.max_leaf_size.trailing_zeros();
         leaves as u32 as f32 * self.traversal + count as u32 as f32 * self.intersection
     }
@@ -51,24 +51,24 @@ impl SahCost {
 
 impl PrimRef {
     /// An empty box with number 0: the neutral element of [`PrimRef::union`].
-    pub const EMPTY: Self = Self([INF, INF, INF, 0.0, INF, INF, INF, 0.0]);
+    pub(super) const EMPTY: Self = Self([INF, INF, INF, 0.0, INF, INF, INF, 0.0]);
 
     /// Makes a reference from a box and a primitive number.
     #[inline(always)]
-    pub fn new(&Bounds { min, max }: &Bounds, number: u32) -> Self {
+    pub(super) fn new(&Bounds { min, max }: &Bounds, number: u32) -> Self {
         Self([min[0], min[1], min[2], f32::from_bits(number), -max[0], -max[1], -max[2], 0.0])
     }
 
     /// Makes a reference from the minimum corner, the negated maximum corner and the number.
     #[inline(always)]
-    pub fn from_corners([low, negated_high]: [F32x4; 2], number: u32) -> Self {
+    pub(super) fn from_corners([low, negated_high]: [F32x4; 2], number: u32) -> Self {
         let ([a, b, c, _], [d, e, f, _]) = (low.to_array(), negated_high.to_array());
         Self([a, b, c, f32::from_bits(number), d, e, f, 0.0])
     }
 
     /// Replaces the number.
     #[inline(always)]
-    pub fn with_number(self, number: u32) -> Self {
+    pub(super) fn with_number(self, number: u32) -> Self {
         let mut corners = self.0;
         corners[3] = f32::from_bits(number);
         Self(corners)
@@ -76,33 +76,33 @@ impl PrimRef {
 
     /// The union of two boxes, with number 0.
     #[inline(always)]
-    pub fn union(&self, other: &Self) -> Self {
+    pub(super) fn union(&self, other: &Self) -> Self {
         let low = self.low().relaxed_min(other.low());
         Self::from_corners([low, self.negated_high().relaxed_min(other.negated_high())], 0)
     }
 
     /// The number of the primitive.
     #[inline(always)]
-    pub fn number(&self) -> u32 {
+    pub(super) fn number(&self) -> u32 {
         self.0[3].to_bits()
     }
 
     /// The box of the primitive.
     #[inline(always)]
-    pub fn bounds(&self) -> Bounds {
+    pub(super) fn bounds(&self) -> Bounds {
         bounds_of(&self.0)
     }
 
     /// The minimum corner; 0 in the fourth lane.
     #[inline(always)]
-    pub fn low(&self) -> F32x4 {
+    pub(super) fn low(&self) -> F32x4 {
         let [x, y, z, ..] = self.0;
         F32x4::new([x, y, z, 0.0])
     }
 
     /// The negated maximum corner; 0 in the fourth lane.
     #[inline(always)]
-    pub fn negated_high(&self) -> F32x4 {
+    pub(super) fn negated_high(&self) -> F32x4 {
         let [.., x, y, z, w] = self.0;
         F32x4::new([x, y, z, w])
     }
@@ -137,7 +137,7 @@ fn half_area(&[a, b, c, _, d, e, f, _]: &[f32; 8]) -> f32 {
 
 /// A contiguous range of primitive references during a build.
 #[derive(Clone, Copy, Debug)]
-pub struct BuildRecord {
+pub(super) struct BuildRecord {
     /// The box around all of them, stored as in a [`PrimRef`].
     corners: [f32; 8],
     /// The box around twice their centroids: minimum, then maximum.
@@ -179,12 +179,12 @@ impl BuildRecord {
     }
 
     /// The number of references.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.count as usize
     }
 
     /// Whether the range becomes a leaf.
-    pub fn is_leaf(&self) -> bool {
+    pub(super) fn is_leaf(&self) -> bool {
         self.is_leaf
     }
 
@@ -195,7 +195,7 @@ impl BuildRecord {
     }
 
     /// The box around all references.
-    pub fn bounds(&self) -> Bounds {
+    pub(super) fn bounds(&self) -> Bounds {
         bounds_of(&self.corners)
     }
 
@@ -230,7 +230,7 @@ const MIN_EXTENT: f32 = 1e-30;
 
 /// Divides the references of one node at a time; keeps its buffers between calls.
 #[derive(Debug)]
-pub struct BinnedSahBuilder {
+pub(super) struct BinnedSahBuilder {
     records: [BuildRecord; WIDTH],
     /// The indices of the records, in the order of their ranges.
     order: SmallVec<[u8; WIDTH]>,
@@ -274,7 +274,7 @@ fn bin_in(sum: f32) -> usize {
 }
 
 impl BinnedSahBuilder {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             records: [BuildRecord::EMPTY; WIDTH],
             order: SmallVec::new(),
@@ -284,14 +284,14 @@ impl BinnedSahBuilder {
     }
 
     /// The records that [`Self::divide`] made last, in the order of their ranges.
-    pub fn records(&self) -> impl Iterator<Item = &BuildRecord> {
+    pub(super) fn records(&self) -> impl Iterator<Item = &BuildRecord> {
         self.order.iter().map(|&at| &self.records[usize::from(at)])
     }
 
     /// Divides at least two references among the children of a node, reordering them. There is one
     /// record if all of them make a leaf. `median_split` splits at the median instead of by cost.
     #[inline(always)]
-    pub fn divide<E: F32x8Ops>(
+    pub(super) fn divide<E: F32x8Ops>(
         &mut self,
         simd: E,
         prim_refs: &mut [PrimRef],

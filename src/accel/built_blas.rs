@@ -14,7 +14,7 @@ use crate::math::prefetch::prefetch;
 
 /// The active primitives of a BLAS, and the BVH over them.
 #[derive(Debug)]
-pub struct BuiltBlas {
+pub(super) struct BuiltBlas {
     blocks: PrimitiveBlocks,
     /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not
     /// full.
@@ -28,7 +28,7 @@ pub struct BuiltBlas {
 
 /// The identity of a primitive in a BLAS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GeomPrim {
+pub(super) struct GeomPrim {
     /// `RayGeometryIndexKHR`
     pub geometry: u32,
     /// `PrimitiveId`
@@ -42,7 +42,7 @@ impl GeomPrim {
 
 /// Which rays are prepared for [`BuiltBlas::maybe_hit_mask`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Culling {
+pub(super) enum Culling {
     /// No ray: a ray tests only one or two primitives, so that preparing it does not pay.
     Never,
     /// Rays that [`CullRay::world_space`] or [`CullRay::approximate`] can prepare.
@@ -52,7 +52,7 @@ pub enum Culling {
 }
 
 /// A ray for tests of all primitives of a leaf; each test reads one of the two forms.
-pub trait LeafRay {
+pub(super) trait LeafRay {
     /// The ray in f64.
     fn double_ray<D: F64x4Ops>(&mut self, simd: D) -> DoubleRay<D>;
 
@@ -77,38 +77,38 @@ type MotionKeys = [[[f32; 3]; 3]; 2];
 
 impl BuiltBlas {
     /// The box around all active primitives, in object space.
-    pub fn bounds(&self) -> &Bounds {
+    pub(super) fn bounds(&self) -> &Bounds {
         &self.bounds
     }
 
     /// The BVH; without one every ray tests all primitives.
     #[inline]
-    pub fn bvh(&self) -> Option<&WideBvh> {
+    pub(super) fn bvh(&self) -> Option<&WideBvh> {
         self.bvh.as_ref()
     }
 
     /// [`WideBvh::shrink_box`].
     #[cfg(all(test, feature = "stress"))]
-    pub fn shrink_box(&mut self, slot: usize) {
+    pub(super) fn shrink_box(&mut self, slot: usize) {
         self.bvh.iter_mut().for_each(|bvh| bvh.shrink_box(slot));
     }
 
     /// All primitives as leaves, for a BLAS without a BVH.
-    pub fn leaves(&self) -> impl Iterator<Item = NodeRef> + use<> {
+    pub(super) fn leaves(&self) -> impl Iterator<Item = NodeRef> + use<> {
         let count = self.geom_prims.len();
         (0..count.div_ceil(LANES)).map(move |index| NodeRef::leaf(index, LANES.min(count - index * LANES)))
     }
 
     /// The identity of the primitive in a lane of a leaf.
     #[inline(always)]
-    pub fn geom_prim(&self, leaf: NodeRef, lane: usize) -> GeomPrim {
+    pub(super) fn geom_prim(&self, leaf: NodeRef, lane: usize) -> GeomPrim {
         self.geom_prims[self.ordered_index(leaf, lane)]
     }
 
     /// Prefetches the triangles in the leaves of a node while the node itself is loaded, if a ray
     /// that visits the node usually reaches one of them.
     #[inline(always)]
-    pub fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
+    pub(super) fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
         let leaves = bvh.leaves_to_prefetch(node);
         if leaves.is_empty() {
             return;
@@ -120,7 +120,7 @@ impl BuiltBlas {
 
     /// Prefetches the node or the block of primitives that a ray is about to visit.
     #[inline(always)]
-    pub fn prefetch(&self, child: NodeRef) {
+    pub(super) fn prefetch(&self, child: NodeRef) {
         if !child.is_leaf() {
             return self.bvh.iter().for_each(|bvh| bvh.node(child).prefetch());
         }
@@ -136,31 +136,31 @@ impl BuiltBlas {
 
     /// Prefetches the identities of the primitives of a leaf.
     #[inline(always)]
-    pub fn prefetch_geom_prims(&self, leaf: NodeRef) {
+    pub(super) fn prefetch_geom_prims(&self, leaf: NodeRef) {
         prefetch(&self.geom_prims[self.ordered_index(leaf, 0)..][..1]);
     }
 
     /// The index in tree order of a lane of a leaf.
     #[inline(always)]
-    pub fn ordered_index(&self, leaf: NodeRef, lane: usize) -> usize {
+    pub(super) fn ordered_index(&self, leaf: NodeRef, lane: usize) -> usize {
         leaf.index() * LANES + lane
     }
 
     /// The identity of the primitive at an index in tree order.
     #[inline(always)]
-    pub fn geom_prim_at(&self, ordered_index: usize) -> GeomPrim {
+    pub(super) fn geom_prim_at(&self, ordered_index: usize) -> GeomPrim {
         self.geom_prims[ordered_index]
     }
 
     /// Whether a ray may reach one primitive in several leaves.
     #[inline]
-    pub fn has_split_primitives(&self) -> bool {
+    pub(super) fn has_split_primitives(&self) -> bool {
         self.has_split_primitives
     }
 
     /// Which rays cull primitives by blocks of four.
     #[inline(always)]
-    pub fn culling(&self) -> Culling {
+    pub(super) fn culling(&self) -> Culling {
         match self.blocks {
             PrimitiveBlocks::LinearSweptSpheres(..) => Culling::Always,
             PrimitiveBlocks::Triangles(_) | PrimitiveBlocks::Spheres(_) => Culling::WorldSpace,
@@ -170,19 +170,19 @@ impl BuiltBlas {
 
     /// Whether the primitives are triangles without motion.
     #[inline(always)]
-    pub fn has_triangles(&self) -> bool {
+    pub(super) fn has_triangles(&self) -> bool {
         matches!(self.blocks, PrimitiveBlocks::Triangles(_))
     }
 
     /// The flags of all geometries, if they agree and none has a micromap.
     #[inline]
-    pub fn common_flags(&self) -> Option<GeometryFlags> {
+    pub(super) fn common_flags(&self) -> Option<GeometryFlags> {
         self.common_flags
     }
 
     /// A mask of all primitives of a leaf.
     #[inline(always)]
-    pub fn full_mask(&self, leaf: NodeRef) -> u32 {
+    pub(super) fn full_mask(&self, leaf: NodeRef) -> u32 {
         (1 << leaf.count()) - 1
     }
 
@@ -190,7 +190,7 @@ impl BuiltBlas {
     /// the swept spheres that taper. Only for primitives that are [culled](BuiltBlas::culling) at
     /// all; triangles read the second ray.
     #[inline(always)]
-    pub fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
+    pub(super) fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
         &self,
         simd: F,
         leaf: NodeRef,
@@ -212,7 +212,7 @@ impl BuiltBlas {
     /// Whether [`BuiltBlas::intersect_leaf`] tests whole leaves, which is faster than culling
     /// first.
     #[inline(always)]
-    pub fn tests_whole_leaves(&self, precision: Precision) -> bool {
+    pub(super) fn tests_whole_leaves(&self, precision: Precision) -> bool {
         precision == Precision::Exact
             && matches!(self.blocks, PrimitiveBlocks::Triangles(_) | PrimitiveBlocks::Spheres(_))
     }
@@ -220,7 +220,7 @@ impl BuiltBlas {
     /// Tests all primitives of a leaf at once by the f64 filter; hits behind `limit`, a rounded t,
     /// may be left out. Only if [`BuiltBlas::tests_whole_leaves`].
     #[inline(always)]
-    pub fn intersect_leaf<D: F64x4Ops>(
+    pub(super) fn intersect_leaf<D: F64x4Ops>(
         &self,
         simd: D,
         leaf: NodeRef,
@@ -241,7 +241,7 @@ impl BuiltBlas {
     /// Intersects the primitive in a lane of a leaf at the time of the ray, within the ray's
     /// interval.
     #[inline(always)]
-    pub fn intersect(
+    pub(super) fn intersect(
         &self,
         (leaf, lane): (NodeRef, usize),
         ray: &ObjectRay,

@@ -10,7 +10,7 @@ use crate::accel::hit::{Candidate, Committed, HitKey, HitPrimitive};
 pub(super) struct QueuedCandidate(pub Candidate);
 
 impl QueuedCandidate {
-    pub fn key(&self) -> HitKey {
+    pub(super) fn key(&self) -> HitKey {
         self.0.key(self.0.intersection.t)
     }
 }
@@ -56,7 +56,7 @@ pub(super) struct HitQueue {
 impl HitQueue {
     /// Discards all hits and candidates.
     #[inline(always)]
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.clear_candidates();
         self.closest_opaque = None;
         self.committed = None;
@@ -69,13 +69,13 @@ impl HitQueue {
     }
 
     /// Whether a candidate was returned already, and is found again in another leaf.
-    pub fn was_presented(&self, queued: &QueuedCandidate) -> bool {
+    pub(super) fn was_presented(&self, queued: &QueuedCandidate) -> bool {
         self.last_presented.is_some_and(|last| queued.key() <= last)
     }
 
     /// Records that a primitive is reported to the observer; returns whether for the first time.
     #[cold]
-    pub fn is_first_report(&mut self, hit_primitive: HitPrimitive) -> bool {
+    pub(super) fn is_first_report(&mut self, hit_primitive: HitPrimitive) -> bool {
         let first = !self.reported.contains(&hit_primitive);
         if first {
             self.reported.push(hit_primitive);
@@ -85,7 +85,7 @@ impl HitQueue {
 
     /// Adds an opaque hit; returns whether it is the closest so far.
     #[inline(always)]
-    pub fn add_opaque(&mut self, candidate: Candidate) -> bool {
+    pub(super) fn add_opaque(&mut self, candidate: Candidate) -> bool {
         let Some(hit) = Committed::opaque(candidate) else { return false };
         let others = [&self.closest_opaque, &self.committed];
         let closest = hit.t < self.cull_t || others.into_iter().flatten().all(|other| hit.is_before(other));
@@ -98,7 +98,7 @@ impl HitQueue {
 
     /// Queues a candidate; returns `false` if it lies behind a hit or was returned already.
     #[inline]
-    pub fn queue_candidate(&mut self, candidate: Candidate) -> bool {
+    pub(super) fn queue_candidate(&mut self, candidate: Candidate) -> bool {
         let queued = QueuedCandidate(candidate);
         if self.is_behind(&queued) || self.was_presented(&queued) {
             return false;
@@ -109,13 +109,13 @@ impl HitQueue {
 
     /// The t of the first candidate in the queue.
     #[inline(always)]
-    pub fn first_candidate_t(&self) -> Option<f32> {
+    pub(super) fn first_candidate_t(&self) -> Option<f32> {
         self.candidates.peek().map(|Reverse(first)| first.0.intersection.t)
     }
 
     /// Discards the candidates in the queue.
     #[inline(always)]
-    pub fn clear_candidates(&mut self) {
+    pub(super) fn clear_candidates(&mut self) {
         if !self.candidates.is_empty() {
             self.candidates.clear();
         }
@@ -123,11 +123,11 @@ impl HitQueue {
 
     /// Whether an opaque hit that was found ends the traversal before it is complete.
     #[inline(always)]
-    pub fn can_end_early(&self) -> bool {
+    pub(super) fn can_end_early(&self) -> bool {
         self.any_opaque_hit_ends && self.closest_opaque.is_some()
     }
 
-    pub fn is_behind(&self, queued: &QueuedCandidate) -> bool {
+    pub(super) fn is_behind(&self, queued: &QueuedCandidate) -> bool {
         [&self.closest_opaque, &self.committed].into_iter().flatten().any(|other| other.key() < queued.key())
     }
 }

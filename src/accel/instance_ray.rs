@@ -15,7 +15,7 @@ use crate::math::f64x4::F64x4Ops;
 
 /// The current instance of a traversal, and the ray in its space.
 #[derive(Clone, Debug)]
-pub struct InstanceRay {
+pub(super) struct InstanceRay {
     pub instance: u32,
     /// The number of stack entries below those of this instance.
     pub stack_base: usize,
@@ -37,7 +37,7 @@ pub struct InstanceRay {
 
 impl InstanceRay {
     /// Placeholder value.
-    pub const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         instance: 0,
         stack_base: 0,
         trav_ray: TravRay::EMPTY,
@@ -54,7 +54,7 @@ impl InstanceRay {
 
     /// Prepares the ray for an instance; `false` if it certainly hits nothing up to `cull_t` there.
     #[inline(always)]
-    pub fn enter(
+    pub(super) fn enter(
         &mut self,
         tlas: &Tlas,
         instance: u32,
@@ -137,7 +137,13 @@ impl InstanceRay {
 
     /// Prepares a ray of a packet for an instance whose BVH the packet traverses.
     #[inline(always)]
-    pub fn enter_with_packet(&mut self, tlas: &Tlas, instance: u32, built: &BuiltBlas, trace: &TraceRay) {
+    pub(super) fn enter_with_packet(
+        &mut self,
+        tlas: &Tlas,
+        instance: u32,
+        built: &BuiltBlas,
+        trace: &TraceRay,
+    ) {
         self.instance = instance;
         self.has_object_ray = false;
         self.is_well_scaled = false;
@@ -149,13 +155,13 @@ impl InstanceRay {
 
     /// The ray for the tests of whole leaves.
     #[inline(always)]
-    pub fn leaf_ray<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> InstanceLeafRay<'a> {
+    pub(super) fn leaf_ray<'a>(&'a mut self, tlas: &'a Tlas, trace: &'a TraceRay) -> InstanceLeafRay<'a> {
         InstanceLeafRay { instance_ray: self, tlas, trace }
     }
 
     /// The ray in object space.
     #[inline(always)]
-    pub fn object_ray(&mut self, tlas: &Tlas, trace: &TraceRay) -> &ObjectRay {
+    pub(super) fn object_ray(&mut self, tlas: &Tlas, trace: &TraceRay) -> &ObjectRay {
         if !self.has_object_ray {
             // A ray that is not finite or an instance without inverse was refused before.
             tlas.set_object_ray(self.instance, &trace.ray, trace.time, &mut self.object_ray);
@@ -166,7 +172,7 @@ impl InstanceRay {
 
     /// A mask of the primitives of a leaf that the ray may hit, by [`BuiltBlas::maybe_hit_mask`].
     #[inline(always)]
-    pub fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
+    pub(super) fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
         &mut self,
         simd: F,
         tlas: &Tlas,
@@ -232,7 +238,7 @@ impl InstanceRay {
 }
 
 /// The ray of an instance for tests of whole leaves.
-pub struct InstanceLeafRay<'a> {
+pub(super) struct InstanceLeafRay<'a> {
     instance_ray: &'a mut InstanceRay,
     tlas: &'a Tlas,
     trace: &'a TraceRay,

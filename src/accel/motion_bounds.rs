@@ -25,7 +25,7 @@ use crate::math::error_bound::{round_down, round_up};
 const TIME_INTERVALS: u32 = 16;
 
 /// The box around the images of a box at all times.
-pub fn bounds(around: &Bounds, motion: &Motion) -> Bounds {
+pub(super) fn bounds(around: &Bounds, motion: &Motion) -> Bounds {
     match motion {
         Motion::Matrix(keys) => matrix_bounds(around, keys),
         Motion::Srt(keys) => srt_bounds(around, keys),

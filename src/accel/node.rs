@@ -6,24 +6,24 @@ use crate::math::prefetch::prefetch;
 
 /// The largest number of children of a node: the lanes of one vector register (AVX) or of two (SSE,
 /// NEON).
-pub const WIDTH: usize = 8;
+pub(super) const WIDTH: usize = 8;
 
 /// A reference to an inner node or to a leaf of primitives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NodeRef(u32);
+pub(super) struct NodeRef(u32);
 
 /// The low bits of a [`NodeRef`], which count the primitives of a leaf.
 const COUNT_BITS: u32 = 3;
 
 impl NodeRef {
     /// Makes the reference to an inner node.
-    pub fn inner(node: usize) -> Self {
+    pub(super) fn inner(node: usize) -> Self {
         Self::pack(node, 0)
     }
 
     /// Makes the reference to a leaf of up to 7 primitives. Leaves start at multiples of the tree's
     /// leaf size in tree order; `index` counts in those multiples.
-    pub fn leaf(index: usize, count: usize) -> Self {
+    pub(super) fn leaf(index: usize, count: usize) -> Self {
         assert!((1..1 << COUNT_BITS).contains(&count), "bug in anyhit: a leaf of {count} primitives");
         Self::pack(index, count)
     }
@@ -35,41 +35,41 @@ impl NodeRef {
 
     /// The reference as 32 bits.
     #[inline(always)]
-    pub fn bits(self) -> u32 {
+    pub(super) fn bits(self) -> u32 {
         self.0
     }
 
     /// The reference that [`NodeRef::bits`] encoded.
     #[inline(always)]
-    pub fn from_bits(bits: u32) -> Self {
+    pub(super) fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
     /// The index of the node or of the leaf.
     #[inline(always)]
-    pub fn index(self) -> usize {
+    pub(super) fn index(self) -> usize {
         (self.0 >> COUNT_BITS) as usize
     }
 
     /// The number of primitives; 0 for an inner node.
     #[inline(always)]
-    pub fn count(self) -> u32 {
+    pub(super) fn count(self) -> u32 {
         self.0 & ((1 << COUNT_BITS) - 1)
     }
 
     #[inline(always)]
-    pub fn is_leaf(self) -> bool {
+    pub(super) fn is_leaf(self) -> bool {
         self.count() != 0
     }
 
     /// The reference after the given offsets were added to the indices of nodes and leaves.
-    pub fn offset_by(self, nodes: usize, leaves: usize) -> Self {
+    pub(super) fn offset_by(self, nodes: usize, leaves: usize) -> Self {
         let by = if self.is_leaf() { leaves } else { nodes };
         Self::pack(self.index() + by, self.count() as usize)
     }
 
     /// Splits a leaf into leaves of one primitive each, in a tree whose leaf size is 1.
-    pub fn single_leaves(self) -> impl DoubleEndedIterator<Item = Self> {
+    pub(super) fn single_leaves(self) -> impl DoubleEndedIterator<Item = Self> {
         (0..self.count() as usize).map(move |at| Self::leaf(self.index() + at, 1))
     }
 }
@@ -78,7 +78,7 @@ impl NodeRef {
 /// four cache lines.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
-pub struct Node {
+pub(super) struct Node {
     /// For each axis the lower planes, then the upper ones.
     planes: [[[f32; WIDTH]; 2]; 3],
     children: [NodeRef; WIDTH],
@@ -88,7 +88,7 @@ pub struct Node {
 
 impl Node {
     /// Makes a node over up to `WIDTH` children with their boxes (scaled; minimum and maximum).
-    pub fn new(children: &[(NodeRef, [[f32; 3]; 2])]) -> Self {
+    pub(super) fn new(children: &[(NodeRef, [[f32; 3]; 2])]) -> Self {
         debug_assert!((1..=WIDTH).contains(&children.len()));
         let mut node = Self {
             planes: [[[0.0; WIDTH]; 2]; 3],
@@ -106,13 +106,13 @@ impl Node {
     }
 
     /// Sets the child in a slot.
-    pub fn set_child(&mut self, slot: usize, child: NodeRef) {
+    pub(super) fn set_child(&mut self, slot: usize, child: NodeRef) {
         self.children[slot] = child;
     }
 
     /// Adds the given offsets to the indices of the children that are nodes and of those that are
     /// leaves.
-    pub fn offset_children(&mut self, nodes: usize, leaves: usize) {
+    pub(super) fn offset_children(&mut self, nodes: usize, leaves: usize) {
         for slot in 0..self.filled.count_ones() as usize {
             self.children[slot] = self.children[slot].offset_by(nodes, leaves);
         }
@@ -120,20 +120,20 @@ impl Node {
 
     /// Makes the box of a child too small: a broken tree, which a judge must find.
     #[cfg(all(test, feature = "stress"))]
-    pub fn shrink_box(&mut self, slot: usize) {
+    pub(super) fn shrink_box(&mut self, slot: usize) {
         for [low, high] in &mut self.planes {
             high[slot] = low[slot];
         }
     }
 
     /// The number of children.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.filled.count_ones() as usize
     }
 
     /// The children with their boxes (scaled).
     #[cfg(test)]
-    pub fn children(&self) -> impl Iterator<Item = (NodeRef, [[f32; 3]; 2])> + '_ {
+    pub(super) fn children(&self) -> impl Iterator<Item = (NodeRef, [[f32; 3]; 2])> + '_ {
         (0..self.filled.count_ones() as usize).map(|slot| {
             let corner = |side: usize| std::array::from_fn(|axis| self.planes[axis][side][slot]);
             (self.children[slot], [corner(0), corner(1)])
@@ -145,7 +145,7 @@ impl Node {
     /// [`TravRay::absolute`](super::trav_ray::TravRay::absolute)), and a mask of the children that
     /// the ray may hit up to `limit`.
     #[inline(always)]
-    pub fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
+    pub(super) fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
         let simd = ray.simd;
         let mut near = ray.shifted_t_min;
         let mut far = simd.splat(limit.0);
@@ -163,20 +163,20 @@ impl Node {
 
     /// Prefetches the node into the L1 cache.
     #[inline(always)]
-    pub fn prefetch(&self) {
+    pub(super) fn prefetch(&self) {
         self.planes.iter().for_each(|planes| prefetch(planes.as_flattened()));
         prefetch(&self.children);
     }
 
     /// The lower (`side` 0) or upper (1) plane on an axis of the box of the child in a slot.
     #[inline(always)]
-    pub fn plane(&self, axis: usize, side: usize, slot: usize) -> f32 {
+    pub(super) fn plane(&self, axis: usize, side: usize, slot: usize) -> f32 {
         self.planes[axis][side][slot % WIDTH]
     }
 
     /// The child in a slot.
     #[inline(always)]
-    pub fn child(&self, slot: usize) -> NodeRef {
+    pub(super) fn child(&self, slot: usize) -> NodeRef {
         self.children[slot % WIDTH]
     }
 }

@@ -129,7 +129,7 @@ trait DynObserver {
 pub(super) struct ErasedObserver<'a, const EXPLAINS_MISSES: bool>(&'a mut dyn DynObserver);
 
 impl<'a, const EXPLAINS_MISSES: bool> ErasedObserver<'a, EXPLAINS_MISSES> {
-    pub fn new<V: TraversalObserver>(observer: &'a mut ObserverAdapter<V>) -> Self {
+    pub(super) fn new<V: TraversalObserver>(observer: &'a mut ObserverAdapter<V>) -> Self {
         Self(observer)
     }
 }

@@ -7,10 +7,10 @@
 //! (Boldo and Melquiond, "Emulation of FMA and correctly rounded sums", 2008).
 
 /// The identity as a row-major 3x4 matrix.
-pub const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+pub(super) const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// The correctly rounded image of a point under a row-major 3x4 matrix.
-pub fn transform_point(matrix: &[[f32; 4]; 3], point: [f32; 3]) -> [f32; 3] {
+pub(super) fn transform_point(matrix: &[[f32; 4]; 3], point: [f32; 3]) -> [f32; 3] {
     matrix.map(|row| {
         let product = |k: usize| f64::from(row[k]) * f64::from(point[k]);
         round_sum([product(0), product(1), product(2), f64::from(row[3])])
@@ -18,7 +18,7 @@ pub fn transform_point(matrix: &[[f32; 4]; 3], point: [f32; 3]) -> [f32; 3] {
 }
 
 /// The correctly rounded f32 of an exact sum of products of f32.
-pub fn round_sum(terms: [f64; 4]) -> f32 {
+pub(super) fn round_sum(terms: [f64; 4]) -> f32 {
     // Infinities and NaN follow IEEE addition.
     let plain: f64 = terms.iter().sum();
     if !plain.is_finite() {

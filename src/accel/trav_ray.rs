@@ -36,11 +36,11 @@ const U: f64 = 1.0 / 9_007_199_254_740_992.0;
 
 /// The largest t of interest, in the units of a [`TravRay`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NodeLimit(pub(super) f32);
+pub(super) struct NodeLimit(pub(super) f32);
 
 /// A ray prepared for the nodes of one tree.
 #[derive(Clone, Copy, Debug)]
-pub struct TravRay {
+pub(super) struct TravRay {
     /// For each axis one number; the fourth is not used.
     pub(super) near_origin: [f32; LANES],
     pub(super) far_origin: [f32; LANES],
@@ -56,7 +56,7 @@ pub struct TravRay {
 
 /// The slabs of a [`TravRay`] in SIMD registers, each number in all lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct Slabs<E: F32x8Ops> {
+pub(super) struct Slabs<E: F32x8Ops> {
     pub(super) simd: E,
     pub(super) near_origin: [E::F32x8; 3],
     pub(super) far_origin: [E::F32x8; 3],
@@ -81,7 +81,7 @@ pub(super) const WIDEN: f64 = 1.0 + 1.0 / 4_194_304.0;
 
 impl TravRay {
     /// Placeholder value.
-    pub const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         near_origin: [0.0; LANES],
         far_origin: [0.0; LANES],
         near_reciprocal: [0.0; LANES],
@@ -93,7 +93,7 @@ impl TravRay {
     };
 
     /// A ray that holds only `t_min`, for a TLAS without a tree.
-    pub fn with_t_min(t_min: f32) -> Self {
+    pub(super) fn with_t_min(t_min: f32) -> Self {
         Self { t_min, shifted_t_min: t_min + 0.0, ..Self::EMPTY }
     }
 
@@ -101,7 +101,7 @@ impl TravRay {
     /// scale (a power of two). `None` if the ray certainly misses the root within
     /// `t_min..=t_max`.
     #[inline]
-    pub fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
+    pub(super) fn new(ray: &ObjectRay, t_max: f32, root: &Bounds, scale: f64) -> Option<Self> {
         let mut world_space = Self::EMPTY;
         if ray.is_in_world() && world_space.set_world_space(ray.world(), scale) {
             return Some(world_space);
@@ -125,7 +125,7 @@ impl TravRay {
     /// Scaling such numbers is exact. A reciprocal rounds once, and once more when it is shrunk or
     /// widened by 2^-22: 2^-23 of that is left, where the difference needs 2^-24.
     #[inline(always)]
-    pub fn set_world_space(&mut self, ray: &Ray, scale: f64) -> bool {
+    pub(super) fn set_world_space(&mut self, ray: &Ray, scale: f64) -> bool {
         let Ray { origin: [x, y, z], direction: [dx, dy, dz], t_min, .. } = *ray;
         let scale = scale as f32;
         let origin = F32x4::new([x, y, z, 0.0]) * F32x4::splat(scale);
@@ -152,7 +152,7 @@ impl TravRay {
     /// its product; the bounds of an approximate ray are twice what is needed and pay for 6u of
     /// that.
     #[inline(always)]
-    pub fn set_approximate(&mut self, ray: &ApproximateRay, t_min: f32, scale: f64) -> bool {
+    pub(super) fn set_approximate(&mut self, ray: &ApproximateRay, t_min: f32, scale: f64) -> bool {
         let scale = scale as f32;
         let all = |x: f32| F32x4::splat(x);
         let origin = ray.origin * all(scale);
@@ -183,7 +183,7 @@ impl TravRay {
 
     /// The slabs of the ray in SIMD registers.
     #[inline(always)]
-    pub fn slabs<E: F32x8Ops>(&self, simd: E) -> Slabs<E> {
+    pub(super) fn slabs<E: F32x8Ops>(&self, simd: E) -> Slabs<E> {
         let all = |&[x, y, z, _]: &[f32; LANES]| [x, y, z].map(|number| simd.splat(number));
         Slabs {
             simd,
@@ -197,7 +197,7 @@ impl TravRay {
     }
 
     /// Whether the ray surely misses a tree's root box within `t_min..=t_max`.
-    pub fn misses(ray: &ObjectRay, t_max: f32, root: &Bounds) -> bool {
+    pub(super) fn misses(ray: &ObjectRay, t_max: f32, root: &Bounds) -> bool {
         root_interval(ray, t_max, root).is_none()
     }
 
@@ -267,7 +267,7 @@ impl TravRay {
     /// The limit for a largest t of interest (absolute, t >= 0): no hit whose rounded t is at most
     /// `t` has a near bound above it.
     #[inline]
-    pub fn limit(&self, t: f32) -> NodeLimit {
+    pub(super) fn limit(&self, t: f32) -> NodeLimit {
         // An infinite t would let boxes at infinity pass.
         let t = t.min(f32::MAX);
         if self.t_shift == 0.0 {
@@ -350,14 +350,14 @@ fn bracket(x: f64) -> (f32, f32) {
 
 /// The largest f32 not above x.
 #[inline]
-pub fn round_down(x: f64) -> f32 {
+pub(super) fn round_down(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) > x { near.next_down() } else { near }
 }
 
 /// The smallest f32 not below x.
 #[inline]
-pub fn round_up(x: f64) -> f32 {
+pub(super) fn round_up(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) < x { near.next_up() } else { near }
 }

@@ -90,7 +90,7 @@ impl Stack {
 /// The state of a traversal: the stack and the ray in the spaces of the TLAS and of the instance
 /// that it is in. The entries of that instance are on top of the stack.
 #[derive(Clone, Debug)]
-pub struct TraversalState {
+pub(super) struct TraversalState {
     stack: Stack,
     /// The ray prepared for the nodes of the TLAS, if that has a tree.
     world_ray: TravRay,
@@ -100,7 +100,7 @@ pub struct TraversalState {
 
 impl TraversalState {
     /// Placeholder value.
-    pub const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         stack: Stack { entries: Vec::new(), t_lower_bounds: Vec::new() },
         world_ray: TravRay::EMPTY,
         instance_ray: InstanceRay::EMPTY,
@@ -110,12 +110,12 @@ impl TraversalState {
     /// Whether no unvisited node can hold a hit at t or before. A node that is entered exactly at t
     /// may hold a hit at t.
     #[inline]
-    pub fn is_past(&self, t: f32) -> bool {
+    pub(super) fn is_past(&self, t: f32) -> bool {
         self.stack.t_lower_bounds.last().is_none_or(|&bound| t < bound)
     }
 
     /// Whether the stack is empty.
-    pub fn is_over(&self) -> bool {
+    pub(super) fn is_over(&self) -> bool {
         self.stack.entries.is_empty()
     }
 }

@@ -13,7 +13,7 @@ const MAX_PRIMITIVES: usize = (1 << 29) - 1;
 pub(super) const MAX_GEOMETRIES: usize = (1 << 24) - 1;
 
 /// The mistakes in the geometries of a BLAS, at most one for each geometry and rule.
-pub fn geometries(geometries: &[Geometry]) -> Vec<Error> {
+pub(super) fn geometries(geometries: &[Geometry]) -> Vec<Error> {
     let mut mistakes = Vec::new();
     if geometries.len() > MAX_GEOMETRIES {
         let text =

@@ -7,7 +7,7 @@ use crate::error::{Error, ErrorKind};
 use crate::geometry::Transform;
 
 /// The mistakes in the instances of a TLAS.
-pub fn instances(instances: &[TlasInstance]) -> Vec<Error> {
+pub(super) fn instances(instances: &[TlasInstance]) -> Vec<Error> {
     const FIELD: u32 = 1 << 24;
     let mut mistakes = Vec::new();
     if instances.len() > MAX_GEOMETRIES {

@@ -22,14 +22,14 @@ use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
 const MAX_SAH_DEPTH: usize = 32;
 
 /// The padding in tree order behind a leaf that is not full.
-pub const PADDING: u32 = u32::MAX;
+pub(super) const PADDING: u32 = u32::MAX;
 
 /// A subtree over more boxes than this is built by several threads in parallel.
 const PARALLEL_BUILD_MIN: usize = 16_384;
 
 /// A bounding volume hierarchy over numbered boxes, with nodes of up to [`WIDTH`] children.
 #[derive(Debug)]
-pub struct WideBvh {
+pub(super) struct WideBvh {
     nodes: Vec<Node>,
     /// For each node the leaves that are worth prefetching: the index of the first times
     /// [`LEAF_RANGE_RADIX`], plus their number.
@@ -49,14 +49,14 @@ const MIN_LEAVES_REACHED: f32 = 0.8;
 impl WideBvh {
     /// Builds a BVH over boxes that are numbered in their order.
     #[cfg(test)]
-    pub fn build(boxes: &[Bounds], cost: SahCost) -> Option<(Self, Vec<u32>)> {
+    pub(super) fn build(boxes: &[Bounds], cost: SahCost) -> Option<(Self, Vec<u32>)> {
         Self::from_prim_refs(numbered(boxes), cost)
     }
 
     /// Builds a BVH; returns with it the numbers of the boxes in tree order. Leaves start at
     /// multiples of the leaf size; [`PADDING`] fills those that are shorter. Boxes must hold no NaN
     /// and have min <= max; sides may be infinite. `None` for no boxes.
-    pub fn from_prim_refs(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
+    pub(super) fn from_prim_refs(boxes: Vec<PrimRef>, cost: SahCost) -> Option<(Self, Vec<u32>)> {
         Self::build_with_depth(boxes, cost, MAX_SAH_DEPTH)
     }
 
@@ -79,35 +79,35 @@ impl WideBvh {
 
     /// The inner node that a reference refers to.
     #[inline(always)]
-    pub fn node(&self, child: NodeRef) -> &Node {
+    pub(super) fn node(&self, child: NodeRef) -> &Node {
         &self.nodes[child.index()]
     }
 
     /// [`Node::shrink_box`] of the root.
     #[cfg(all(test, feature = "stress"))]
-    pub fn shrink_box(&mut self, slot: usize) {
+    pub(super) fn shrink_box(&mut self, slot: usize) {
         self.nodes[0].shrink_box(slot);
     }
 
     /// The leaves among a node's children that are worth prefetching; does not load the node.
     #[inline(always)]
-    pub fn leaves_to_prefetch(&self, node: NodeRef) -> Range<usize> {
+    pub(super) fn leaves_to_prefetch(&self, node: NodeRef) -> Range<usize> {
         let leaf_range = self.leaves[node.index()] as usize;
         leaf_range / LEAF_RANGE_RADIX..leaf_range / LEAF_RANGE_RADIX + leaf_range % LEAF_RANGE_RADIX
     }
 
     /// The root: a node, or a leaf if the tree has only one.
-    pub fn root(&self) -> NodeRef {
+    pub(super) fn root(&self) -> NodeRef {
         self.root
     }
 
     /// The box around all primitives, not scaled.
-    pub fn bounds(&self) -> &Bounds {
+    pub(super) fn bounds(&self) -> &Bounds {
         &self.bounds
     }
 
     /// The power of two by which the boxes of the nodes are scaled.
-    pub fn scale(&self) -> f64 {
+    pub(super) fn scale(&self) -> f64 {
         self.scale
     }
 }

@@ -7,12 +7,14 @@ use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::CheckedFunction;
 
 /// The inputs of one function, by number.
+#[derive(Debug)]
 pub struct Inputs {
     format: FloatWidth,
     count: u64,
     kind: InputKind,
 }
 
+#[derive(Debug)]
 enum InputKind {
     /// Input n is `n * stride + first`; of two operands, both in one number.
     Every { stride: u64, first: u64 },

@@ -12,7 +12,7 @@ use crate::scene::{LoadOptions, ResolvedScene, SceneFiles, load_bytes};
 
 /// Limits of what is read and of what it may ask for.
 #[derive(Args, Clone, Debug, Default)]
-pub struct InputLimitArgs {
+pub(super) struct InputLimitArgs {
     /// Set a limit of what is read or may be asked for, such as `file-bytes=4GiB`; may be repeated
     /// (docs/reading.md has all)
     #[arg(long, value_name = "NAME=N")]
@@ -21,7 +21,7 @@ pub struct InputLimitArgs {
 
 impl InputLimitArgs {
     /// The default limits with those that were given.
-    pub fn limits(&self) -> InputLimits {
+    pub(super) fn limits(&self) -> InputLimits {
         let set = |limits: InputLimits, one: &LimitSetting| limits.with(one.limit, one.value);
         self.limit.iter().fold(InputLimits::default(), set)
     }
@@ -29,7 +29,7 @@ impl InputLimitArgs {
 
 /// Which variant of a scene is meant.
 #[derive(Args, Clone, Debug, Default)]
-pub struct VariantArgs {
+pub(super) struct VariantArgs {
     /// Use the shaders of the scene's `[[variant]]` of this name
     #[arg(long, value_name = "NAME")]
     pub variant: Option<String>,
@@ -37,7 +37,7 @@ pub struct VariantArgs {
 
 /// Limits of what is read and of what it may ask for, and where a scene may read.
 #[derive(Args, Clone, Debug, Default)]
-pub struct SceneFileArgs {
+pub(super) struct SceneFileArgs {
     /// Refuse every path in a scene that leaves this folder, links followed
     #[arg(long, value_name = "DIR")]
     root: Option<PathBuf>,
@@ -47,23 +47,23 @@ pub struct SceneFileArgs {
 
 impl SceneFileArgs {
     /// The limits.
-    pub fn limits(&self) -> InputLimits {
+    pub(super) fn limits(&self) -> InputLimits {
         self.limits.limits()
     }
 
     /// The root, where one is given.
-    pub fn root(&self) -> Result<Option<RootFolder>> {
+    pub(super) fn root(&self) -> Result<Option<RootFolder>> {
         self.root.as_deref().map(RootFolder::new).transpose()
     }
 
     /// How files are read that a scene names.
-    pub fn files(&self) -> Result<SceneFiles> {
+    pub(super) fn files(&self) -> Result<SceneFiles> {
         Ok(SceneFiles { limits: self.limits(), root: self.root()? })
     }
 
     /// Reads a scene from a file, a pipe, or for `-` from standard input. What a pipe's scene names
     /// starts at the current folder.
-    pub fn scene(&self, path: &Path, options: &LoadOptions) -> Result<ResolvedScene> {
+    pub(super) fn scene(&self, path: &Path, options: &LoadOptions) -> Result<ResolvedScene> {
         let files = self.files()?;
         let bytes = read_argument(path, InputLimit::SceneBytes, &files.limits)?;
         load_bytes(&name_of(path), bytes, &files, options)
@@ -71,7 +71,7 @@ impl SceneFileArgs {
 }
 
 /// What an argument's file is called in messages: a path that others can be relative to.
-pub fn name_of(path: &Path) -> PathBuf {
+pub(super) fn name_of(path: &Path) -> PathBuf {
     if path == Path::new(STANDARD_INPUT) {
         return "standard input".into();
     }

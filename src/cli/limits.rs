@@ -10,7 +10,7 @@ use crate::scene::RunLimits;
 /// Limits of a whole launch.
 #[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Limits")]
-pub struct LaunchLimitArgs {
+pub(super) struct LaunchLimitArgs {
     /// Instructions that all invocations of a launch may execute together, or none [default: of
     /// `test` and `smoke` 2^30, or 2^21 for each invocation where that is more; else none]
     #[arg(long, value_name = "N", value_parser = fuel)]
@@ -28,7 +28,7 @@ pub struct LaunchLimitArgs {
 /// All limits of running a scene.
 #[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Limits")]
-pub struct LimitArgs {
+pub(super) struct LimitArgs {
     /// Instructions that an invocation may execute, counted at back edges, calls and stops
     /// [default: the scene's choice, or 268435456]
     #[arg(long, value_name = "N")]
@@ -53,7 +53,7 @@ pub struct LimitArgs {
 
 impl LaunchLimitArgs {
     /// The limits, where those not given are the default ones.
-    pub fn limits(&self, default: LaunchLimits) -> LaunchLimits {
+    pub(super) fn limits(&self, default: LaunchLimits) -> LaunchLimits {
         LaunchLimits {
             fuel: self.launch_fuel.or(default.fuel),
             max_fuel: default.max_fuel,
@@ -65,7 +65,7 @@ impl LaunchLimitArgs {
 
 impl LimitArgs {
     /// The limits as a scene takes them, with what holds where neither says.
-    pub fn limits(&self, default: LaunchLimits) -> RunLimits {
+    pub(super) fn limits(&self, default: LaunchLimits) -> RunLimits {
         let LaunchLimitArgs { launch_fuel, timeout, batch_timeout } = self.launch;
         RunLimits {
             fuel: self.fuel,

@@ -17,7 +17,7 @@ use crate::module::{self, Module};
 /// # Errors
 /// `Io` where it cannot be read; `InvalidArgument` where it is too large or a shader's source, with
 /// the command that compiles it; what [`module::load`] reports.
-pub fn read(path: &Path, limits: &InputLimits) -> Result<Module> {
+pub(super) fn read(path: &Path, limits: &InputLimits) -> Result<Module> {
     read_with_bytes(path, limits).map(|(_, module)| module)
 }
 
@@ -25,7 +25,7 @@ pub fn read(path: &Path, limits: &InputLimits) -> Result<Module> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_with_bytes(path: &Path, limits: &InputLimits) -> Result<(Vec<u8>, Module)> {
+pub(super) fn read_with_bytes(path: &Path, limits: &InputLimits) -> Result<(Vec<u8>, Module)> {
     let bytes = read_argument(path, InputLimit::ModuleBytes, limits)?;
     let module = load(path, &bytes, limits)?;
     Ok((bytes, module))
@@ -35,7 +35,7 @@ pub fn read_with_bytes(path: &Path, limits: &InputLimits) -> Result<(Vec<u8>, Mo
 ///
 /// # Errors
 /// As [`read`].
-pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
+pub(super) fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
     if let Some(error) = source_text(path, bytes) {
         return Err(error);
     }
@@ -46,7 +46,7 @@ pub fn load(path: &Path, bytes: &[u8], limits: &InputLimits) -> Result<Module> {
 ///
 /// # Errors
 /// As [`read`], but that source is welcome; what [`compile_once_with_warnings`] reports.
-pub fn read_or_compile(path: &Path, limits: &InputLimits, words: &SourceWords) -> Result<Module> {
+pub(super) fn read_or_compile(path: &Path, limits: &InputLimits, words: &SourceWords) -> Result<Module> {
     let options = CompileOptions { debug: DebugInfoLevel::Full, ..CompileOptions::default() };
     let Some(settings) = words.settings(path)? else { return read(path, limits) };
     match compile(path, limits, &settings, &options) {
@@ -61,7 +61,7 @@ pub fn read_or_compile(path: &Path, limits: &InputLimits, words: &SourceWords) -
 ///
 /// # Errors
 /// What [`compile_once_with_warnings`] and [`module::load_with`] report.
-pub fn compile(
+pub(super) fn compile(
     path: &Path,
     limits: &InputLimits,
     settings: &SourceSettings,

@@ -18,13 +18,13 @@ use crate::scene::image::PictureKind;
 ///
 /// # Errors
 /// `Io` where standard output cannot be written for another reason, a full disk say.
-pub fn print(text: impl Display) -> Result<()> {
+pub(super) fn print(text: impl Display) -> Result<()> {
     write_to(&mut stdout().lock(), text)
 }
 
 /// With `--json`, prints an error before which nothing was printed, as `{"errors": [...]}`, and
 /// returns it.
-pub fn json_error(json: bool, error: Error) -> Error {
+pub(super) fn json_error(json: bool, error: Error) -> Error {
     if json {
         let errors = serde_json::json!({ "errors": ErrorReport::all(&error) });
         // The error itself is worth more than that it could not be printed here, too.
@@ -38,7 +38,7 @@ pub fn json_error(json: bool, error: Error) -> Error {
 ///
 /// # Errors
 /// As [`print`].
-pub fn printed(printed: &Printed) -> Result<bool> {
+pub(super) fn printed(printed: &Printed) -> Result<bool> {
     let lines = printed.take();
     for line in &lines {
         let end = if line.text.ends_with('\n') { "" } else { "\n" };
@@ -48,23 +48,23 @@ pub fn printed(printed: &Printed) -> Result<bool> {
 }
 
 /// Prints a hint for the user to standard error.
-pub fn hint(text: impl Display) {
+pub(super) fn hint(text: impl Display) {
     // A hint that cannot be written is no reason to fail.
     let _ = writeln!(stderr().lock(), "{}", visible(&text.to_string(), false));
 }
 
 /// Prints notes to standard error, a line each.
-pub fn notes(notes: &[String]) {
+pub(super) fn notes(notes: &[String]) {
     notes.iter().for_each(|note| hint(format_args!("note: {note}")));
 }
 
 /// Prints what a compiler warned of to standard error, a line each.
-pub fn warnings(warnings: &[Warning]) {
+pub(super) fn warnings(warnings: &[Warning]) {
     warnings.iter().for_each(|warning| hint(format_args!("warning: {warning}")));
 }
 
 /// Notes that the user gave a flag by its old name, which is still accepted.
-pub fn renamed_flag(old: &str, new: &str) {
+pub(super) fn renamed_flag(old: &str, new: &str) {
     hint(format_args!("note: `{old}` is now called `{new}`; the old name still works"));
 }
 
@@ -73,7 +73,7 @@ pub fn renamed_flag(old: &str, new: &str) {
 ///
 /// # Errors
 /// A message, if the extension is not `png`, `exr` or `raw`.
-pub fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
+pub(super) fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
     if PictureKind::of(&path).is_none() {
         let name = path.display();
         return Err(format!("a picture is written as .png, .exr or .raw, and `{name}` says otherwise"));
@@ -82,12 +82,12 @@ pub fn picture_file(path: PathBuf) -> std::result::Result<PathBuf, String> {
 }
 
 /// [`picture_file`] for an argument.
-pub fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
+pub(super) fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(picture_file)
 }
 
 /// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.
-pub fn report(error: &Error) {
+pub(super) fn report(error: &Error) {
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let styled = !plain && stderr().is_terminal();
     let text = if styled { error.render_coloured() } else { error.render() };
@@ -100,7 +100,7 @@ pub fn report(error: &Error) {
 ///
 /// # Errors
 /// As [`print`].
-pub fn command_line(answer: &clap::Error) -> Result<()> {
+pub(super) fn command_line(answer: &clap::Error) -> Result<()> {
     let printed = answer.print().and_then(|()| stdout().flush());
     // There is no other stream to report that standard error cannot be written.
     if answer.use_stderr() { Ok(()) } else { judged(printed) }

@@ -5,7 +5,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use crate::geometry::Precision;
 
 /// Parses a precision, and lists them in the help.
-pub fn parser() -> impl TypedValueParser<Value = Precision> {
+pub(super) fn parser() -> impl TypedValueParser<Value = Precision> {
     PossibleValuesParser::new(Precision::ALL.map(Precision::name))
         .map(|name| Precision::ALL.into_iter().find(|one| one.name() == name).unwrap_or_default())
 }

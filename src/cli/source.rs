@@ -9,7 +9,7 @@ use crate::module::interface::Stage;
 
 /// How sources are compiled that the command line names.
 #[derive(Args, Clone, Debug, Default)]
-pub struct SourceArgs {
+pub(super) struct SourceArgs {
     /// The language of sources, where extensions do not say it: glsl, hlsl, slang or wgsl
     #[arg(long, value_name = "LANGUAGE", value_parser = language)]
     language: Option<LanguageName>,
@@ -35,7 +35,7 @@ pub struct SourceArgs {
 
 impl SourceArgs {
     /// What they say.
-    pub fn words(&self) -> SourceWords {
+    pub(super) fn words(&self) -> SourceWords {
         let defines = self.defines.iter().map(|define| format!("-D{define}"));
         let mut given = self.flags.iter().flat_map(|flag| flag.split_whitespace());
         let (mut folders, mut flags) = (self.include_folders.clone(), Vec::new());

@@ -12,7 +12,7 @@ use crate::scene::{Assembled, ResolvedScene};
 
 /// How far results depend on rounding.
 #[derive(Args, Clone, Debug)]
-pub struct StabilityArgs {
+pub(super) struct StabilityArgs {
     /// Run every float operation also in f64 and report line by line where the results differ: lost
     /// bits, and branches and hits that are decided differently
     #[arg(long, conflicts_with = "perturb")]
@@ -36,17 +36,17 @@ pub struct StabilityArgs {
 
 impl StabilityArgs {
     /// Whether `--shadow` or `--perturb` is given.
-    pub fn is_requested(&self) -> bool {
+    pub(super) fn is_requested(&self) -> bool {
         self.shadow || self.perturb.is_some()
     }
 
     /// `--shadow`
-    pub fn shadow(&self) -> bool {
+    pub(super) fn shadow(&self) -> bool {
         self.shadow
     }
 
     /// The perturbation of `--perturb`, `--seed`, `--envelope` and `--tolerance`.
-    pub fn perturbation(&self) -> Option<Perturbation> {
+    pub(super) fn perturbation(&self) -> Option<Perturbation> {
         let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
         let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
         self.perturb.map(|runs| Perturbation { runs, seed: self.seed, envelope, tolerance })
@@ -57,7 +57,7 @@ impl StabilityArgs {
     ///
     /// # Errors
     /// Of the run; `Expectation` where an output is not stable, after the findings are printed.
-    pub fn run(
+    pub(super) fn run(
         &self,
         scene: &ResolvedScene,
         assembled: &Assembled,

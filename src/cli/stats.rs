@@ -12,7 +12,7 @@ use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::{Dispatch, PassWork};
 
 /// The lines of `--stats` about rays, invocations, occupancy and times.
-pub fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {
+pub(super) fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> String {
     let rate = stats.rays as f64 / launch_time.as_secs_f64().max(1e-9) / 1e6;
     let mut text = format!(
         "scene ready in    {:>9.1} ms\nlaunch took       {:>9.1} ms\nrays              {:>9} ({rate:.2} million a second)\n",
@@ -43,7 +43,7 @@ pub fn table(stats: &Stats, load_time: Duration, launch_time: Duration) -> Strin
 }
 
 /// The lines of `--stats` about shaders that ran on one thread, with the reason.
-pub fn single_threaded(assembled: &Assembled) -> String {
+pub(super) fn single_threaded(assembled: &Assembled) -> String {
     let mut text = String::new();
     for program in assembled.programs().filter(|program| program.order_dependent) {
         text += &format!(
@@ -80,7 +80,7 @@ pub fn single_threaded(assembled: &Assembled) -> String {
 }
 
 /// The line of `--stats` about an image that was streamed in bands.
-pub fn bands(bands: &BandedLaunch<'_>, image: &ImageContent) -> String {
+pub(super) fn bands(bands: &BandedLaunch<'_>, image: &ImageContent) -> String {
     let rows = bands.max_band_rows();
     let bytes = image.size() / u64::from(image.shape.extent[1]) * u64::from(rows);
     format!(
@@ -104,7 +104,7 @@ fn shared_memory_line(owner: &str, memory: Memory) -> String {
 }
 
 /// The lines of `--stats` about elided and eliminated work, which nothing depends on.
-pub fn elided(stats: &Stats, assembled: &Assembled) -> String {
+pub(super) fn elided(stats: &Stats, assembled: &Assembled) -> String {
     let descriptors = assembled.resources.descriptors.values().flatten();
     let mut structures: Vec<&Arc<Tlas>> = Vec::new();
     for descriptor in descriptors {

@@ -13,14 +13,14 @@ const BINDING: u32 = 33;
 
 /// The type that a shader declares for a buffer.
 #[derive(Clone, Copy, Debug)]
-pub struct BufferLayout<'a> {
+pub(super) struct BufferLayout<'a> {
     module: &'a Module,
     ty: TypeId,
 }
 
 /// A scalar or vector in a buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BufferMember {
+pub(super) struct BufferMember {
     /// The access path from the buffer's block: `outputs[3].normal`.
     pub path: String,
     /// The offset of the first byte.
@@ -32,7 +32,7 @@ pub struct BufferMember {
 
 impl<'a> BufferLayout<'a> {
     /// The type of a binding in the first shader that declares it.
-    pub fn of(pipeline: &'a Pipeline, binding: Binding) -> Option<Self> {
+    pub(super) fn of(pipeline: &'a Pipeline, binding: Binding) -> Option<Self> {
         pipeline.programs.iter().find_map(|program| {
             let module = &*program.module;
             let number = |id, decoration| module.decorations.literal(id, decoration);
@@ -49,13 +49,13 @@ impl<'a> BufferLayout<'a> {
 
     /// The scalar or vector that holds a byte; `None` in padding, and for scalars that are not
     /// whole words.
-    pub fn member_at(&self, byte: u64) -> Option<BufferMember> {
+    pub(super) fn member_at(&self, byte: u64) -> Option<BufferMember> {
         let member = self.find(self.ty, 0, byte, None, String::new())?;
         (byte < member.offset + member.size && member.offset % 4 == 0).then_some(member)
     }
 
     /// The value of a member from its words.
-    pub fn value(&self, member: &BufferMember, words: &[u32]) -> TypedValue {
+    pub(super) fn value(&self, member: &BufferMember, words: &[u32]) -> TypedValue {
         TypedValue::of_type(self.module, member.ty, words)
     }
 

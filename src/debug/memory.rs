@@ -19,7 +19,7 @@ const MAX_CHANGES: usize = 256;
 
 /// A copy of buffers and images before a run.
 #[derive(Debug)]
-pub struct Snapshot {
+pub(super) struct Snapshot {
     contents: BTreeMap<(Binding, usize), ResourceContent>,
     /// By name, the words of the buffers that device addresses alone reach.
     unbound: BTreeMap<String, Vec<u32>>,
@@ -33,7 +33,7 @@ enum ResourceContent {
 
 impl Snapshot {
     /// Copies everything that a shader may write.
-    pub fn take(resources: &Resources) -> Self {
+    pub(super) fn take(resources: &Resources) -> Self {
         let content = |descriptor: &Descriptor| match descriptor {
             Descriptor::Buffer(buffer) => Some(ResourceContent::Words(words(buffer))),
             Descriptor::Image(image) => Some(ResourceContent::Image(image.copied())),
@@ -48,7 +48,7 @@ impl Snapshot {
     /// many are left out.
     ///
     /// The output image's texel at the launch index is listed even if it did not change.
-    pub fn changes(
+    pub(super) fn changes(
         &self,
         scene: &ResolvedScene,
         pipeline: &Pipeline,

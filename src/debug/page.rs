@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 /// The role of a piece of text; a terminal shows it by colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TextStyle {
+pub(super) enum TextStyle {
     /// A heading.
     Heading,
     /// A name.
@@ -19,7 +19,7 @@ pub enum TextStyle {
 
 /// A page of lines of text.
 #[derive(Clone, Debug)]
-pub struct Page {
+pub(super) struct Page {
     text: String,
     guides: Vec<&'static str>,
     colour: bool,
@@ -27,17 +27,17 @@ pub struct Page {
 
 impl Page {
     /// An empty page.
-    pub fn new(colour: bool) -> Self {
+    pub(super) fn new(colour: bool) -> Self {
         Self { text: String::new(), guides: Vec::new(), colour }
     }
 
     /// Returns the text.
-    pub fn finish(self) -> String {
+    pub(super) fn finish(self) -> String {
         self.text
     }
 
     /// A piece of text with the escapes of a style, if the page is coloured.
-    pub fn styled(&self, style: TextStyle, text: impl Display) -> String {
+    pub(super) fn styled(&self, style: TextStyle, text: impl Display) -> String {
         if !self.colour {
             return text.to_string();
         }
@@ -52,7 +52,7 @@ impl Page {
     }
 
     /// Writes a line.
-    pub fn line(&mut self, text: impl Display) {
+    pub(super) fn line(&mut self, text: impl Display) {
         let text = text.to_string();
         let guides = self.guides.concat();
         let guides = if text.is_empty() { guides.trim_end() } else { &guides };
@@ -61,12 +61,12 @@ impl Page {
     }
 
     /// Writes an empty line, with guides.
-    pub fn blank_line(&mut self) {
+    pub(super) fn blank_line(&mut self) {
         self.line("");
     }
 
     /// Writes two columns, the first as wide as its widest label.
-    pub fn rows<L: AsRef<str>, T: Display>(&mut self, rows: impl IntoIterator<Item = (L, T)>) {
+    pub(super) fn rows<L: AsRef<str>, T: Display>(&mut self, rows: impl IntoIterator<Item = (L, T)>) {
         let rows: Vec<(L, T)> = rows.into_iter().collect();
         let width = rows.iter().map(|(label, _)| label.as_ref().chars().count()).max().unwrap_or(0);
         for (label, text) in rows {
@@ -77,7 +77,7 @@ impl Page {
     }
 
     /// Writes a nested part: its lines begin with one more guide.
-    pub fn nested(&mut self, guide: &'static str, write: impl FnOnce(&mut Self)) {
+    pub(super) fn nested(&mut self, guide: &'static str, write: impl FnOnce(&mut Self)) {
         self.guides.push(guide);
         write(self);
         self.guides.pop();
@@ -89,7 +89,7 @@ impl Page {
 }
 
 /// A count with a comma between thousands.
-pub fn with_thousands_separators(count: impl Into<u64>) -> String {
+pub(super) fn with_thousands_separators(count: impl Into<u64>) -> String {
     let digits = count.into().to_string();
     let mut out = String::new();
     for (at, digit) in digits.chars().enumerate() {

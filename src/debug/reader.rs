@@ -20,6 +20,7 @@ use crate::program::Program;
 const SKIP_CLOSEST_HIT: u32 = 8;
 
 /// Reads events into steps.
+#[derive(Debug)]
 pub struct EventReader<'a> {
     pipeline: &'a Pipeline,
     names: Names<'a>,

@@ -20,7 +20,7 @@ pub(super) struct ClosestApproachTerms {
 
 impl ClosestApproachTerms {
     /// Placeholder value.
-    pub const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         inverse: 0.0,
         inv_length: 0.0,
         relative_error: f64::INFINITY,
@@ -29,13 +29,13 @@ impl ClosestApproachTerms {
     };
 
     /// The least and the greatest n that bounds are known for: 2^-64 and 2^64.
-    pub const RANGE: (f64, f64) = (1.0 / 18_446_744_073_709_551_616.0, 18_446_744_073_709_551_616.0);
+    pub(super) const RANGE: (f64, f64) = (1.0 / 18_446_744_073_709_551_616.0, 18_446_744_073_709_551_616.0);
 
     /// Makes the terms from a direction with its 1-norm, the error bounds of `ObjectRay` and the
     /// interval. The caller [disables](Self::disable) them if the norm is outside of
     /// [`Self::RANGE`].
     #[inline(always)]
-    pub fn new(
+    pub(super) fn new(
         direction: [f64; 3],
         norm: f64,
         (origin_error_norm, direction_relative_error): (f64, f64),
@@ -52,7 +52,7 @@ impl ClosestApproachTerms {
     }
 
     /// Makes the error bounds infinite, so that nothing is decided.
-    pub fn disable(&mut self) {
+    pub(super) fn disable(&mut self) {
         (self.relative_error, self.absolute_error) = (f64::INFINITY, f64::INFINITY);
     }
 }

@@ -40,7 +40,7 @@ pub(super) struct BoundedRay<R> {
 impl<R: Real> BoundedRay<R> {
     /// The bound that stands for |w| in the error of a product with w = origin - p.
     #[inline(always)]
-    pub fn error_bound(&self, norm: R) -> R {
+    pub(super) fn error_bound(&self, norm: R) -> R {
         self.origin_error + self.relative_error * norm
     }
 }

@@ -69,7 +69,7 @@ pub(super) struct ClosestApproach {
 impl ClosestApproach {
     /// Computes the point that is closest to a centre.
     #[inline(always)]
-    pub fn new(ray: &ObjectRay, center: [f32; 3]) -> Self {
+    pub(super) fn new(ray: &ObjectRay, center: [f32; 3]) -> Self {
         let w = sub(ray.origin, from_f32(center));
         let sigma = dot(ray.direction, w) * ray.approach_terms.inverse;
         Self { offset: sub(w, scale(sigma, ray.direction)), sigma, travel: sigma.abs() * ray.direction_norm }
@@ -78,7 +78,7 @@ impl ClosestApproach {
     /// A bound of the error of `offset` and of `sigma` times |d|; `size` is at least the length of
     /// the offset.
     #[inline(always)]
-    pub fn error_bound(&self, ray: &ObjectRay, size: f64) -> f64 {
+    pub(super) fn error_bound(&self, ray: &ObjectRay, size: f64) -> f64 {
         ray.approach_terms.absolute_error + ray.approach_terms.relative_error * (size + self.travel)
     }
 
@@ -86,7 +86,7 @@ impl ClosestApproach {
     /// `error_bound` is that of the radius or of more. A sphere whose radius is not positive is not
     /// entered.
     #[inline(always)]
-    pub fn entry(&self, ray: &ObjectRay, radius: f64, error_bound: f64) -> Verdict<(f64, f64)> {
+    pub(super) fn entry(&self, ray: &ObjectRay, radius: f64, error_bound: f64) -> Verdict<(f64, f64)> {
         let ClosestApproachTerms { inverse, inv_length, relative_error, .. } = ray.approach_terms;
         let square = dot(self.offset, self.offset);
         let half_chord2 = radius * radius - square;

@@ -64,14 +64,14 @@ pub(super) struct Interval4<D: F64x4Ops> {
 impl<D: F64x4Ops> Interval4<D> {
     /// Makes bounds from computed numbers and their errors.
     #[inline(always)]
-    pub fn new(simd: D, value: D::F64x4, error: D::F64x4) -> Self {
+    pub(super) fn new(simd: D, value: D::F64x4, error: D::F64x4) -> Self {
         Self { value, low: simd.sub(value, error), high: simd.add(value, error) }
     }
 
     /// A mask of the lanes in which both bounds round to one `f32`, and the rounded numbers. These
     /// are made of the computed values, so that code that uses them does not wait for the bounds.
     #[inline(always)]
-    pub fn rounded(&self, simd: D) -> (u32, F32x4) {
+    pub(super) fn rounded(&self, simd: D) -> (u32, F32x4) {
         let [first, last] = self.rounded_bounds(simd);
         (first.cmp_ge(last), self.rounded_value(simd))
     }
@@ -79,13 +79,13 @@ impl<D: F64x4Ops> Interval4<D> {
     /// Both bounds, rounded. An `f32` that is above or below both of them is so for the exact
     /// number, too.
     #[inline(always)]
-    pub fn rounded_bounds(&self, simd: D) -> [F32x4; 2] {
+    pub(super) fn rounded_bounds(&self, simd: D) -> [F32x4; 2] {
         [self.low, self.high].map(|end| F32x4::new(simd.to_f32(end)))
     }
 
     /// The computed values, rounded; without a sign where they are 0.
     #[inline(always)]
-    pub fn rounded_value(&self, simd: D) -> F32x4 {
+    pub(super) fn rounded_value(&self, simd: D) -> F32x4 {
         F32x4::new(simd.to_f32(self.value)) + F32x4::ZERO
     }
 }
@@ -105,7 +105,7 @@ pub(super) struct Divisor4<D: F64x4Ops> {
 impl<D: F64x4Ops> Divisor4<D> {
     /// Prepares computed denominators with their errors.
     #[inline(always)]
-    pub fn new(simd: D, denominator: D::F64x4, error: D::F64x4) -> Self {
+    pub(super) fn new(simd: D, denominator: D::F64x4, error: D::F64x4) -> Self {
         let one = simd.splat(1.0);
         let inverse = simd.div(one, denominator);
         let size = simd.abs(inverse);
@@ -122,7 +122,7 @@ impl<D: F64x4Ops> Divisor4<D> {
 
     /// Divides computed numerators with their errors by the denominators.
     #[inline(always)]
-    pub fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Interval4<D> {
+    pub(super) fn quotient(&self, numerator: D::F64x4, error: D::F64x4) -> Interval4<D> {
         let simd = self.simd;
         let quotient = simd.mul(numerator, self.inverse);
         let own = simd.mul(simd.abs(quotient), self.relative_error);

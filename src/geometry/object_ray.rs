@@ -499,7 +499,7 @@ impl ObjectRay {
 }
 
 /// A ray in f64 with bounds of its errors, for tests that operate on four numbers at once.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct DoubleRay<D: F64x4Ops> {
     /// (x, y, z, 0), and so the direction.
     pub(super) origin: D::F64x4,
@@ -559,7 +559,7 @@ pub(super) struct ExactRay {
 
 impl ExactRay {
     /// The vector from an object-space point to the origin, times the weight.
-    pub fn origin_from(&self, point: &Vector) -> Vector {
+    pub(super) fn origin_from(&self, point: &Vector) -> Vector {
         exact::sub(&self.origin, &exact::scale(&self.weight, point))
     }
 }

@@ -23,18 +23,18 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    pub fn buffer_bytes(&self, set: u32, binding: u32) -> Result<Vec<u8>> {
+    pub(super) fn buffer_bytes(&self, set: u32, binding: u32) -> Result<Vec<u8>> {
         match self.resources.buffer(set, binding) {
             Some(buffer) => Ok(buffer.bytes()),
             None => Err(invalid(format!("no buffer is bound at set {set}, binding {binding}"))),
         }
     }
 
-    pub fn read_buffer_at<T: AnyBitPattern>(&self, address: u64) -> Result<Vec<T>> {
+    pub(super) fn read_buffer_at<T: AnyBitPattern>(&self, address: u64) -> Result<Vec<T>> {
         rows(&bytes_at(&self.resources, address)?)
     }
 
-    pub fn buffer_at(&self, address: u64) -> Result<Value> {
+    pub(super) fn buffer_at(&self, address: u64) -> Result<Value> {
         bytes_at(&self.resources, address)?;
         let programs: Vec<_> = self.programs.iter().map(|program| &**program).collect();
         pointed(&programs, &self.resources, &self.roots, address).ok_or_else(|| {
@@ -43,7 +43,7 @@ impl Bound {
         })
     }
 
-    pub fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
+    pub(super) fn buffer(&self, set: u32, binding: u32) -> Result<Value> {
         let bytes = self.buffer_bytes(set, binding)?;
         let place = Some(Binding { set, binding });
         let block = self.programs.iter().find_map(|program| {
@@ -56,11 +56,11 @@ impl Bound {
         })
     }
 
-    pub fn read_buffer<T: AnyBitPattern>(&self, set: u32, binding: u32) -> Result<Vec<T>> {
+    pub(super) fn read_buffer<T: AnyBitPattern>(&self, set: u32, binding: u32) -> Result<Vec<T>> {
         rows(&self.buffer_bytes(set, binding)?)
     }
 
-    pub fn image(&self, set: u32, binding: u32) -> Result<Texels> {
+    pub(super) fn image(&self, set: u32, binding: u32) -> Result<Texels> {
         texels(&self.resources, set, binding)
     }
 }

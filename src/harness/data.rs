@@ -107,7 +107,7 @@ pub(super) struct Bytes {
 }
 
 impl Bytes {
-    pub fn of<T: NoUninit + Debug>(value: &T) -> Self {
+    pub(super) fn of<T: NoUninit + Debug>(value: &T) -> Self {
         Self { rust: RustLayout::of(value), bytes: bytemuck::bytes_of(value).to_vec() }
     }
 }

@@ -34,7 +34,7 @@ pub(super) enum What {
 
 impl Explanation {
     /// Renders the explanation.
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let (title, events, calls, memory) = match &self.what {
             What::Ray { tlas, operands, resources } => {
                 let resources = memory::copied(resources);

@@ -27,26 +27,26 @@ pub(super) struct Given {
 }
 
 impl Given {
-    pub fn buffer<T: NoUninit>(&mut self, set: u32, binding: u32, elements: &[T]) {
+    pub(super) fn buffer<T: NoUninit>(&mut self, set: u32, binding: u32, elements: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(elements);
         self.descriptor(set, binding, Descriptor::Buffer(Buffer::new(bytes)));
         self.buffers.push((Binding { set, binding }, RustLayout::opaque::<[T]>(bytes.len())));
     }
 
-    pub fn buffer_at<T: NoUninit>(&mut self, address: u64, elements: &[T]) {
+    pub(super) fn buffer_at<T: NoUninit>(&mut self, address: u64, elements: &[T]) {
         let buffer = Buffer::new(bytemuck::cast_slice(elements));
         if let Err(message) = self.resources.memory.add_buffer_at(address, &buffer, None) {
             self.mistaken(message);
         }
     }
 
-    pub fn device_buffers(&mut self, buffers: &DeviceBuffers) {
+    pub(super) fn device_buffers(&mut self, buffers: &DeviceBuffers) {
         if let Err(message) = self.resources.memory.extend(&buffers.memory()) {
             self.mistaken(message);
         }
     }
 
-    pub fn bind_buffer(&mut self, set: u32, binding: u32, name: &str) {
+    pub(super) fn bind_buffer(&mut self, set: u32, binding: u32, name: &str) {
         match self.resources.memory.named_buffer(name) {
             Some((_, buffer)) => self.descriptor(set, binding, Descriptor::Buffer(buffer.clone())),
             None => self.mistaken(format!("no buffer with an address is named `{name}`")),
@@ -58,19 +58,19 @@ impl Given {
         self.mistake.get_or_insert(Error::new(ErrorKind::InvalidArgument, message));
     }
 
-    pub fn descriptor(&mut self, set: u32, binding: u32, descriptor: Descriptor) {
+    pub(super) fn descriptor(&mut self, set: u32, binding: u32, descriptor: Descriptor) {
         let place = Binding { set, binding };
         self.buffers.retain(|(known, _)| *known != place);
         self.resources.insert(place, 0, descriptor);
     }
 
-    pub fn push_constants<T: NoUninit + Debug>(&mut self, constants: &T) {
+    pub(super) fn push_constants<T: NoUninit + Debug>(&mut self, constants: &T) {
         let given = Bytes::of(constants);
         self.resources.push_constants = Some(Buffer::new(&given.bytes));
         self.push_constants = Some(given.rust);
     }
 
-    pub fn push_constants_data(&mut self, data: &StructData) {
+    pub(super) fn push_constants_data(&mut self, data: &StructData) {
         let given = data.given();
         self.resources.push_constants = Some(Buffer::new(&given.bytes));
         self.push_constants = Some(given.rust);
@@ -80,7 +80,7 @@ impl Given {
     ///
     /// # Errors
     /// `InvalidArgument` with both layouts.
-    pub fn check(&self, program: &Program) -> Result<()> {
+    pub(super) fn check(&self, program: &Program) -> Result<()> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
         }

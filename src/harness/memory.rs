@@ -11,7 +11,7 @@ use crate::machine::{Buffer, Descriptor, Resources};
 type Words = Arc<[AtomicU32]>;
 
 /// Copies resources with their memory. Bindings that shared memory share the copy.
-pub fn copied(resources: &Resources) -> Resources {
+pub(super) fn copied(resources: &Resources) -> Resources {
     let mut images: Vec<(Arc<Image>, Arc<Image>)> = Vec::new();
     let mut image = |image: &Arc<Image>| once(&mut images, image, || image.copied());
     let mut memories: Vec<(Words, Words)> = Vec::new();

@@ -177,11 +177,11 @@ impl CallableCall {
 pub(super) struct Answer<C>(Arc<dyn Fn(&mut C) -> Result<()> + Send + Sync>);
 
 impl<C> Answer<C> {
-    pub fn new(answer: impl Fn(&mut C) -> Result<()> + Send + Sync + 'static) -> Self {
+    pub(super) fn new(answer: impl Fn(&mut C) -> Result<()> + Send + Sync + 'static) -> Self {
         Self(Arc::new(answer))
     }
 
-    pub fn give(&self, call: &mut C) -> Result<()> {
+    pub(super) fn give(&self, call: &mut C) -> Result<()> {
         (self.0)(call)
     }
 }

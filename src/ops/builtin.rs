@@ -29,7 +29,7 @@ pub struct Builtin {
 }
 
 /// How a builtin is read from the invocations of a batch. Words are 0 where nothing writes them.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub enum BuiltinRead {
     /// Fields of the invocations, copied.
     Fields(&'static [Field]),

@@ -67,6 +67,7 @@ impl LaneTask for Truncate<'_> {
 }
 
 /// A value to be converted; a type of this crate, so that [`To`] can be implemented for every pair.
+#[derive(Debug)]
 pub struct Convert<A>(A);
 
 /// See [`Convert`].
@@ -76,6 +77,7 @@ pub trait To<B> {
 }
 
 /// The conversion from `A` to `B` as a lane loop and as a scalar function.
+#[derive(Debug)]
 pub struct Between<A, B> {
     _types: PhantomData<(A, B)>,
 }

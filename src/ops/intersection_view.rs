@@ -7,7 +7,7 @@ use crate::machine::TrapCode;
 use crate::ops::builtin::{columns, floats};
 
 /// An intersection with its ray.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct IntersectionView<'a> {
     /// The acceleration structure.
     pub tlas: &'a Tlas,

@@ -173,6 +173,7 @@ impl LaneKernel {
 /// processor, as no operations are fused or reordered.
 #[cfg(target_arch = "x86_64")]
 #[doc(hidden)]
+#[derive(Debug)]
 pub struct VectorizedCall<'a, F> {
     pub registers: &'a mut [Lanes<64>],
     pub to: Reg,
@@ -247,20 +248,21 @@ macro_rules! lane_kernels {
             $(#[$doc])*
             #[allow(non_upper_case_globals)]
             #[doc = concat!("`", stringify!($name), "` at all its widths.")]
-            pub static $name: $crate::ops::lane_kernel::OpFamily = $crate::ops::lane_kernel::OpFamily {
+            pub(crate) static $name: $crate::ops::lane_kernel::OpFamily = $crate::ops::lane_kernel::OpFamily {
                 name: stringify!($name),
                 set: $crate::ops::lane_kernel::InstructionSet::$set,
                 number: $crate::ops::lane_kernel::number!($set, $name),
                 kernels: &[$($crate::ops::lane_kernel::lane_kernel!($name, $ty, $args, $result, $name<$ty>)),*],
             };
             #[doc = concat!("The lane loop of `", stringify!($name), "` on a type.")]
-            pub struct $name<T> {
+            pub(crate) struct $name<T> {
                 _type: std::marker::PhantomData<T>,
             }
             $($crate::ops::lane_kernel::lane_loop!($name, $ty, $args, $result, $body);)*
         )*
         /// The families of this section.
-        pub static FAMILIES: &[&$crate::ops::lane_kernel::OpFamily] = &[$(&$name),*];
+        #[allow(dead_code, reason = "families within a function are named by it, one by one")]
+        pub(crate) static FAMILIES: &[&$crate::ops::lane_kernel::OpFamily] = &[$(&$name),*];
     };
 }
 pub(crate) use lane_kernels;

@@ -219,14 +219,14 @@ pub(super) fn returned(module: &Module, function: u32) -> impl Iterator<Item = I
 
 /// Opcodes that compute pointers from pointers.
 pub(super) mod opcode {
-    pub const UNDEF: u16 = 1;
-    pub const FUNCTION_CALL: u16 = 57;
-    pub const ACCESS_CHAIN: u16 = 65;
-    pub const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
-    pub const PTR_ACCESS_CHAIN: u16 = 67;
-    pub const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
-    pub const COPY_OBJECT: u16 = 83;
-    pub const SELECT: u16 = 169;
-    pub const PHI: u16 = 245;
-    pub const RETURN_VALUE: u16 = 254;
+    pub(crate) const UNDEF: u16 = 1;
+    pub(crate) const FUNCTION_CALL: u16 = 57;
+    pub(crate) const ACCESS_CHAIN: u16 = 65;
+    pub(crate) const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
+    pub(crate) const PTR_ACCESS_CHAIN: u16 = 67;
+    pub(crate) const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
+    pub(crate) const COPY_OBJECT: u16 = 83;
+    pub(crate) const SELECT: u16 = 169;
+    pub(crate) const PHI: u16 = 245;
+    pub(crate) const RETURN_VALUE: u16 = 254;
 }

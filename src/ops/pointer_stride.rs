@@ -13,6 +13,7 @@ use crate::ops::pointer_layout::{opcode, returned, sources};
 use crate::ops::translate::Translator;
 
 /// The stride of the array that pointers point into, as far as it is known.
+#[derive(Debug)]
 pub enum Stride {
     /// The stride of every array that they may point into.
     Unique(u32),

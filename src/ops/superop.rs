@@ -458,20 +458,20 @@ macro_rules! functions {
     };
     (@codes $($name:ident)*) => {$(
         #[allow(dead_code)]
-        pub mod $name {
+        pub(super) mod $name {
             use super::super::{Function, opcode};
-            pub const NO_ACC: u16 = opcode(Function::$name, false, 0, false);
-            pub const NO_ACC_STORED: u16 = opcode(Function::$name, false, 0, true);
-            pub const ACC_FIRST: u16 = opcode(Function::$name, false, 1, false);
-            pub const ACC_FIRST_STORED: u16 = opcode(Function::$name, false, 1, true);
-            pub const ACC_SECOND: u16 = opcode(Function::$name, false, 2, false);
-            pub const ACC_SECOND_STORED: u16 = opcode(Function::$name, false, 2, true);
-            pub const ACC_THIRD: u16 = opcode(Function::$name, false, 3, false);
-            pub const ACC_THIRD_STORED: u16 = opcode(Function::$name, false, 3, true);
-            pub const UNIFORM_NO_ACC: u16 = opcode(Function::$name, true, 0, false);
-            pub const UNIFORM_NO_ACC_STORED: u16 = opcode(Function::$name, true, 0, true);
-            pub const UNIFORM_ACC_FIRST: u16 = opcode(Function::$name, true, 1, false);
-            pub const UNIFORM_ACC_FIRST_STORED: u16 = opcode(Function::$name, true, 1, true);
+            pub(in crate::ops::superop) const NO_ACC: u16 = opcode(Function::$name, false, 0, false);
+            pub(in crate::ops::superop) const NO_ACC_STORED: u16 = opcode(Function::$name, false, 0, true);
+            pub(in crate::ops::superop) const ACC_FIRST: u16 = opcode(Function::$name, false, 1, false);
+            pub(in crate::ops::superop) const ACC_FIRST_STORED: u16 = opcode(Function::$name, false, 1, true);
+            pub(in crate::ops::superop) const ACC_SECOND: u16 = opcode(Function::$name, false, 2, false);
+            pub(in crate::ops::superop) const ACC_SECOND_STORED: u16 = opcode(Function::$name, false, 2, true);
+            pub(in crate::ops::superop) const ACC_THIRD: u16 = opcode(Function::$name, false, 3, false);
+            pub(in crate::ops::superop) const ACC_THIRD_STORED: u16 = opcode(Function::$name, false, 3, true);
+            pub(in crate::ops::superop) const UNIFORM_NO_ACC: u16 = opcode(Function::$name, true, 0, false);
+            pub(in crate::ops::superop) const UNIFORM_NO_ACC_STORED: u16 = opcode(Function::$name, true, 0, true);
+            pub(in crate::ops::superop) const UNIFORM_ACC_FIRST: u16 = opcode(Function::$name, true, 1, false);
+            pub(in crate::ops::superop) const UNIFORM_ACC_FIRST_STORED: u16 = opcode(Function::$name, true, 1, true);
         }
     )*};
 }

@@ -50,7 +50,7 @@ enum Expression {
 struct OperandList(u32);
 
 /// The value numbers of all expressions so far.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct ValueTable {
     numbers: FxHashMap<Expression, ValueNumber>,
     expressions: Vec<Expression>,
@@ -270,6 +270,7 @@ pub struct ImplicitRegisters {
 
 /// A symbolic state: the values of registers, and the effects so far.
 #[derive(Clone)]
+#[allow(missing_debug_implementations, reason = "it borrows a closure")]
 pub struct State<'a> {
     registers: FxHashMap<Reg, ValueNumber>,
     /// The value of a register that has not been written.

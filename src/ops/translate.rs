@@ -91,6 +91,7 @@ pub struct Origin {
 }
 
 /// Translates instructions into operations; see the module's documentation.
+#[derive(Debug)]
 pub struct Translator<'m> {
     /// The module.
     pub module: &'m Module,

@@ -14,7 +14,7 @@ use crate::pipeline::trace::{Trace, record_at};
 
 impl<const W: usize> Trace<W> {
     /// The hit object of a lane's ray.
-    pub fn hit_object(&self, lane: usize) -> HitObject {
+    pub(super) fn hit_object(&self, lane: usize) -> HitObject {
         let trace = self.rays.get(lane);
         match self.committed[lane] {
             None => HitObject::Miss(EncodedRay { trace, record: self.miss_record_index(lane) }),

@@ -57,7 +57,7 @@ pub(super) struct OnlyInvocation<'a, T> {
 }
 
 impl<'a, T: PipelineObserver> OnlyInvocation<'a, T> {
-    pub fn new(launch_id: [u32; 3], pipeline_observer: &'a mut T) -> Self {
+    pub(super) fn new(launch_id: [u32; 3], pipeline_observer: &'a mut T) -> Self {
         Self { pipeline_observer, launch_id, is_selected: true }
     }
 }

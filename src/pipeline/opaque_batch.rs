@@ -17,7 +17,7 @@ pub(super) struct OpaqueBatch {
 impl OpaqueBatch {
     /// Traces the rays in one acceleration structure. With `occlusion_only` each ray finds any hit,
     /// not the closest.
-    pub fn trace(&mut self, tlas: &Tlas, occlusion_only: bool) {
+    pub(super) fn trace(&mut self, tlas: &Tlas, occlusion_only: bool) {
         let packet = self.packet.get_or_insert_default();
         let decided = packet.trace(tlas, &self.rays, occlusion_only, &mut self.hits);
         assert!(decided, "bug in anyhit: a shader decides about a ray of an opaque batch");

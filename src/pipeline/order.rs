@@ -14,18 +14,18 @@ pub(super) struct LaunchOrder {
 
 impl LaunchOrder {
     /// Launch indices in row-major order, x fastest: for shaders whose results depend on the order.
-    pub fn by_index(size: [u32; 3]) -> Self {
+    pub(super) fn by_index(size: [u32; 3]) -> Self {
         Self { size: size.map(u64::from), tiled: false }
     }
 
     /// Launch indices by tiles of 8 x 8 invocations, row after row of tiles, so that a batch of 64
     /// is a tile: its rays are more coherent than those of 64 invocations in a row.
-    pub fn by_tiles(size: [u32; 3]) -> Self {
+    pub(super) fn by_tiles(size: [u32; 3]) -> Self {
         Self { tiled: true, ..Self::by_index(size) }
     }
 
     /// The launch index at a position.
-    pub fn launch_id(&self, position: u64) -> [u32; 3] {
+    pub(super) fn launch_id(&self, position: u64) -> [u32; 3] {
         let [width, height, _] = self.size;
         let (z, within) = (position / (width * height), position % (width * height));
         let (x, y) = match self.tiled {
@@ -44,13 +44,13 @@ impl LaunchOrder {
     }
 
     /// The size of the grid.
-    pub fn size(&self) -> [u32; 3] {
+    pub(super) fn size(&self) -> [u32; 3] {
         self.size.map(|side| side as u32)
     }
 
     /// The launch indices at a range of positions, as runs along a scanline in which x increases by
     /// 1: the first index and the length of each run.
-    pub fn scanline_runs(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
+    pub(super) fn scanline_runs(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
         let (order, Range { mut start, end }) = (*self, positions);
         std::iter::from_fn(move || {
             let first = order.launch_id(start);
@@ -63,13 +63,13 @@ impl LaunchOrder {
     }
 
     /// The row-major linear index of a launch index, x fastest.
-    pub fn linear_index(&self, id: [u32; 3]) -> u64 {
+    pub(super) fn linear_index(&self, id: [u32; 3]) -> u64 {
         let [x, y, z] = id.map(u64::from);
         (z * self.size[1] + y) * self.size[0] + x
     }
 
     /// A lower bound of the linear indices of all invocations at these positions or later ones.
-    pub fn min_linear_index(&self, positions: &Range<u64>) -> u64 {
+    pub(super) fn min_linear_index(&self, positions: &Range<u64>) -> u64 {
         if !self.tiled {
             return positions.start;
         }

@@ -32,7 +32,7 @@ struct ReportedHit {
 impl<const W: usize> IntersectionReport<W> {
     /// Reads the hits that the lanes of an intersection batch report, and decides those that need
     /// no any-hit shader.
-    pub fn new<T: PipelineObserver>(
+    pub(super) fn new<T: PipelineObserver>(
         pipeline: &Pipeline,
         trace: &mut Trace<W>,
         program: &Program,
@@ -89,12 +89,12 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// The next any-hit shader that must run; `None` when every reported hit is decided.
-    pub fn advance(&mut self) -> Option<(Shader, Mask<W>)> {
+    pub(super) fn advance(&mut self) -> Option<(Shader, Mask<W>)> {
         self.pending.pop()
     }
 
     /// Writes the reported hits into the builtins of an any-hit shader.
-    pub fn write_builtins(&self, lanes: Mask<W>, batch: &mut Batch<W>) {
+    pub(super) fn write_builtins(&self, lanes: Mask<W>, batch: &mut Batch<W>) {
         for lane in lanes.lanes() {
             if let Some(reported) = &self.reports[lane] {
                 batch.invocations.set_t_max(lane, reported.t);
@@ -104,7 +104,7 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// Writes the initial hit attributes of an any-hit shader.
-    pub fn write_hit_attributes(&self, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
+    pub(super) fn write_hit_attributes(&self, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let attributes = self.reports[lane].iter().flat_map(|reported| &reported.attributes);
             registers.iter_mut().zip(attributes).for_each(|(register, &word)| register.0[lane] = word);
@@ -112,7 +112,7 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// Applies the decisions of an any-hit shader to lanes of the intersection batch.
-    pub fn apply_any_hit<T: PipelineObserver>(
+    pub(super) fn apply_any_hit<T: PipelineObserver>(
         &mut self,
         trace: &mut Trace<W>,
         intersection: &mut Batch<W>,

@@ -17,7 +17,7 @@ use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::{Trapped, host_ray_trap};
 
 /// How shaders end that ran: with their counts, or with a trap.
-pub type Ended = std::result::Result<Stats, Box<Trapped>>;
+pub(super) type Ended = std::result::Result<Stats, Box<Trapped>>;
 
 impl Launch<'_> {
     /// Runs the pipeline's ray generation shader over a small grid, W lanes at a time. The inner

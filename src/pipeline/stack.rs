@@ -130,7 +130,7 @@ impl<'a, const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'a, W, T, O>
 where
     LaneKernel: Width<W>,
 {
-    pub fn new(
+    pub(super) fn new(
         pipeline: &'a Pipeline,
         bindings: &'a [Bindings],
         pipeline_observer: &'a mut T,
@@ -153,13 +153,13 @@ where
     }
 
     /// Returns the stack under the watch of a launch.
-    pub fn watched(self, watch: Arc<TaskWatch>) -> Self {
+    pub(super) fn watched(self, watch: Arc<TaskWatch>) -> Self {
         Self { watch: Some(watch), ..self }
     }
 
     /// Runs the ray generation shader for the invocations at a range of positions, batch by batch,
     /// up to one that a limit stops.
-    pub fn launch_batches(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
+    pub(super) fn launch_batches(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
         for start in positions.clone().step_by(W) {
             let batch = start..positions.end.min(start + W as u64);
             if let Some(watch) = &self.watch {
@@ -177,7 +177,7 @@ where
 
     /// Runs the ray generation shader for one batch: the invocations at a range of positions in a
     /// launch's order.
-    pub fn launch_batch(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
+    pub(super) fn launch_batch(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general_shader(self.pipeline, record) else { return };
         let mut running = self.acquire_batch(shader, Role::RayGeneration);
@@ -196,7 +196,13 @@ where
     }
 
     /// Runs one invocation of a shader that is no intersection shader, without a caller.
-    pub fn invoke(&mut self, shader: Shader, invocation: Invocation, payload: Words, attributes: Words) {
+    pub(super) fn invoke(
+        &mut self,
+        shader: Shader,
+        invocation: Invocation,
+        payload: Words,
+        attributes: Words,
+    ) {
         let role = match self.pipeline.programs[shader.0 as usize].stage {
             Stage::RayGeneration => Role::RayGeneration,
             Stage::AnyHit => Role::AnyHit,
@@ -218,7 +224,7 @@ where
     }
 
     /// Traces one ray from the host in the first lane; returns the finished trace.
-    pub fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
+    pub(super) fn trace(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> Option<Box<Trace<W>>> {
         let mut trace = self.acquire_trace(true);
         let payload = trace.set_host_operands(tlas, operands);
         self.push_trace(trace, payload, None);

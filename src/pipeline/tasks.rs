@@ -29,7 +29,7 @@ pub(super) struct TaskResults {
 
 impl TaskResults {
     /// Adds the results of other tasks.
-    pub fn merge(self, other: Self) -> Self {
+    pub(super) fn merge(self, other: Self) -> Self {
         let trapped = self.trapped.into_iter().chain(other.trapped).min_by_key(|(number, _)| *number);
         Self { stats: self.stats.plus(&other.stats), trapped }
     }
@@ -37,12 +37,12 @@ impl TaskResults {
 
 impl TaskQueue {
     /// A queue of `count` tasks, none of them begun.
-    pub fn new(count: u64) -> Self {
+    pub(super) fn new(count: u64) -> Self {
         Self { count, next: AtomicU64::new(0), lowest_trap: AtomicU64::new(u64::MAX) }
     }
 
     /// Takes tasks from the queue, in ascending order. Several iterators share the queue.
-    pub fn iter(&self) -> impl Iterator<Item = u64> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = u64> {
         std::iter::from_fn(|| {
             let next = self.next.fetch_add(1, Relaxed);
             (next < self.count).then_some(next)
@@ -51,12 +51,12 @@ impl TaskQueue {
 
     /// Whether an invocation of a lower number has trapped: this number then no longer affects the
     /// result.
-    pub fn is_after_trap(&self, number: u64) -> bool {
+    pub(super) fn is_after_trap(&self, number: u64) -> bool {
         self.lowest_trap.load(Relaxed) < number
     }
 
     /// Records that the invocation of this number has trapped.
-    pub fn record_trap(&self, number: u64) {
+    pub(super) fn record_trap(&self, number: u64) {
         self.lowest_trap.fetch_min(number, Relaxed);
     }
 
@@ -64,7 +64,7 @@ impl TaskQueue {
     /// counts, or the trap with the lowest number.
     ///
     /// The worker is called through a pointer: rayon would be instantiated for each type of worker.
-    pub fn run(
+    pub(super) fn run(
         &self,
         single_threaded: bool,
         worker: &(dyn Fn() -> TaskResults + Sync),

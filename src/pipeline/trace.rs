@@ -125,44 +125,44 @@ impl<const W: usize> Default for Trace<W> {
 
 impl<const W: usize> Trace<W> {
     /// The lanes that trace.
-    pub fn lanes(&self) -> Mask<W> {
+    pub(super) fn lanes(&self) -> Mask<W> {
         self.lanes
     }
 
     /// The acceleration structure that a lane's ray traverses.
-    pub fn tlas(&self, lane: usize) -> &Arc<Tlas> {
+    pub(super) fn tlas(&self, lane: usize) -> &Arc<Tlas> {
         self.structures.get(lane).expect("bug in anyhit: a ray without a structure")
     }
 
     /// The instruction that traces.
-    pub fn caller(&self) -> Option<Caller> {
+    pub(super) fn caller(&self) -> Option<Caller> {
         self.caller
     }
 
     /// `LaunchIdKHR` of a lane.
-    pub fn launch_id(&self, lane: usize) -> [u32; 3] {
+    pub(super) fn launch_id(&self, lane: usize) -> [u32; 3] {
         self.launch_id.each_ref().map(|register| register.0[lane])
     }
 
     /// The traversal of a lane's ray that may call shaders.
-    pub fn cursor(&self, lane: usize) -> &Cursor {
+    pub(super) fn cursor(&self, lane: usize) -> &Cursor {
         let cursor = self.cursors.get(lane).and_then(Option::as_ref);
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
     }
 
     /// The traversal of a lane's ray that may call shaders.
-    pub fn cursor_mut(&mut self, lane: usize) -> &mut Cursor {
+    pub(super) fn cursor_mut(&mut self, lane: usize) -> &mut Cursor {
         let cursor = self.cursors.get_mut(lane).and_then(Option::as_mut);
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
     }
 
     /// The trap code of a lane that traps when the trace is over.
-    pub fn trap_code(&self, lane: usize) -> Option<TrapCode> {
+    pub(super) fn trap_code(&self, lane: usize) -> Option<TrapCode> {
         self.trap_codes.iter().find(|(trapped, _)| *trapped == lane).map(|&(_, code)| code)
     }
 
     /// The lanes that trap when the trace is over.
-    pub fn trapped_lanes(&self) -> Mask<W> {
+    pub(super) fn trapped_lanes(&self) -> Mask<W> {
         self.trapped_lanes
     }
 
@@ -176,7 +176,7 @@ impl<const W: usize> Trace<W> {
 
     /// Advances until a shader must run; `None` when every ray is done. `payload` holds the
     /// registers of the rays' payload.
-    pub fn advance<T: PipelineObserver>(
+    pub(super) fn advance<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
         payload: Option<(&mut Registers<W>, RegSpan)>,

@@ -44,7 +44,7 @@ impl<const W: usize> Trace<W> {
 
     /// Sets the first lane to the operands of a ray from the host; returns the registers of its
     /// payload.
-    pub fn set_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
+    pub(super) fn set_host_operands(&mut self, tlas: &Arc<Tlas>, operands: RayOperands) -> RegSpan {
         let RayOperands { trace, sbt_offset, sbt_stride, miss_index, payload } = operands;
         self.set_host_caller();
         self.structures.set(Mask::lane(0), tlas);
@@ -60,7 +60,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The registers that hold the payload; `below` are the frames under the trace.
-    pub fn payload<'a>(&'a mut self, below: &'a mut [ShaderCallFrame<W>]) -> &'a mut Registers<W> {
+    pub(super) fn payload<'a>(&'a mut self, below: &'a mut [ShaderCallFrame<W>]) -> &'a mut Registers<W> {
         match (&mut self.host_payload, below) {
             (Some(own), _) => own,
             (None, [.., ShaderCallFrame::Shader(caller)]) => &mut caller.batch.registers,

@@ -52,22 +52,22 @@ pub(super) struct Observers<'a, O> {
 }
 
 impl Observers<'_, ()> {
-    pub fn none() -> Self {
+    pub(super) fn none() -> Self {
         Self { observer: (), on_event: None, traversal: false }
     }
 }
 
 impl<'a, O> Observers<'a, O> {
-    pub fn interpreter_only(observer: O) -> Self {
+    pub(super) fn interpreter_only(observer: O) -> Self {
         Self { observer, on_event: None, traversal: false }
     }
 
-    pub fn new(observer: O, on_event: &'a mut dyn FnMut(Event)) -> Self {
+    pub(super) fn new(observer: O, on_event: &'a mut dyn FnMut(Event)) -> Self {
         Self { observer, on_event: Some(on_event), traversal: false }
     }
 
     /// Ray queries report every node, instance and primitive that they test, too.
-    pub fn with_traversal(self) -> Self {
+    pub(super) fn with_traversal(self) -> Self {
         Self { traversal: true, ..self }
     }
 }
@@ -100,7 +100,7 @@ impl<'a, const W: usize> WorkgroupRunner<'a, W>
 where
     LaneKernel: Width<W>,
 {
-    pub fn new(
+    pub(super) fn new(
         (program, limits): (&'a Program, InvocationLimits),
         bindings: &'a Bindings,
         layout: WorkgroupLayout,
@@ -128,7 +128,7 @@ where
     }
 
     /// Runs workgroups. Returns the trap of the first workgroup that has one.
-    pub fn run<O: Observer<W>>(
+    pub(super) fn run<O: Observer<W>>(
         mut self,
         groups: &mut dyn Iterator<Item = Workgroup>,
         observers: &mut Observers<'_, O>,

@@ -28,7 +28,7 @@ pub(super) struct AliasedRegisters(Vec<bool>);
 impl AliasedRegisters {
     /// Registers of interface variables, of inputs, and of variables with computed register
     /// numbers.
-    pub fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
+    pub(super) fn of(program: &Program, addressed: &[(Reg, u32)]) -> Self {
         let mut aliased = vec![false; program.register_count as usize + 1];
         let interface = program.interface.iter().map(|registers| (registers.first, registers.count));
         let inputs = program.inputs.iter().map(|registers| (registers.first, registers.count));
@@ -43,14 +43,14 @@ impl AliasedRegisters {
         Self(aliased)
     }
 
-    pub fn contains(&self, reg: Reg) -> bool {
+    pub(super) fn contains(&self, reg: Reg) -> bool {
         self.0[reg.0 as usize]
     }
 }
 
 /// Makes operations read a variable's register itself if its copy is used in one block only;
 /// `eliminate_dead_code` then removes copies without uses.
-pub fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
+pub(super) fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) {
     let aliased = AliasedRegisters::of(program, addressed);
     // By register: how many operations write it.
     let mut writes = vec![0u32; program.register_count as usize + 1];
@@ -142,7 +142,7 @@ fn for_each_renameable_use(op: &mut Op, mut visit: impl FnMut(&mut Reg)) {
 
 /// By operation: `false` for masked stores to registers that no lane reads before it writes them
 /// again. `None` if there are none, or too many to tell.
-pub fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bool>> {
+pub(super) fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option<Vec<bool>> {
     let aliased = AliasedRegisters::of(program, addressed);
     let stores = Stores::of(program, &aliased)?;
     let count = program.blocks.len();

@@ -629,20 +629,20 @@ struct Site<'a> {
 
 /// Opcodes of control flow.
 mod opcode {
-    pub const FUNCTION_CALL: u16 = 57;
-    pub const VARIABLE: u16 = 59;
-    pub const PHI: u16 = 245;
-    pub const LOOP_MERGE: u16 = 246;
-    pub const SELECTION_MERGE: u16 = 247;
-    pub const BRANCH: u16 = 249;
-    pub const BRANCH_CONDITIONAL: u16 = 250;
-    pub const SWITCH: u16 = 251;
-    pub const RETURN: u16 = 253;
-    pub const RETURN_VALUE: u16 = 254;
-    pub const UNREACHABLE: u16 = 255;
-    pub const IGNORE_INTERSECTION_NV: u16 = 5335;
-    pub const TERMINATE_RAY_NV: u16 = 5336;
-    pub const TERMINATE_INVOCATION: u16 = 4416;
-    pub const IGNORE_INTERSECTION: u16 = 4448;
-    pub const TERMINATE_RAY: u16 = 4449;
+    pub(super) const FUNCTION_CALL: u16 = 57;
+    pub(super) const VARIABLE: u16 = 59;
+    pub(super) const PHI: u16 = 245;
+    pub(super) const LOOP_MERGE: u16 = 246;
+    pub(super) const SELECTION_MERGE: u16 = 247;
+    pub(super) const BRANCH: u16 = 249;
+    pub(super) const BRANCH_CONDITIONAL: u16 = 250;
+    pub(super) const SWITCH: u16 = 251;
+    pub(super) const RETURN: u16 = 253;
+    pub(super) const RETURN_VALUE: u16 = 254;
+    pub(super) const UNREACHABLE: u16 = 255;
+    pub(super) const IGNORE_INTERSECTION_NV: u16 = 5335;
+    pub(super) const TERMINATE_RAY_NV: u16 = 5336;
+    pub(super) const TERMINATE_INVOCATION: u16 = 4416;
+    pub(super) const IGNORE_INTERSECTION: u16 = 4448;
+    pub(super) const TERMINATE_RAY: u16 = 4449;
 }

@@ -13,12 +13,12 @@ use crate::program::Program;
 
 /// Instructions that take indices.
 mod opcode {
-    pub const ACCESS_CHAIN: u16 = 65;
-    pub const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
-    pub const PTR_ACCESS_CHAIN: u16 = 67;
-    pub const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
-    pub const VECTOR_EXTRACT_DYNAMIC: u16 = 77;
-    pub const VECTOR_INSERT_DYNAMIC: u16 = 78;
+    pub(super) const ACCESS_CHAIN: u16 = 65;
+    pub(super) const IN_BOUNDS_ACCESS_CHAIN: u16 = 66;
+    pub(super) const PTR_ACCESS_CHAIN: u16 = 67;
+    pub(super) const IN_BOUNDS_PTR_ACCESS_CHAIN: u16 = 70;
+    pub(super) const VECTOR_EXTRACT_DYNAMIC: u16 = 77;
+    pub(super) const VECTOR_INSERT_DYNAMIC: u16 = 78;
 }
 
 /// An index of an access chain, and the composite that it indexes.

@@ -65,7 +65,7 @@ enum OperandKind {
 
 /// Makes the [`OptimizedCode`] of a program. Returns, by register, the one that now holds its
 /// value, if that outlives a superblock.
-pub fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
+pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]) -> Vec<Reg> {
     let superblocks = superblocks(program);
     let superblock_starts = superblock_starts(program, &superblocks);
     let mut ops = program.ops.clone();

@@ -61,7 +61,7 @@ struct DependencyNode {
 
 impl ListScheduler {
     /// Makes a scheduler for programs with so many registers.
-    pub fn new(registers: u32) -> Self {
+    pub(super) fn new(registers: u32) -> Self {
         Self {
             registers: vec![RegisterUse::UNUSED; registers as usize],
             accessed: Vec::new(),
@@ -74,7 +74,7 @@ impl ListScheduler {
     }
 
     /// Orders the operations of a superblock.
-    pub fn order(&mut self, ops: &mut [Op]) {
+    pub(super) fn order(&mut self, ops: &mut [Op]) {
         let regular = |op: &Op| {
             matches!(
                 op,

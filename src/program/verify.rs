@@ -50,6 +50,7 @@ impl Version {
 }
 
 /// The state of a program before a pass, with which the result of the pass is compared.
+#[derive(Debug)]
 pub struct Verifier {
     before: Version,
     /// The superblocks, by their first and last block.

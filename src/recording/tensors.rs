@@ -36,7 +36,7 @@ struct Tensor<'a> {
 
 impl<'a> Tensors<'a> {
     /// Reads the header.
-    pub fn of(bytes: &'a [u8]) -> Result<Self> {
+    pub(super) fn of(bytes: &'a [u8]) -> Result<Self> {
         let wrong =
             |error| Error::new(ErrorKind::InvalidRecording, format!("not a safetensors file: {error}"));
         contained("safetensors", ErrorKind::InvalidRecording, || {
@@ -47,12 +47,12 @@ impl<'a> Tensors<'a> {
     }
 
     /// The value of a key in the file's metadata.
-    pub fn metadata_value(&self, key: &str) -> Option<&str> {
+    pub(super) fn metadata_value(&self, key: &str) -> Option<&str> {
         self.metadata.metadata().as_ref()?.get(key).map(String::as_str)
     }
 
     /// Tensors that would define part of the scene, but whose names are unknown, sorted.
-    pub fn unknown_tensors(&self) -> Vec<String> {
+    pub(super) fn unknown_tensors(&self) -> Vec<String> {
         let known = |name: &str| match name.split_once('.') {
             Some(("ray", part)) => RAY.contains(&part),
             Some(("instance", part)) => INSTANCE.contains(&part),
@@ -69,14 +69,14 @@ impl<'a> Tensors<'a> {
     }
 
     /// A tensor of a geometry of this number or beyond.
-    pub fn geometry_from(&self, count: usize) -> Option<&str> {
+    pub(super) fn geometry_from(&self, count: usize) -> Option<&str> {
         let number = |name: &str| name.strip_prefix("geometry")?.split_once('.')?.0.parse::<usize>().ok();
         let names = self.tensors.names().into_iter();
         names.filter(|name| number(name).is_some_and(|number| number >= count)).min()
     }
 
     /// The error that a required tensor is missing.
-    pub fn missing(&self, name: &str) -> Error {
+    pub(super) fn missing(&self, name: &str) -> Error {
         let error = Error::new(ErrorKind::InvalidRecording, format!("there is no tensor `{name}`"));
         let mut names = self.tensors.names();
         names.sort_unstable();
@@ -85,12 +85,16 @@ impl<'a> Tensors<'a> {
     }
 
     /// One float for each ray.
-    pub fn floats(&self, name: &str, rays: usize) -> Result<Option<Vec<f64>>> {
+    pub(super) fn floats(&self, name: &str, rays: usize) -> Result<Option<Vec<f64>>> {
         self.of_length(name, rays)?.map(|tensor| tensor.floats()).transpose()
     }
 
     /// N floats for each ray.
-    pub fn float_rows<const N: usize>(&self, name: &str, rays: usize) -> Result<Option<Vec<[f64; N]>>> {
+    pub(super) fn float_rows<const N: usize>(
+        &self,
+        name: &str,
+        rays: usize,
+    ) -> Result<Option<Vec<[f64; N]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         tensor.check_rows(N)?;
         tensor.check_count(rays)?;
@@ -98,7 +102,7 @@ impl<'a> Tensors<'a> {
     }
 
     /// Floats for each ray; their number is one of `lengths`.
-    pub fn rows_of_lengths(
+    pub(super) fn rows_of_lengths(
         &self,
         name: &str,
         rays: usize,
@@ -114,14 +118,14 @@ impl<'a> Tensors<'a> {
     }
 
     /// Rows of N single-precision floats.
-    pub fn rows<const N: usize>(&self, name: &str) -> Result<Option<Vec<[f32; N]>>> {
+    pub(super) fn rows<const N: usize>(&self, name: &str) -> Result<Option<Vec<[f32; N]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         tensor.check_rows(N)?;
         Ok(Some(tensor.singles()?.chunks_exact(N).map(array).collect()))
     }
 
     /// Row-major 3x4 matrices: I x 3 x 4 or I x 12; a single one may be 3 x 4 or 12.
-    pub fn matrices(&self, name: &str) -> Result<Option<Vec<[f32; 12]>>> {
+    pub(super) fn matrices(&self, name: &str) -> Result<Option<Vec<[f32; 12]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         if !matches!(tensor.view.shape(), [_, 3, 4] | [_, 12] | [3, 4] | [12]) {
             return Err(tensor.wrong("wanted I x 3 x 4"));
@@ -130,7 +134,7 @@ impl<'a> Tensors<'a> {
     }
 
     /// N single-precision floats for each ray; the tensor is required.
-    pub fn rows_of<const N: usize>(&self, name: &str, rays: usize) -> Result<Vec<[f32; N]>> {
+    pub(super) fn rows_of<const N: usize>(&self, name: &str, rays: usize) -> Result<Vec<[f32; N]>> {
         let tensor = self.tensor(name).ok_or_else(|| self.missing(name))?;
         tensor.check_rows(N)?;
         tensor.check_count(rays)?;
@@ -138,7 +142,7 @@ impl<'a> Tensors<'a> {
     }
 
     /// One row-major 3x4 matrix.
-    pub fn matrix(&self, name: &str) -> Result<Option<[[f32; 4]; 3]>> {
+    pub(super) fn matrix(&self, name: &str) -> Result<Option<[[f32; 4]; 3]>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         if !matches!(tensor.view.shape(), [3, 4] | [1, 3, 4] | [12]) {
             return Err(tensor.wrong("wanted 3 x 4"));
@@ -149,7 +153,7 @@ impl<'a> Tensors<'a> {
 
     /// Points of two, three or four components: a missing third is 0, a fourth is ignored. 16-bit
     /// integers are signed normalised numbers (`VK_FORMAT_R16G16B16A16_SNORM`).
-    pub fn points(&self, name: &str) -> Result<Option<Vec<[f32; 3]>>> {
+    pub(super) fn points(&self, name: &str) -> Result<Option<Vec<[f32; 3]>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         let [_, components @ 2..=4] = *tensor.view.shape() else {
             return Err(tensor.wrong("wanted V x 3 (or V x 2, V x 4)"));
@@ -163,35 +167,35 @@ impl<'a> Tensors<'a> {
     }
 
     /// The number of values in a row of a tensor.
-    pub fn row_length(&self, name: &str) -> Option<usize> {
+    pub(super) fn row_length(&self, name: &str) -> Option<usize> {
         Some(self.tensor(name)?.view.shape().iter().skip(1).product())
     }
 
     /// Whether any number of a tensor of integers is not 0.
-    pub fn any(&self, name: &str) -> Result<bool> {
+    pub(super) fn any(&self, name: &str) -> Result<bool> {
         let Some(tensor) = self.tensor(name) else { return Ok(false) };
         Ok(tensor.words()?.iter().any(|&word| word > 0))
     }
 
     /// Single-precision floats, V or V x 1.
-    pub fn singles(&self, name: &str) -> Result<Option<Vec<f32>>> {
+    pub(super) fn singles(&self, name: &str) -> Result<Option<Vec<f32>>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         tensor.check_rows(1)?;
         Ok(Some(tensor.singles()?))
     }
 
     /// One single-precision float for each ray; a single one is used for all.
-    pub fn ray_singles(&self, name: &str, rays: usize) -> Result<Option<Vec<f32>>> {
+    pub(super) fn ray_singles(&self, name: &str, rays: usize) -> Result<Option<Vec<f32>>> {
         self.one_or_each(name, rays, |tensor| tensor.singles())
     }
 
     /// One integer for each ray.
-    pub fn integers(&self, name: &str, rays: usize) -> Result<Option<Vec<i64>>> {
+    pub(super) fn integers(&self, name: &str, rays: usize) -> Result<Option<Vec<i64>>> {
         self.of_length(name, rays)?.map(|tensor| tensor.words()).transpose()
     }
 
     /// One integer of at most `bits` bits for each of `count` items; a single one is used for all.
-    pub fn unsigned(&self, name: &str, count: usize, bits: u32) -> Result<Option<Vec<u32>>> {
+    pub(super) fn unsigned(&self, name: &str, count: usize, bits: u32) -> Result<Option<Vec<u32>>> {
         self.one_or_each(name, count, |tensor| tensor.unsigned(bits))
     }
 
@@ -211,12 +215,12 @@ impl<'a> Tensors<'a> {
     }
 
     /// Integers of 32 bits in any shape.
-    pub fn indices(&self, name: &str) -> Result<Option<Vec<u32>>> {
+    pub(super) fn indices(&self, name: &str) -> Result<Option<Vec<u32>>> {
         self.tensor(name).map(|tensor| tensor.unsigned(32)).transpose()
     }
 
     /// A single integer.
-    pub fn integer(&self, name: &str) -> Result<Option<i64>> {
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>> {
         let Some(tensor) = self.tensor(name) else { return Ok(None) };
         match tensor.words()?.as_slice() {
             [word] => Ok(Some(*word)),

@@ -6,6 +6,7 @@ use crate::scene::open_models::OpenModels;
 
 /// What data may name.
 #[derive(Clone, Copy)]
+#[allow(missing_debug_implementations, reason = "it borrows a trait object")]
 pub struct DataSources<'a> {
     /// Files beside the scene.
     pub files: &'a dyn Files,

@@ -107,7 +107,7 @@ pub(crate) struct Counted<'a> {
 }
 
 impl<'a> Counted<'a> {
-    pub fn new(files: &'a dyn Files) -> Self {
+    pub(crate) fn new(files: &'a dyn Files) -> Self {
         Self { files, bytes: Cell::new(0), primitives: Cell::new(0) }
     }
 

@@ -274,6 +274,7 @@ pub fn stream_png<T>(
 }
 
 /// Writes the rows of a PNG, the top one first.
+#[allow(missing_debug_implementations, reason = "it borrows a writer")]
 pub struct PngRows<'a> {
     path: &'a Path,
     conversion: PngConversion,

@@ -176,7 +176,7 @@ pub trait Named: Copy + 'static {
 }
 
 /// A TOML value with its span.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct TomlValue<'a> {
     node: &'a TomlNode,
     source: &'a Arc<TomlSource>,
@@ -253,6 +253,7 @@ impl OwnedTomlValue {
 }
 
 /// A TOML table that records which keys are requested.
+#[derive(Debug)]
 pub struct Table<'a> {
     value: TomlValue<'a>,
     entries: &'a [TomlMember],

@@ -24,7 +24,7 @@ pub(super) enum Scalar {
 }
 
 impl Scalar {
-    pub const ALL: [Self; 15] = [
+    pub(super) const ALL: [Self; 15] = [
         Self::F16,
         Self::F32,
         Self::F64,
@@ -42,7 +42,7 @@ impl Scalar {
         Self::Bool,
     ];
 
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::F16 => "f16",
             Self::F32 => "f32",
@@ -63,7 +63,7 @@ impl Scalar {
     }
 
     /// The little-endian bytes of one value.
-    pub fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
+    pub(super) fn encode(self, value: TomlValue<'_>, bytes: &mut Vec<u8>) -> Option<()> {
         match self {
             Self::F16 => bytes.extend(small_float_bytes(value, FloatFormat::Binary16, "f16")?),
             Self::Bf16 => bytes.extend(small_float_bytes(value, FloatFormat::BFloat16, "bf16")?),
@@ -86,7 +86,7 @@ impl Scalar {
     }
 
     /// The values under this type's key, flattened.
-    pub fn column(self, table: &Table<'_>) -> Option<Vec<u8>> {
+    pub(super) fn column(self, table: &Table<'_>) -> Option<Vec<u8>> {
         let mut bytes = Vec::new();
         self.flatten(table.value(self.name())?, &mut bytes)?;
         Some(bytes)

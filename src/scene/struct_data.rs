@@ -70,6 +70,7 @@ pub trait ShaderModules {
 }
 
 /// The modules for data that no shader reads through a block: there are none.
+#[derive(Debug)]
 pub struct NoShaders;
 
 impl ShaderModules for NoShaders {
@@ -84,6 +85,7 @@ impl ShaderModules for NoShaders {
 }
 
 /// What a [`StructPiece`] is encoded for.
+#[allow(missing_debug_implementations, reason = "it borrows closures")]
 pub struct StructContext<'a> {
     /// Where structs are looked up.
     pub modules: &'a dyn ShaderModules,

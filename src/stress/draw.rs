@@ -5,6 +5,7 @@ use crate::geometry::Ray;
 type Matrix = [[f32; 4]; 3];
 
 /// A random generator of rays and shapes; a seed always gives the same ones.
+#[derive(Debug)]
 pub struct Draw {
     state: u64,
 }

@@ -10,6 +10,7 @@ use crate::stress::draw::Draw;
 pub use neighbours::add_neighbours;
 
 /// A generator of cases.
+#[derive(Debug)]
 pub struct Family {
     /// Its name.
     pub name: &'static str,

@@ -28,7 +28,7 @@ const INFINITY_PROXY: f32 = 2.0;
 const WIDEN: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// A binary BVH over numbered boxes.
-pub struct ObvhsTree {
+pub(super) struct ObvhsTree {
     bvh: Bvh2,
     scale: f64,
 }
@@ -36,7 +36,7 @@ pub struct ObvhsTree {
 impl ObvhsTree {
     /// Builds a tree over the boxes of primitives, which are numbered in their order; `None` stands
     /// for primitives that no ray can hit.
-    pub fn new(boxes: impl IntoIterator<Item = Option<Bounds>>) -> Self {
+    pub(super) fn new(boxes: impl IntoIterator<Item = Option<Bounds>>) -> Self {
         let boxes = boxes.into_iter().enumerate();
         let (numbers, boxes): (Vec<u32>, Vec<Bounds>) =
             boxes.filter_map(|(number, bounds)| Some((number as u32, bounds?))).unzip();
@@ -58,13 +58,13 @@ impl ObvhsTree {
 
     /// Makes the box of a child of the root too small.
     #[cfg(test)]
-    pub fn shrink_box(&mut self) {
+    pub(super) fn shrink_box(&mut self) {
         let corner = self.bvh.nodes[1].aabb().min;
         self.bvh.nodes[1].set_aabb(Aabb::new(corner, corner));
     }
 
     /// Visits every primitive whose box a ray may meet within its interval.
-    pub fn visit(&self, ray: &ObjectRay, visit: &mut dyn FnMut(usize)) {
+    pub(super) fn visit(&self, ray: &ObjectRay, visit: &mut dyn FnMut(usize)) {
         if self.bvh.nodes.is_empty() {
             return;
         }

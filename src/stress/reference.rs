@@ -174,6 +174,7 @@ fn roots(a: &RBig, b: &RBig, c: &RBig) -> Vec<Root> {
 }
 
 /// A ray's line in object space.
+#[derive(Debug)]
 pub struct ObjectLine {
     /// The point at t = 0.
     pub origin: [RBig; 3],

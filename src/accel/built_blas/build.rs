@@ -44,12 +44,12 @@ struct CollectedPrimitives {
 
 impl BuiltBlas {
     /// Collects the active primitives and builds the BVH if it pays.
-    pub fn build(geometries: &[Geometry]) -> Self {
+    pub(crate) fn build(geometries: &[Geometry]) -> Self {
         Self::collect(geometries, true)
     }
 
     /// Collects the active primitives without building a BVH, however many there are.
-    pub fn without_bvh(geometries: &[Geometry]) -> Self {
+    pub(crate) fn without_bvh(geometries: &[Geometry]) -> Self {
         Self::collect(geometries, false)
     }
 
@@ -137,7 +137,7 @@ impl BuiltBlas {
     }
 
     /// The box around all active primitives, computed without building anything.
-    pub fn bounds_of(geometries: &[Geometry]) -> Bounds {
+    pub(crate) fn bounds_of(geometries: &[Geometry]) -> Bounds {
         let mut around = BoundsCollector(PrimRef::EMPTY);
         geometries.iter().for_each(|geometry| geometry.data.visit_primitives(&mut around));
         around.0.bounds()

@@ -13,11 +13,11 @@ const RAYS_PER_REGISTER: usize = 8;
 /// One number for each ray of a packet.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct PerRay(pub [f32; MAX_RAYS]);
+pub(super) struct PerRay(pub [f32; MAX_RAYS]);
 
 impl PerRay {
     /// Placeholder value.
-    pub const EMPTY: Self = Self([0.0; MAX_RAYS]);
+    pub(super) const EMPTY: Self = Self([0.0; MAX_RAYS]);
 
     /// Loads the numbers of the eight rays of group `at`.
     #[inline(always)]
@@ -32,7 +32,7 @@ impl PerRay {
 
     /// The maximum over all groups of eight that hold one of the given rays.
     #[inline(always)]
-    pub fn max_over<E: F32x8Ops>(&self, simd: E, rays: u64) -> f32 {
+    pub(super) fn max_over<E: F32x8Ops>(&self, simd: E, rays: u64) -> f32 {
         let mut all = simd.splat(f32::NEG_INFINITY);
         for at in groups_of_eight(rays) {
             all = simd.max(self.load(simd, at), all);
@@ -43,7 +43,7 @@ impl PerRay {
 
 /// The rays of a packet in world space.
 #[derive(Clone, Debug)]
-pub struct WorldRays {
+pub(super) struct WorldRays {
     origin: [PerRay; 3],
     direction: [PerRay; 3],
     /// The least t; not -0.
@@ -52,13 +52,13 @@ pub struct WorldRays {
 
 impl WorldRays {
     /// Placeholder value.
-    pub const EMPTY: Self =
+    pub(super) const EMPTY: Self =
         Self { origin: [PerRay::EMPTY; 3], direction: [PerRay::EMPTY; 3], t_min: PerRay::EMPTY };
 
     /// Takes up to 64 rays; returns a mask of those that [are well scaled](Ray::is_well_scaled) and
     /// whose t is never negative.
     #[inline(always)]
-    pub fn take<E: F32x8Ops>(&mut self, simd: E, traces: &[TraceRay]) -> u64 {
+    pub(super) fn take<E: F32x8Ops>(&mut self, simd: E, traces: &[TraceRay]) -> u64 {
         let mut valid = 0;
         let (whole, first) = (traces.len().next_multiple_of(RAYS_PER_REGISTER).min(MAX_RAYS), traces[0]);
         for at in 0..whole {
@@ -97,7 +97,7 @@ impl WorldRays {
 /// The rays of a packet prepared for the nodes of one tree: the fields of [`TravRay`]s without t
 /// shift.
 #[derive(Clone, Debug)]
-pub struct RaySoA {
+pub(super) struct RaySoA {
     near_origin: [PerRay; 3],
     far_origin: [PerRay; 3],
     near_reciprocal: [PerRay; 3],
@@ -108,7 +108,7 @@ pub struct RaySoA {
 
 /// Rays of a packet whose directions have the same signs.
 #[derive(Clone, Copy, Debug)]
-pub struct OctantGroup {
+pub(super) struct OctantGroup {
     /// A mask of the rays.
     pub rays: u64,
     /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
@@ -117,7 +117,7 @@ pub struct OctantGroup {
 
 impl RaySoA {
     /// Placeholder value.
-    pub const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         near_origin: [PerRay::EMPTY; 3],
         far_origin: [PerRay::EMPTY; 3],
         near_reciprocal: [PerRay::EMPTY; 3],
@@ -128,7 +128,13 @@ impl RaySoA {
     /// Prepares well-scaled rays for a tree in world space ([`TravRay::set_world_space`]); returns
     /// a mask of those that start near it.
     #[inline(always)]
-    pub fn take_world_space<E: F32x8Ops>(&mut self, simd: E, rays: &WorldRays, scale: f64, mask: u64) -> u64 {
+    pub(super) fn take_world_space<E: F32x8Ops>(
+        &mut self,
+        simd: E,
+        rays: &WorldRays,
+        scale: f64,
+        mask: u64,
+    ) -> u64 {
         let scale = scale as f32;
         if !WORLD_SPACE_SCALES.contains(&scale) {
             return 0;
@@ -161,7 +167,7 @@ impl RaySoA {
     /// [`TravRay::set_approximate`]); returns a mask of those that start near it and whose
     /// direction has a small error.
     #[inline(always)]
-    pub fn take_approximate<E: F32x8Ops>(
+    pub(super) fn take_approximate<E: F32x8Ops>(
         &mut self,
         simd: E,
         rays: &WorldRays,
@@ -214,7 +220,7 @@ impl RaySoA {
 
     /// The group of those of some rays, at least one, whose direction signs are those of the first.
     #[inline(always)]
-    pub fn first_group(&self, rays: u64) -> OctantGroup {
+    pub(super) fn first_group(&self, rays: u64) -> OctantGroup {
         let first = rays & rays.wrapping_neg();
         let mut group = OctantGroup { rays, near_side: [0; 3] };
         for axis in 0..3 {
@@ -234,7 +240,7 @@ impl RaySoA {
     /// `(high - o) / d` if that is not negative; if it is every ray misses. Negative directions are
     /// mirrored.
     #[inline(always)]
-    pub fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &OctantGroup) -> TravRay {
+    pub(super) fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &OctantGroup) -> TravRay {
         // A sum with NaN is ignored by minimum and maximum.
         let mut members = PerRay([f32::NAN; MAX_RAYS]);
         for (at, member) in members.0.iter_mut().enumerate() {
@@ -265,7 +271,7 @@ impl RaySoA {
 
     /// A single ray of a group.
     #[inline(always)]
-    pub fn single(&self, rays: &WorldRays, at: usize, group: &OctantGroup) -> TravRay {
+    pub(super) fn single(&self, rays: &WorldRays, at: usize, group: &OctantGroup) -> TravRay {
         let mut ray = TravRay::with_t_min(rays.t_min.0[at]);
         ray.near_side = group.near_side;
         for axis in 0..3 {
@@ -280,7 +286,7 @@ impl RaySoA {
     /// A mask of the rays of a group that may hit the box of a child of a node up to their limits:
     /// the test of [`Node::intersect`] for each ray.
     #[inline(always)]
-    pub fn maybe_hit_mask<E: F32x8Ops>(
+    pub(super) fn maybe_hit_mask<E: F32x8Ops>(
         &self,
         simd: E,
         rays: &WorldRays,

@@ -21,7 +21,7 @@ use crate::math::lane_ops::{LaneOps, LaneTask};
 const MAX_SINGLE_RAYS: u32 = 3;
 
 /// The traversal of a packet, with its arguments.
-pub struct PacketTraversal<'a> {
+pub(super) struct PacketTraversal<'a> {
     pub packet: &'a mut Packet,
     pub tlas: &'a Tlas,
     pub traces: &'a [TraceRay],

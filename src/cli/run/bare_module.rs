@@ -28,7 +28,7 @@ use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
 
 /// The arguments that a bare module needs and a scene file holds itself.
 #[derive(Args, Clone, Debug, Default)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The compute entry point, where there are several
     #[arg(long, value_name = "NAME")]
     entry: Option<String>,
@@ -110,7 +110,7 @@ impl Files for ModuleAndDisk {
 
 impl Arguments {
     /// Checks that none of these arguments is given with a scene file, which sets them itself.
-    pub fn check_unused(&self) -> Result<()> {
+    pub(super) fn check_unused(&self) -> Result<()> {
         let given = [
             ("--entry", self.entry.is_some()),
             ("--groups", self.groups.is_some()),
@@ -130,7 +130,7 @@ impl Arguments {
 
     /// The scene that dispatches a module's compute shader once; `streamed` holds the module where
     /// it was read already.
-    pub fn scene(
+    pub(super) fn scene(
         &self,
         path: &Path,
         streamed: Option<Vec<u8>>,

@@ -27,7 +27,7 @@ enum Format {
 
 /// A resource to print, as `--dump` names it.
 #[derive(Clone, Debug)]
-pub struct Dump {
+pub(super) struct Dump {
     what: String,
     format: Format,
     /// Whether a resource that holds only zeros is left out.
@@ -36,14 +36,14 @@ pub struct Dump {
 
 /// A resource that was found.
 #[derive(Clone, Debug)]
-pub enum FoundResource {
+pub(super) enum FoundResource {
     Buffer(Arc<Buffer>),
     Image(Arc<Image>),
 }
 
 /// A resource to print, looked up in the scene.
 #[derive(Clone, Debug)]
-pub struct FoundDump {
+pub(super) struct FoundDump {
     name: String,
     /// `None` for a buffer that is bound nowhere.
     binding: Option<Binding>,
@@ -53,12 +53,12 @@ pub struct FoundDump {
     found: FoundResource,
 }
 
-pub fn invalid(message: String) -> Error {
+pub(super) fn invalid(message: String) -> Error {
     Error::new(ErrorKind::InvalidArgument, message)
 }
 
 /// A hint at the options that show what a run wrote.
-pub fn hint(scene: &ResolvedScene) -> String {
+pub(super) fn hint(scene: &ResolvedScene) -> String {
     let holds_data = |one: &&resolved::ResolvedBinding| match &one.resource {
         Resource::StorageBuffer(_) | Resource::StorageImage(_) => true,
         Resource::BufferView(view) => view.kind.is_storage(),
@@ -76,7 +76,7 @@ pub fn hint(scene: &ResolvedScene) -> String {
 
 impl Dump {
     /// `WHAT[=FORMAT]` or `WHAT=FILE`
-    pub fn parse(text: &str) -> Result<Self> {
+    pub(super) fn parse(text: &str) -> Result<Self> {
         let (what, format) = match text.split_once('=') {
             None | Some((_, "typed")) => (text.split('=').next().unwrap_or(text), Format::Typed),
             Some((what, "hex")) => (what, Format::Hex),
@@ -93,7 +93,7 @@ impl Dump {
 
     /// Every storage buffer that the compute shaders use; of an array the first element, and those
     /// that are not all zeros.
-    pub fn storage_buffers(assembled: &Assembled, scene: &ResolvedScene) -> Vec<Self> {
+    pub(super) fn storage_buffers(assembled: &Assembled, scene: &ResolvedScene) -> Vec<Self> {
         let mut dumps = Vec::new();
         for program in programs(assembled) {
             for variable in bound(program) {
@@ -111,7 +111,7 @@ impl Dump {
     }
 
     /// Finds the resource to print.
-    pub fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<FoundDump> {
+    pub(super) fn find(&self, scene: &ResolvedScene, resources: &Resources) -> Result<FoundDump> {
         let unbound = scene.unbound.iter().any(|one| one.name == self.what);
         if let Some((_, buffer)) = resources.memory.named_buffer(&self.what).filter(|_| unbound) {
             return Ok(FoundDump {
@@ -139,7 +139,7 @@ impl Dump {
 }
 
 /// The resource with a name in the scene, or at `[SET,]BINDING`: its binding and array element.
-pub fn descriptor(
+pub(super) fn descriptor(
     what: &str,
     scene: &ResolvedScene,
     resources: &Resources,
@@ -174,7 +174,7 @@ pub fn descriptor(
 
 impl FoundDump {
     /// The file that is to receive the bytes, if it is not to be printed.
-    pub fn file(&self) -> Option<&Path> {
+    pub(super) fn file(&self) -> Option<&Path> {
         match &self.format {
             Format::File(path) => Some(path),
             _ => None,
@@ -182,7 +182,7 @@ impl FoundDump {
     }
 
     /// All bytes of the resource.
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(super) fn bytes(&self) -> Vec<u8> {
         match &self.found {
             FoundResource::Buffer(buffer) => buffer.bytes(),
             FoundResource::Image(image) => image.bytes(),
@@ -190,7 +190,7 @@ impl FoundDump {
     }
 
     /// The text.
-    pub fn text(&self, assembled: &Assembled) -> Result<String> {
+    pub(super) fn text(&self, assembled: &Assembled) -> Result<String> {
         let memory = &assembled.resources.memory;
         let address = match &self.found {
             FoundResource::Buffer(buffer) => memory.address_of(buffer),
@@ -341,7 +341,7 @@ fn json_of(value: &Value) -> serde_json::Value {
 }
 
 /// Parses `[SET,]BINDING`, or `[SET,]BINDING[ELEMENT]` for an element of an array of descriptors.
-pub fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
+pub(super) fn binding(text: &str) -> Option<(Binding, Option<u32>)> {
     let number = |text: &str| text.trim().parse().ok();
     let (numbers, element) = match text.trim().strip_suffix(']').map(|text| text.split_once('[')) {
         Some(parts) => parts.and_then(|(numbers, element)| Some((numbers, Some(number(element)?))))?,

@@ -11,7 +11,7 @@ use crate::math::f64x4::F64x4Ops;
 /// Tests four spheres in SoA form; hits behind `limit`, a rounded t, may be left out. The results
 /// of lanes without a sphere have no meaning.
 #[inline(always)]
-pub fn intersect4<D: F64x4Ops>(
+pub(crate) fn intersect4<D: F64x4Ops>(
     simd: D,
     ray: &ObjectRay,
     (center, radius): (&[[f32; 4]; 3], &[f32; 4]),

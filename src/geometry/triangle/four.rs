@@ -15,7 +15,7 @@ const MISSED: Intersection4 =
 /// Tests four triangles in SoA form; hits behind `limit`, a rounded t, may be left out. The results
 /// of lanes without a triangle have no meaning.
 #[inline(always)]
-pub fn intersect4<D: F64x4Ops>(
+pub(crate) fn intersect4<D: F64x4Ops>(
     simd: D,
     ray: &DoubleRay<D>,
     vertices: &[[[f32; 4]; 3]; 3],

@@ -28,7 +28,7 @@ use crate::math::f64x4::F64x4Ops;
 
 /// Tests one triangle in four lanes.
 #[inline(always)]
-pub fn intersect_simd<D: F64x4Ops>(
+pub(crate) fn intersect_simd<D: F64x4Ops>(
     simd: D,
     ray: &DoubleRay<D>,
     [v0, v1, v2]: [[f32; 3]; 3],

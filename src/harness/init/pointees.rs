@@ -28,7 +28,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    pub fn layout(&self) -> Layout<'_> {
+    pub(super) fn layout(&self) -> Layout<'_> {
         Layout::new(&self.module, self.ty, Rules::Explicit)
     }
 
@@ -58,18 +58,18 @@ pub(super) struct Pointees {
 
 impl Pointees {
     /// Buffers with other names than these.
-    pub fn beside<'a>(names: impl Iterator<Item = &'a str>) -> Self {
+    pub(super) fn beside<'a>(names: impl Iterator<Item = &'a str>) -> Self {
         Self { all: Vec::new(), names: names.map(str::to_owned).collect() }
     }
 
     /// Names and lines of the buffers.
-    pub fn tables(&self) -> impl Iterator<Item = (&str, &[String])> {
+    pub(super) fn tables(&self) -> impl Iterator<Item = (&str, &[String])> {
         self.all.iter().map(|one| (one.name.as_str(), &one.lines[..]))
     }
 
     /// A piece of data with the addresses that a block holds, zeros else; `None` where it holds
     /// none.
-    pub fn piece(&mut self, block: &Block, elements: usize) -> Option<String> {
+    pub(super) fn piece(&mut self, block: &Block, elements: usize) -> Option<String> {
         let value = self.value(block, "", elements, &mut Vec::new())?;
         Some(format!("{{ shader = {:?}, value = {value}, rest = \"zeros\" }}", block.shader))
     }

@@ -63,7 +63,7 @@ impl Data {
 
 impl Resources {
     /// Everything that shaders declare; runtime arrays get so many elements.
-    pub fn of(shaders: &[Shader], elements: usize) -> Self {
+    pub(super) fn of(shaders: &[Shader], elements: usize) -> Self {
         let mut all = Self {
             elements,
             bound: BTreeMap::new(),
@@ -135,30 +135,30 @@ impl Resources {
     }
 
     /// The push constants with their layout.
-    pub fn push_constants(&self) -> Option<String> {
+    pub(super) fn push_constants(&self) -> Option<String> {
         let data = self.push_constants.as_ref()?;
         Some(format!("{}push_constants = {}\n", data.comment("The push constants"), data.piece))
     }
 
     /// The data of a record of these shaders, which is that of its largest block.
-    pub fn record<'a>(&self, shaders: impl Iterator<Item = &'a Shader>) -> Option<&str> {
+    pub(super) fn record<'a>(&self, shaders: impl Iterator<Item = &'a Shader>) -> Option<&str> {
         let blocks = shaders.filter_map(|shader| self.records.get(&shader.reference));
         blocks.max_by_key(|data| data.size()).map(|data| data.piece.as_str())
     }
 
     /// The layouts of shader records, in comments.
-    pub fn record_layouts(&self) -> String {
+    pub(super) fn record_layouts(&self) -> String {
         let comment = |(shader, data): (&String, &Data)| data.comment(&format!("The record of `{shader}`"));
         self.records.iter().map(comment).collect()
     }
 
     /// Whether there are push constants, and records.
-    pub fn has(&self) -> (bool, bool) {
+    pub(super) fn has(&self) -> (bool, bool) {
         (self.push_constants.is_some(), !self.records.is_empty())
     }
 
     /// The names of the buffers, which are full of zeros.
-    pub fn buffers(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn buffers(&self) -> impl Iterator<Item = &str> {
         let is_buffer = |lines: &[String]| lines.iter().any(|line| line.ends_with("_buffer\""));
         let bound = self.bound.values().filter(move |one| is_buffer(&one.lines)).map(|one| one.name.as_str());
         bound.chain(self.pointees.tables().map(|(name, _)| name))
@@ -166,7 +166,7 @@ impl Resources {
 
     /// The tables of a scene that renders: a block of two matrices holds a camera, and the first
     /// storage image is the picture.
-    pub fn text_with_camera(&self) -> String {
+    pub(super) fn text_with_camera(&self) -> String {
         let mut out = String::new();
         let mut has_output = false;
         for BoundResource { name, lines, .. } in self.bound.values() {
@@ -191,7 +191,7 @@ impl Resources {
     }
 
     /// The tables of the scene file.
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let mut out = String::new();
         for BoundResource { name, lines, .. } in self.bound.values() {
             // Writing to a string does not fail.

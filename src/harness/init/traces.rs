@@ -26,7 +26,7 @@ pub(super) struct BindingTable {
 
 impl BindingTable {
     /// The table for the rays of some shaders, with so many hit groups and miss shaders.
-    pub fn of(shaders: &[Shader], groups: usize, miss: usize) -> Self {
+    pub(super) fn of(shaders: &[Shader], groups: usize, miss: usize) -> Self {
         let miss = (0..miss).map(Some).collect();
         let mut table = Self { records: 1, slots: vec![0], miss, comment: String::new() };
         let mut traces: Vec<(&str, TraceOperands)> = Vec::new();

@@ -29,7 +29,7 @@ const LARGE: u64 = 1000;
 
 /// What integers are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Integers {
+pub(super) enum Integers {
     /// 0, 1, 2 or 3; three in a row differ, so that no triangle has an index twice.
     Small,
     /// Small integers as above, but one in eight is 0, and another one 1000.
@@ -40,7 +40,7 @@ pub enum Integers {
 
 /// What floats are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Floats {
+pub(super) enum Floats {
     /// Uniform in [0, 1).
     Unit,
     /// Uniform in [-4, 4).
@@ -53,7 +53,7 @@ pub enum Floats {
 
 /// What integers of 64 bits, and pairs of 32, are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WideIntegers {
+pub(super) enum WideIntegers {
     /// Small numbers, but where an address is known to be taken from.
     Numbers,
     /// Device addresses.
@@ -64,7 +64,7 @@ pub enum WideIntegers {
 
 /// How much memory there is where the shader's types leave it open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FillExtent {
+pub(super) struct FillExtent {
     /// Invocations along each axis: images have a texel for each.
     pub invocations: [u32; 3],
     /// 1, or more where that was too little.
@@ -73,7 +73,7 @@ pub struct FillExtent {
 
 impl FillExtent {
     /// Elements of this many bytes that runtime arrays have.
-    pub fn elements(&self, stride: usize) -> usize {
+    pub(super) fn elements(&self, stride: usize) -> usize {
         let sides = self.invocations.iter().map(|&side| u64::from(side));
         let invocations = sides.fold(1, u64::saturating_mul);
         let scale = self.scale as usize;
@@ -86,7 +86,7 @@ impl FillExtent {
 /// Numbers for everything that is no address: each follows from the seed, from where it stands (its
 /// root: a binding's element, say) and from its place there alone, whatever else is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ValueSource {
+pub(super) struct ValueSource {
     /// The seed.
     pub seed: u64,
     /// What integers are.
@@ -102,7 +102,7 @@ impl ValueSource {
     }
 
     /// The integer at a place, counted in integers of its size.
-    pub fn integer(&self, root: u64, at: u64) -> u64 {
+    pub(super) fn integer(&self, root: u64, at: u64) -> u64 {
         // Steps of 1 and 2 modulo 4, never two of 2 one behind the other: three in a row differ.
         let small = || {
             let random = self.bits(root, u64::MAX);
@@ -121,7 +121,7 @@ impl ValueSource {
     }
 
     /// The float at a place.
-    pub fn float(&self, root: u64, at: u64) -> f32 {
+    pub(super) fn float(&self, root: u64, at: u64) -> f32 {
         // A multiple of 2^-24 in [0, 1).
         let unit = (self.bits(root, at) >> 40) as f32 / (1 << 24) as f32;
         match self.floats {
@@ -133,14 +133,14 @@ impl ValueSource {
     }
 
     /// A number as bits of a float type.
-    pub fn float_bits(ty: &Type, value: f32) -> u64 {
+    pub(super) fn float_bits(ty: &Type, value: f32) -> u64 {
         ty.float_format().map_or(0, |format| format.round(value.into()))
     }
 }
 
 /// What lies behind an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FillContent {
+pub(super) enum FillContent {
     /// Unknown: no run has reached it yet.
     Unknown,
     /// What a pointer of this type points to, many times.
@@ -151,7 +151,7 @@ pub enum FillContent {
 
 /// Identifies a place that addresses are taken from: a member of a block by its offset, whatever
 /// the array elements on the way.
-pub type PlaceId = u64;
+pub(super) type PlaceId = u64;
 
 /// A range of device memory.
 #[derive(Clone, Debug)]
@@ -164,11 +164,11 @@ struct Region {
 
 /// How much memory is made up for one launch, held against the module's limits.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct MadeUpBytes(u64);
+pub(super) struct MadeUpBytes(u64);
 
 impl MadeUpBytes {
     /// Bytes so far.
-    pub fn sum(self) -> u64 {
+    pub(super) fn sum(self) -> u64 {
         self.0
     }
 
@@ -177,7 +177,7 @@ impl MadeUpBytes {
     /// # Errors
     /// `UnsupportedModule` where it is too large by itself ([`InputLimit::SmokeResourceBytes`]), or
     /// with all others ([`InputLimit::SmokeLaunchBytes`]).
-    pub fn add(&mut self, module: &Module, bytes: u64) -> Result<()> {
+    pub(super) fn add(&mut self, module: &Module, bytes: u64) -> Result<()> {
         module.limits.check(InputLimit::SmokeResourceBytes, bytes, ErrorKind::UnsupportedModule)?;
         self.0 = self.0.saturating_add(bytes);
         module.limits.check(InputLimit::SmokeLaunchBytes, self.0, ErrorKind::UnsupportedModule)
@@ -185,7 +185,7 @@ impl MadeUpBytes {
 }
 
 /// Fills memory by its types, and makes the memory that its addresses lead to.
-pub struct Filler<'a> {
+pub(super) struct Filler<'a> {
     module: &'a Module,
     numbers: ValueSource,
     wide: WideIntegers,
@@ -203,7 +203,7 @@ pub struct Filler<'a> {
 
 impl<'a> Filler<'a> {
     /// A filler for the values of a module; `known` says what is behind addresses.
-    pub fn new(
+    pub(super) fn new(
         module: &'a Module,
         numbers: ValueSource,
         wide: WideIntegers,
@@ -219,7 +219,7 @@ impl<'a> Filler<'a> {
     ///
     /// # Errors
     /// As [`MadeUpBytes::add`].
-    pub fn block(&mut self, ty: TypeId, root: u64) -> Result<Vec<u8>> {
+    pub(super) fn block(&mut self, ty: TypeId, root: u64) -> Result<Vec<u8>> {
         let layout = Layout::new(self.module, ty, Rules::Explicit);
         let size = match layout.runtime_stride() {
             Some((offset, stride)) => {
@@ -234,7 +234,7 @@ impl<'a> Filler<'a> {
     ///
     /// # Errors
     /// As [`MadeUpBytes::add`].
-    pub fn words(&mut self, ty: TypeId, root: u64) -> Result<Vec<u32>> {
+    pub(super) fn words(&mut self, ty: TypeId, root: u64) -> Result<Vec<u32>> {
         let layout = Layout::new(self.module, ty, Rules::Packed);
         let bytes = self.filled(layout, layout.size(), root)?;
         Ok(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
@@ -253,7 +253,7 @@ impl<'a> Filler<'a> {
     ///
     /// # Errors
     /// As [`MadeUpBytes::add`], and what a structure may report.
-    pub fn device_memory(
+    pub(super) fn device_memory(
         mut self,
         tlas: &dyn Fn() -> Result<Arc<Tlas>>,
     ) -> Result<(DeviceMemory, Vec<Option<PlaceId>>, u64)> {
@@ -451,7 +451,7 @@ fn address_of(index: usize) -> u64 {
 }
 
 /// The index of the region that an address lies in.
-pub fn region_of(address: u64) -> Option<usize> {
+pub(super) fn region_of(address: u64) -> Option<usize> {
     usize::try_from(address >> 32).ok()?.checked_sub(1)
 }
 
@@ -463,7 +463,7 @@ fn put(out: &mut [u8], offset: usize, size: usize, value: u64) {
 }
 
 /// A number for a part of a place.
-pub fn mix(place: PlaceId, part: u64) -> PlaceId {
+pub(super) fn mix(place: PlaceId, part: u64) -> PlaceId {
     Random::new(place ^ part.wrapping_mul(0xD6E8_FEB8_6659_FD93).wrapping_add(1)).bits()
 }
 

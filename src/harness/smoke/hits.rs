@@ -13,7 +13,7 @@ use crate::program::Program;
 
 /// A kind of geometry that a hit shader can be called for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SmokeGeometry {
+pub(super) enum SmokeGeometry {
     /// A triangle.
     Triangle,
     /// A box, whose intersection shader reported a hit.
@@ -28,7 +28,7 @@ impl SmokeGeometry {
     /// The kinds that a closest-hit or any-hit shader may be called for, as far as what it declares
     /// tells: hit attributes of other than two floats are those of an intersection shader, and a
     /// builtin that only one kind has means that kind.
-    pub fn of_program(program: &Program) -> Vec<Self> {
+    pub(super) fn of_program(program: &Program) -> Vec<Self> {
         if program.interface_registers(storage::HIT_ATTRIBUTE).is_some_and(|registers| registers.count != 2) {
             return vec![Self::Aabb];
         }
@@ -44,7 +44,7 @@ impl SmokeGeometry {
     }
 
     /// Its name in reports.
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::Triangle => "triangle",
             Self::Aabb => "aabb",
@@ -57,7 +57,7 @@ impl SmokeGeometry {
     ///
     /// # Errors
     /// None: the geometry is known.
-    pub fn hit(self, behind: bool) -> Result<(machine::TlasHit, TraceRay, f32)> {
+    pub(super) fn hit(self, behind: bool) -> Result<(machine::TlasHit, TraceRay, f32)> {
         let instance = match self {
             Self::Triangle => Instance::triangle([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
             Self::Aabb => Instance::aabb([-1.0; 3], [1.0; 3]),
@@ -72,7 +72,7 @@ impl SmokeGeometry {
 }
 
 /// A ray that meets each of the hits.
-pub fn ray(behind: bool) -> Ray {
+pub(super) fn ray(behind: bool) -> Ray {
     let side = if behind { -1.0 } else { 1.0 };
     Ray::new([0.25, 0.5, 3.0 * side], [0.0, 0.0, -side])
 }
@@ -81,7 +81,7 @@ pub fn ray(behind: bool) -> Ray {
 ///
 /// # Errors
 /// None: the geometry is known.
-pub fn one_box() -> Result<Arc<Tlas>> {
+pub(super) fn one_box() -> Result<Arc<Tlas>> {
     static BOX: OnceLock<Arc<Tlas>> = OnceLock::new();
     cached(&BOX, || vec![Instance::aabbs([[[-1.0; 3], [1.0; 3]]])])
 }
@@ -92,7 +92,7 @@ pub fn one_box() -> Result<Arc<Tlas>> {
 ///
 /// # Errors
 /// None: the geometry is known.
-pub fn scene(only: Option<SmokeGeometry>) -> Result<Arc<Tlas>> {
+pub(super) fn scene(only: Option<SmokeGeometry>) -> Result<Arc<Tlas>> {
     static SCENES: [OnceLock<Arc<Tlas>>; 5] = [const { OnceLock::new() }; 5];
     let all = || {
         let wall = |z: f32| {

@@ -7,7 +7,7 @@ use crate::machine::TrapCode;
 use crate::pipeline::Trapped;
 
 /// One run of a shader on a set of values.
-pub struct Try {
+pub(super) struct Try {
     /// The values.
     pub set: Set,
     /// Where it trapped.
@@ -21,37 +21,37 @@ pub struct Try {
 impl Try {
     /// The trap that several runs come to: the first that no values get past, or the first one
     /// where no run came to its end. `None` where all is well.
-    pub fn verdict(tries: &[Try]) -> Option<&Trapped> {
+    pub(super) fn verdict(tries: &[Try]) -> Option<&Trapped> {
         let mut traps = sites(tries).into_iter();
         let complete = tries.iter().any(|one| one.trapped.is_none());
         if complete { traps.find(|trap| !is_excused(trap, tries)) } else { traps.next() }
     }
 
     /// Traps of runs that are not held against the shader, one for each instruction.
-    pub fn excused(tries: &[Try]) -> Vec<&Trapped> {
+    pub(super) fn excused(tries: &[Try]) -> Vec<&Trapped> {
         sites(tries).into_iter().filter(|trap| is_excused(trap, tries)).collect()
     }
 
     /// Whether it got past an instruction.
-    pub fn passes(&self, offset: u32) -> bool {
+    pub(super) fn passes(&self, offset: u32) -> bool {
         let here = self.trapped.as_ref().is_some_and(|trapped| trapped.offset == offset);
         !here && self.passed.contains(&offset)
     }
 
     /// Whether it trapped there.
-    pub fn traps_at(&self, trap: &Trapped) -> bool {
+    pub(super) fn traps_at(&self, trap: &Trapped) -> bool {
         self.trapped.as_ref().is_some_and(|trapped| same(trapped, trap))
     }
 }
 
 /// Whether a trap says that the operands of a ray break a rule. Numbers that are all the same make
 /// no ray, so that getting past on them says nothing.
-pub fn is_of_rays(trap: &Trapped) -> bool {
+pub(super) fn is_of_rays(trap: &Trapped) -> bool {
     matches!(trap.code, TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject)
 }
 
 /// Whether two traps are one.
-pub fn same(one: &Trapped, other: &Trapped) -> bool {
+pub(super) fn same(one: &Trapped, other: &Trapped) -> bool {
     (one.offset, one.code) == (other.offset, other.code)
 }
 

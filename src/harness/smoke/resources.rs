@@ -33,7 +33,7 @@ const MOST_TEXELS: u64 = 1 << 20;
 
 /// Which values memory is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MadeUpValues {
+pub(super) struct MadeUpValues {
     /// What numbers are.
     pub numbers: ValueSource,
     /// What could be an address.
@@ -43,7 +43,7 @@ pub struct MadeUpValues {
 }
 
 /// Everything that one invocation is given.
-pub struct Given {
+pub(super) struct Given {
     /// Descriptors, push constants and device memory.
     pub resources: Resources,
     /// The bytes of the shader record.
@@ -63,7 +63,7 @@ pub struct Given {
 /// # Errors
 /// What making a structure reports, and `UnsupportedModule` where a resource or all of them are
 /// larger than the module's limits allow.
-pub fn given(
+pub(super) fn given(
     program: &Program,
     variables: &[InterfaceVariable],
     values: MadeUpValues,
@@ -236,7 +236,7 @@ fn bytes(buffer: &Buffer) -> impl Iterator<Item = [u8; 4]> {
 
 /// An answer to a trace or call that no shader gives: the words of the payload. `root` tells it
 /// from others.
-pub fn answer(
+pub(super) fn answer(
     module: &Module,
     registers: &InterfaceRegisters,
     (numbers, root): (ValueSource, u64),

@@ -3,11 +3,11 @@
 use crate::harness::smoke::fill::{Floats, Integers, ValueSource};
 
 /// Invocations of a ray generation shader.
-pub const LAUNCH: [u32; 3] = [8, 4, 1];
+pub(super) const LAUNCH: [u32; 3] = [8, 4, 1];
 
 /// What a shader is tried on.
 #[derive(Clone, Copy, Debug)]
-pub struct Set {
+pub(super) struct Set {
     /// `LaunchSizeKHR`, or where it is one a dispatch of one workgroup.
     pub launch_size: [u32; 3],
     /// What memory holds.
@@ -37,12 +37,12 @@ const FIXED: [(bool, u64, Integers, Floats, bool); 11] = [
 impl Set {
     /// How many are tried before only new seeds follow, given how many specialized programs there
     /// are beside the first.
-    pub fn fixed(specialized: usize) -> usize {
+    pub(super) fn fixed(specialized: usize) -> usize {
         FIXED.len() + specialized
     }
 
     /// The one at a place of the order: always the same for a seed.
-    pub fn nth(at: usize, seed: u64, specialized: usize) -> Self {
+    pub(super) fn nth(at: usize, seed: u64, specialized: usize) -> Self {
         let (numbers, specialization) = match at.checked_sub(FIXED.len()) {
             None => (FIXED[at], 0),
             Some(other) if other < specialized => (FIXED[0], other + 1),
@@ -65,18 +65,18 @@ impl Set {
 
     /// Whether nothing of it is an exception: not numbers that are all the same or far apart, and
     /// specialization constants have their defaults.
-    pub fn is_plain(&self) -> bool {
+    pub(super) fn is_plain(&self) -> bool {
         let ValueSource { integers, floats, .. } = self.numbers;
         integers == Integers::Small && floats == Floats::Unit && self.specialization == 0
     }
 
     /// Whether floats differ, as those of a ray do.
-    pub fn has_different_floats(&self) -> bool {
+    pub(super) fn has_different_floats(&self) -> bool {
         matches!(self.numbers.floats, Floats::Unit | Floats::Signed)
     }
 
     /// In words, without its specialization.
-    pub fn words(&self) -> String {
+    pub(super) fn words(&self) -> String {
         let ValueSource { seed, integers, floats } = self.numbers;
         let integers = match integers {
             Integers::Small => String::new(),

@@ -15,7 +15,7 @@ const MOST: usize = 16;
 /// The entry point with one specialization constant at a time at another value, and which in words:
 /// a Boolean the other way, a number 0 or 1. Values that the module cannot have (an array without
 /// elements), and those that change the size of workgroups, are left out.
-pub fn programs(
+pub(super) fn programs(
     module: &Arc<Module>,
     entry: &EntryPoint,
     default: &Arc<Program>,

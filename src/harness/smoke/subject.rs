@@ -65,7 +65,7 @@ const FUEL_OF_A_RAY: u64 = 1 << 7;
 
 /// What a shader is run for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub(super) enum Way {
     /// A launch of a ray generation shader.
     Launch,
     /// A hit of geometry.
@@ -82,7 +82,7 @@ pub enum Way {
 
 impl Way {
     /// Its name in reports.
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::Launch => "launch",
             Self::Hit(kind) => kind.name(),
@@ -95,7 +95,7 @@ impl Way {
 }
 
 /// What the runs of an entry point have come to so far.
-pub struct Progress {
+pub(super) struct Progress {
     /// The blocks that were entered.
     pub blocks: Blocks,
     /// The instructions that were executed, by their word offset.
@@ -143,7 +143,7 @@ impl Progress {
 }
 
 /// The shader that is tested.
-pub struct EntryUnderTest<'a> {
+pub(super) struct EntryUnderTest<'a> {
     /// Its module.
     pub module: &'a Arc<Module>,
     /// Its entry point.
@@ -189,7 +189,7 @@ impl Learned {
 
 impl EntryUnderTest<'_> {
     /// What it is run for.
-    pub fn ways(&self) -> Vec<Way> {
+    pub(super) fn ways(&self) -> Vec<Way> {
         match self.program.stage {
             Stage::ClosestHit | Stage::AnyHit => {
                 SmokeGeometry::of_program(&self.program).into_iter().map(Way::Hit).collect()
@@ -207,7 +207,7 @@ impl EntryUnderTest<'_> {
     ///
     /// # Errors
     /// What making up its values reports.
-    pub fn explore(&self, way: Way, progress: &mut Progress) -> Result<Vec<Try>> {
+    pub(super) fn explore(&self, way: Way, progress: &mut Progress) -> Result<Vec<Try>> {
         let mut tries: Vec<Try> = Vec::new();
         let mut learned = Learned::default();
         let mut dry = 0;
@@ -240,7 +240,7 @@ impl EntryUnderTest<'_> {
     }
 
     /// The programs with other values of specialization constants.
-    pub fn specialized(&self) -> &[(String, Arc<Program>)] {
+    pub(super) fn specialized(&self) -> &[(String, Arc<Program>)] {
         self.specialized.get_or_init(|| specialized::programs(self.module, self.entry, &self.program))
     }
 

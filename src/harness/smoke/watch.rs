@@ -13,7 +13,7 @@ use crate::pipeline::{Caller, Event, PipelineObserver, Shader};
 use crate::program::Program;
 
 /// Sees which blocks and operations of one program run.
-pub struct BlockRecorder<'a> {
+pub(super) struct BlockRecorder<'a> {
     program: &'a Program,
     counts: Counts,
     executed: Vec<bool>,
@@ -24,18 +24,18 @@ pub struct BlockRecorder<'a> {
 
 impl<'a> BlockRecorder<'a> {
     /// One that has seen nothing.
-    pub fn new(program: &'a Program) -> Self {
+    pub(super) fn new(program: &'a Program) -> Self {
         let none = vec![false; program.ops.len()];
         Self { program, counts: Counts::default(), executed: none.clone(), passed: none, spent: 0 }
     }
 
     /// The instructions that some lane executed and went on from, by their word offset.
-    pub fn passed(&self) -> BTreeSet<u32> {
+    pub(super) fn passed(&self) -> BTreeSet<u32> {
         self.offsets(&self.passed)
     }
 
     /// Adds what was run to what has run before.
-    pub fn add_to(&self, blocks: &mut Blocks, executed: &mut BTreeSet<u32>) {
+    pub(super) fn add_to(&self, blocks: &mut Blocks, executed: &mut BTreeSet<u32>) {
         blocks.enter(self.program, &self.counts, 0);
         executed.extend(self.offsets(&self.executed));
     }
@@ -78,7 +78,7 @@ impl<const W: usize> Observer<W> for BlockRecorder<'_> {
 
 /// The instructions of a program that trace, and those that begin ray queries, by their word
 /// offsets.
-pub fn tracing(program: &Program) -> [BTreeSet<u32>; 2] {
+pub(super) fn tracing(program: &Program) -> [BTreeSet<u32>; 2] {
     let mut found = [BTreeSet::new(), BTreeSet::new()];
     for (op, origin) in program.ops.iter().zip(&program.origins) {
         let kind = match op {
@@ -98,7 +98,7 @@ const FAR: u32 = 1000;
 
 /// How often what happened.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Happened {
+pub(super) struct Happened {
     /// Rays that the shader traced.
     pub traces: u64,
     /// Ray queries that it began.
@@ -110,7 +110,7 @@ pub struct Happened {
 }
 
 /// Answers in the place of the shaders that are not there, and counts what happens.
-pub struct StandIn<'a> {
+pub(super) struct StandIn<'a> {
     program: &'a Program,
     numbers: ValueSource,
     launch_id: [u32; 3],
@@ -122,7 +122,7 @@ pub struct StandIn<'a> {
 
 impl<'a> StandIn<'a> {
     /// One whose answers are made of these numbers.
-    pub fn new(program: &'a Program, numbers: ValueSource) -> Self {
+    pub(super) fn new(program: &'a Program, numbers: ValueSource) -> Self {
         let (launch_id, answers) = ([0; 3], HashMap::new());
         Self { program, numbers, launch_id, answers, happened: Happened::default() }
     }

@@ -8,7 +8,7 @@ pub(super) struct SplitMix64(pub u64);
 
 impl SplitMix64 {
     /// Draws 64 random bits.
-    pub fn bits(&mut self) -> u64 {
+    pub(super) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         mix64(self.0)
     }
@@ -38,7 +38,7 @@ pub(super) struct Draw<'a> {
 
 impl Draw<'_> {
     /// Draws true or false with equal odds.
-    pub fn coin(&mut self) -> bool {
+    pub(super) fn coin(&mut self) -> bool {
         self.random.bits() >> 63 == 1
     }
 
@@ -53,7 +53,7 @@ impl Draw<'_> {
     }
 
     /// The nearest float of the type.
-    pub fn nearest(&self, value: f64) -> f64 {
+    pub(super) fn nearest(&self, value: f64) -> f64 {
         match self.width {
             16 => crate::math::float::f64_to_f16(value).to_f64(),
             _ => f64::from(value as f32),
@@ -74,7 +74,7 @@ impl Draw<'_> {
     /// A correctly rounded result: one of the two floats around `value` plus a rest too small for
     /// f64. It is the nearest float if the shader requires that (`RoundingModeRTE`), and on
     /// NVIDIA's driver.
-    pub fn rounded(&mut self, value: f64, rest: f64) -> f64 {
+    pub(super) fn rounded(&mut self, value: f64, rest: f64) -> f64 {
         let near = self.nearest(value);
         if !near.is_finite() || self.nearest || self.envelope == Envelope::Nvidia {
             return near;
@@ -88,7 +88,7 @@ impl Draw<'_> {
         }
     }
 
-    pub fn add(&mut self, a: f64, b: f64) -> f64 {
+    pub(super) fn add(&mut self, a: f64, b: f64) -> f64 {
         // The error of a sum of two f64 is a f64 (Knuth's TwoSum).
         let sum = a + b;
         let part = sum - a;
@@ -97,17 +97,17 @@ impl Draw<'_> {
     }
 
     /// A product of two floats of at most 24 bits is exact in f64.
-    pub fn mul(&mut self, a: f64, b: f64) -> f64 {
+    pub(super) fn mul(&mut self, a: f64, b: f64) -> f64 {
         self.rounded(a * b, 0.0)
     }
 
     /// `a * b + c`, rounded once.
-    pub fn fma(&mut self, a: f64, b: f64, c: f64) -> f64 {
+    pub(super) fn fma(&mut self, a: f64, b: f64, c: f64) -> f64 {
         self.add(a * b, c)
     }
 
     /// `a * b + c`, rounded once or twice if contraction is allowed, otherwise twice.
-    pub fn mul_add(&mut self, a: f64, b: f64, c: f64) -> f64 {
+    pub(super) fn mul_add(&mut self, a: f64, b: f64, c: f64) -> f64 {
         if self.may_contract && self.coin() {
             return self.fma(a, b, c);
         }
@@ -117,7 +117,7 @@ impl Draw<'_> {
 
     /// 2.5 units in the last place for divisors that are zero or in 2^-126..=2^126 (2^-14..=2^14 in
     /// f16); for others Vulkan specifies nothing, and the correct quotient is returned.
-    pub fn div(&mut self, a: f64, b: f64) -> f64 {
+    pub(super) fn div(&mut self, a: f64, b: f64) -> f64 {
         let range = if self.width == 16 { 14 } else { 126 };
         let near = (2f64.powi(-range)..=2f64.powi(range)).contains(&b.abs());
         match (near, self.envelope) {
@@ -128,7 +128,7 @@ impl Draw<'_> {
     }
 
     /// Draws within `count` units in the last place of a value.
-    pub fn ulps(&mut self, value: f64, count: f64) -> f64 {
+    pub(super) fn ulps(&mut self, value: f64, count: f64) -> f64 {
         let near = self.nearest(value);
         if !near.is_finite() || value == 0.0 {
             return near;
@@ -139,7 +139,7 @@ impl Draw<'_> {
     }
 
     /// Draws within an absolute distance of a value.
-    pub fn near(&mut self, value: f64, distance: f64) -> f64 {
+    pub(super) fn near(&mut self, value: f64, distance: f64) -> f64 {
         if !value.is_finite() {
             return self.nearest(value);
         }
@@ -157,7 +157,7 @@ impl Draw<'_> {
 
     /// 3 units in the last place; between 0.5 and 2, where the logarithm of x is near 0, an
     /// absolute error of 2^-21 (2^-7 in f16).
-    pub fn log(&mut self, x: f64, log: f64) -> f64 {
+    pub(super) fn log(&mut self, x: f64, log: f64) -> f64 {
         let measured = self.envelope == Envelope::Nvidia;
         if !(0.5..=2.0).contains(&x) {
             return self.ulps(log, if measured { 2.1 } else { 3.0 });
@@ -171,13 +171,13 @@ impl Draw<'_> {
     }
 
     /// 3 + 2 |x| units in the last place (1 + 2 |x| in f16).
-    pub fn exp2(&mut self, x: f64) -> f64 {
+    pub(super) fn exp2(&mut self, x: f64) -> f64 {
         let first = if self.width == 16 { 1.0 } else { 3.0 };
         self.ulps(x.exp2(), first + 2.0 * x.abs())
     }
 
     /// `1 / inversesqrt(x)`
-    pub fn sqrt(&mut self, x: f64) -> f64 {
+    pub(super) fn sqrt(&mut self, x: f64) -> f64 {
         if x == 0.0 || !x.is_finite() {
             return self.nearest(x.sqrt());
         }
@@ -186,7 +186,7 @@ impl Draw<'_> {
     }
 
     /// 4096 units in the last place (5 in f16).
-    pub fn atan(&mut self, value: f64) -> f64 {
+    pub(super) fn atan(&mut self, value: f64) -> f64 {
         let count = match (self.envelope, self.width) {
             (Envelope::Nvidia, _) => 2.2,
             (Envelope::Vulkan, 16) => 5.0,
@@ -196,7 +196,7 @@ impl Draw<'_> {
     }
 
     /// `(exp(x) + sign * exp(-x)) * 0.5`
-    pub fn hyperbolic(&mut self, x: f64, sign: f64) -> f64 {
+    pub(super) fn hyperbolic(&mut self, x: f64, sign: f64) -> f64 {
         let first = if self.width == 16 { 1.0 } else { 3.0 };
         let rising = self.ulps(x.exp(), first + 2.0 * x.abs());
         let falling = self.ulps((-x).exp(), first + 2.0 * x.abs());

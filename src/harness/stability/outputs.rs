@@ -22,12 +22,12 @@ pub(super) struct OutputComparison<'a> {
 
 impl<'a> OutputComparison<'a> {
     /// Differences up to `tolerance` are none: of a value, or absolutely below 1.
-    pub fn new(assembled: &'a Assembled, reference: &'a Observed, tolerance: f64) -> Self {
+    pub(super) fn new(assembled: &'a Assembled, reference: &'a Observed, tolerance: f64) -> Self {
         Self { assembled, reference, tolerance, found: BTreeMap::new() }
     }
 
     /// The number of outputs: resources that the reference run changed, and results of rays.
-    pub fn output_count(&self, before: &Observed) -> usize {
+    pub(super) fn output_count(&self, before: &Observed) -> usize {
         let changed = |(one, other): &(&Bytes, &Bytes)| one.bytes != other.bytes;
         let count = |one: &[Bytes], other: &[Bytes]| one.iter().zip(other).filter(changed).count();
         count(&self.reference.buffers, &before.buffers)
@@ -36,7 +36,7 @@ impl<'a> OutputComparison<'a> {
     }
 
     /// Compares a run with the reference.
-    pub fn add(&mut self, run: u32, other: &Observed) {
+    pub(super) fn add(&mut self, run: u32, other: &Observed) {
         let reference = self.reference;
         for (one, other) in reference.buffers.iter().zip(&other.buffers) {
             if one.bytes != other.bytes {
@@ -75,7 +75,7 @@ impl<'a> OutputComparison<'a> {
     }
 
     /// The outputs that differ.
-    pub fn unstable(self) -> Vec<UnstableOutput> {
+    pub(super) fn unstable(self) -> Vec<UnstableOutput> {
         let all = self.found.into_values();
         all.map(|(values, worst)| UnstableOutput { values: values.len(), ..worst }).collect()
     }

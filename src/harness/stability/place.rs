@@ -42,7 +42,7 @@ pub(super) struct Programs {
 }
 
 impl Programs {
-    pub fn of(scene: &ResolvedScene, assembled: &Assembled) -> Self {
+    pub(super) fn of(scene: &ResolvedScene, assembled: &Assembled) -> Self {
         let pipelines = assembled.all_pipelines().flat_map(|(index, pipeline)| {
             let names = Names::new(scene, index, pipeline);
             pipeline.programs.iter().enumerate().map(move |(at, program)| {
@@ -66,12 +66,12 @@ impl Programs {
     }
 
     /// The index of the first program of a pipeline: a named one by its index, or `[pipeline]`.
-    pub fn first(&self, pipeline: Option<usize>) -> usize {
+    pub(super) fn first(&self, pipeline: Option<usize>) -> usize {
         self.first[pipeline.map_or(0, |index| index + 1)]
     }
 
     /// The location of the instruction at a word offset of a shader's module.
-    pub fn location(&self, shader: usize, offset: u32) -> SourceLocation {
+    pub(super) fn location(&self, shader: usize, offset: u32) -> SourceLocation {
         let program = &self.all[shader];
         if let Some(line) = source_line_at(program, offset) {
             return SourceLocation { file: line.file, line: line.line, text: line.text };

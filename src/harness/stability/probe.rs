@@ -30,7 +30,7 @@ pub(super) enum RunPart {
 
 impl RunPart {
     /// The pipeline, for what has one.
-    pub fn pipeline(self) -> Option<usize> {
+    pub(super) fn pipeline(self) -> Option<usize> {
         match self {
             Self::Invocation { pipeline, .. } | Self::Ray(pipeline) => pipeline,
             Self::Dispatch(_) => None,

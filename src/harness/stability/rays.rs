@@ -16,16 +16,16 @@ pub(super) struct RayOperandOffset(pub u32);
 
 impl RayOperandOffset {
     /// The offset in `OpTraceRayKHR` and other instructions that trace.
-    pub const TRACE: Self = Self(7);
+    pub(super) const TRACE: Self = Self(7);
     /// The offset in `OpRayQueryInitializeKHR`.
-    pub const QUERY: Self = Self(4);
-    pub const T_MIN: u32 = 3;
-    pub const DIRECTION: u32 = 4;
-    pub const T_MAX: u32 = 7;
+    pub(super) const QUERY: Self = Self(4);
+    pub(super) const T_MIN: u32 = 3;
+    pub(super) const DIRECTION: u32 = 4;
+    pub(super) const T_MAX: u32 = 7;
     const COUNT: u32 = 8;
 
     /// The registers of the ray, given the first register of the operands.
-    pub fn registers(self, operands: Reg) -> impl Iterator<Item = Reg> {
+    pub(super) fn registers(self, operands: Reg) -> impl Iterator<Item = Reg> {
         (0..Self::COUNT).map(move |word| operands.plus(self.0 + word))
     }
 }
@@ -36,7 +36,7 @@ pub(super) struct RayShadow(pub Vec<Option<ShadowValue>>);
 
 impl RayShadow {
     /// The shadow value of a scalar, counted from the origin on.
-    pub fn entry(&self, at: u32) -> Option<ShadowValue> {
+    pub(super) fn entry(&self, at: u32) -> Option<ShadowValue> {
         self.0.get(at as usize).copied().flatten()
     }
 
@@ -57,7 +57,7 @@ impl RayShadow {
 
     /// Whether the ray of shadow values hits another primitive than the run committed. `ignored`
     /// are candidates that shaders ignored; at `last` they terminated the ray.
-    pub fn hit_differs(
+    pub(super) fn hit_differs(
         &self,
         tlas: &Tlas,
         trace: TraceRay,
@@ -108,7 +108,7 @@ pub(super) struct ShadowedTrace {
 
 impl ShadowedTrace {
     /// Whether the ray of shadow values hits another primitive; `flags` are the pipeline's.
-    pub fn hit_differs(&self, committed: Option<&Committed>, flags: u32) -> bool {
+    pub(super) fn hit_differs(&self, committed: Option<&Committed>, flags: u32) -> bool {
         let Some((tlas, trace)) = &self.traced else { return false };
         let trace = TraceRay { flags: RayFlags(trace.flags.0 | flags), ..*trace };
         self.ray_shadow.hit_differs(tlas, trace, committed, &self.ignored, None)
@@ -132,20 +132,20 @@ pub(super) struct ShadowedQuery {
 
 impl ShadowedQuery {
     /// A query whose ray has these shadow values.
-    pub fn new(ray_shadow: RayShadow) -> Self {
+    pub(super) fn new(ray_shadow: RayShadow) -> Self {
         Self { ray_shadow, ..Self::default() }
     }
 
-    pub fn confirm(&mut self) {
+    pub(super) fn confirm(&mut self) {
         self.confirmed = true;
     }
 
-    pub fn terminate(&mut self) {
+    pub(super) fn terminate(&mut self) {
         self.terminated = true;
     }
 
     /// The query proceeds to a candidate, or to its end.
-    pub fn proceed(&mut self, to: Option<&Candidate>) {
+    pub(super) fn proceed(&mut self, to: Option<&Candidate>) {
         if let Some(before) = self.candidate.filter(|_| !self.confirmed) {
             self.ignored.insert(before);
         }
@@ -159,7 +159,7 @@ impl ShadowedQuery {
 
     /// Whether the ray of shadow values has another committed hit by now; true at most once. A
     /// query in progress is compared only after a hit was confirmed.
-    pub fn hit_differs(&mut self, query: &RayQuery) -> bool {
+    pub(super) fn hit_differs(&mut self, query: &RayQuery) -> bool {
         let mut ignored = self.ignored.clone();
         ignored.extend(self.candidate.filter(|_| !self.confirmed));
         let differs = !self.is_reported

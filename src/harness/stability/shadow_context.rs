@@ -25,7 +25,7 @@ pub(super) struct ShadowContext {
 }
 
 impl ShadowContext {
-    pub fn new(scene: &ResolvedScene, assembled: &Assembled) -> Self {
+    pub(super) fn new(scene: &ResolvedScene, assembled: &Assembled) -> Self {
         let programs = Programs::of(scene, assembled);
         let shadow_ops = |program: &Arc<Program>| {
             let of = |op: &Op| {
@@ -40,12 +40,12 @@ impl ShadowContext {
     }
 
     /// The ray flags that a pipeline adds to those of every ray.
-    pub fn flags(&self, pipeline: Option<usize>) -> u32 {
+    pub(super) fn flags(&self, pipeline: Option<usize>) -> u32 {
         self.flags[pipeline.map_or(0, |index| index + 1)]
     }
 
     /// Locks the shadow values of buffers.
-    pub fn memory(&self) -> MutexGuard<'_, Memory> {
+    pub(super) fn memory(&self) -> MutexGuard<'_, Memory> {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

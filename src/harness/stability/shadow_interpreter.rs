@@ -46,7 +46,7 @@ pub(super) struct ShadowInterpreter<'a> {
 
 impl<'a> ShadowInterpreter<'a> {
     /// An interpreter for a task that has not begun.
-    pub fn new(context: &'a ShadowContext) -> Self {
+    pub(super) fn new(context: &'a ShadowContext) -> Self {
         Self {
             context,
             frames: Vec::new(),
@@ -64,7 +64,7 @@ impl<'a> ShadowInterpreter<'a> {
     }
 
     /// The findings by source line.
-    pub fn findings(&self) -> ShadowFindings {
+    pub(super) fn findings(&self) -> ShadowFindings {
         let mut shadow = ShadowFindings::default();
         let mut found: Vec<_> = self.found.iter().collect();
         found.sort_unstable_by_key(|(key, _)| **key);

@@ -38,7 +38,7 @@ pub(super) enum WaitsFor {
 
 impl ShadowFrame {
     /// Resets the frame for a shader with this number of registers.
-    pub fn begin(&mut self, shader: usize, registers: usize, generation: u64) {
+    pub(super) fn begin(&mut self, shader: usize, registers: usize, generation: u64) {
         self.entries.resize(registers.max(self.entries.len()), (0, ShadowValue::default()));
         (self.shader, self.generation) = (shader, generation);
         (self.waits_for, self.wait_offset) = (WaitsFor::No, 0);
@@ -46,40 +46,40 @@ impl ShadowFrame {
     }
 
     /// The shadow value of a register, whatever bits the register holds by now.
-    pub fn entry(&self, reg: Reg) -> Option<ShadowValue> {
+    pub(super) fn entry(&self, reg: Reg) -> Option<ShadowValue> {
         let &(generation, entry) = self.entries.get(reg.0 as usize)?;
         (generation == self.generation).then_some(entry)
     }
 
     /// The shadow value of a register of one or two words, if it holds `bits`.
-    pub fn value(&self, reg: Reg, bits: u64) -> Option<f64> {
+    pub(super) fn value(&self, reg: Reg, bits: u64) -> Option<f64> {
         self.entry(reg).filter(|entry| entry.bits == bits).map(|entry| entry.value)
     }
 
     /// Sets or removes the shadow value of a register.
-    pub fn set(&mut self, reg: Reg, entry: Option<ShadowValue>) {
+    pub(super) fn set(&mut self, reg: Reg, entry: Option<ShadowValue>) {
         if let Some(slot) = self.entries.get_mut(reg.0 as usize) {
             *slot = entry.map_or((0, ShadowValue::default()), |entry| (self.generation, entry));
         }
     }
 
     /// Removes the shadow values of some registers.
-    pub fn invalidate(&mut self, first: Reg, count: u32) {
+    pub(super) fn invalidate(&mut self, first: Reg, count: u32) {
         (0..count).for_each(|word| self.set(first.plus(word), None));
     }
 
     /// The shadow values of a ray, given the first register of an instruction's operands.
-    pub fn ray_shadow(&self, numbers: RayOperandOffset, operands: Reg) -> RayShadow {
+    pub(super) fn ray_shadow(&self, numbers: RayOperandOffset, operands: Reg) -> RayShadow {
         RayShadow(numbers.registers(operands).map(|register| self.entry(register)).collect())
     }
 
     /// The shadow values of some registers.
-    pub fn entries(&self, span: RegSpan) -> Vec<Option<ShadowValue>> {
+    pub(super) fn entries(&self, span: RegSpan) -> Vec<Option<ShadowValue>> {
         (0..span.count).map(|word| self.entry(span.first.plus(word))).collect()
     }
 
     /// Sets the shadow values of some registers.
-    pub fn set_all(&mut self, span: RegSpan, entries: &[Option<ShadowValue>]) {
+    pub(super) fn set_all(&mut self, span: RegSpan, entries: &[Option<ShadowValue>]) {
         for word in 0..span.count {
             self.set(span.first.plus(word), entries.get(word as usize).copied().flatten());
         }

@@ -8,7 +8,7 @@ use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 /// How the functions of a pair are composed: each variant stands for the type with its name, here
 /// or in [`words`](super::words).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PairShape {
+pub(super) enum PairShape {
     Then,
     After,
     ThenWith,
@@ -18,7 +18,7 @@ pub enum PairShape {
 }
 
 /// `f = F(a, b)`, then `G(f, c)`.
-pub struct Then<F, G>(PhantomData<(F, G)>);
+pub(super) struct Then<F, G>(PhantomData<(F, G)>);
 
 impl<F: Binary, G: Binary<A = F::R>> Ternary for Then<F, G> {
     type A = F::A;
@@ -32,7 +32,7 @@ impl<F: Binary, G: Binary<A = F::R>> Ternary for Then<F, G> {
 }
 
 /// `f = F(a, b)`, then `G(c, f)`.
-pub struct After<F, G>(PhantomData<(F, G)>);
+pub(super) struct After<F, G>(PhantomData<(F, G)>);
 
 impl<F: Binary, G: Binary<B = F::R>> Ternary for After<F, G> {
     type A = F::A;
@@ -46,7 +46,7 @@ impl<F: Binary, G: Binary<B = F::R>> Ternary for After<F, G> {
 }
 
 /// `f = F(a)`, then `G(f, b)`.
-pub struct ThenWith<F, G>(PhantomData<(F, G)>);
+pub(super) struct ThenWith<F, G>(PhantomData<(F, G)>);
 
 impl<F: Unary, G: Binary<A = F::R>> Binary for ThenWith<F, G> {
     type A = F::A;
@@ -59,7 +59,7 @@ impl<F: Unary, G: Binary<A = F::R>> Binary for ThenWith<F, G> {
 }
 
 /// `f = F(a, b)`, then `G(a, f)`.
-pub struct WithItself<F, G>(PhantomData<(F, G)>);
+pub(super) struct WithItself<F, G>(PhantomData<(F, G)>);
 
 impl<F: Binary, G: Binary<A = F::A, B = F::R>> Binary for WithItself<F, G> {
     type A = F::A;

@@ -5,15 +5,15 @@ use crate::ops::lane_kernel::{Binary, Ternary, Unary};
 use crate::ops::superop::Operands;
 
 /// A function that reads the first [`WordFunction::OPERANDS`] words.
-pub trait WordFunction {
+pub(super) trait WordFunction {
     const OPERANDS: usize;
     /// The result; a NaN has the payload that the processor gave it.
     fn apply(words: Operands<u32>) -> u32;
 }
 
-pub struct UnaryWord<F>(F);
-pub struct BinaryWord<F>(F);
-pub struct TernaryWord<F>(F);
+pub(super) struct UnaryWord<F>(F);
+pub(super) struct BinaryWord<F>(F);
+pub(super) struct TernaryWord<F>(F);
 
 impl<F: Unary> WordFunction for UnaryWord<F> {
     const OPERANDS: usize = 1;
@@ -40,7 +40,7 @@ impl<F: Ternary> WordFunction for TernaryWord<F> {
 }
 
 /// `F`, then `G` with the result as its first operand.
-pub struct Chain<F, G>(F, G);
+pub(super) struct Chain<F, G>(F, G);
 
 impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
     const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
@@ -55,7 +55,7 @@ impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
 
 /// `F`, then `G` with the result as its last operand; the other operands of `G` follow those of
 /// `F`.
-pub struct Last<F, G>(F, G);
+pub(super) struct Last<F, G>(F, G);
 
 impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
     const OPERANDS: usize = F::OPERANDS + G::OPERANDS - 1;
@@ -69,7 +69,7 @@ impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
 }
 
 /// `F(a, a)`.
-pub struct OnBothOperands<F>(F);
+pub(super) struct OnBothOperands<F>(F);
 
 impl<F: Binary<B = <F as Binary>::A>> Unary for OnBothOperands<F> {
     type A = F::A;
@@ -81,7 +81,7 @@ impl<F: Binary<B = <F as Binary>::A>> Unary for OnBothOperands<F> {
 }
 
 /// Returns its operand unchanged.
-pub struct Identity;
+pub(super) struct Identity;
 
 impl Unary for Identity {
     type A = u32;
@@ -93,7 +93,7 @@ impl Unary for Identity {
 }
 
 /// Replaces a NaN with the canonical NaN that registers hold.
-pub struct CanonicalNan;
+pub(super) struct CanonicalNan;
 
 impl Unary for CanonicalNan {
     type A = u32;

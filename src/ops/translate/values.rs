@@ -18,6 +18,7 @@ pub enum IdValue {
 
 /// The values of ids: those of a module's constants and variables stay, those of a function last as
 /// long as it is lowered.
+#[derive(Debug)]
 pub(super) struct Values {
     globals: FxHashMap<Id, IdValue>,
     /// The values of the function that is lowered, behind those of the functions that it is inlined
@@ -29,7 +30,7 @@ pub(super) struct Values {
 
 impl Values {
     /// Returns a map without values.
-    pub fn new(module: &Module) -> Self {
+    pub(super) fn new(module: &Module) -> Self {
         Self {
             globals: FxHashMap::default(),
             locals: Vec::new(),
@@ -38,18 +39,18 @@ impl Values {
     }
 
     /// The value of an id.
-    pub fn find(&self, id: Id) -> Option<&IdValue> {
+    pub(super) fn find(&self, id: Id) -> Option<&IdValue> {
         self.local(id).or_else(|| self.globals.get(&id))
     }
 
     /// The value of an id of the function that is lowered.
-    pub fn local(&self, id: Id) -> Option<&IdValue> {
+    pub(super) fn local(&self, id: Id) -> Option<&IdValue> {
         let (owner, value) = self.locals.get(self.local_indices.find(id)? as usize)?;
         (*owner == id).then_some(value)
     }
 
     /// Gives an id of the function that is lowered its value.
-    pub fn define(&mut self, id: Id, value: IdValue) {
+    pub(super) fn define(&mut self, id: Id, value: IdValue) {
         let known = self.local_indices.find(id).and_then(|index| self.locals.get_mut(index as usize));
         match known.filter(|(owner, _)| *owner == id) {
             Some((_, known)) => *known = value,
@@ -61,17 +62,17 @@ impl Values {
     }
 
     /// Gives a constant or a variable of the module its value.
-    pub fn define_global(&mut self, id: Id, value: IdValue) {
+    pub(super) fn define_global(&mut self, id: Id, value: IdValue) {
         self.globals.insert(id, value);
     }
 
     /// The number of values of functions; [`Values::truncate_locals`] goes back to it.
-    pub fn local_count(&self) -> usize {
+    pub(super) fn local_count(&self) -> usize {
         self.locals.len()
     }
 
     /// Discards the values of functions but for the first `locals`.
-    pub fn truncate_locals(&mut self, locals: usize) {
+    pub(super) fn truncate_locals(&mut self, locals: usize) {
         self.locals.truncate(locals);
     }
 }

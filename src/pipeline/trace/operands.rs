@@ -16,7 +16,7 @@ use crate::pipeline::{Pipeline, payload};
 impl<const W: usize> Trace<W> {
     /// Resets the trace for the rays of another instruction. `invokes_hit_or_miss` says whether
     /// closest-hit and miss shaders run at the end.
-    pub fn reset(&mut self, invokes_hit_or_miss: bool) {
+    pub(crate) fn reset(&mut self, invokes_hit_or_miss: bool) {
         self.invokes_hit_or_miss = invokes_hit_or_miss;
         self.lanes = Mask::NONE;
         self.traversing = Mask::NONE;
@@ -32,14 +32,19 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Sets the instruction that traces, and copies the launch indices of its invocations.
-    pub fn set_caller(&mut self, caller: Caller, payload_scalars: Option<u64>, invocations: &Invocations<W>) {
+    pub(crate) fn set_caller(
+        &mut self,
+        caller: Caller,
+        payload_scalars: Option<u64>,
+        invocations: &Invocations<W>,
+    ) {
         (self.caller, self.payload_scalars) = (Some(caller), payload_scalars);
         (self.launch_id, self.launch_size) = (invocations.launch_id, invocations.launch_size);
         self.depth = invocations.depth + 1;
     }
 
     /// Whether the payload of the rays matches the one that a shader declares.
-    pub fn payload_matches(&self, pipeline: &Pipeline, shader: Shader) -> bool {
+    pub(crate) fn payload_matches(&self, pipeline: &Pipeline, shader: Shader) -> bool {
         payload::accepts(&pipeline.programs[shader.0 as usize], self.payload_scalars)
     }
 
@@ -50,18 +55,18 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Sets the launch index of a ray from the host: 0, in a launch of one invocation.
-    pub fn set_host_caller(&mut self) {
+    pub(crate) fn set_host_caller(&mut self) {
         (self.launch_id, self.launch_size, self.depth) = ([Lanes::splat(0); 3], [1; 3], 1);
     }
 
     /// Begins the rays of some lanes. Their operands must be set.
-    pub fn begin(&mut self, lanes: Mask<W>) {
+    pub(crate) fn begin(&mut self, lanes: Mask<W>) {
         self.lanes = lanes;
         self.traversing = if self.from_hit_objects { Mask::NONE } else { lanes };
     }
 
     /// Sets a lane's ray and its result from a hit object.
-    pub fn add_hit_object(
+    pub(crate) fn add_hit_object(
         &mut self,
         lane: usize,
         (tlas, trace): (&Arc<Tlas>, &TraceRay),

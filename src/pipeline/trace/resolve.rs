@@ -112,19 +112,19 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The index of the record of a lane's miss shader.
-    pub fn miss_record_index(&self, lane: usize) -> u64 {
+    pub(crate) fn miss_record_index(&self, lane: usize) -> u64 {
         u64::from(self.miss_index.0[lane] & 0xFFFF)
     }
 
     /// The index of the hit record of a lane's candidate.
-    pub fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> u64 {
+    pub(crate) fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> u64 {
         let instance = candidate.instance_in(self.tlas(lane));
         let (stride, offset) = (self.sbt_stride.0[lane], self.sbt_offset.0[lane]);
         hit_record_index(instance.sbt_record_offset, candidate.geometry, stride, offset)
     }
 
     /// Applies the exits of a shader that the lanes' rays called.
-    pub fn apply_exits(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
+    pub(crate) fn apply_exits(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
         for lane in lanes.lanes() {
             let exit = batch.exits[lane];
             if let Exit::Trapped(_) = exit {
@@ -145,7 +145,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Stores the attributes of a lane's committed hit.
-    pub fn commit_attributes(&mut self, lane: usize, attributes: Words) {
+    pub(crate) fn commit_attributes(&mut self, lane: usize, attributes: Words) {
         if self.attributes.len() <= lane {
             self.attributes.resize_with(lane + 1, Words::new);
         }
@@ -160,7 +160,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The attributes of a lane's committed hit.
-    pub fn committed_attributes(&self, lane: usize) -> Words {
+    pub(crate) fn committed_attributes(&self, lane: usize) -> Words {
         match self.built_in_candidate(lane) {
             Some(candidate) => Words::from_slice(&candidate.intersection.attributes.map(f32::to_bits)),
             None => self.attributes.get(lane).cloned().unwrap_or_default(),
@@ -168,7 +168,13 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Writes the builtins of a shader that runs in a role.
-    pub fn write_builtins(&self, pipeline: &Pipeline, role: Role, lanes: Mask<W>, to: &mut Invocations<W>) {
+    pub(crate) fn write_builtins(
+        &self,
+        pipeline: &Pipeline,
+        role: Role,
+        lanes: Mask<W>,
+        to: &mut Invocations<W>,
+    ) {
         (to.launch_id, to.launch_size, to.depth) = (self.launch_id, self.launch_size, self.depth);
         to.rays = self.rays;
         to.structures.copy(&self.structures);
@@ -207,7 +213,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Writes the initial hit attributes of a shader that runs in a role.
-    pub fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
+    pub(crate) fn write_hit_attributes(&self, role: Role, lanes: Mask<W>, registers: &mut [Lanes<W>]) {
         for lane in lanes.lanes() {
             let candidate = match role {
                 Role::AnyHit => self.cursor(lane).candidate(),

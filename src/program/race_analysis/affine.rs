@@ -52,19 +52,19 @@ pub(super) struct AffineExpr(pub SmallVec<[(SmallVec<[Symbol; 2]>, i64); 4]>);
 const MAX_TERMS: usize = 12;
 
 impl AffineExpr {
-    pub fn constant(value: i64) -> Self {
+    pub(super) fn constant(value: i64) -> Self {
         Self::of(SmallVec::new(), value)
     }
 
-    pub fn symbol(symbol: Symbol) -> Self {
+    pub(super) fn symbol(symbol: Symbol) -> Self {
         Self::of(SmallVec::from_slice(&[symbol]), 1)
     }
 
-    pub fn of(symbols: SmallVec<[Symbol; 2]>, factor: i64) -> Self {
+    pub(super) fn of(symbols: SmallVec<[Symbol; 2]>, factor: i64) -> Self {
         Self(if factor == 0 { SmallVec::new() } else { SmallVec::from_iter([(symbols, factor)]) })
     }
 
-    pub fn plus(mut self, other: &Self) -> Option<Self> {
+    pub(super) fn plus(mut self, other: &Self) -> Option<Self> {
         for (symbols, factor) in &other.0 {
             match self.0.iter_mut().find(|(known, _)| known == symbols) {
                 Some((_, known)) => *known = known.checked_add(*factor)?,
@@ -75,7 +75,7 @@ impl AffineExpr {
         (self.0.len() <= MAX_TERMS).then_some(self)
     }
 
-    pub fn times(&self, other: &Self) -> Option<Self> {
+    pub(super) fn times(&self, other: &Self) -> Option<Self> {
         let mut product = Self::default();
         for (a, left) in &self.0 {
             for (b, right) in &other.0 {
@@ -92,7 +92,7 @@ impl AffineExpr {
     }
 
     /// Splits it into its constant term and the rest.
-    pub fn split(&self) -> (i64, Self) {
+    pub(super) fn split(&self) -> (i64, Self) {
         let constant = self.0.iter().find(|(symbols, _)| symbols.is_empty()).map_or(0, |term| term.1);
         (constant, Self(self.0.iter().filter(|(symbols, _)| !symbols.is_empty()).cloned().collect()))
     }
@@ -100,14 +100,14 @@ impl AffineExpr {
 
 impl AffineRange {
     /// One number, without bounds.
-    pub fn exactly(from: AffineExpr) -> Self {
+    pub(super) fn exactly(from: AffineExpr) -> Self {
         Self { from, count: 1, bounds: Bounds::new() }
     }
 
     /// Whether no value of one range is a value of the other. This compares the constant terms
     /// modulo the greatest power of two that divides all other factors, at most 2^32, so it also
     /// holds if 32-bit arithmetic wraps around. Of ranges with bounds it is not known.
-    pub fn is_disjoint_from(&self, other: &Self) -> bool {
+    pub(super) fn is_disjoint_from(&self, other: &Self) -> bool {
         if !(self.bounds.is_empty() && other.bounds.is_empty()) {
             return false;
         }

@@ -38,7 +38,7 @@ struct Extent {
 
 impl AliasedMemory {
     /// The aliases among the bindings that are accessed.
-    pub fn of(resources: &Resources, accesses: &[&MemoryAccess]) -> Self {
+    pub(super) fn of(resources: &Resources, accesses: &[&MemoryAccess]) -> Self {
         let mut all = Self { first: BTreeMap::new(), addressed: Vec::new(), shifts: BTreeMap::new() };
         let mut bindings: Vec<Binding> =
             accesses.iter().filter_map(|access| binding(access.memory)).collect();
@@ -127,7 +127,7 @@ impl AliasedMemory {
     }
 
     /// The representative of a memory among its aliases.
-    pub fn representative(&self, memory: Memory) -> Memory {
+    pub(super) fn representative(&self, memory: Memory) -> Memory {
         match memory {
             Memory::Binding(binding) => match self.first_of(binding) {
                 first if self.addressed.contains(&first) => Memory::Addresses,
@@ -138,7 +138,7 @@ impl AliasedMemory {
     }
 
     /// An access with its place in the memory that its binding shares.
-    pub fn placed<'a>(&self, access: &'a MemoryAccess) -> Cow<'a, MemoryAccess> {
+    pub(super) fn placed<'a>(&self, access: &'a MemoryAccess) -> Cow<'a, MemoryAccess> {
         let shift = binding(access.memory).and_then(|binding| self.shifts.get(&binding));
         let Some(shift) = shift.filter(|shift| **shift != Some(0)) else { return Cow::Borrowed(access) };
         let mut placed = access.clone();

@@ -42,7 +42,7 @@ const MAX_OPERATIONS: usize = 16;
 
 impl Converted {
     /// The range of the integer that the float gives, made of that of the integer before.
-    pub fn back(self, mut range: AffineRange) -> Option<AffineRange> {
+    pub(super) fn back(self, mut range: AffineRange) -> Option<AffineRange> {
         if range.count != 1 {
             return None;
         }

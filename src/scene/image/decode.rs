@@ -101,7 +101,7 @@ pub(super) struct Header {
 
 impl Header {
     /// Compares what decoding takes with the limits, and with what the file's bytes can hold.
-    pub fn check(&self, held: usize, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
+    pub(super) fn check(&self, held: usize, wanted: Option<Format>, limits: &InputLimits) -> Result<()> {
         let [width, height] = self.extent;
         limits.check(InputLimit::ImageSide, u64::from(width.max(height)), ErrorKind::InvalidImage)?;
         let texels = u64::from(width) * u64::from(height);

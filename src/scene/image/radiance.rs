@@ -18,7 +18,7 @@ const RUN_WIDTHS: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
 impl<'a> Radiance<'a> {
     /// Whether a file begins as Radiance files do.
-    pub fn is(bytes: &[u8]) -> bool {
+    pub(super) fn is(bytes: &[u8]) -> bool {
         bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE")
     }
 
@@ -27,7 +27,7 @@ impl<'a> Radiance<'a> {
     /// # Errors
     /// `InvalidImage` where it is broken, for the colours of another format than RGBE, and for rows
     /// that do not begin at the top left.
-    pub fn new(bytes: &'a [u8]) -> Result<Self> {
+    pub(super) fn new(bytes: &'a [u8]) -> Result<Self> {
         let mut rest = bytes;
         loop {
             let line = line(&mut rest)?;
@@ -65,7 +65,7 @@ impl<'a> Radiance<'a> {
     ///
     /// # Errors
     /// `InvalidImage` where rows end early or runs are longer than their row.
-    pub fn numbers(&self) -> Result<Vec<f32>> {
+    pub(super) fn numbers(&self) -> Result<Vec<f32>> {
         let [width, height] = self.extent.map(|side| side as usize);
         let mut numbers = Vec::with_capacity(3 * width * height);
         let mut texels = vec![[0; 4]; width];

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::scene::files::Files;
 use crate::scene::mesh::Mesh;
-use crate::scene::mesh::model::{Listed, Numbers};
+use crate::scene::mesh::listed::{Listed, Numbers};
 
 /// The error that files of a format cannot be read.
 fn missing(format: &str, feature: &str, path: &Path) -> Error {
@@ -18,7 +18,7 @@ fn missing(format: &str, feature: &str, path: &Path) -> Error {
 /// An open glTF file, of which there is none.
 #[cfg(not(feature = "gltf"))]
 #[derive(Debug)]
-pub enum GltfFile {}
+pub(super) enum GltfFile {}
 
 #[cfg(not(feature = "gltf"))]
 impl GltfFile {
@@ -38,7 +38,7 @@ impl GltfFile {
 /// An open OBJ file, of which there is none.
 #[cfg(not(feature = "obj"))]
 #[derive(Debug)]
-pub enum ObjFile {}
+pub(super) enum ObjFile {}
 
 #[cfg(not(feature = "obj"))]
 impl ObjFile {

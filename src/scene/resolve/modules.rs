@@ -62,7 +62,7 @@ pub(super) struct ModuleKey {
 
 impl ModuleKey {
     /// Of a shader's entry; `None` where it names no file, which is reported already.
-    pub fn of(entry: &ShaderEntry) -> Option<Self> {
+    pub(super) fn of(entry: &ShaderEntry) -> Option<Self> {
         let file = entry.path.as_ref().or(entry.source.as_ref())?;
         let folders = entry.include_folders.iter().map(|folder| folder.span.source.sibling(&folder.value));
         let of_flags = entry.compiler_flags.include_folders().iter();

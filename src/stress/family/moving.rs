@@ -16,7 +16,7 @@ fn time(draw: &mut Draw) -> f32 {
     }
 }
 
-pub fn moving_triangles(draw: &mut Draw) -> StressCase {
+pub(super) fn moving_triangles(draw: &mut Draw) -> StressCase {
     let side = 1 + draw.below(5);
     let sheet = sheet(draw, side);
     let (time, scale) = (time(draw), sheet.scale);
@@ -159,7 +159,7 @@ fn still_corner(draw: &mut Draw) -> StressCase {
     case
 }
 
-pub fn moving_instances(draw: &mut Draw) -> StressCase {
+pub(super) fn moving_instances(draw: &mut Draw) -> StressCase {
     if draw.one_in(6) {
         return still_corner(draw);
     }

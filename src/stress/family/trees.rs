@@ -7,14 +7,14 @@ use crate::stress::draw::Draw;
 use crate::stress::family::any;
 
 /// Triangles that share edges and vertices.
-pub struct Sheet {
+pub(super) struct Sheet {
     /// Its triangles, neighbours with the same vertices bit for bit.
     pub triangles: Vec<[[f32; 3]; 3]>,
     pub scale: f32,
 }
 
 /// `side` by `side` squares of two triangles, flat or not, anywhere.
-pub fn sheet(draw: &mut Draw, side: usize) -> Sheet {
+pub(super) fn sheet(draw: &mut Draw, side: usize) -> Sheet {
     let scale = draw.scale();
     let axes = [[0, 1, 2], [1, 2, 0], [2, 1, 0], [0, 2, 1]][draw.below(4)];
     let (hills, noise) = (draw.below(4), draw.one_in(3));
@@ -52,7 +52,7 @@ pub fn sheet(draw: &mut Draw, side: usize) -> Sheet {
 
 impl Sheet {
     /// A vertex, the middle of an edge, or a point inside of one triangle.
-    pub fn target(&self, draw: &mut Draw) -> [f32; 3] {
+    pub(super) fn target(&self, draw: &mut Draw) -> [f32; 3] {
         let [a, b, c] = self.triangles[draw.below(self.triangles.len())];
         let [v, w] = match draw.below(5) {
             0 => [0.0, 0.0],
@@ -71,7 +71,7 @@ fn case_aimed_at(draw: &mut Draw, shapes: Vec<Shape>, target: [f32; 3], scale: f
     StressCase::new(shapes, draw.transformed(origin, direction))
 }
 
-pub fn meshes(draw: &mut Draw) -> StressCase {
+pub(super) fn meshes(draw: &mut Draw) -> StressCase {
     // With more than 512 primitives the first few rays search a list.
     let side = if draw.one_in(60) { 17 } else { 2 + draw.below(6) };
     let sheet = sheet(draw, side);
@@ -81,7 +81,7 @@ pub fn meshes(draw: &mut Draw) -> StressCase {
     case_aimed_at(draw, shapes, target, scale)
 }
 
-pub fn grids(draw: &mut Draw) -> StressCase {
+pub(super) fn grids(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let side = 2 + draw.below(3);
     // Side by side, flat, overlapping, or with a gap of one bit.
@@ -101,7 +101,7 @@ pub fn grids(draw: &mut Draw) -> StressCase {
     case_aimed_at(draw, shapes, target, scale)
 }
 
-pub fn strands(draw: &mut Draw) -> StressCase {
+pub(super) fn strands(draw: &mut Draw) -> StressCase {
     if draw.one_in(4) {
         return coplanar_ends(draw);
     }
@@ -180,7 +180,7 @@ fn strand(draw: &mut Draw) -> (Vec<Shape>, f32) {
     (links.collect(), scale)
 }
 
-pub fn swarms(draw: &mut Draw) -> StressCase {
+pub(super) fn swarms(draw: &mut Draw) -> StressCase {
     let scale = draw.scale();
     let shapes: Vec<Shape> = if draw.one_in(2) {
         // A lattice of spheres that touch, or nearly.
@@ -211,7 +211,7 @@ pub fn swarms(draw: &mut Draw) -> StressCase {
     StressCase::new(shapes, transformed)
 }
 
-pub fn soups(draw: &mut Draw) -> StressCase {
+pub(super) fn soups(draw: &mut Draw) -> StressCase {
     let mut case = any(draw);
     let kind = std::mem::discriminant(&case.shapes[0]);
     let count = 16 + draw.below(64);
@@ -235,7 +235,7 @@ pub fn soups(draw: &mut Draw) -> StressCase {
 }
 
 /// A few shapes of a kind, a target for a ray, and their scale.
-pub fn few_shapes(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
+pub(super) fn few_shapes(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
     match draw.below(4) {
         0 => {
             let side = 1 + draw.below(3);
@@ -276,7 +276,7 @@ pub fn few_shapes(draw: &mut Draw) -> (Vec<Shape>, [f32; 3], f32) {
     }
 }
 
-pub fn places(draw: &mut Draw) -> StressCase {
+pub(super) fn places(draw: &mut Draw) -> StressCase {
     let (shapes, target, scale) = few_shapes(draw);
     let count = 2 + draw.below(20);
     let kind = draw.below(4);
@@ -327,6 +327,6 @@ pub fn places(draw: &mut Draw) -> StressCase {
 }
 
 /// Whether a matrix has an inverse.
-pub fn is_invertible(m: &[[f32; 4]; 3]) -> bool {
+pub(super) fn is_invertible(m: &[[f32; 4]; 3]) -> bool {
     Transform::new(m).is_some()
 }

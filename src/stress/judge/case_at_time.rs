@@ -16,7 +16,7 @@ use crate::stress::reference::motion::{is_between, is_transform};
 type Matrix = [[f32; 4]; 3];
 
 /// The primitives and instances of a case at a time.
-pub struct CaseAtTime {
+pub(crate) struct CaseAtTime {
     pub time: f32,
     /// The shapes at the time, without motion.
     pub shapes: Vec<Shape>,
@@ -26,7 +26,7 @@ pub struct CaseAtTime {
 }
 
 /// An instance at a time.
-pub struct InstanceAtTime {
+pub(crate) struct InstanceAtTime {
     placement: Placement,
     /// The interpolated matrix, if the instance moves and has one at the time.
     moved_matrix: Option<Matrix>,
@@ -38,7 +38,7 @@ pub struct InstanceAtTime {
 
 /// A hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExactHit {
+pub(crate) struct ExactHit {
     pub instance: usize,
     pub shape: usize,
     /// The intersection; its surface depends on the flags of the instance.
@@ -47,7 +47,7 @@ pub struct ExactHit {
 
 impl CaseAtTime {
     /// Interpolates a case at a time from 0 to 1.
-    pub fn new(case: &StressCase, time: f32) -> Self {
+    pub(crate) fn new(case: &StressCase, time: f32) -> Self {
         let shapes = case.shapes.iter().map(|shape| match shape {
             Shape::MovingTriangle([first, second]) => {
                 let number = |i: usize, j: usize| interpolate(first[i][j], second[i][j], time);
@@ -69,7 +69,7 @@ impl CaseAtTime {
     }
 
     /// Checks the matrix of an instance at the time.
-    pub fn check_transform(&self, instance: usize) -> Result<(), Failure> {
+    pub(crate) fn check_transform(&self, instance: usize) -> Result<(), Failure> {
         let InstanceAtTime { placement, moved_matrix, .. } = &self.instances[instance];
         let Some(moves) = &placement.motion else { return Ok(()) };
         if !is_transform(moves, self.time, moved_matrix.as_ref()) {
@@ -79,7 +79,7 @@ impl CaseAtTime {
     }
 
     /// Checks a primitive at the time of the ray.
-    pub fn check_shape(&self, case: &StressCase, shape: usize) -> Result<(), Failure> {
+    pub(crate) fn check_shape(&self, case: &StressCase, shape: usize) -> Result<(), Failure> {
         let (Shape::MovingTriangle(keys), Shape::Triangle(found)) =
             (&case.shapes[shape], &self.shapes[shape])
         else {
@@ -96,7 +96,7 @@ impl CaseAtTime {
     }
 
     /// The ray in the object space of an instance.
-    pub fn object_ray(&self, instance: usize, ray: &Ray) -> Option<ObjectRay> {
+    pub(crate) fn object_ray(&self, instance: usize, ray: &Ray) -> Option<ObjectRay> {
         let instance_at_time = &self.instances[instance];
         match instance_at_time.matrix {
             None => ObjectRay::in_world(ray),
@@ -105,13 +105,13 @@ impl CaseAtTime {
     }
 
     /// All hits of a ray of this time, in the order of their keys (t, instance, primitive).
-    pub fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<ExactHit> {
+    pub(crate) fn hits(&self, trace: &TraceRay, precision: Precision) -> Vec<ExactHit> {
         self.hits_among(trace, precision, |_, test| (0..self.shapes.len()).for_each(test))
     }
 
     /// Checks that the tree of another builder leads to the same hits: where it does not, a box is
     /// too small.
-    pub fn check_tree(
+    pub(crate) fn check_tree(
         &self,
         trace: &TraceRay,
         precision: Precision,

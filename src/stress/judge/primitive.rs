@@ -12,7 +12,7 @@ use crate::stress::judge::{Failure, Tally, fail};
 use crate::stress::reference::{Expected, ObjectLine};
 
 /// The result of the primitive tests, for a shape that does not move.
-pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
+pub(crate) fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option<Intersection> {
     match *shape {
         Shape::Triangle(vertices) => triangle::intersect(ray, vertices, precision),
         Shape::MovingTriangle(_) => None,
@@ -25,7 +25,7 @@ pub fn intersect(shape: &Shape, ray: &ObjectRay, precision: Precision) -> Option
 }
 
 /// The box around a shape that does not move; `None` if no ray can hit it.
-pub fn bounds(shape: &Shape) -> Option<Bounds> {
+pub(crate) fn bounds(shape: &Shape) -> Option<Bounds> {
     match *shape {
         Shape::Triangle(vertices) => triangle::bounds(vertices),
         Shape::MovingTriangle([first, second]) => {
@@ -76,7 +76,7 @@ impl LaneTask for SimdIntersection<'_> {
 }
 
 /// One primitive of a case and the line of a ray.
-pub struct LineAndPrimitive<'a> {
+pub(crate) struct LineAndPrimitive<'a> {
     /// The primitive at the time.
     pub shape: &'a Shape,
     pub line: &'a ObjectLine,
@@ -87,7 +87,7 @@ pub struct LineAndPrimitive<'a> {
 
 impl LineAndPrimitive<'_> {
     /// The hit of the line; `None` for a box, whose entry depends on the interval.
-    pub fn expected(&self) -> Option<Expected> {
+    pub(crate) fn expected(&self) -> Option<Expected> {
         match *self.shape {
             Shape::Triangle(vertices) => self.line.triangle(vertices),
             Shape::Aabb(_) | Shape::MovingTriangle(_) => None,
@@ -99,7 +99,7 @@ impl LineAndPrimitive<'_> {
     }
 
     /// Checks the block test, with the primitive in one lane and the other lanes empty.
-    pub fn check_block(
+    pub(crate) fn check_block(
         &self,
         ray: &ObjectRay,
         expected: Option<&Expected>,
@@ -166,7 +166,7 @@ impl LineAndPrimitive<'_> {
     }
 
     /// Checks the result for one interval.
-    pub fn check(
+    pub(crate) fn check(
         &self,
         ray: &Ray,
         expected: Option<&Expected>,

@@ -23,7 +23,7 @@ use crate::stress::reference::ObjectLine;
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// The acceleration structures in which a case's rays are traced.
-pub struct TracedScene {
+pub(crate) struct TracedScene {
     /// The structures of the case: for the best instruction set of the CPU, and for the baseline if
     /// that differs.
     structures: Vec<(&'static str, Arc<Tlas>)>,
@@ -35,7 +35,7 @@ pub struct TracedScene {
 
 /// A hit as a cursor or a packet reports it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TraversalHit {
+pub(crate) struct TraversalHit {
     pub hit_primitive: HitPrimitive,
     pub found: Intersection,
 }
@@ -43,7 +43,7 @@ pub struct TraversalHit {
 impl TracedScene {
     /// `None` if Vulkan does not allow the case: negative radii, boxes with min > max, motion keys
     /// without inverse.
-    pub fn new(case: &StressCase, precision: Precision) -> Result<Option<Self>, Failure> {
+    pub(crate) fn new(case: &StressCase, precision: Precision) -> Result<Option<Self>, Failure> {
         let Some((geometries, counts)) = case.geometries() else { return Ok(None) };
         let Ok(blas) = Blas::new(geometries) else { return Ok(None) };
         let placements = case.placements();
@@ -88,7 +88,7 @@ impl TracedScene {
     }
 
     /// Checks the traversal of a single ray.
-    pub fn check_single(
+    pub(crate) fn check_single(
         &self,
         case_at_time: &CaseAtTime,
         trace: &TraceRay,
@@ -109,7 +109,11 @@ impl TracedScene {
     }
 
     /// Checks the traversal of rays in packets; each ray has the case at its time.
-    pub fn check_packets(&self, rays: &[(TraceRay, &CaseAtTime)], tally: &mut Tally) -> Result<(), Failure> {
+    pub(crate) fn check_packets(
+        &self,
+        rays: &[(TraceRay, &CaseAtTime)],
+        tally: &mut Tally,
+    ) -> Result<(), Failure> {
         if self.has_boxes || rays.is_empty() {
             return Ok(());
         }
@@ -150,7 +154,7 @@ impl TracedScene {
 
 /// Checks the traversal of a single ray, given all its hits in order: all of them where nothing is
 /// opaque, and the closest and any where everything is, unless shaders decide about boxes.
-pub fn check_cursor(
+pub(crate) fn check_cursor(
     tlas: &Tlas,
     trace: &TraceRay,
     hits: &[TraversalHit],
@@ -201,7 +205,7 @@ pub fn check_cursor(
 }
 
 /// Checks the traversal of opaque rays in a packet, given all hits of each.
-pub fn check_packet(
+pub(crate) fn check_packet(
     packet: &mut Packet,
     tlas: &Tlas,
     (traces, hits): (&[TraceRay], &[Vec<TraversalHit>]),
