@@ -38,7 +38,7 @@ fn ray(x: f32, y: f32) -> TraceRay {
 fn walk(tlas: &Tlas, trace: TraceRay) -> Counters {
     let mut counters = Counters::default();
     let mut cursor = Cursor::new(tlas, trace);
-    while cursor.proceed_with(tlas, &mut counters).is_some() {}
+    while cursor.proceed_observed(tlas, &mut counters).is_some() {}
     counters
 }
 
@@ -175,7 +175,7 @@ fn a_ray_that_asks_only_whether_stops_at_the_first_hit() -> Result<()> {
     let mut counters = Counters::default();
     let mut cursor = Cursor::new(&tlas, trace);
     cursor.end_at_any_opaque_hit();
-    assert!(cursor.proceed_with(&tlas, &mut counters).is_none());
+    assert!(cursor.proceed_observed(&tlas, &mut counters).is_none());
     assert!(cursor.committed().is_some());
     // One leaf of at most four primitives, whichever it is.
     assert!(counters.primitives <= 4, "{counters:?}");

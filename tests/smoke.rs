@@ -497,9 +497,9 @@ fn fuel_ends_the_search_and_says_so() {
         let reached = coverage(&report.entry_points[0]);
         (reached.sets, reached.cut_short)
     };
-    let little = SmokeOptions { total_fuel: 1, ..SmokeOptions::default() };
+    let little = SmokeOptions::default().total_fuel(1);
     assert_eq!(of(little), (1, Some("fuel")));
-    let no_time = SmokeOptions { time_limit: Some(std::time::Duration::ZERO), ..SmokeOptions::default() };
+    let no_time = SmokeOptions::default().time_limit(std::time::Duration::ZERO);
     assert_eq!(of(no_time), (1, Some("time")));
 }
 
@@ -514,13 +514,10 @@ fn the_clock_ends_the_search_and_says_so() {
          OpBranch %head
          %end = OpLabel";
     let module = Arc::new(module::load(&ray_generation("", endless)).expect("a module"));
-    let time = Some(std::time::Duration::from_millis(20));
-    for launch_limits in [
-        LaunchLimits { batch_timeout: time, ..LaunchLimits::default() },
-        LaunchLimits { timeout: time, ..LaunchLimits::default() },
-    ] {
-        let (fuel, total_fuel) = (1 << 60, u64::MAX);
-        let options = SmokeOptions { fuel, total_fuel, launch_limits, ..SmokeOptions::default() };
+    let time = std::time::Duration::from_millis(20);
+    for launch_limits in [LaunchLimits::default().batch_timeout(time), LaunchLimits::default().timeout(time)]
+    {
+        let options = SmokeOptions::default().fuel(1 << 60).total_fuel(u64::MAX).launch_limits(launch_limits);
         let report = SmokeReport::of(&module, options);
         let reached = coverage(&report.entry_points[0]);
         assert_eq!((reached.sets, reached.cut_short), (1, Some("time")), "{}", report.text());
@@ -580,8 +577,7 @@ fn memory_behind_pointers_costs_fuel() {
     "
         ));
         let module = Arc::new(module::load(&bytes).expect("a module"));
-        let report =
-            SmokeReport::of(&module, SmokeOptions { total_fuel: 1 << 22, ..SmokeOptions::default() });
+        let report = SmokeReport::of(&module, SmokeOptions::default().total_fuel(1 << 22));
         let reached = coverage(&report.entry_points[0]);
         (reached.sets, reached.cut_short)
     };

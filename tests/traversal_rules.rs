@@ -222,7 +222,7 @@ fn few_primitives_and_instances_build_nothing_and_unreached_blases_stay_unbuilt(
     let mut counters = Counters::default();
     let trace = TraceRay { cull_mask: 1, ..along_z(0) };
     let mut cursor = Cursor::new(&scene, trace);
-    assert_eq!(cursor.proceed_with(&scene, &mut counters), None);
+    assert_eq!(cursor.proceed_observed(&scene, &mut counters), None);
     assert_eq!(counters, Counters { nodes: 0, instances: 2, primitives: 1, candidates: 0 });
     assert!(scene.instances()[0].blas.is_built() && !scene.instances()[1].blas.is_built());
 }
@@ -238,7 +238,9 @@ struct Notes {
 }
 
 impl TraversalObserver for Notes {
-    const EXPLAINS_MISSES: bool = true;
+    fn explains_misses(&self) -> bool {
+        true
+    }
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
         self.instances.push((instance, verdict));
@@ -273,7 +275,7 @@ fn an_onlooker_learns_why_each_was_kept_or_dropped() {
     let mut notes = Notes::default();
     let trace = TraceRay { cull_mask: 0x0F, ..along_z(16 | 512) };
     let mut cursor = Cursor::new(&scene, trace);
-    assert_eq!(cursor.proceed_with(&scene, &mut notes), None);
+    assert_eq!(cursor.proceed_observed(&scene, &mut notes), None);
     use InstanceVerdict as I;
     let verdicts = [(0, I::Masked), (1, I::Skipped), (2, I::Entered), (3, I::Entered)];
     assert_eq!(notes.instances, verdicts);

@@ -107,7 +107,7 @@ fn own_counts(tlas: &Tlas, rays: &[Ray]) -> Counts {
     let mut hits = 0;
     for ray in rays {
         cursor.reset(tlas, trace(ray));
-        while cursor.proceed_with(tlas, &mut counters).is_some() {}
+        while cursor.proceed_observed(tlas, &mut counters).is_some() {}
         hits += u64::from(cursor.committed().is_some());
     }
     Counts { nodes: counters.nodes, tests: counters.primitives, hits }

@@ -24,7 +24,7 @@ fn trace(tlas: &Tlas, rays: &[Ray], flags: RayFlags) -> (u64, String) {
     let sampled = sample.clone().count() as f64;
     for ray in sample {
         cursor.reset(tlas, query(ray));
-        while cursor.proceed_with(tlas, &mut counters).is_some() {}
+        while cursor.proceed_observed(tlas, &mut counters).is_some() {}
     }
     let each = |count: u64| count as f64 / sampled;
     let note = format!(

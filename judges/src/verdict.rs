@@ -23,7 +23,7 @@ pub fn run(words: &[u32]) -> Result<(), String> {
     use anyhit::internals::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
     let Ok(module) = anyhit::internals::module::load(&bytes(words)) else { return Ok(()) };
     let module: Arc<Module> = Arc::new(module);
-    let options = SmokeOptions { fuel: 1 << 10, total_fuel: 1 << 14, ..SmokeOptions::default() };
+    let options = SmokeOptions::default().fuel(1 << 10).total_fuel(1 << 14);
     let report = catch_unwind(AssertUnwindSafe(|| SmokeReport::of(&module, options)));
     let report = report.map_err(|_| "SmokeReport::of panicked".to_owned())?;
     match report.worst() {

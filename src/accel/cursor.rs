@@ -27,7 +27,7 @@ use std::collections::BinaryHeap;
 use crate::accel::flags::RayFlags;
 use crate::accel::hit::{Candidate, Committed, HitKind};
 use crate::accel::hit_queue::HitQueue;
-use crate::accel::observer::{ErasedObserver, ObserverAdapter, TraversalObserver};
+use crate::accel::observer::TraversalObserver;
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::traversal::{TraversalState, TraversalTask};
@@ -110,22 +110,25 @@ impl Cursor {
             self.hits.committed = self.hits.closest_opaque;
             return None;
         }
-        self.proceed_observed(tlas, &mut ())
+        self.proceed_as(tlas, &mut ())
     }
 
     /// Continues as [`Cursor::proceed`] does, and reports the steps to an observer.
     #[inline]
-    pub fn proceed_with<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
-        if V::IS_NOOP {
-            self.proceed(tlas)
-        } else if V::EXPLAINS_MISSES {
-            self.proceed_observed(tlas, &mut ErasedObserver::<true>::new(&mut ObserverAdapter(observer)))
+    pub fn proceed_observed<V: TraversalObserver>(
+        &mut self,
+        tlas: &Tlas,
+        observer: &mut V,
+    ) -> Option<Candidate> {
+        if V::is_active() {
+            let mut observer: &mut dyn TraversalObserver = observer;
+            self.proceed_as(tlas, &mut observer)
         } else {
-            self.proceed_observed(tlas, &mut ErasedObserver::<false>::new(&mut ObserverAdapter(observer)))
+            self.proceed(tlas)
         }
     }
 
-    fn proceed_observed<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
+    fn proceed_as<V: TraversalObserver>(&mut self, tlas: &Tlas, observer: &mut V) -> Option<Candidate> {
         let start = match self.state {
             State::Fresh => true,
             State::Underway => false,
@@ -241,7 +244,7 @@ impl Cursor {
         let trace = &self.trace;
         let (traversal, hits) = (&mut self.traversal, &mut self.hits);
         let task = TraversalTask::<V, FULLY_OPAQUE> { traversal, hits, trace, tlas, observer, start };
-        if V::EXPLAINS_MISSES { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
+        if V::is_active() { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
     }
 
     /// Commits the closest opaque hit and ends the traversal: no candidate precedes it.

@@ -8,13 +8,20 @@ use crate::geometry::Intersection;
 /// Primitives that the BVH culls are not reported: those in boxes that the ray misses, and those
 /// behind a hit that is known already.
 pub trait TraversalObserver {
+    /// Whether observers of this type are told anything: a constant of the type, so that all that
+    /// only an observer needs compiles away.
+    fn is_active() -> bool
+    where
+        Self: Sized,
+    {
+        true
+    }
+
     /// Whether the observer wants to know why a primitive is not hit. Then nothing is culled within
     /// a leaf, and each primitive that is not hit is tested a second time.
-    const EXPLAINS_MISSES: bool;
-
-    /// Whether the observer ignores all events, so that the traversal omits what only an observer
-    /// needs.
-    const IS_NOOP: bool = false;
+    fn explains_misses(&self) -> bool {
+        false
+    }
 
     /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
     fn node(&mut self, _instance: Option<u32>) {}
@@ -25,7 +32,7 @@ pub trait TraversalObserver {
     /// A primitive was tested.
     fn primitive(&mut self, _hit_primitive: HitPrimitive, _verdict: PrimitiveVerdict) {}
 
-    /// `count` primitives were tested together and missed; reported only without `EXPLAINS_MISSES`.
+    /// `count` primitives were tested together and missed; reported only where nobody asks why.
     fn missed(&mut self, _count: u32) {}
 
     /// A candidate is handed to the shaders.
@@ -39,8 +46,9 @@ pub trait TraversalObserver {
 }
 
 impl TraversalObserver for () {
-    const EXPLAINS_MISSES: bool = false;
-    const IS_NOOP: bool = true;
+    fn is_active() -> bool {
+        false
+    }
 }
 
 /// What became of an instance.
@@ -91,8 +99,6 @@ pub struct Counters {
 }
 
 impl TraversalObserver for Counters {
-    const EXPLAINS_MISSES: bool = false;
-
     fn node(&mut self, _: Option<u32>) {
         self.nodes += 1;
     }
@@ -114,52 +120,37 @@ impl TraversalObserver for Counters {
     }
 }
 
-/// The methods of [`TraversalObserver`] as an object-safe trait.
-trait DynObserver {
-    fn node(&mut self, instance: Option<u32>);
-    fn instance(&mut self, instance: u32, verdict: InstanceVerdict);
-    fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict);
-    fn missed(&mut self, count: u32);
-    fn present(&mut self, candidate: &Candidate);
-    fn commit(&mut self, committed: &Committed);
-    fn end(&mut self, complete: bool);
-}
-
-/// An observer of any type, so that traversal is compiled for two types and not for each.
-pub(super) struct ErasedObserver<'a, const EXPLAINS_MISSES: bool>(&'a mut dyn DynObserver);
-
-impl<'a, const EXPLAINS_MISSES: bool> ErasedObserver<'a, EXPLAINS_MISSES> {
-    pub(super) fn new<V: TraversalObserver>(observer: &'a mut ObserverAdapter<V>) -> Self {
-        Self(observer)
+/// Any observer, as a trait object: of all observers, traversal is compiled for this one only.
+impl TraversalObserver for &mut dyn TraversalObserver {
+    fn explains_misses(&self) -> bool {
+        (**self).explains_misses()
     }
-}
 
-/// Makes an observer a [`DynObserver`].
-pub(super) struct ObserverAdapter<'a, V>(pub &'a mut V);
+    fn node(&mut self, instance: Option<u32>) {
+        (**self).node(instance);
+    }
 
-macro_rules! forward {
-    ($($method:ident($($argument:ident: $type:ty),*))*) => {
-        impl<V: TraversalObserver> DynObserver for ObserverAdapter<'_, V> {
-            $(fn $method(&mut self, $($argument: $type),*) {
-                self.0.$method($($argument),*);
-            })*
-        }
+    fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
+        (**self).instance(instance, verdict);
+    }
 
-        impl<const EXPLAINS_MISSES: bool> TraversalObserver for ErasedObserver<'_, EXPLAINS_MISSES> {
-            const EXPLAINS_MISSES: bool = EXPLAINS_MISSES;
+    fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
+        (**self).primitive(hit_primitive, verdict);
+    }
 
-            $(fn $method(&mut self, $($argument: $type),*) {
-                self.0.$method($($argument),*);
-            })*
-        }
-    };
-}
-forward! {
-    node(instance: Option<u32>)
-    instance(instance: u32, verdict: InstanceVerdict)
-    primitive(hit_primitive: HitPrimitive, verdict: PrimitiveVerdict)
-    missed(count: u32)
-    present(candidate: &Candidate)
-    commit(committed: &Committed)
-    end(complete: bool)
+    fn missed(&mut self, count: u32) {
+        (**self).missed(count);
+    }
+
+    fn present(&mut self, candidate: &Candidate) {
+        (**self).present(candidate);
+    }
+
+    fn commit(&mut self, committed: &Committed) {
+        (**self).commit(committed);
+    }
+
+    fn end(&mut self, complete: bool) {
+        (**self).end(complete);
+    }
 }

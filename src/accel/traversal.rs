@@ -279,9 +279,9 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             return InstanceVerdict::Skipped;
         }
         // An observer that explains misses always sees the traversal of a BVH.
-        let built = &*instance
-            .blas
-            .primitives_for_ray(self.tlas.precision() == Precision::Exact && !V::EXPLAINS_MISSES);
+        let built = &*instance.blas.primitives_for_ray(
+            self.tlas.precision() == Precision::Exact && !self.observer.explains_misses(),
+        );
         let TraversalState { stack, instance_ray, in_instance, .. } = &mut *self.traversal;
         if !instance_ray.enter(self.tlas, number, built.bvh(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
@@ -290,7 +290,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             self.intersect_all(simd, built);
             return InstanceVerdict::Entered;
         };
-        if V::EXPLAINS_MISSES
+        if self.observer.explains_misses()
             && TravRay::misses(instance_ray.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
         {
             return InstanceVerdict::Missed;
@@ -374,7 +374,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
     #[inline(always)]
     fn maybe_hit_mask<E: LaneOps>(&mut self, simd: E, built: &BuiltBlas, leaf: NodeRef) -> u32 {
         let instance_ray = &mut self.traversal.instance_ray;
-        let maybe_hit = if V::EXPLAINS_MISSES {
+        let maybe_hit = if self.observer.explains_misses() {
             built.full_mask(leaf)
         } else if built.tests_whole_leaves(self.tlas.precision()) {
             let mut ray = instance_ray.leaf_ray(self.tlas, self.trace);
@@ -410,7 +410,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             };
             let mut opaque = FULLY_OPAQUE || is_opaque(flags, instance.flags, geometry_flags);
             let mut culled = is_culled_by_opacity(flags, opaque);
-            if culled && micromap.is_none() && !V::EXPLAINS_MISSES {
+            if culled && micromap.is_none() && !self.observer.explains_misses() {
                 continue;
             }
             let hit_primitive = || {
@@ -421,13 +421,13 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                     primitive: geom_prim.primitive,
                 }
             };
-            if !V::IS_NOOP && built.has_split_primitives() && !self.hits.is_first_report(hit_primitive()) {
+            if V::is_active() && built.has_split_primitives() && !self.hits.is_first_report(hit_primitive()) {
                 continue;
             }
             let leaf_hit = self
                 .leaf_hits
                 .hit(lane)
-                .filter(|_| !V::EXPLAINS_MISSES && built.tests_whole_leaves(precision));
+                .filter(|_| !self.observer.explains_misses() && built.tests_whole_leaves(precision));
             let found = match leaf_hit {
                 None => {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
@@ -435,8 +435,8 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 }
                 found => found,
             };
-            let Some(found) = found.filter(|found| !V::IS_NOOP || found.t <= self.hits.cull_t) else {
-                let verdict = if V::EXPLAINS_MISSES {
+            let Some(found) = found.filter(|found| V::is_active() || found.t <= self.hits.cull_t) else {
+                let verdict = if self.observer.explains_misses() {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
                     missed_or_outside(self.tlas, hit_primitive(), built, (leaf, lane), ray, self.trace.time)
                 } else {

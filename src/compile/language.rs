@@ -74,6 +74,7 @@ impl LanguageName {
 
 /// The language of a source, known by its file extension or said beside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Language {
     /// GLSL: one stage a file, entry point `main`.
     Glsl(Stage),

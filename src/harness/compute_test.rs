@@ -119,6 +119,7 @@ gives_resources!(ComputeTest);
 
 /// What a compute shader left behind.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct ComputeOutcome {
     /// How many invocations ran and how many ray queries were made.
     pub stats: Stats,

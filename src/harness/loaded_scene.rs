@@ -483,6 +483,7 @@ fn record<'s>(scene: &'s mut ResolvedScene, wanted: &str) -> Result<&'s mut Reso
 
 /// What the passes of a scene, or one of them, left behind.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct SceneOutcome {
     /// The pass after which this is, by its name or number; `None` after all of them.
     pub pass: Option<String>,

@@ -17,6 +17,7 @@ use crate::machine::hit_object::{EncodedHit, EncodedRay, HitObject};
 
 /// `OpTraceRayKHR`, or `OpHitObjectTraceRayEXT`, as the tested shader executes it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct TraceCall {
     /// How many traces the shader made before.
     pub number: usize,
@@ -41,6 +42,7 @@ pub struct TraceCall {
 /// `OpHitObjectExecuteShaderEXT` as the tested shader executes it, of a hit object that encodes a
 /// hit or a miss.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct ExecuteCall {
     /// How many hit objects the shader executed before.
     pub number: usize,
@@ -58,6 +60,7 @@ pub struct ExecuteCall {
 
 /// `OpExecuteCallableKHR` as the tested shader executes it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct CallableCall {
     /// How many calls the shader made before.
     pub number: usize,

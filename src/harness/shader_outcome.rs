@@ -15,6 +15,7 @@ use crate::machine::Exit;
 
 /// A report of an intersection shader.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ReportedHit {
     /// The hit distance.
     pub t: f32,
@@ -28,6 +29,7 @@ pub struct ReportedHit {
 
 /// What one invocation left.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct ShaderOutcome {
     /// How it ended: returned, ignored the intersection, terminated the ray.
     pub exit: Exit,

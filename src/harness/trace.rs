@@ -87,6 +87,7 @@ impl RayOperands {
 
 /// The closest hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct HitRecord {
     /// `InstanceId`
     pub instance: u32,
@@ -125,6 +126,7 @@ impl HitRecord {
 
 /// What one ray brought back.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Traced {
     /// The closest hit as the traversal keeps it; `None` for a miss. See [`Traced::hit`].
     #[doc(hidden)]
@@ -181,6 +183,7 @@ impl Explain for Traced {
 
 /// What a launch left behind.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Launched {
     /// How many rays were traced and shaders run.
     pub stats: Stats,

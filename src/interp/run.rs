@@ -22,22 +22,23 @@ where
     LaneKernel: Width<W>,
 {
     let OptimizedCode { ops, supercode, superblocks, .. } = &program.optimized;
-    let ops = if O::active() { &program.ops } else { ops };
-    let supercode = supercode.as_ref().filter(|_| !O::active() && LaneKernel::has_superops(&batch.registers));
+    let ops = if O::is_active() { &program.ops } else { ops };
+    let supercode =
+        supercode.as_ref().filter(|_| !O::is_active() && LaneKernel::has_superops(&batch.registers));
     loop {
         let block = &program.blocks[batch.block as usize];
         // After a stop the block is continued, not entered again.
-        if O::active() && batch.op == block.first && !batch.paused {
+        if O::is_active() && batch.op == block.first && !batch.paused {
             observer.block(batch);
         }
         // Without an observer, blocks that follow each other form a superblock.
-        let superblock = if O::active() {
+        let superblock = if O::is_active() {
             Superblock { end: block.end, last: batch.block }
         } else {
             superblocks[batch.block as usize]
         };
         while batch.op < superblock.end {
-            if O::active() && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
+            if O::is_active() && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
                 batch.paused = true;
                 return Stop::Paused;
             }
@@ -53,7 +54,7 @@ where
             if let Op::LaneKernel { kernel, to, from } = op {
                 // Most operations are kernels, which never stop.
                 Width::<W>::run(*kernel, &mut batch.registers, *to, from);
-                if O::active() {
+                if O::is_active() {
                     observer.after(batch, bindings, batch.op);
                 }
                 batch.op += 1;
@@ -78,7 +79,7 @@ where
             if batch.mask.is_empty() {
                 break;
             }
-            if O::active() {
+            if O::is_active() {
                 observer.after(batch, bindings, batch.op);
             }
             batch.op += 1;
@@ -107,7 +108,7 @@ fn execute_terminator<const W: usize, O: Observer<W>>(
             Terminator::Branch(target) => branch_to(batch, program, *target),
             Terminator::BranchConditional { condition, then, other } => {
                 let taken = batch.registers.mask(*condition) & mask;
-                if O::active() {
+                if O::is_active() {
                     observer.edge(from, 0, taken.count());
                     observer.edge(from, 1, mask.without(taken).count());
                 }
@@ -127,7 +128,7 @@ fn execute_terminator<const W: usize, O: Observer<W>>(
                     let value = u64::from(low.0[lane]) | u64::from(high.0[lane]) << 32;
                     let case = cases.iter().position(|case| case.0 == value);
                     let target = case.map_or(*default, |case| cases[case].1);
-                    if O::active() {
+                    if O::is_active() {
                         observer.edge(from, case.unwrap_or(cases.len()) as u32, 1);
                     }
                     match edges.iter_mut().find(|edge| edge.0 == target) {

@@ -7,7 +7,7 @@ use crate::machine::resource::Bindings;
 pub trait Observer<const W: usize> {
     /// Whether an observer of this type is called at all; a constant, so that the code for an
     /// inactive observer compiles away.
-    fn active() -> bool
+    fn is_active() -> bool
     where
         Self: Sized,
     {
@@ -50,7 +50,7 @@ pub trait Observer<const W: usize> {
 }
 
 impl<const W: usize> Observer<W> for () {
-    fn active() -> bool {
+    fn is_active() -> bool {
         false
     }
 }

@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// A text that an invocation printed.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PrintedLine {
     /// `LaunchIdKHR` of the invocation.
     pub launch_id: [u32; 3],

@@ -70,7 +70,7 @@ impl RayQuery {
     /// `RayQueryComplete` after it returned false.
     pub fn proceed(&mut self, observer: &mut impl TraversalObserver) -> Result<bool, TrapCode> {
         self.candidate = match self.phase {
-            Phase::Underway => self.cursor.proceed_with(&self.tlas, observer),
+            Phase::Underway => self.cursor.proceed_observed(&self.tlas, observer),
             Phase::Terminated => None,
             Phase::Complete => return Err(TrapCode::RayQueryComplete),
             Phase::Uninitialized => return Err(TrapCode::RayQueryUninitialized),
@@ -201,7 +201,9 @@ impl QueryRecorder<'_> {
 }
 
 impl TraversalObserver for QueryRecorder<'_> {
-    const EXPLAINS_MISSES: bool = true;
+    fn explains_misses(&self) -> bool {
+        true
+    }
 
     fn node(&mut self, instance: Option<u32>) {
         if self.traversal {

@@ -83,6 +83,7 @@ pub struct LaneTrap {
 
 /// How one lane of a batch ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Exit {
     /// It is still running, or ran to the end of its entry point.
     #[default]

@@ -46,6 +46,7 @@ impl LaunchFuel {
 
 /// The limits of a whole launch or dispatch. None is set by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct LaunchLimits {
     /// What all invocations may execute together.
     #[doc(hidden)]

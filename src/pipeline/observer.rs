@@ -12,14 +12,30 @@ use crate::pipeline::group::Shader;
 
 /// Receives the events of a pipeline. The unit type receives none and costs nothing.
 pub trait PipelineObserver {
-    /// Whether the pipeline emits events at all.
-    const ACTIVE: bool;
+    /// Whether observers of this type are told anything: a constant of the type, so that all that
+    /// only an observer needs compiles away.
+    fn is_active() -> bool
+    where
+        Self: Sized,
+    {
+        true
+    }
 
     /// Whether ray queries emit events, too.
-    const QUERIES: bool = false;
+    fn observes_queries() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
 
     /// Whether ray queries report every node, instance and primitive that they test.
-    const TRAVERSAL: bool = Self::QUERIES;
+    fn observes_query_traversal() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
 
     /// Announces that the following events belong to the invocation with this launch index.
     fn invocation(&mut self, _launch_id: [u32; 3]) {}
@@ -34,15 +50,22 @@ pub trait PipelineObserver {
 }
 
 impl PipelineObserver for () {
-    const ACTIVE: bool = false;
+    fn is_active() -> bool {
+        false
+    }
 
     fn event(&mut self, _event: Event) {}
 }
 
 /// Collects all events, those of ray queries included.
 impl PipelineObserver for Vec<Event> {
-    const ACTIVE: bool = true;
-    const QUERIES: bool = true;
+    fn observes_queries() -> bool {
+        true
+    }
+
+    fn observes_query_traversal() -> bool {
+        true
+    }
 
     fn event(&mut self, event: Event) {
         self.push(event);
@@ -63,7 +86,9 @@ impl<'a, T: PipelineObserver> OnlyInvocation<'a, T> {
 }
 
 impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
-    const ACTIVE: bool = T::ACTIVE;
+    fn is_active() -> bool {
+        T::is_active()
+    }
 
     fn invocation(&mut self, launch_id: [u32; 3]) {
         self.is_selected = launch_id == self.launch_id;
@@ -94,9 +119,9 @@ pub struct Caller {
 /// Passes events to a closure. Ray queries emit events of instructions and commits, not of
 /// traversal.
 impl PipelineObserver for &mut dyn FnMut(Event) {
-    const ACTIVE: bool = true;
-    const QUERIES: bool = true;
-    const TRAVERSAL: bool = false;
+    fn observes_queries() -> bool {
+        true
+    }
 
     fn event(&mut self, event: Event) {
         self(event);
@@ -205,29 +230,34 @@ pub enum Event {
 pub(super) struct TraversalAdapter<'a, T>(pub &'a mut T);
 
 impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
-    const EXPLAINS_MISSES: bool = T::ACTIVE;
-    const IS_NOOP: bool = !T::ACTIVE;
+    fn is_active() -> bool {
+        T::is_active()
+    }
+
+    fn explains_misses(&self) -> bool {
+        true
+    }
 
     fn node(&mut self, instance: Option<u32>) {
-        if T::ACTIVE {
+        if T::is_active() {
             self.0.event(Event::Node(instance));
         }
     }
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
-        if T::ACTIVE {
+        if T::is_active() {
             self.0.event(Event::Instance(instance, verdict));
         }
     }
 
     fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
-        if T::ACTIVE {
+        if T::is_active() {
             self.0.event(Event::Primitive(hit_primitive, verdict));
         }
     }
 
     fn commit(&mut self, committed: &Committed) {
-        if T::ACTIVE {
+        if T::is_active() {
             self.0.event(Event::Opaque(*committed));
         }
     }

@@ -156,7 +156,7 @@ impl<const W: usize> IntersectionReport<W> {
         if accepted {
             batch.invocations.set_t_max(lane, reported.t);
         }
-        if T::ACTIVE {
+        if T::is_active() {
             observer.invocation(batch.invocations.launch_id(lane));
             observer.event(Event::Report { t: reported.t, hit_kind: reported.kind, accepted });
         }

@@ -242,14 +242,14 @@ where
                 ShaderCallFrame::Shader(running) => {
                     let program = &self.pipeline.programs[running.shader.0 as usize];
                     let bindings = &self.bindings[running.shader.0 as usize];
-                    if O::active() {
+                    if O::is_active() {
                         self.observer.resumed(running.shader.0, &mut running.batch);
                     }
                     let stop = interp::run(&mut running.batch, program, bindings, self.observer);
-                    if O::active() {
+                    if O::is_active() {
                         self.observer.stopped(running.shader.0, &running.batch);
                     }
-                    if T::QUERIES
+                    if T::observes_queries()
                         && let Some(events) = &mut running.batch.queries.events
                     {
                         for event in events.drain(..) {
@@ -349,9 +349,9 @@ where
         if let Some(watch) = &self.watch {
             watch.charge(u64::from(program.entry_cost()) * u64::from(mask.count()));
         }
-        if T::ACTIVE {
-            running.batch.queries.events = T::QUERIES.then(Vec::new);
-            running.batch.queries.records_traversal = T::TRAVERSAL;
+        if T::is_active() {
+            running.batch.queries.events = T::observes_queries().then(Vec::new);
+            running.batch.queries.records_traversal = T::observes_query_traversal();
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();
@@ -421,7 +421,7 @@ where
             if let Exit::Trapped(trap) = exit {
                 self.trap(&running, lane, trap);
             }
-            if T::ACTIVE {
+            if T::is_active() {
                 let payload = running.data.map_or_else(Vec::new, |span| {
                     running.batch.registers.lane_words(span.first, span.count, lane).collect()
                 });
@@ -471,7 +471,7 @@ where
             };
             let Some(shader) = record.as_ref().and_then(|record| general_shader(self.pipeline, record))
             else {
-                if T::ACTIVE {
+                if T::is_active() {
                     let caller =
                         Caller { shader: running.shader, op: running.batch.op - 1, payload: data.first };
                     let registers = &mut running.batch.registers;

@@ -6,6 +6,7 @@ use crate::module::interface::Stage;
 
 /// Counts of what a launch did.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Rays traced.
     pub rays: u64,

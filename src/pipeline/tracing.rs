@@ -139,7 +139,7 @@ where
     ) {
         self.stats.rays += u64::from(trace.lanes().count());
         self.stats.zero_directions += u64::from((trace.rays.without_direction() & trace.lanes()).count());
-        if T::ACTIVE {
+        if T::is_active() {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);
                 let words = registers.lane_words(payload.first, payload.count, lane).collect();
@@ -185,7 +185,7 @@ where
             return None;
         };
         self.stats = std::mem::take(&mut self.stats).plus(&trace.stats);
-        if T::ACTIVE && !trace.from_hit_objects {
+        if T::is_active() && !trace.from_hit_objects {
             for lane in trace.lanes().lanes() {
                 let registers = trace.payload(&mut self.frames);
                 let payload: Words = registers.lane_words(payload.first, payload.count, lane).collect();
@@ -218,7 +218,7 @@ where
     pub(super) fn acquire_trace(&mut self, invokes_hit_or_miss: bool) -> Box<Trace<W>> {
         let mut trace = self.free_traces.pop().unwrap_or_default();
         trace.reset(invokes_hit_or_miss);
-        trace.observed = T::ACTIVE || O::active();
+        trace.observed = T::is_active() || O::is_active();
         trace.pipeline_flags = self.pipeline.flags.ray_flags();
         trace
     }

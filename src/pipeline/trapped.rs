@@ -134,7 +134,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
                 f64::from(pipeline.max_recursion),
                 format!(
                     "the limit is max_recursion_depth = {}, and this is a trace of depth {}: raise it in the scene's \
-                     [pipeline], with --max-recursion-depth, or Builder::max_recursion",
+                     [pipeline], with --max-recursion-depth, or PipelineBuilder::max_recursion",
                     pipeline.max_recursion,
                     u64::from(pipeline.max_recursion) + 1
                 ),
@@ -144,7 +144,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
                 f64::from(pipeline.max_callable_depth),
                 format!(
                     "the limit is max_callable_depth = {}: raise it in the scene's [pipeline], with \
-                     --max-callable-depth, or Builder::max_callable_depth",
+                     --max-callable-depth, or PipelineBuilder::max_callable_depth",
                     pipeline.max_callable_depth
                 ),
             ),
@@ -153,7 +153,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
                 pipeline.max_stack_size as f64,
                 format!(
                     "the limit is max_stack_size = {} bytes of registers: raise it in the scene's [pipeline], \
-                     with --max-stack-size, or Builder::max_stack_size",
+                     with --max-stack-size, or PipelineBuilder::max_stack_size",
                     pipeline.max_stack_size
                 ),
             ),
@@ -213,7 +213,7 @@ fn limit(code: TrapCode, fuel: u64, dog: Option<&Watchdog>) -> Option<Cause> {
             fuel as f64,
             format!(
                 "the limit is fuel = {fuel} instructions of an invocation: raise it in the scene's [pipeline], \
-                 with --fuel, or by `fuel` of Builder, Compute and ShaderTest"
+                 with --fuel, or by `fuel` of PipelineBuilder, Compute and ShaderTest"
             ),
         ),
         TrapCode::LaunchOutOfFuel => {
@@ -397,15 +397,15 @@ mod tests {
         assert_eq!(
             note(TrapCode::ShaderRecordMissing, 7),
             "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: `callable` of the \
-             scene's [pipeline], or Builder::callable"
+             scene's [pipeline], or PipelineBuilder::callable"
         );
         assert!(
             note(TrapCode::HitRecordMissing, 3)
-                .ends_with("3 records: `hit` of the scene's [pipeline], or Builder::hit")
+                .ends_with("3 records: `hit` of the scene's [pipeline], or PipelineBuilder::hit")
         );
         assert!(
             note(TrapCode::MissRecordMissing, 1)
-                .ends_with("1 record: `miss` of the scene's [pipeline], or Builder::miss")
+                .ends_with("1 record: `miss` of the scene's [pipeline], or PipelineBuilder::miss")
         );
         assert!(missing_record(&sbt, TrapCode::RecursionTooDeep, 0).is_none());
         assert_eq!(

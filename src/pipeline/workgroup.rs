@@ -306,11 +306,11 @@ where
         (batch.block, batch.op, batch.mask) = (start.block, start.op, start.mask);
         let mut running = start.mask;
         loop {
-            if O::active() {
+            if O::is_active() {
                 observers.observer.resumed(0, batch);
             }
             let stop = interp::run(batch, program, bindings, &mut observers.observer);
-            if O::active() {
+            if O::is_active() {
                 observers.observer.stopped(0, batch);
             }
             if let (Some(on_event), Some(events)) = (&mut observers.on_event, &mut batch.queries.events) {

@@ -55,7 +55,7 @@ impl Recording {
         let mut recorder = IntersectionRecorder::default();
         let mut cursor = Cursor::new(&self.tlas, ray);
         let (mut any_hits, mut nearly_tangent, mut reported) = (0, false, [0.0; 2]);
-        while let Some(candidate) = cursor.proceed_with(&self.tlas, &mut recorder) {
+        while let Some(candidate) = cursor.proceed_observed(&self.tlas, &mut recorder) {
             if candidate.is_box() {
                 let sphere = self.spheres[self.first_sphere[candidate.geometry as usize]..]
                     [candidate.primitive as usize];
@@ -127,8 +127,6 @@ impl Recording {
 struct IntersectionRecorder(Vec<(HitPrimitive, Intersection)>);
 
 impl TraversalObserver for IntersectionRecorder {
-    const EXPLAINS_MISSES: bool = false;
-
     fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
         use PrimitiveVerdict as V;
         if let V::Behind(found) | V::Opaque(found) | V::Candidate(found) = verdict {

@@ -9,7 +9,7 @@ use anyhit::internals::accel::{
 };
 use anyhit::internals::error::{Error, Result};
 use anyhit::internals::machine::{
-    Buffer, Descriptor, LaunchFuel, LaunchLimits, Printed, PrintedBytes, Resources, TrapCode,
+    Buffer, Descriptor, LaunchLimits, Printed, PrintedBytes, Resources, TrapCode,
 };
 use anyhit::internals::pipeline::{Compute, GREATEST_CALLABLE_DEPTH, Launch, Pipeline, RayOperands};
 use anyhit::{Module, Program, Ray};
@@ -189,7 +189,7 @@ fn the_invocation_that_is_told_depends_on_no_thread() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         // Invocation 29 is the first without end, in every row; then all invocations together.
         let fuel = pipeline(&endless(29), Some(1 << 18), LaunchLimits::default());
-        let limits = LaunchLimits { fuel: Some(LaunchFuel::of(1 << 20)), ..LaunchLimits::default() };
+        let limits = LaunchLimits::default().fuel(1 << 20);
         let together = pipeline(&endless(29), Some(1 << 12), limits);
         [fuel, together].map(|pipeline| {
             let (_, resources) = output(64 * 40 * 16);
@@ -220,7 +220,7 @@ fn invocations_that_end_may_still_be_too_much_together() {
         out 0 %turn";
     let shader = Shader { body, ..Shader::default() };
     let run = |fuel: u64, threads: usize| {
-        let limits = LaunchLimits { fuel: Some(LaunchFuel::of(fuel)), ..LaunchLimits::default() };
+        let limits = LaunchLimits::default().fuel(fuel);
         let pipeline = pipeline(&shader, None, limits);
         let (_, resources) = output(2560 * 16);
         let launch = Launch { pipeline: &pipeline, resources: &resources };
@@ -512,14 +512,10 @@ fn a_loop_that_prints_keeps_no_more_than_is_allowed() {
 
 #[test]
 fn the_clock_ends_a_launch_and_a_batch() {
-    let quarter = Some(Duration::from_millis(250));
+    let quarter = Duration::from_millis(250);
     for (limits, code, name) in [
-        (LaunchLimits { timeout: quarter, ..LaunchLimits::default() }, TrapCode::LaunchTimedOut, "timeout"),
-        (
-            LaunchLimits { batch_timeout: quarter, ..LaunchLimits::default() },
-            TrapCode::BatchTimedOut,
-            "batch_timeout",
-        ),
+        (LaunchLimits::default().timeout(quarter), TrapCode::LaunchTimedOut, "timeout"),
+        (LaunchLimits::default().batch_timeout(quarter), TrapCode::BatchTimedOut, "batch_timeout"),
     ] {
         let pipeline = pipeline(&endless(0), Some(u64::MAX), limits);
         let (_, resources) = output(64 * 64 * 16);

@@ -97,7 +97,7 @@ pub fn execute(bytes: &[u8]) -> bool {
 /// Runs each entry point of a module with resources, rays and hits that its types ask for.
 pub fn smoke(bytes: &[u8]) -> bool {
     let Ok(module) = module::load(bytes) else { return false };
-    let options = SmokeOptions { fuel: 4096, total_fuel: 1 << 16, ..SmokeOptions::default() };
+    let options = SmokeOptions::default().fuel(4096).total_fuel(1 << 16);
     let report = SmokeReport::of(&Arc::new(module), options);
     let text = report.text();
     assert!(!text.contains("bug in anyhit"), "{text}");

@@ -51,6 +51,7 @@ pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, 
 
 /// How to run a smoke test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct SmokeOptions {
     /// The seed of all values.
     pub seed: u64,
@@ -64,6 +65,39 @@ pub struct SmokeOptions {
     /// Time after which no further set of values is tried. What is reported then depends on the
     /// machine, and says so.
     pub time_limit: Option<Duration>,
+}
+
+impl SmokeOptions {
+    /// Sets the seed of all values.
+    #[must_use]
+    pub fn seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// Sets how many instructions an invocation may execute.
+    #[must_use]
+    pub fn fuel(self, instructions: u64) -> Self {
+        Self { fuel: instructions, ..self }
+    }
+
+    /// Sets the limits of each launch.
+    #[must_use]
+    pub fn launch_limits(self, limits: LaunchLimits) -> Self {
+        Self { launch_limits: limits, ..self }
+    }
+
+    /// Sets how many operations may run, counted once for all lanes of a batch, before no further
+    /// set of values is tried.
+    #[must_use]
+    pub fn total_fuel(self, instructions: u64) -> Self {
+        Self { total_fuel: instructions, ..self }
+    }
+
+    /// Sets how long the search for values that reach more may take.
+    #[must_use]
+    pub fn time_limit(self, limit: Duration) -> Self {
+        Self { time_limit: Some(limit), ..self }
+    }
 }
 
 impl Default for SmokeOptions {

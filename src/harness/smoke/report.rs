@@ -30,6 +30,7 @@ pub enum SmokeVerdict {
 
 /// A smoke test of a module.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct SmokeReport {
     /// The seed of all values.
     pub seed: u64,

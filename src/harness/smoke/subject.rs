@@ -467,7 +467,7 @@ impl Once<'_> {
         if let Way::Dispatch = way {
             let compute = Compute::new(program.clone())?.fuel(fuel).launch_limits(limits);
             let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
-            if !<O as Observer<LANES>>::active() {
+            if !<O as Observer<LANES>>::is_active() {
                 return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ())?.err());
             }
             let mut event = |event| stand_in.event(event);

@@ -129,9 +129,9 @@ impl<'a> StandIn<'a> {
 }
 
 impl PipelineObserver for StandIn<'_> {
-    const ACTIVE: bool = true;
-    const QUERIES: bool = true;
-    const TRAVERSAL: bool = false;
+    fn observes_queries() -> bool {
+        true
+    }
 
     fn invocation(&mut self, launch_id: [u32; 3]) {
         self.launch_id = launch_id;

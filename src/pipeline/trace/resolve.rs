@@ -52,7 +52,7 @@ impl<const W: usize> Trace<W> {
                 let opaque = |lane: &usize| self.committed[*lane].as_ref().is_some_and(is_opaque);
                 self.stats.elided.any_hit += lanes.lanes().filter(opaque).count() as u64;
             }
-            if T::ACTIVE && !self.from_hit_objects {
+            if T::is_active() && !self.from_hit_objects {
                 for lane in lanes.lanes() {
                     let shader = shader.filter(|_| called.contains(lane));
                     let (committed, to_hit_object) = (self.committed[lane], !self.invokes_hit_or_miss);
@@ -70,7 +70,7 @@ impl<const W: usize> Trace<W> {
                 (Some(shader), _) if !self.payload_matches(pipeline, shader) => {
                     called.lanes().for_each(|lane| self.trap_payload_mismatch(lane, shader));
                 }
-                (Some(shader), _) if !T::ACTIVE && is_empty => {
+                (Some(shader), _) if !T::is_active() && is_empty => {
                     self.stats.elide(pipeline.programs[shader.0 as usize].stage, called.count());
                 }
                 (Some(shader), _) if !self.observed && writes_only_unread => {
@@ -78,7 +78,7 @@ impl<const W: usize> Trace<W> {
                 }
                 (Some(shader), _) => self.enqueue_call(shader, role, called),
                 (None, Some(code)) => called.lanes().for_each(|lane| self.trap(lane, code)),
-                (None, None) if T::ACTIVE => {
+                (None, None) if T::is_active() => {
                     let (Some(caller), Some((registers, span))) = (self.caller, &mut payload) else {
                         continue;
                     };

@@ -13,7 +13,7 @@ impl<const W: usize> Trace<W> {
     /// Traces all rays that can hit only opaque geometry, and gives the others a resumable
     /// traversal.
     pub(super) fn begin_traversal<T: PipelineObserver>(&mut self) {
-        if !T::ACTIVE {
+        if !T::is_active() {
             for number in 0..self.structures.all().len() {
                 self.trace_opaque(number);
             }
@@ -83,7 +83,7 @@ impl<const W: usize> Trace<W> {
             loop {
                 let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
                 let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
-                let Some(candidate) = cursor.proceed_with(tlas, &mut TraversalAdapter(observer)) else {
+                let Some(candidate) = cursor.proceed_observed(tlas, &mut TraversalAdapter(observer)) else {
                     self.committed[lane] = cursor.committed().copied();
                     self.traversing = self.traversing.without(Mask::lane(lane));
                     break;
@@ -91,7 +91,7 @@ impl<const W: usize> Trace<W> {
                 let index = self.hit_record_index(lane, &candidate);
                 let (_, group) = hit_group_at(pipeline, index);
                 let shader = if candidate.is_box() { group.intersection } else { group.any_hit };
-                if T::ACTIVE {
+                if T::is_active() {
                     let instance = &self.tlas(lane).instances()[candidate.instance as usize];
                     let arithmetic = [
                         instance.sbt_record_offset,
@@ -107,7 +107,7 @@ impl<const W: usize> Trace<W> {
                     continue;
                 }
                 // Under an observer every shader runs.
-                if !T::ACTIVE && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
+                if !T::is_active() && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
                     // An empty intersection shader reports no hit, an empty any-hit shader accepts.
                     self.stats.elide(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
                     self.cursor_mut(lane).confirm();
