@@ -5,7 +5,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows its results")]
 
-use anyhit::{Format, Instance, Module, Pipeline, Program, Result, Scene, StreamedImage};
+use anyhit::{Band, Format, Instance, Module, Pipeline, Program, Result, Scene, StreamedImage};
 
 const SOURCE: &str = "
 enable wgpu_ray_tracing_pipeline;
@@ -53,7 +53,7 @@ fn main() -> Result<()> {
     // 64 texels of 16 bytes a row: a band of 8 rows, the fewest that there are, has 8 KiB.
     let picture = StreamedImage { band_bytes: 8 << 10, ..StreamedImage::new(0, 1, Format::RGBA32F) };
     let (mut bands, mut met) = (Vec::new(), Vec::new());
-    let launched = pipeline.launch_bands(&scene, [64, 20], &picture, |band| {
+    let launched = pipeline.launch_bands(&scene, [64, 20], &picture, |band: Band<'_>| {
         bands.push(band.rows());
         // Here they would go to a file.
         for y in band.rows() {

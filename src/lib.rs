@@ -49,8 +49,9 @@
 //! # See why
 //!
 //! [`Explain`] tells the way of a ray or of a shader's results, as `anyhit trace-one-ray` does; so
-//! does [`LoadedScene::explain`]. An [`Error`] renders its place in the source, and
-//! [`Error::kind`] says whose mistake it is: the input's, this crate's, or the shader's while it ran.
+//! does [`LoadedScene::explain`]. An [`Error`] renders its place in the source, and [`Error::kind`]
+//! says whose mistake it is: the input's, this crate's, or the shader's while it ran. Then
+//! [`Error::trap`] has what happened as data: code, stack, place, values and the rule's number.
 //!
 //! # Features
 //!
@@ -59,7 +60,7 @@
 //! | `cli` | yes | the program `anyhit` |
 //! | `gltf`, `obj` | yes | models of these files in scenes |
 //! | `images` | yes | PNG and JPEG files in scenes, PNG of what was rendered |
-//! | `stress` | yes | the commands `stress` and `check-math`, through numbers of arbitrary precision |
+//! | `stress` | yes | the commands `stress` and `check-math`, through exact numbers |
 //! | `wgsl` | yes | WGSL sources, through naga |
 //! | `glsl` | | GLSL sources, through glslang (built from C++ source, minutes, once) |
 //! | `exr` | | OpenEXR files |

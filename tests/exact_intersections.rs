@@ -1,10 +1,10 @@
 //! Exact intersections against an independent reference in rational numbers, over drawn rays and
 //! shapes that lie on, or within a hair of, every edge that a decision has.
 //!
-//! The reference (`anyhit::internals::stress::reference`) has its own formulation: the object-space ray comes
-//! from Gaussian elimination, a swept sphere's entry is the least point of the union of its three
-//! pieces, a triangle is a linear system. The draws (`anyhit::internals::stress::draw`) are seeded; a failure
-//! prints its case.
+//! The reference (`anyhit::internals::stress::reference`) has its own formulation: the object-space
+//! ray comes from Gaussian elimination, a swept sphere's entry is the least point of the union of
+//! its three pieces, a triangle is a linear system. The draws (`anyhit::internals::stress::draw`)
+//! are seeded; a failure prints its case.
 
 mod boxes;
 

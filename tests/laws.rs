@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use anyhit::internals::harness::strategies::{direction, lss_hit, sphere_hit};
+use anyhit::strategies::{self, direction, lss_hit, sphere_hit};
 use anyhit::{Hit, Module, Ray, ShaderTest};
 use proptest::prelude::*;
 
@@ -121,6 +121,7 @@ proptest! {
     /// A mirrored ray leaves on the side that the ray came from.
     #[test]
     fn a_mirrored_ray_leaves_the_surface(aimed in sphere_hit()) {
+        let aimed: strategies::Aimed = aimed;
         // The shader takes its normal from a sphere around the origin.
         let ray = aimed.ray;
         let outcome = furnace()

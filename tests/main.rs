@@ -51,6 +51,7 @@ mod readers;
 mod reading;
 mod readme;
 mod real_calls;
+mod result_types;
 mod rewriting;
 mod robustness;
 mod scene_init;

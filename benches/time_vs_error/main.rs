@@ -12,7 +12,8 @@
 //! several rounds in one run, with several copies of their primitives, once unmeasured for the
 //! caches and once more; times are processor time of one thread, medians over the rounds, and so
 //! are the ratios to the exact mode within a round. "engine" is the traversal that shaders get
-//! ([`anyhit::internals::accel::Cursor`]). Errors are judged by rational arithmetic on a part of the rays.
+//! ([`anyhit::internals::accel::Cursor`]). Errors are judged by rational arithmetic on a part of
+//! the rays.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 

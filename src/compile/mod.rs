@@ -9,8 +9,8 @@
 //! ```
 //! use anyhit::{CompileOptions, Source};
 //!
-//! let source = Source::from_text("double.wgsl", "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
-//!     @compute @workgroup_size(1) fn double() { x[0] *= 2.0; }")?;
+//! let source = Source::from_text("double.wgsl", "@group(0) @binding(0) var<storage, read_write> x:
+//! array<f32>; @compute @workgroup_size(1) fn double() { x[0] *= 2.0; }")?;
 //! # #[cfg(feature = "wgsl")] {
 //! let spirv = source.compile(&CompileOptions::default())?;
 //! assert_eq!(spirv[..4], [0x03, 0x02, 0x23, 0x07]);
@@ -168,8 +168,8 @@ pub struct Compiled {
 impl Source {
     /// Compiles to a SPIR-V module, as the bytes of a `.spv` file.
     ///
-    /// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL, Slang and HLSL give one
-    /// module with all the entry points of the source under their own names.
+    /// GLSL gives SPIR-V 1.6 for Vulkan 1.3 with the entry point `main`; WGSL, Slang and HLSL give
+    /// one module with all the entry points of the source under their own names.
     ///
     /// # Errors
     /// [`ErrorKind::InvalidSource`] with the places that the compiler named;

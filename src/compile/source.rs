@@ -153,8 +153,9 @@ impl Source {
 
     /// SHA-256, in hexadecimal, of the text and of all the files that it includes.
     ///
-    /// A module is a function of this hash, the compiler's name and version, and the flags: the three
-    /// make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes alike.
+    /// A module is a function of this hash, the compiler's name and version, and the flags: the
+    /// three make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes
+    /// alike.
     pub fn content_hash(&self) -> String {
         let mut hasher = Sha256::new();
         for (name, text) in self.closure() {

@@ -92,9 +92,9 @@ fn is_test_file(path: &Path) -> bool {
 }
 
 impl Case {
-    /// The cases beneath a folder, in the order of their paths: every `scene.toml` and `*.test.toml`
-    /// with its variants. Folders whose names begin with a dot and those that a `CACHEDIR.TAG` marks
-    /// are passed by.
+    /// The cases beneath a folder, in the order of their paths: every `scene.toml` and
+    /// `*.test.toml` with its variants. Folders whose names begin with a dot and those that a
+    /// `CACHEDIR.TAG` marks are passed by.
     ///
     /// # Errors
     /// `Io` where a folder cannot be read, and the mistakes of scene files that are no TOML.

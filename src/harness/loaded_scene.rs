@@ -357,14 +357,14 @@ impl LoadedScene {
     }
 
     /// Explains a ray, a pixel or an invocation, as `anyhit trace-one-ray` prints it: a pixel
-    /// (`[u32; 2]` or a launch index `[u32; 3]`), the name of a `[[ray]]`, a [`Ray`](crate::Ray), or
-    /// any other [`ExplainRequest`].
+    /// (`[u32; 2]` or a launch index `[u32; 3]`), the name of a `[[ray]]`, a [`Ray`](crate::Ray),
+    /// or any other [`ExplainRequest`].
     ///
     /// ```
     /// # fn main() -> anyhit::Result<()> {
     /// let scene = anyhit::LoadedScene::open("shaders/pass/frames/ping-pong/scene.toml")?;
     /// let text = scene.explain([1, 0])?;
-    /// assert!(text.contains("pixel 1,0"), "{text}");
+    /// assert!(text.contains("pixel (1, 0)"), "{text}");
     /// # Ok(())
     /// # }
     /// ```

@@ -336,8 +336,8 @@ impl PipelineBuilder {
         self
     }
 
-    /// Sets the device that the pipeline is for: [`PipelineBuilder::build`] refuses what it does not
-    /// support.
+    /// Sets the device that the pipeline is for: [`PipelineBuilder::build`] refuses what it does
+    /// not support.
     #[must_use]
     pub fn device(mut self, device: DeviceProfile) -> Self {
         self.device = device;

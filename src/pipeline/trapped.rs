@@ -298,7 +298,7 @@ fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<Cause> {
     let records = if count == 1 { "1 record".to_owned() } else { format!("{count} records") };
     let note = format!(
         "record {index} ({what}), counted from 0, of a table with {records}: `{table}` of the scene's [pipeline], \
-         or Builder::{table}"
+         or PipelineBuilder::{table}"
     );
     Some(Cause { note, operands: TrapOperands::Record { table, index, records: count as u64 } })
 }

@@ -10,9 +10,9 @@ pub struct LoopVariable {
     pub id: Id,
     /// The type of its value: a scalar or a vector.
     pub ty: TypeId,
-    /// The inlined call that it belongs to; see [`Program::scopes`].
+    /// The inlined call that it belongs to; see [`Program::scopes`](crate::Program::scopes).
     pub scope: u32,
-    /// Its first register among [`Program::watched`].
+    /// Its first register among [`Program::watched`](crate::Program::watched).
     pub first: usize,
     /// How many registers it has.
     pub count: usize,

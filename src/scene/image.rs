@@ -1,6 +1,7 @@
 //! Decodes picture files into texels, and encodes texels as PNG.
 
 mod decode;
+mod decoded;
 #[cfg(feature = "images")]
 mod png_jpeg;
 mod radiance;

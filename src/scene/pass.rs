@@ -22,7 +22,8 @@ pub struct Pass {
 pub enum PassWork {
     /// A launch of a pipeline.
     Launch(LaunchPass),
-    /// The dispatch with this index in [`Assembled::dispatches`].
+    /// The dispatch with this index in
+    /// [`Assembled::dispatches`](crate::scene::Assembled::dispatches).
     Dispatch(usize),
 }
 

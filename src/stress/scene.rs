@@ -1,7 +1,7 @@
 //! Judges the traversal of a user's acceleration structures: `anyhit stress SCENE`.
 //!
 //! Too many primitives for testing all of them with each ray, so that the BVH of another builder
-//! ([`ObvhsTree`]) says which are tested: one for each BLAS, while every instance is entered. Rays
+//! (`ObvhsTree`) says which are tested: one for each BLAS, while every instance is entered. Rays
 //! are aimed at primitives, their vertices and edges among them, from afar, from beside and from
 //! other primitives, singly and in packets. A ray must find the closest hit, any hit and, where
 //! nothing is opaque, all hits in their order.

@@ -9,9 +9,9 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::error::{ErrorKind, Result};
-use crate::input::{InputLimit, InputLimits};
+use crate::input::{InputLimit, InputLimits, contained};
 use crate::machine::format::Format;
-use crate::scene::image::decode::{Decoded, Header, Numbers};
+use crate::scene::image::decoded::{Decoded, Header, Numbers};
 use crate::scene::image::invalid;
 
 /// Texels that a byte of a PNG file can stand for: deflate makes at most 1032 bytes of one, and a
@@ -20,7 +20,12 @@ const PNG_TEXELS: u64 = 1032 * 8;
 /// Texels that a byte of a JPEG file can stand for: a block of 8 x 8 takes a bit or more.
 const JPEG_TEXELS: u64 = 64 * 8;
 
+/// Decodes a PNG file.
 pub(super) fn png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    contained("png", ErrorKind::InvalidImage, || decode_png(bytes, wanted, limits))
+}
+
+fn decode_png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
     let broken = |error: png::DecodingError| match error {
         png::DecodingError::LimitsExceeded => {
             limits.exceeded(InputLimit::ImageBytes, None, ErrorKind::InvalidImage)
@@ -51,7 +56,12 @@ pub(super) fn png(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) ->
     Ok(Decoded { extent: header.extent, channels: header.channels, numbers })
 }
 
+/// Decodes a JPEG file.
 pub(super) fn jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
+    contained("zune-jpeg", ErrorKind::InvalidImage, || decode_jpeg(bytes, wanted, limits))
+}
+
+fn decode_jpeg(bytes: &[u8], wanted: Option<Format>, limits: &InputLimits) -> Result<Decoded> {
     let broken = |error: zune_jpeg::errors::DecodeErrors| invalid(error.to_string());
     let options =
         DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);

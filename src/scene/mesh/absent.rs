@@ -1,5 +1,5 @@
-//! Stand-ins for the readers that this build leaves out: opening a file is an error, and there is no
-//! open file.
+//! Stand-ins for the readers that this build leaves out: opening a file is an error, and there is
+//! no open file.
 
 use std::path::Path;
 
