@@ -58,12 +58,14 @@ fn every_type_is_shown_and_crosses_threads() {
     }
     all! {
         AddressMode Band Buffer CallableCall Case CompareOp CompileOptions CompilerFlags Component
-        ComputeOutcome ComputeTest DebugInfoLevel Descriptor DeviceBuffers DeviceProfile Dimension EndCaps EntryPoint Error ErrorKind ExecuteCall Exit ExplainRequest Filter Format
-        GeometryData GeometryFlags Hit HitKind HitRecord Image ImageShape Indexing InputLimit InputLimits Instance
-        InstanceFlags Language LaunchLimits Launched LoadedScene Module Motion Optimize Pipeline
-        PipelineBuilder PipelineFlags Place PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler Sbt
-        SbtRecord Scene SceneOutcome ShaderOutcome ShaderTest SmokeOptions SmokeReport Source Srt Stage Stats
-        StreamedImage StructData Texels TraceCall TraceRay Traced TypedBytes Value Warning
+        ComputeOutcome ComputeTest DebugInfoLevel Descriptor DescriptorElement DeviceBuffers DeviceProfile
+        Dimension EndCaps EntryPoint Error ErrorKind ExecuteCall Exit ExplainRequest Filter Format
+        GeometryData GeometryFlags Hit HitKind HitRecord Image ImageShape Indexing InputLimit InputLimits
+        Instance InstanceFlags Language LaunchLimits Launched LoadedScene Module Motion Optimize Pipeline
+        PipelineBuilder PipelineFlags Place PrintedLine Program Ray RayFlags RayOperands ReportedHit Sampler
+        Sbt SbtRecord Scene SceneOutcome ShaderFrame ShaderOutcome ShaderTest SmokeOptions SmokeReport
+        Source Srt Stage Stats StreamedImage StructData Texels TraceCall TraceRay Traced Trap TrapCode
+        TrapOperands TypedBytes Value Warning
     }
     let types = items()
         .into_iter()
