@@ -179,6 +179,7 @@ pub(crate) fn is_id(kind: OperandKind) -> bool {
 /// # Errors
 /// `InvalidModule` where operands are missing or left over, and what `visit` returns; it is given
 /// the offset of each operand's first word and the operand's kind, without result type and id.
+#[inline]
 pub(crate) fn walk(
     words: &[u32],
     span: Span,

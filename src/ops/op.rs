@@ -44,6 +44,7 @@ impl Op {
     /// Reports the registers that the operation reads and writes, and whether it has a side effect.
     /// The methods of rarer operations call the visitor through a pointer, so that they are not
     /// compiled anew for each visitor.
+    #[inline]
     pub fn accesses(&self, mut visit: impl FnMut(Access)) {
         match self {
             Self::LaneKernel { kernel, to, from } => {
