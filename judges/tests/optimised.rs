@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhit::internals::harness::case::{Case, Loaded, discover};
+use anyhit::internals::harness::case::{Case, Loaded};
 use anyhit::internals::harness::expect::{Difference, Observed};
 use anyhit::internals::harness::run::{RayMeasurements, run_ray};
 use anyhit::internals::scene::resolved::ShaderCode;
@@ -18,8 +18,8 @@ const LEAST_CASES: usize = 153;
 #[test]
 fn cases_are_met_with_optimised_modules() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");
-    let mut cases = discover(&root.join("shaders/pass")).expect("the cases");
-    cases.extend(discover(&root.join("shaders/fail")).expect("the cases"));
+    let mut cases = Case::discover(&root.join("shaders/pass")).expect("the cases");
+    cases.extend(Case::discover(&root.join("shaders/fail")).expect("the cases"));
     // Its trap names a line, which optimised code has lost.
     cases.retain(|case| !case.name(root).ends_with("control-flow/endless-loop"));
     let mut wrong = Vec::new();
@@ -88,6 +88,6 @@ fn check(mut loaded: Loaded) -> Result<(), String> {
 #[test]
 fn there_are_cases() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");
-    let cases: Vec<Case> = discover(&root.join("shaders")).expect("the cases");
+    let cases: Vec<Case> = Case::discover(&root.join("shaders")).expect("the cases");
     assert!(cases.len() > 100, "{}", cases.len());
 }
