@@ -9,6 +9,7 @@ use std::process::{Command, Stdio};
 
 use pretty_assertions::assert_eq;
 
+use crate::support::files::root;
 use crate::support::skipped::{self, test_name};
 
 #[cfg(feature = "glsl")]
@@ -19,10 +20,6 @@ mod triangle;
 
 const PAGE: &str = "docs/testing.md";
 const FOLDER: &str = "tests/first_tests";
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
 
 /// The files of the page: their names, and what this folder holds of them.
 fn files() -> Vec<(PathBuf, String)> {

@@ -5,22 +5,18 @@ use std::fmt::Debug;
 use std::fs;
 use std::path::Path;
 
-/// The folder of the repository.
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
+use crate::support::files::{self, root};
 
 /// `tests/public_names.txt` is what rustdoc shows (`.ci/public-names` compares it); the names at
 /// the root are what `src/lib.rs` exports.
 #[test]
 fn the_list_of_names_is_what_the_root_exports() {
     let exported = exported();
+    let at_root: Vec<_> = items().into_iter().filter(|(_, name)| !name.contains("::")).collect();
+    assert!((60..90).contains(&at_root.len()), "{} names at the root", at_root.len());
     let listed: BTreeSet<String> =
-        items().into_iter().filter(|(kind, _)| kind != "macro").map(|(_, name)| name).collect();
-    let listed: BTreeSet<String> = listed.into_iter().filter(|name| !name.contains("::")).collect();
+        at_root.into_iter().filter(|(kind, _)| kind != "macro").map(|(_, name)| name).collect();
     assert_eq!(listed, exported, "BLESS=1 .ci/public-names after `cargo doc --no-deps --all-features`");
-    let count = items().iter().filter(|(_, name)| !name.contains("::")).count();
-    assert!((60..90).contains(&count), "{count} names at the root");
 }
 
 /// A name that neither an example, nor a page, nor a test uses is not needed, or not tried.
@@ -100,12 +96,8 @@ fn last(name: &str) -> &str {
 
 /// The text of all Rust and Markdown files beneath a folder, but for this one.
 fn collect(folder: &Path, text: &mut String) {
-    for entry in fs::read_dir(folder).expect("a folder").flatten() {
-        let path = entry.path();
-        let extension = path.extension().and_then(|extension| extension.to_str());
-        if path.is_dir() {
-            collect(&path, text);
-        } else if matches!(extension, Some("rs" | "md")) && !path.ends_with("public_face.rs") {
+    for path in ["rs", "md"].iter().flat_map(|extension| files::with_extension(folder, extension)) {
+        if !path.ends_with("public_face.rs") {
             *text += &fs::read_to_string(&path).unwrap_or_default();
         }
     }

@@ -2,11 +2,13 @@
 //! inside of files, folders that a scene may not leave, limits, and how many mistakes are shown.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use pretty_assertions::assert_eq;
+
+use crate::support::files::root;
 
 const MODULE: &str = "spirv-fixtures/pass/compute/prefix-sum/main.comp.spv";
 
@@ -21,10 +23,6 @@ fn anyhit(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_anyhit"));
     command.args(arguments).current_dir(folder).stdin(Stdio::null());
     command
-}
-
-fn root() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
 /// Runs a command to its end, which comes within half a minute: none of these waits for anything.
@@ -65,27 +63,27 @@ fn fifo(path: &Path) {
 #[test]
 fn standard_input_is_a_file_like_others() {
     let bytes = std::fs::read(root().join(MODULE)).expect("a fixture");
-    let named = run(&root(), &["inspect", MODULE]);
-    let piped = ended(anyhit(&root(), &["inspect", "-"]), bytes.clone());
+    let named = run(root(), &["inspect", MODULE]);
+    let piped = ended(anyhit(root(), &["inspect", "-"]), bytes.clone());
     assert_eq!((piped.code, piped.err.as_str()), (Some(0), ""));
     assert_eq!(piped.out.split_once('\n').unwrap().1, named.out.split_once('\n').unwrap().1);
-    let smoke = ended(anyhit(&root(), &["smoke", "-"]), bytes.clone());
-    assert_eq!(smoke.out, run(&root(), &["smoke", MODULE]).out);
-    let ran = ended(anyhit(&root(), &["run", "-", "--groups", "2"]), bytes.clone());
-    assert_eq!((ran.code, &ran.out), (Some(0), &run(&root(), &["run", MODULE, "--groups", "2"]).out));
+    let smoke = ended(anyhit(root(), &["smoke", "-"]), bytes.clone());
+    assert_eq!(smoke.out, run(root(), &["smoke", MODULE]).out);
+    let ran = ended(anyhit(root(), &["run", "-", "--groups", "2"]), bytes.clone());
+    assert_eq!((ran.code, &ran.out), (Some(0), &run(root(), &["run", MODULE, "--groups", "2"]).out));
     // A scene's paths start at the current folder.
     let scene = format!("version = 1\n[shaders.sum]\npath = '{MODULE}'\n[[dispatch]]\nshader = 'sum'\n");
     let text = format!("{scene}[resources.x]\ntype = 'storage_buffer'\nbinding = 99\nsize = 4\n");
-    let ran = ended(anyhit(&root(), &["run", "-"]), text.into());
+    let ran = ended(anyhit(root(), &["run", "-"]), text.into());
     assert!(!ran.err.contains("No such file"), "{}", ran.err);
-    let ran = ended(anyhit(&root(), &["run", "-"]), b"version = 1\nlaunhc = 1\n".to_vec());
+    let ran = ended(anyhit(root(), &["run", "-"]), b"version = 1\nlaunhc = 1\n".to_vec());
     assert!(
         ran.err.contains("standard input:2:1") && ran.err.contains("did you mean `launch`?"),
         "{}",
         ran.err
     );
     let recording = std::fs::read(root().join("tests/driver-golden/flags_sphere_none.safetensors")).unwrap();
-    let ran = ended(anyhit(&root(), &["verify", "-"]), recording);
+    let ran = ended(anyhit(root(), &["verify", "-"]), recording);
     assert_eq!(ran.code, Some(0), "{}", ran.err);
 }
 
@@ -103,11 +101,11 @@ fn a_pipe_on_the_command_line_is_read_to_its_end() {
     ] {
         let (to, bytes) = (pipe.clone(), bytes.clone());
         let writer = std::thread::spawn(move || std::fs::write(to, bytes));
-        let ran = run(&root(), &arguments);
+        let ran = run(root(), &arguments);
         writer.join().expect("a thread").expect("the pipe");
         assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
         let lines = |ran: &Ran| ran.out.lines().filter(|line| !line.contains(name)).count();
-        assert!(lines(&ran) + 1 >= lines(&run(&root(), &wanted)), "{}", ran.out);
+        assert!(lines(&ran) + 1 >= lines(&run(root(), &wanted)), "{}", ran.out);
     }
 }
 
@@ -129,7 +127,7 @@ fn what_never_ends_is_read_up_to_a_limit() {
         (vec!["render", "/dev/zero"], "`scene-bytes` of 16777216"),
         (vec!["trace-one-ray", "/dev/zero"], "`scene-bytes` of 16777216"),
     ] {
-        let ran = run(&root(), &arguments);
+        let ran = run(root(), &arguments);
         assert_eq!(ran.code, Some(5), "{arguments:?}");
         assert!(ran.err.contains(limit), "{arguments:?}: {}", ran.err);
         assert!(ran.err.contains("--limit"), "{}", ran.err);
@@ -242,7 +240,7 @@ fn tests_keep_to_their_repository() {
     };
     let tests = path.join("repository/tests");
     // The folder that is searched, where there is no repository and the current folder is another.
-    assert!(refused(&[tests.to_str().expect("UTF-8")], &root()));
+    assert!(refused(&[tests.to_str().expect("UTF-8")], root()));
     // The current folder, in which the test lies.
     assert!(!refused(&["repository/tests"], path));
     // The repository, wherever the command runs.
@@ -308,10 +306,10 @@ fn thousands_of_mistakes_are_counted_and_few_shown() {
 
 #[test]
 fn limits_are_set_by_name() {
-    let ran = run(&root(), &["inspect", MODULE, "--limit", "module-bytes=16"]);
+    let ran = run(root(), &["inspect", MODULE, "--limit", "module-bytes=16"]);
     assert_eq!(ran.code, Some(5));
     assert!(ran.err.contains("more bytes of a module than the limit `module-bytes` of 16"), "{}", ran.err);
-    let ran = run(&root(), &["inspect", MODULE, "--limit", "module_bites=16"]);
+    let ran = run(root(), &["inspect", MODULE, "--limit", "module_bites=16"]);
     assert_eq!(ran.code, Some(2));
     assert!(ran.err.contains("there is no limit `module_bites`"), "{}", ran.err);
 }

@@ -1,7 +1,9 @@
 //! What the documents tell the reader to type and to open exists.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::support::files::root;
 
 const DOCUMENTS: &[&str] = &["README.md", "CONTRIBUTING.md"];
 
@@ -176,8 +178,4 @@ fn exists(path: &str) -> Result<(), String> {
 
 fn read(document: &str) -> String {
     fs::read_to_string(root().join(document)).expect("a readable document").replace("\r\n", "\n")
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
 }

@@ -23,7 +23,7 @@ use anyhit::internals::scene::resolved::ShaderCode;
 use rayon::prelude::*;
 use rspirv::spirv::Op;
 
-use crate::support::files;
+use crate::support::files::{self, root};
 use rewrite::{Family, Module, Step, plan, rewritten};
 
 /// Steps that are drawn for each module; `ANYHIT_STEPS` draws more or fewer.
@@ -34,10 +34,6 @@ const EXCEPTIONS: [(&str, &str); 1] = [(
     "shaders/fail/control-flow/endless-loop",
     "how many instructions a turn has decides where the fuel runs out, and so at which line",
 )];
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
 
 fn number(variable: &str, default: u64) -> u64 {
     let text = std::env::var(variable).ok();

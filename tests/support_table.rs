@@ -3,7 +3,6 @@
 
 use std::collections::HashSet;
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhit::internals::module::load;
@@ -13,7 +12,7 @@ use pretty_assertions::assert_eq;
 use rspirv::grammar::INSTRUCTION_TABLE;
 use rspirv::spirv::BuiltIn;
 
-use crate::support::files;
+use crate::support::files::{self, root};
 
 const BEGIN: &str = "<!-- support table: written by tests/support_table.rs -->\n";
 const END: &str = "<!-- end of support table -->";
@@ -118,8 +117,4 @@ fn check(document: &str, expected: &str) {
         return;
     }
     assert_eq!(table, expected, "{document} is out of date: BLESS=1 cargo test --test main support_table::");
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
 }

@@ -75,8 +75,8 @@ impl SourceWords {
             return Err(invalid("the entry point is chosen in Slang and HLSL alone".to_owned()));
         }
         let entry_point = SourceEntryPoint::said(language, self.entry.as_deref(), self.stage);
-        let flags = CompilerFlags::parse(language, &self.flags)
-            .map_err(|refused| invalid(refused.message).note(refused.note))?;
+        let flags = CompilerFlags::of(language, &self.flags);
+        let flags = flags.map_err(|error| error.context(path.display()))?;
         let of_flags = flags.include_folders().iter().map(PathBuf::from);
         let include_folders = self.include_folders.iter().cloned().chain(of_flags).collect();
         Ok(Some(SourceSettings { language: Some(language), entry_point, include_folders, flags }))

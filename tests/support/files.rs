@@ -2,6 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+/// The folder of the repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
 /// All files below a folder whose name ends in `.extension`, sorted.
 pub fn with_extension(root: &Path, extension: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();

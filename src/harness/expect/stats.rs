@@ -73,7 +73,7 @@ impl StatsExpectation {
         if let Some(stats) = &observed.stats {
             let invocations = self.invocations.iter().map(|(stage, expected)| {
                 let key = STAGES.iter().find(|(_, known)| known == stage).map_or("", |(key, _)| key);
-                (key, expected, stats.shaders.get(stage).map_or(0, |stats| stats.invocations))
+                (key, expected, stats.invocations(*stage))
             });
             let totals = self.totals.iter().map(|(key, total, expected)| (*key, expected, total(stats)));
             for (key, expected, found) in totals.chain(invocations) {
