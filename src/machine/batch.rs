@@ -288,7 +288,7 @@ impl<const W: usize> Batch<W> {
         let over = watch.as_ref().and_then(|watch| watch.step_behind());
         for lane in noted.lanes() {
             let is_last = over.is_some() || exhausted.contains(lane);
-            self.turns.note((lane, op), is_last, &self.registers, &self.watched);
+            self.turns.note(lane, op, is_last, &self.registers, &self.watched);
         }
         self.trap(exhausted, TrapCode::OutOfFuel, op);
         if let Some(watch) = &watch {

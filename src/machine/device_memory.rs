@@ -6,6 +6,7 @@
 //! pointer, and an access past the end of a buffer hits a guard gap instead of the next buffer.
 //! A buffer may also lie at a given address; the regions that it touches are then left out.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
@@ -254,7 +255,7 @@ impl DeviceMemory {
         let count = (size >> REGION_BITS) + 1;
         let mut first = self.regions + 1;
         // Given addresses are few; those of other automatic ones lie below.
-        while let Some(end) = self.taken((first, first + count - 1)) {
+        while let Some(end) = self.taken(first..=first + count - 1) {
             first = end + 1;
         }
         self.regions = first + count - 1;
@@ -265,11 +266,11 @@ impl DeviceMemory {
     }
 
     /// The last region of an allocation that touches one of these regions.
-    fn taken(&self, (first, last): (u64, u64)) -> Option<u64> {
-        let after = self.allocations.partition_point(|one| one.base >> REGION_BITS <= last);
+    fn taken(&self, regions: RangeInclusive<u64>) -> Option<u64> {
+        let after = self.allocations.partition_point(|one| one.base >> REGION_BITS <= *regions.end());
         let before = &self.allocations[after.checked_sub(1)?];
         let end = (before.end() - 1) >> REGION_BITS;
-        (end >= first).then_some(end)
+        (end >= *regions.start()).then_some(end)
     }
 
     fn insert_at(

@@ -36,7 +36,8 @@ impl Turns {
     /// ever more rarely, and in the turn that is known to be the last.
     pub fn note<const W: usize>(
         &mut self,
-        (lane, op): (usize, u32),
+        lane: usize,
+        op: u32,
         is_last: bool,
         registers: &Registers<W>,
         watched: &[Reg],

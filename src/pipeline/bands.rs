@@ -233,7 +233,8 @@ impl BandedLaunch<'_> {
                 launch.run_positions::<W>(
                     [width, height, 1],
                     positions[0]..positions[1],
-                    (&dog, &mut tasks),
+                    &dog,
+                    &mut tasks,
                     on_progress,
                 )
             };

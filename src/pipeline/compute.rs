@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::machine::{LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
+use crate::machine::{Bindings, LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::single_shader::Ended;
 use crate::pipeline::stats::Stats;
@@ -202,13 +202,11 @@ impl Compute {
             let (task_stats, trapped) = if !uses_subgroups && self.program.order_dependent {
                 let observer: &mut dyn Observer<1> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                WorkgroupRunner::<1>::new(self.for_runner(), &bindings, self.layout, watch)
-                    .run(groups, &mut observers)
+                self.runner::<1>(&bindings, watch).run(groups, &mut observers)
             } else {
                 let observer: &mut dyn Observer<64> = &mut *observer;
                 let mut observers = Observers::new(observer, &mut *on_event);
-                WorkgroupRunner::<64>::new(self.for_runner(), &bindings, self.layout, watch)
-                    .run(groups, &mut observers)
+                self.runner::<64>(&bindings, watch).run(groups, &mut observers)
             };
             if let Some(trapped) = trapped {
                 return Ok(Err(Box::new(trapped)));
@@ -268,21 +266,16 @@ impl Compute {
             let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
             let result = match subgroup_size {
                 // A batch must hold whole subgroups: their size divides the batch's width.
-                Some(..=64) => WorkgroupRunner::<64>::new(self.for_runner(), &bindings, self.layout, watch)
-                    .run(groups, &mut Observers::none()),
-                Some(_) => WorkgroupRunner::<128>::new(self.for_runner(), &bindings, self.layout, watch)
-                    .run(groups, &mut Observers::none()),
+                Some(..=64) => self.runner::<64>(&bindings, watch).run(groups, &mut Observers::none()),
+                Some(_) => self.runner::<128>(&bindings, watch).run(groups, &mut Observers::none()),
                 // One invocation after the other, so that results do not depend on the width.
                 None if self.program.order_dependent => {
-                    WorkgroupRunner::<1>::new(self.for_runner(), &bindings, self.layout, watch)
-                        .run(groups, &mut Observers::none())
+                    self.runner::<1>(&bindings, watch).run(groups, &mut Observers::none())
                 }
                 None if shares || self.mixes_atomics => {
-                    WorkgroupRunner::<64>::new(self.for_runner(), &bindings, self.layout, watch)
-                        .run(groups, &mut Observers::none())
+                    self.runner::<64>(&bindings, watch).run(groups, &mut Observers::none())
                 }
-                None => WorkgroupRunner::<W>::new(self.for_runner(), &bindings, self.layout, watch)
-                    .run(groups, &mut Observers::none()),
+                None => self.runner::<W>(&bindings, watch).run(groups, &mut Observers::none()),
             };
             on_progress(invocations);
             result
@@ -342,14 +335,21 @@ impl Compute {
         watch.begin_task(count.saturating_mul(self.group_size()));
         let groups = &mut (0..count).map(|index| self.group(index, groups));
         let mut observers = Observers::interpreter_only(observer);
-        let (stats, trapped) = WorkgroupRunner::<1>::new(self.for_runner(), &bindings, self.layout, watch)
-            .run(groups, &mut observers);
+        let (stats, trapped) = self.runner::<1>(&bindings, watch).run(groups, &mut observers);
         trapped.map_or(Ok(stats), |trapped| Err(trapped.error))
     }
 
-    /// What runs, and what its invocations are limited by.
-    fn for_runner(&self) -> (&Program, InvocationLimits) {
-        (&self.program, InvocationLimits { fuel: self.fuel, subgroup_size: self.subgroup_size })
+    /// Prepares to run workgroups, W lanes at a time.
+    fn runner<'a, const W: usize>(
+        &'a self,
+        bindings: &'a Bindings,
+        watch: &Arc<TaskWatch>,
+    ) -> WorkgroupRunner<'a, W>
+    where
+        LaneKernel: Width<W>,
+    {
+        let limits = InvocationLimits { fuel: self.fuel, subgroup_size: self.subgroup_size };
+        WorkgroupRunner::new(&self.program, limits, bindings, self.layout, watch)
     }
 
     /// Checks that the invocations of a dispatch can be numbered.

@@ -53,13 +53,11 @@ where
                     _ if trace.depth > self.pipeline.max_recursion => Err(TrapCode::RecursionTooDeep),
                     _ if is_full => Err(TrapCode::StackOverflow),
                     HitObject::Miss(encoded) => {
-                        let ray = (Tlas::empty(), &encoded.trace);
-                        trace.add_hit_object(lane, ray, encoded.record, None);
+                        trace.add_hit_object(lane, Tlas::empty(), &encoded.trace, encoded.record, None);
                         Ok(true)
                     }
                     HitObject::Hit(encoded, hit) => {
-                        let ray = (&hit.tlas, &encoded.trace);
-                        trace.add_hit_object(lane, ray, encoded.record, Some(hit));
+                        trace.add_hit_object(lane, &hit.tlas, &encoded.trace, encoded.record, Some(hit));
                         Ok(true)
                     }
                 }

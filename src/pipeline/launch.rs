@@ -51,17 +51,18 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let count = self.invocation_count(size)?;
-        self.run_positions::<W>(size, 0..count, (&self.watchdog(count), &mut 0), on_progress)
+        self.run_positions::<W>(size, 0..count, &self.watchdog(count), &mut 0, on_progress)
     }
 
     /// Runs the invocations at a range of positions in a launch's order. The range starts at a
     /// multiple of the widest batch. The watchdog is that of the whole launch; its tasks are
-    /// numbered on from one range to the next.
+    /// numbered on from one range to the next: `first_task` is the number of this range's first.
     pub(super) fn run_positions<const W: usize>(
         &self,
         size: [u32; 3],
         positions: Range<u64>,
-        (dog, first_task): (&Arc<Watchdog>, &mut u64),
+        watchdog: &Arc<Watchdog>,
+        first_task: &mut u64,
         on_progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Stats>
     where
@@ -78,9 +79,8 @@ impl Launch<'_> {
         let order = if by_index { LaunchOrder::by_index(size) } else { LaunchOrder::by_tiles(size) };
         let is_small = positions.end - positions.start <= MAX_SINGLE_THREADED;
         let task_size = task_size(positions.end - positions.start);
-        let tasks = TaskQueue::new((positions.end - positions.start).div_ceil(task_size));
-        let watchdog = (dog, *first_task);
-        *first_task += (positions.end - positions.start).div_ceil(task_size);
+        let task_count = (positions.end - positions.start).div_ceil(task_size);
+        let tasks = TaskQueue::new(task_count);
         let work = LaunchTasks {
             record,
             bindings: &bindings,
@@ -90,7 +90,9 @@ impl Launch<'_> {
             task_size,
             on_progress,
             watchdog,
+            first_task: *first_task,
         };
+        *first_task += task_count;
         let worker = || match subgroups {
             Some(..=64) => self.run_tasks::<64>(&work),
             Some(_) => self.run_tasks::<128>(&work),
@@ -107,7 +109,7 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let (mut pipeline_observer, mut observer) = ((), ());
-        let (dog, first_task) = work.watchdog;
+        let (dog, first_task) = (work.watchdog, work.first_task);
         let watch = dog.watch();
         let mut stack =
             Stack::<W, _, _>::new(self.pipeline, work.bindings, &mut pipeline_observer, &mut observer)
@@ -145,20 +147,21 @@ impl Launch<'_> {
         Watchdog::new(self.pipeline.launch_limits, invocations)
     }
 
-    fn observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
+    /// Runs the invocations at a range of positions under observers.
+    fn run_observed_task<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
-        bindings: &[Bindings],
-        record: &SbtRecord,
-        (range, order, watch): (Range<u64>, &LaunchOrder, &Arc<TaskWatch>),
-        (pipeline_observer, observer): (&mut T, &mut O),
+        work: &ObservedTasks<'_>,
+        range: Range<u64>,
+        pipeline_observer: &mut T,
+        observer: &mut O,
     ) -> (Stats, Option<Trapped>)
     where
         LaneKernel: Width<W>,
     {
-        watch.begin_task(range.end - range.start);
-        let mut stack = Stack::<W, T, O>::new(self.pipeline, bindings, pipeline_observer, observer)
-            .watched(watch.clone());
-        stack.launch_batches(record, order, range);
+        work.watch.begin_task(range.end - range.start);
+        let mut stack = Stack::<W, T, O>::new(self.pipeline, work.bindings, pipeline_observer, observer)
+            .watched(work.watch.clone());
+        stack.launch_batches(work.record, &work.order, range);
         (stack.stats, stack.trapped)
     }
 
@@ -206,38 +209,32 @@ impl Launch<'_> {
             return self.run::<64>(size, &|_| ());
         }
         let single_lane = self.pipeline.order_dependent() && subgroups.is_none();
-        let order = LaunchOrder::by_index(size);
         let mut stats = Stats::default();
         let task_size = task_size(count);
         let dog = self.watchdog(count);
-        let watch = dog.watch();
+        let work = ObservedTasks {
+            record,
+            bindings: &bindings,
+            order: LaunchOrder::by_index(size),
+            watch: dog.watch(),
+        };
         for task in 0..count.div_ceil(task_size) {
             let range = task * task_size..count.min((task + 1) * task_size);
             let (task_stats, trapped) = match single_lane {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.observed_task(
-                        &bindings,
-                        record,
-                        (range, &order, &watch),
-                        (&mut on_event, &mut observer),
-                    )
+                    self.run_observed_task(&work, range, &mut on_event, &mut observer)
                 }
                 false => {
                     let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.observed_task(
-                        &bindings,
-                        record,
-                        (range, &order, &watch),
-                        (&mut on_event, &mut observer),
-                    )
+                    self.run_observed_task(&work, range, &mut on_event, &mut observer)
                 }
             };
             if let Some(trapped) = trapped {
                 return Err(trapped.error);
             }
-            if dog.end_task(task, watch.spent()).is_some() {
-                let last = order.launch_id(count.min((task + 1) * task_size) - 1);
+            if dog.end_task(task, work.watch.spent()).is_some() {
+                let last = work.order.launch_id(count.min((task + 1) * task_size) - 1);
                 return Err(spent_together(last, &dog).error);
             }
             stats = stats.plus(&task_stats);
@@ -383,8 +380,19 @@ struct LaunchTasks<'a> {
     /// The number of positions of a task.
     task_size: u64,
     on_progress: &'a (dyn Fn(u64) + Sync),
-    /// The launch's, and the number of the first of these tasks.
-    watchdog: (&'a Arc<Watchdog>, u64),
+    /// The watchdog of the whole launch.
+    watchdog: &'a Arc<Watchdog>,
+    /// The number that the first of these tasks has in the whole launch.
+    first_task: u64,
+}
+
+/// The data that all tasks of an observed launch use.
+struct ObservedTasks<'a> {
+    record: &'a SbtRecord,
+    bindings: &'a [Bindings],
+    order: LaunchOrder,
+    /// Watches the one thread that runs them.
+    watch: Arc<TaskWatch>,
 }
 
 impl LaunchTasks<'_> {

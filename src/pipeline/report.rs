@@ -11,6 +11,17 @@ use crate::pipeline::observer::{Event, PipelineObserver};
 use crate::pipeline::trace::{Trace, Words, hit_group_at};
 use crate::program::Program;
 
+/// The registers of an `OpReportIntersectionKHR`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReportRegisters {
+    /// The hit distance.
+    pub t: Reg,
+    /// The hit kind.
+    pub hit_kind: Reg,
+    /// The result, a bool: whether the hit is accepted.
+    pub accepted: Reg,
+}
+
 /// The reported hits of an intersection shader's lanes.
 #[derive(Clone, Debug)]
 pub(super) struct IntersectionReport<const W: usize> {
@@ -37,9 +48,11 @@ impl<const W: usize> IntersectionReport<W> {
         trace: &mut Trace<W>,
         program: &Program,
         batch: &mut Batch<W>,
-        (mask, t, hit_kind, accepted): (Mask<W>, Reg, Reg, Reg),
+        mask: Mask<W>,
+        registers: ReportRegisters,
         observer: &mut T,
     ) -> Self {
+        let ReportRegisters { t, hit_kind, accepted } = registers;
         let mut report = Self { accepted, pending: SmallVec::new(), reports: SmallVec::from_elem(None, W) };
         for lane in mask.lanes() {
             let t = f32::from_bits(batch.registers[t].0[lane]);
@@ -116,7 +129,8 @@ impl<const W: usize> IntersectionReport<W> {
         &mut self,
         trace: &mut Trace<W>,
         intersection: &mut Batch<W>,
-        (any_hit, lanes): (&Batch<W>, Mask<W>),
+        any_hit: &Batch<W>,
+        lanes: Mask<W>,
         observer: &mut T,
     ) {
         for lane in lanes.lanes() {

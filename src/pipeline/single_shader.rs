@@ -28,7 +28,8 @@ impl Launch<'_> {
     pub fn run_single_threaded<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
         size: [u32; 3],
-        (pipeline_observer, observer): (&mut T, &mut O),
+        pipeline_observer: &mut T,
+        observer: &mut O,
     ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
@@ -57,7 +58,8 @@ impl Launch<'_> {
         invocation: Invocation,
         payload: &[u32],
         attributes: &[u32],
-        (pipeline_observer, observer): (&mut T, &mut O),
+        pipeline_observer: &mut T,
+        observer: &mut O,
     ) -> Result<Ended>
     where
         LaneKernel: Width<W>,
@@ -85,7 +87,8 @@ impl Launch<'_> {
         &self,
         tlas: &Arc<Tlas>,
         operands: RayOperands,
-        (pipeline_observer, observer): (&mut T, &mut O),
+        pipeline_observer: &mut T,
+        observer: &mut O,
     ) -> Result<Ended>
     where
         LaneKernel: Width<W>,

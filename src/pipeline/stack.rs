@@ -20,7 +20,7 @@ use crate::pipeline::group::{Role, Shader};
 use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
-use crate::pipeline::report::IntersectionReport;
+use crate::pipeline::report::{IntersectionReport, ReportRegisters};
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::trace::{PendingCall, Trace, Words, general_shader, record_at};
@@ -276,7 +276,7 @@ where
                             self.begin_execute_callable(mask, index, data)
                         }
                         Stop::ReportIntersection { mask, t, hit_kind, accepted } => {
-                            self.begin_report((mask, t, hit_kind, accepted));
+                            self.begin_report(mask, ReportRegisters { t, hit_kind, accepted });
                         }
                         Stop::Paused => {}
                         Stop::Barrier { .. } => {
@@ -451,7 +451,7 @@ where
                 ShaderCallFrame::Report(report),
             ] => {
                 running.copy_data_out(trace.payload(below), *payload);
-                report.apply_any_hit(trace, &mut intersection.batch, (batch, lanes), self.pipeline_observer);
+                report.apply_any_hit(trace, &mut intersection.batch, batch, lanes, self.pipeline_observer);
             }
             _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
@@ -548,7 +548,7 @@ where
         self.push_shader(running);
     }
 
-    fn begin_report(&mut self, operands: (Mask<W>, Reg, Reg, Reg)) {
+    fn begin_report(&mut self, mask: Mask<W>, registers: ReportRegisters) {
         let [.., ShaderCallFrame::Trace { trace, .. }, ShaderCallFrame::Shader(running)] =
             &mut self.frames[..]
         else {
@@ -560,7 +560,8 @@ where
             trace,
             program,
             &mut running.batch,
-            operands,
+            mask,
+            registers,
             self.pipeline_observer,
         );
         self.frames.push(ShaderCallFrame::Report(Box::new(report)));

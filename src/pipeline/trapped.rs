@@ -66,7 +66,7 @@ where
         let program = &*self.pipeline.programs[running.shader.0 as usize];
         let programs = &self.pipeline.programs;
         let mut error =
-            trap_error((running.shader, program), programs, &running.batch, lane, trap).note(format!(
+            trap_error(running.shader, program, programs, &running.batch, lane, trap).note(format!(
                 "in {} `{}`, launch id ({}, {}, {})",
                 program.stage.name(),
                 program.name,
@@ -306,7 +306,8 @@ fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<Cause> {
 /// The error of a trap without its callers: message, source position, and access. Other programs
 /// run with the one that trapped.
 pub(crate) fn trap_error<const W: usize>(
-    (shader, program): (Shader, &Program),
+    shader: Shader,
+    program: &Program,
     others: &[Arc<Program>],
     batch: &Batch<W>,
     lane: usize,

@@ -101,7 +101,8 @@ where
     LaneKernel: Width<W>,
 {
     pub(super) fn new(
-        (program, limits): (&'a Program, InvocationLimits),
+        program: &'a Program,
+        limits: InvocationLimits,
         bindings: &'a Bindings,
         layout: WorkgroupLayout,
         watch: &Arc<TaskWatch>,
@@ -274,7 +275,7 @@ where
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
         let [group, local, global] = ids.map(|[x, y, z]| format!("({x}, {y}, {z})"));
-        let mut error: Error = trap_error((Shader(0), self.program), &[], batch, at % W, trap);
+        let mut error: Error = trap_error(Shader(0), self.program, &[], batch, at % W, trap);
         if let Some(note) = note {
             error = error.note(note);
         }

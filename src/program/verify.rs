@@ -9,6 +9,7 @@
 //!
 //! Debug builds check every pass of every program, as do the tests.
 
+use std::fmt;
 use std::ops::Range;
 
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -49,12 +50,34 @@ impl Version {
     }
 }
 
+/// The blocks of a superblock.
+#[derive(Clone, Copy, Debug)]
+struct SuperblockSpan {
+    /// The first block.
+    first: u32,
+    /// The last block, whose terminator ends the superblock.
+    last: u32,
+}
+
+impl SuperblockSpan {
+    /// The operations of the superblock, in the version of the program that has these blocks.
+    fn operations(self, blocks: &[Block]) -> Range<usize> {
+        blocks[self.first as usize].first as usize..blocks[self.last as usize].end as usize
+    }
+}
+
+impl fmt::Display for SuperblockSpan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "blocks ({}, {})", self.first, self.last)
+    }
+}
+
 /// The state of a program before a pass, with which the result of the pass is compared.
 #[derive(Debug)]
 pub struct Verifier {
     before: Version,
-    /// The superblocks, by their first and last block.
-    superblocks: Vec<(u32, u32)>,
+    /// The superblocks, in the order of their blocks.
+    superblocks: Vec<SuperblockSpan>,
     implicit: ImplicitRegisters,
     /// The registers that have a value where the program begins.
     defined: FxHashSet<Reg>,
@@ -80,7 +103,7 @@ impl Verifier {
         let mut at = 0;
         while at < count as u32 {
             let last = known.map_or(at, |known| known[at as usize].last);
-            superblocks.push((at, last));
+            superblocks.push(SuperblockSpan { first: at, last });
             at = last + 1;
         }
         let registers = |first: Reg, count: u32| (first.0..first.0 + count).map(Reg);
@@ -126,18 +149,14 @@ impl Verifier {
         Some(verifier)
     }
 
-    fn range(blocks: &[Block], (first, last): (u32, u32)) -> Range<usize> {
-        blocks[first as usize].first as usize..blocks[last as usize].end as usize
-    }
-
     /// The transfer function of a superblock: computes what is live at its beginning, given what is
     /// live at its end. An operation that has no effect and whose results are dead reads nothing.
-    fn transfer(&self, superblock: (u32, u32), live: &mut FxHashSet<Reg>) {
-        let terminator = &self.before.blocks[superblock.1 as usize].terminator;
+    fn transfer(&self, superblock: SuperblockSpan, live: &mut FxHashSet<Reg>) {
+        let terminator = &self.before.blocks[superblock.last as usize].terminator;
         for_each_terminator_read(terminator, |reg| {
             live.insert(reg);
         });
-        for op in self.before.ops[Self::range(&self.before.blocks, superblock)].iter().rev() {
+        for op in self.before.ops[superblock.operations(&self.before.blocks)].iter().rev() {
             let mut needed = false;
             op.accesses(|access| match access {
                 Access::Effect => needed = true,
@@ -178,7 +197,7 @@ impl Verifier {
     fn find_liveness(&mut self) {
         let blocks = &self.before.blocks;
         let starts: FxHashMap<u32, usize> =
-            self.superblocks.iter().enumerate().map(|(at, &(first, _))| (first, at)).collect();
+            self.superblocks.iter().enumerate().map(|(at, superblock)| (superblock.first, at)).collect();
         let returns: Vec<usize> = blocks
             .iter()
             .filter_map(|block| match block.terminator {
@@ -205,10 +224,12 @@ impl Verifier {
             for at in (0..count).rev() {
                 let superblock = self.superblocks[at];
                 let mut live: FxHashSet<Reg> = self.implicit.addressed.iter().copied().collect();
-                if let Terminator::Exit(_) = blocks[superblock.1 as usize].terminator {
+                if let Terminator::Exit(_) = blocks[superblock.last as usize].terminator {
                     live.extend(&self.results);
                 }
-                successors(superblock.1).into_iter().for_each(|successor| live.extend(&live_in[successor]));
+                successors(superblock.last)
+                    .into_iter()
+                    .for_each(|successor| live.extend(&live_in[successor]));
                 live_out[at].clone_from(&live);
                 self.transfer(superblock, &mut live);
                 if live != live_in[at] {
@@ -257,16 +278,16 @@ impl Verifier {
             let mut table = ValueTable::new();
             let mut old = State::new(&initial_before, &self.implicit);
             let mut new = State::new(&initial_after, &self.implicit);
-            for op in &self.before.ops[Self::range(&self.before.blocks, superblock)] {
+            for op in &self.before.ops[superblock.operations(&self.before.blocks)] {
                 old.execute(op, &mut table);
             }
-            for op in &after.ops[Self::range(&after.blocks, superblock)] {
+            for op in &after.ops[superblock.operations(&after.blocks)] {
                 if let Some(constant) = written_constant(op, &known) {
                     return Err(format!("{op:?} writes r{}, which holds a constant", constant.0));
                 }
                 new.execute(op, &mut table);
             }
-            let place = |what: &str| format!("blocks {superblock:?}: {what}");
+            let place = |what: &str| format!("{superblock}: {what}");
             if old.effects.len() != new.effects.len() {
                 return Err(place(&format!("{} effects, not {}", new.effects.len(), old.effects.len())));
             }
@@ -285,7 +306,7 @@ impl Verifier {
                 regs
             };
             let [was, is] =
-                [&self.before.blocks, &after.blocks].map(|blocks| reads(&blocks[superblock.1 as usize]));
+                [&self.before.blocks, &after.blocks].map(|blocks| reads(&blocks[superblock.last as usize]));
             let mut pairs: Vec<(String, Reg, Reg)> = was
                 .into_iter()
                 .zip(is)
@@ -334,11 +355,11 @@ impl Verifier {
         for &superblock in &self.superblocks {
             let mut table = ValueTable::new();
             let state = State::new(&initial_before, &self.implicit);
-            let range = Self::range(&after.blocks, superblock);
+            let range = superblock.operations(&after.blocks);
             let is_seen = |reg: Reg| seen.contains(&reg);
             supercode
                 .verify(&after.ops, range, &state, &mut table, &is_seen)
-                .map_err(|problem| format!("blocks {superblock:?}: {problem}"))?;
+                .map_err(|problem| format!("{superblock}: {problem}"))?;
         }
         Ok(())
     }

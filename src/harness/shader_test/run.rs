@@ -92,7 +92,7 @@ impl ShaderTest {
         }
         let exit = batch.exits[0];
         if let Exit::Trapped(trap) = exit {
-            let error = trap_error((Shader(0), program), &[], &batch, 0, trap);
+            let error = trap_error(Shader(0), program, &[], &batch, 0, trap);
             return Err(with_limit(error, trap.code, self.fuel, None));
         }
         let words = self.payload_rows().map_or_else(Vec::new, |registers| words(&batch, registers));

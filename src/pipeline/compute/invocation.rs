@@ -8,7 +8,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::compute::Compute;
 use crate::pipeline::group::Shader;
 use crate::pipeline::observer::Event;
-use crate::pipeline::workgroup::{Observers, WorkgroupRunner};
+use crate::pipeline::workgroup::Observers;
 use crate::program::Program;
 
 /// What one invocation of a dispatch did.
@@ -105,9 +105,7 @@ impl Compute {
             let observer: &mut dyn Observer<W> = &mut one;
             let mut observers = Observers::new(observer, &mut on_event).with_traversal();
             let group = &mut std::iter::once(self.group(index, groups));
-            WorkgroupRunner::<W>::new(self.for_runner(), &bindings, self.layout, watch)
-                .run(group, &mut observers)
-                .1
+            self.runner::<W>(&bindings, watch).run(group, &mut observers).1
         };
         let exit = one.exit;
         let mut events = events.into_inner();

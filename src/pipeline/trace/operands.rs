@@ -69,7 +69,8 @@ impl<const W: usize> Trace<W> {
     pub(crate) fn add_hit_object(
         &mut self,
         lane: usize,
-        (tlas, trace): (&Arc<Tlas>, &TraceRay),
+        tlas: &Arc<Tlas>,
+        trace: &TraceRay,
         record: u64,
         hit: Option<&EncodedHit>,
     ) {
