@@ -188,13 +188,14 @@ impl BuiltBlas {
 
     /// A mask of the primitives of a leaf that the line of the ray may hit. `TIGHT` culls more of
     /// the swept spheres that taper. Only for primitives that are [culled](BuiltBlas::culling) at
-    /// all; triangles read the second ray.
+    /// all; triangles read `sheared`, the others `ray`.
     #[inline(always)]
     pub(super) fn maybe_hit_mask<F: FmaOps, const TIGHT: bool>(
         &self,
         simd: F,
         leaf: NodeRef,
-        (ray, sheared): (&CullRay, &ShearedRay),
+        ray: &CullRay,
+        sheared: &ShearedRay,
     ) -> u32 {
         let at = leaf.index();
         let maybe_hit = match &self.blocks {
@@ -243,7 +244,8 @@ impl BuiltBlas {
     #[inline(always)]
     pub(super) fn intersect(
         &self,
-        (leaf, lane): (NodeRef, usize),
+        leaf: NodeRef,
+        lane: usize,
         ray: &ObjectRay,
         time: f32,
         precision: Precision,

@@ -185,7 +185,7 @@ impl InstanceRay {
             self.make_cull_ray(tlas, built, trace);
         }
         if self.culls {
-            built.maybe_hit_mask::<F, TIGHT>(simd, leaf, (&self.cull_ray, &self.sheared_ray))
+            built.maybe_hit_mask::<F, TIGHT>(simd, leaf, &self.cull_ray, &self.sheared_ray)
         } else {
             built.full_mask(leaf)
         }

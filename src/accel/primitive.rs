@@ -50,7 +50,7 @@ impl GeometryData {
             Self::Aabbs(boxes) => Primitive::Aabb(boxes[at]),
             Self::Spheres { positions, radii, indices } => sphere(positions, radii, indices, at),
             Self::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } => {
-                linear_swept_sphere(positions, radii, indices, (*indexing, *end_caps), at)
+                linear_swept_sphere(positions, radii, indices, *indexing, *end_caps, at)
             }
         }
     }
@@ -73,9 +73,10 @@ impl GeometryData {
                 all.for_each(|at| to.visit(at, sphere(positions, radii, indices, at as usize)));
             }
             Self::LinearSweptSpheres { positions, radii, indices, indexing, end_caps } => {
-                let modes = (*indexing, *end_caps);
+                let (indexing, end_caps) = (*indexing, *end_caps);
                 all.for_each(|at| {
-                    to.visit(at, linear_swept_sphere(positions, radii, indices, modes, at as usize))
+                    let index = at as usize;
+                    to.visit(at, linear_swept_sphere(positions, radii, indices, indexing, end_caps, index))
                 });
             }
         }
@@ -99,7 +100,8 @@ fn linear_swept_sphere(
     positions: &[[f32; 3]],
     radii: &[f32],
     indices: &Option<Vec<u32>>,
-    (indexing, end_caps): (Indexing, EndCaps),
+    indexing: Indexing,
+    end_caps: EndCaps,
     at: usize,
 ) -> Primitive {
     let end_vertices = end_vertices(indices, indexing, at);

@@ -241,8 +241,9 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             (0, Some((bvh, _))) => {
                 self.observer.node(None);
                 let (limit, slabs) = (world_ray.limit(self.hits.cull_t), world_ray.slabs(simd));
-                let ray = (&*world_ray, &slabs);
-                if let Some(nearest) = push_children::<_, FULLY_OPAQUE>(stack, limit, bvh.node(child), ray) {
+                let node = bvh.node(child);
+                if let Some(nearest) = push_children::<_, FULLY_OPAQUE>(stack, limit, node, world_ray, &slabs)
+                {
                     stack.push::<FULLY_OPAQUE>(nearest, world_ray);
                 }
             }
@@ -324,8 +325,8 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 self.observer.node(Some(number));
                 built.prefetch_leaves(bvh, child);
                 let TraversalState { stack, instance_ray, .. } = &mut *self.traversal;
-                let (ray, before) = ((&instance_ray.trav_ray, &slabs), stack.len());
-                match push_children::<E, FULLY_OPAQUE>(stack, limit, bvh.node(child), ray) {
+                let (ray, before) = (&instance_ray.trav_ray, stack.len());
+                match push_children::<E, FULLY_OPAQUE>(stack, limit, bvh.node(child), ray, &slabs) {
                     Some(nearest) => child = nearest.node(),
                     None => break,
                 }
@@ -431,14 +432,14 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             let found = match leaf_hit {
                 None => {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
-                    built.intersect((leaf, lane), ray, self.trace.time, precision)
+                    built.intersect(leaf, lane, ray, self.trace.time, precision)
                 }
                 found => found,
             };
             let Some(found) = found.filter(|found| V::is_active() || found.t <= self.hits.cull_t) else {
                 let verdict = if self.observer.explains_misses() {
                     let ray = self.traversal.instance_ray.object_ray(self.tlas, self.trace);
-                    missed_or_outside(self.tlas, hit_primitive(), built, (leaf, lane), ray, self.trace.time)
+                    missed_or_outside(self.tlas, hit_primitive(), built, leaf, lane, ray, self.trace.time)
                 } else {
                     PrimitiveVerdict::Missed
                 };
@@ -490,7 +491,8 @@ fn push_children<E: F32x8Ops, const FULLY_OPAQUE: bool>(
     stack: &mut Stack,
     limit: NodeLimit,
     node: &Node,
-    (ray, slabs): (&TravRay, &Slabs<E>),
+    ray: &TravRay,
+    slabs: &Slabs<E>,
 ) -> Option<StackEntry> {
     let (near, mut rest) = node.intersect(slabs, limit);
     if rest == 0 {
@@ -544,12 +546,13 @@ fn missed_or_outside(
     tlas: &Tlas,
     hit_primitive: HitPrimitive,
     built: &BuiltBlas,
-    at: (NodeRef, usize),
+    leaf: NodeRef,
+    lane: usize,
     ray: &ObjectRay,
     time: f32,
 ) -> PrimitiveVerdict {
     let whole = ray.world().with_interval(0.0, f32::INFINITY);
     tlas.object_ray(hit_primitive.instance, &whole, time)
-        .and_then(|whole| built.intersect(at, &whole, time, tlas.precision()))
+        .and_then(|whole| built.intersect(leaf, lane, &whole, time, tlas.precision()))
         .map_or(PrimitiveVerdict::Missed, PrimitiveVerdict::OutsideInterval)
 }

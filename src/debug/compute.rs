@@ -77,7 +77,7 @@ impl Session {
                 RunPart::Begins => snapshot = Some(Snapshot::take(all)),
                 RunPart::Ends => {
                     let Some(before) = snapshot.take() else { return };
-                    let (more, also) = before.changes(&self.scene, &pipeline, (all, &passes[at]), None);
+                    let (more, also) = before.changes(&self.scene, &pipeline, all, &passes[at], None);
                     writes.extend(more);
                     left_out += also;
                 }

@@ -52,7 +52,8 @@ impl Snapshot {
         &self,
         scene: &ResolvedScene,
         pipeline: &Pipeline,
-        (resources, pass): (&Resources, &Pass),
+        resources: &Resources,
+        pass: &Pass,
         id: Option<[u32; 3]>,
     ) -> (Vec<MemoryChange>, usize) {
         // Where the pass finds what is bound at a binding.

@@ -130,7 +130,7 @@ impl Session {
         };
         let id = launch.map(|launch| launch.id);
         let (writes, writes_left_out) =
-            snapshot.changes(&self.scene, &single.pipeline, (all, &single.pass), id);
+            snapshot.changes(&self.scene, &single.pipeline, all, &single.pass, id);
         let transcript = Transcript {
             version: VERSION,
             scene: self.scene.path.display().to_string(),

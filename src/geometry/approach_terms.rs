@@ -38,8 +38,10 @@ impl ClosestApproachTerms {
     pub(super) fn new(
         direction: [f64; 3],
         norm: f64,
-        (origin_error_norm, direction_relative_error): (f64, f64),
-        (t_min, t_max): (f32, f32),
+        origin_error_norm: f64,
+        direction_relative_error: f64,
+        t_min: f32,
+        t_max: f32,
     ) -> Self {
         let inverse = 1.0 / dot(direction, direction);
         Self {

@@ -268,7 +268,7 @@ fn filtered<R: Real, const BOUNDED: bool>(
         let num = -(qb + s);
         (num, e_s + e_qb - u2 * num, qa, e_qa)
     };
-    let (t, e_t) = quotient::<R, BOUNDED>((numerator, e_numerator), (denominator, e_denominator));
+    let (t, e_t) = quotient::<R, BOUNDED>(numerator, e_numerator, denominator, e_denominator);
 
     let sweep = SweepParameter {
         a: dot(w, axis) + r0 * delta,
@@ -286,7 +286,7 @@ fn filtered<R: Real, const BOUNDED: bool>(
             Verdict::Miss => return Verdict::Miss,
             Verdict::Undecided => return Verdict::Undecided,
         };
-        let (u, e_u) = quotient::<R, BOUNDED>((v, e_v), (g, e_g));
+        let (u, e_u) = quotient::<R, BOUNDED>(v, e_v, g, e_g);
         return match rounded(u - e_u, u + e_u) {
             Verdict::Hit(u) => Verdict::Hit(side(t, u)),
             _ => Verdict::Undecided,
@@ -316,14 +316,11 @@ fn filtered<R: Real, const BOUNDED: bool>(
     if BOUNDED && end_1 == Verdict::Miss && !is_outside { Verdict::Undecided } else { end_1 }
 }
 
-/// A quotient of two values, with its error bound if `BOUNDED`.
+/// The quotient `n / d` of computed values that are off by at most `en` and `ed`, with its error
+/// bound if `BOUNDED`.
 #[inline(always)]
-fn quotient<R: Real, const BOUNDED: bool>(numerator: (R, R), denominator: (R, R)) -> (R, R) {
-    if BOUNDED {
-        Divisor::new(denominator.0, denominator.1).quotient(numerator.0, numerator.1)
-    } else {
-        (numerator.0 / denominator.0, R::ZERO)
-    }
+fn quotient<R: Real, const BOUNDED: bool>(n: R, en: R, d: R, ed: R) -> (R, R) {
+    if BOUNDED { Divisor::new(d, ed).quotient(n, en) } else { (n / d, R::ZERO) }
 }
 
 /// u* g = a + b t along the line, with error bounds.

@@ -148,17 +148,35 @@ impl Transform {
             .map(|approximate| (approximate.columns.map(three), three(approximate.translation)))
     }
 
-    /// `A^-1 v` and a bound of each component's error, v known but for `v_error`, componentwise,
-    /// which the bound of an inexact transform includes.
-    fn apply(&self, v: [f64; 3], v_error: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-        let terms = self.inverse.map(|row| [row[0] * v[0], row[1] * v[1], row[2] * v[2]]);
-        let sums = terms.map(|[x, y, z]| x + y + z);
+    /// `A^-1 v`. The bound of an inexact transform includes the error of v.
+    fn apply(&self, v: BoundedVector) -> BoundedVector {
+        let [x, y, z] = v.value;
+        let terms = self.inverse.map(|row| [row[0] * x, row[1] * y, row[2] * z]);
+        let value = terms.map(|[x, y, z]| x + y + z);
         if self.is_exact {
-            let [ex, ey, ez] = v_error;
-            return (sums, self.inverse.map(|row| norm1([row[0] * ex, row[1] * ey, row[2] * ez])));
+            let [ex, ey, ez] = v.error;
+            let error = self.inverse.map(|row| norm1([row[0] * ex, row[1] * ey, row[2] * ez]));
+            return BoundedVector { value, error };
         }
         let error = self.inverse_error + 8.0 * UNIT;
-        (sums, terms.map(|row| error * norm1(row)))
+        BoundedVector { value, error: terms.map(|row| error * norm1(row)) }
+    }
+}
+
+/// A computed vector with a bound of the error of each component.
+#[derive(Clone, Copy)]
+struct BoundedVector {
+    /// The vector.
+    value: [f64; 3],
+    /// The bound of each component's error.
+    error: [f64; 3],
+}
+
+impl BoundedVector {
+    /// A vector that is given, without an error.
+    #[inline(always)]
+    fn exact(v: [f32; 3]) -> Self {
+        Self { value: v.map(f64::from), error: [0.0; 3] }
     }
 }
 
@@ -303,17 +321,19 @@ impl ObjectRay {
     /// [`ObjectRay::in_world`], written to `self`; returns whether there is one.
     #[inline(always)]
     pub fn set_in_world(&mut self, ray: &Ray) -> bool {
-        let (origin, direction) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
-        self.set(ray, None, (origin, [0.0; 3]), (direction, [0.0; 3]), 0.0)
+        let (origin, direction) = (BoundedVector::exact(ray.origin), BoundedVector::exact(ray.direction));
+        self.set(ray, None, origin, direction, 0.0)
     }
 
     /// [`ObjectRay::in_instance`], written to `self`; returns whether there is one.
     #[inline]
     pub fn set_in_instance(&mut self, ray: &Ray, transform: &Transform) -> bool {
         let offset = [0, 1, 2].map(|i| difference(ray.origin[i], transform.matrix[i][3]));
-        let origin = transform.apply(offset.map(|(sum, _)| sum), offset.map(|(_, error)| error));
-        let direction = transform.apply(ray.direction.map(f64::from), [0.0; 3]);
-        let direction_relative_error = norm1(direction.1) / norm1(direction.0);
+        let offset =
+            BoundedVector { value: offset.map(|(sum, _)| sum), error: offset.map(|(_, error)| error) };
+        let origin = transform.apply(offset);
+        let direction = transform.apply(BoundedVector::exact(ray.direction));
+        let direction_relative_error = norm1(direction.error) / norm1(direction.value);
         self.set(ray, Some(transform.matrix), origin, direction, direction_relative_error)
     }
 
@@ -322,10 +342,12 @@ impl ObjectRay {
         &mut self,
         ray: &Ray,
         matrix: Option<[[f32; 4]; 3]>,
-        (origin, origin_error): ([f64; 3], [f64; 3]),
-        (direction, direction_error): ([f64; 3], [f64; 3]),
+        origin: BoundedVector,
+        direction: BoundedVector,
         direction_relative_error: f64,
     ) -> bool {
+        let BoundedVector { value: origin, error: origin_error } = origin;
+        let BoundedVector { value: direction, error: direction_error } = direction;
         let origin_error_norm = norm1(origin_error);
         let direction_norm = norm1(direction);
         *self = Self {
@@ -341,8 +363,10 @@ impl ObjectRay {
             approach_terms: ClosestApproachTerms::new(
                 direction,
                 direction_norm,
-                (origin_error_norm, direction_relative_error),
-                (ray.t_min, ray.t_max),
+                origin_error_norm,
+                direction_relative_error,
+                ray.t_min,
+                ray.t_max,
             ),
         };
         // A NaN fails each of these comparisons.

@@ -12,7 +12,7 @@ use crate::ops::conversion::{self, Conversion};
 use crate::ops::integer_operand::ReadAs;
 use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::op::Op;
-use crate::ops::pointer::{self, Pointer, PointerBase, storage};
+use crate::ops::pointer::{self, PointeeLayout, Pointer, PointerBase, storage};
 use crate::ops::pointer_stride::{Stride, array_stride};
 use crate::ops::relational_logical::{IEqual, LogicalAnd, LogicalNot};
 use crate::ops::translate::{IdValue, Translator};
@@ -184,7 +184,7 @@ fn raw_access_chain(translator: &mut Translator<'_>, instruction: &Instruction) 
         }));
         index_so_far = Some(to);
     }
-    Ok(Pointer { pointee, index: index_so_far, matrix: None, component_stride: None, ..block })
+    Ok(Pointer { pointee, index: index_so_far, layout: PointeeLayout::default(), ..block })
 }
 
 /// The device address that a pointer into `PhysicalStorageBuffer` is, as the first of two

@@ -192,9 +192,9 @@ fn convert(translator: &mut Translator<'_>, conversion: Conversion, instruction:
         };
         result.push(match target {
             Some(target) if source != Some(target) => {
-                encoded::narrow(translator, (conversion, from), (target, rounding), value)?
+                encoded::narrow(translator, conversion, from, target, rounding, value)?
             }
-            _ => encoded::emit_conversion(translator, conversion, (from, to), value)?,
+            _ => encoded::emit_conversion(translator, conversion, from, to, value)?,
         });
     }
     translator.float_controls = modes;

@@ -6,10 +6,12 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Reg};
-use crate::module::ty::{MatrixLayout, Type, TypeId};
+use crate::module::ty::{Type, TypeId};
 use crate::ops::memory::{self, BufferRef, Chunk};
 use crate::ops::op::Op;
-use crate::ops::pointer::{Pointer, PointerBase, add_offset, beyond_4_gib, descriptor_count, storage};
+use crate::ops::pointer::{
+    PointeeLayout, Pointer, PointerBase, add_offset, beyond_4_gib, descriptor_count, storage,
+};
 use crate::ops::translate::Translator;
 use crate::ops::value_registers::{Words, registers_from};
 
@@ -190,13 +192,12 @@ fn scalars(translator: &mut Translator<'_>, pointer: &Pointer) -> Result<Scalars
         return Ok((0..words).map(|word| (pointer.offset + word * 4, 32)).collect());
     }
     let mut scalars = Scalars::new();
-    let layout = (pointer.matrix, pointer.component_stride);
     collect_scalars(
         translator,
         pointer.storage_class,
         pointer.pointee,
         pointer.offset,
-        layout,
+        pointer.layout,
         &mut scalars,
     )?;
     Ok(scalars)
@@ -207,7 +208,7 @@ fn collect_scalars(
     class: u32,
     ty: TypeId,
     offset: u32,
-    (matrix, component_stride): (Option<MatrixLayout>, Option<u32>),
+    layout: PointeeLayout,
     scalars: &mut Scalars,
 ) -> Result<()> {
     let at = |translator: &Translator<'_>, index: u32, stride: u32| {
@@ -227,34 +228,34 @@ fn collect_scalars(
         }
         Type::Int { width, .. } | Type::Float { width, .. } => scalars.push((offset, width)),
         Type::Vector { component, count } => {
-            let stride = component_stride.unwrap_or(translator.scalar_width(component)? / 8);
+            let stride = layout.component_stride.unwrap_or(translator.scalar_width(component)? / 8);
             for index in 0..count {
                 collect_scalars(
                     translator,
                     class,
                     component,
                     at(translator, index, stride)?,
-                    (None, None),
+                    PointeeLayout::default(),
                     scalars,
                 )?;
             }
         }
         Type::Matrix { column, count } => {
-            let Some(layout) = matrix else {
+            let Some(matrix) = layout.matrix else {
                 return Err(
                     translator.missing_layout(class, "a buffer's matrix has no MatrixStride decoration")
                 );
             };
             let width = translator.scalar_width(column)? / 8;
-            let (stride, inner) =
-                if layout.row_major { (width, Some(layout.stride)) } else { (layout.stride, None) };
+            let (stride, component_stride) =
+                if matrix.row_major { (width, Some(matrix.stride)) } else { (matrix.stride, None) };
             for index in 0..count {
                 collect_scalars(
                     translator,
                     class,
                     column,
                     at(translator, index, stride)?,
-                    (None, inner),
+                    PointeeLayout { matrix: None, component_stride },
                     scalars,
                 )?;
             }
@@ -270,7 +271,7 @@ fn collect_scalars(
                     class,
                     element,
                     at(translator, index, stride)?,
-                    (matrix, None),
+                    PointeeLayout::of_matrix(layout.matrix),
                     scalars,
                 )?;
             }
@@ -285,7 +286,7 @@ fn collect_scalars(
                     class,
                     member.ty,
                     at(translator, 1, inside)?,
-                    (member.matrix, None),
+                    PointeeLayout::of_matrix(member.matrix),
                     scalars,
                 )?;
             }

@@ -233,7 +233,7 @@ impl MemoryOp {
             }
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
-                    match resolve_buffer((&batch.registers, lane), &batch.invocations, bindings, buffer) {
+                    match resolve_buffer(&batch.registers, lane, &batch.invocations, bindings, buffer) {
                         Ok((_, _, size)) => {
                             let length = size.saturating_sub(u64::from(offset)) / u64::from(stride.max(1));
                             batch.registers[to].0[lane] = u32::try_from(length).unwrap_or(u32::MAX);
@@ -349,7 +349,8 @@ pub fn trap<const W: usize>(batch: &mut Batch<W>, mask: Mask<W>, code: TrapCode)
 /// The buffer that a lane accesses, with the offset and size of the part that it may access.
 #[inline]
 fn resolve_buffer<'a, const W: usize>(
-    (registers, lane): (&Registers<W>, usize),
+    registers: &Registers<W>,
+    lane: usize,
     invocations: &'a Invocations<W>,
     bindings: &'a Bindings,
     buffer: BufferRef,
@@ -404,7 +405,8 @@ pub(super) fn fault_value<const W: usize>(registers: &Registers<W>, lane: usize,
 /// offset or address of the access.
 #[inline]
 fn locate<'a, const W: usize>(
-    (registers, lane): (&Registers<W>, usize),
+    registers: &Registers<W>,
+    lane: usize,
     invocations: &'a Invocations<W>,
     bindings: &'a Bindings,
     chunk: &Chunk,
@@ -412,7 +414,7 @@ fn locate<'a, const W: usize>(
     let index = chunk.index.map_or(0, |reg| registers[reg].0[lane]);
     let offset = u64::from(chunk.offset) + u64::from(index);
     let fault_value = fault_value(registers, lane, chunk);
-    let found = resolve_buffer((registers, lane), invocations, bindings, chunk.buffer);
+    let found = resolve_buffer(registers, lane, invocations, bindings, chunk.buffer);
     let (buffer, start, size) = found.map_err(|code| (code, fault_value))?;
     let outside = offset + u64::from(chunk.width / 8 * chunk.count) > size;
     match chunk.buffer {
@@ -434,7 +436,7 @@ pub fn access_location<'a, const W: usize>(
     bindings: &'a Bindings,
     chunk: &Chunk,
 ) -> Option<(&'a Buffer, u64)> {
-    locate((&batch.registers, lane), &batch.invocations, bindings, chunk).ok()
+    locate(&batch.registers, lane, &batch.invocations, bindings, chunk).ok()
 }
 
 /// The buffer of an access, where it is the same for all lanes, as it mostly is.
@@ -521,7 +523,7 @@ pub fn for_each_access<const W: usize>(
                 continue;
             }
         }
-        let found = locate((&batch.registers, lane), &batch.invocations, bindings, chunk);
+        let found = locate(&batch.registers, lane, &batch.invocations, bindings, chunk);
         let done = found.and_then(|(buffer, offset)| {
             let done = access(&mut batch.registers, lane, buffer, offset);
             done.ok_or((TrapCode::BufferOutOfBounds, offset))
@@ -531,7 +533,7 @@ pub fn for_each_access<const W: usize>(
         }
     }
     for (lane, code, fault_value) in failed {
-        let found = resolve_buffer((&batch.registers, lane), &batch.invocations, bindings, chunk.buffer);
+        let found = resolve_buffer(&batch.registers, lane, &batch.invocations, bindings, chunk.buffer);
         let bounds = matches!(code, TrapCode::BufferOutOfBounds | TrapCode::IndexOutOfBounds);
         let robust = |buffer: &Buffer| bindings.is_robust() || buffer.is_null();
         if let (true, Ok((buffer, start, size))) = (bounds, &found)

@@ -85,17 +85,32 @@ pub struct Pointer {
     pub offset: u32,
     /// The computed part of the offset.
     pub index: Option<Reg>,
-    /// The layout of matrices in the pointee, in a buffer.
+    /// How the pointee lies in a buffer, as far as its type does not say it.
+    pub layout: PointeeLayout,
+}
+
+/// How a pointee lies in a buffer, as far as its type does not say it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PointeeLayout {
+    /// The layout of matrices in the pointee.
     pub matrix: Option<MatrixLayout>,
     /// The byte stride of the components of the vector pointed to, if they are not adjacent.
     pub component_stride: Option<u32>,
 }
 
+impl PointeeLayout {
+    /// The layout of a pointee that is a matrix, or that holds matrices, with a layout; `None` for
+    /// other pointees.
+    pub fn of_matrix(matrix: Option<MatrixLayout>) -> Self {
+        Self { matrix, component_stride: None }
+    }
+}
+
 impl Pointer {
     /// A pointer to the start of a base.
     pub fn new(base: PointerBase, pointee: TypeId, storage_class: u32) -> Self {
-        let (index, matrix, component_stride) = (None, None, None);
-        Self { base, pointee, storage_class, offset: 0, index, matrix, component_stride }
+        let (offset, index, layout) = (0, None, PointeeLayout::default());
+        Self { base, pointee, storage_class, offset, index, layout }
     }
 
     /// The register from which the index of [`PointerBase::ComputedRegisters`] counts.
@@ -415,7 +430,7 @@ fn access_chain_step(
                 })?;
                 let sum = pointer.offset.checked_add(offset);
                 pointer.offset = sum.ok_or_else(|| beyond_4_gib(translator))?;
-                pointer.matrix = member.matrix;
+                pointer.layout.matrix = member.matrix;
             } else {
                 let unit = if packed { 4 } else { 1 };
                 translator.charge(at / WORDS_OF_A_STEP);
@@ -436,10 +451,10 @@ fn access_chain_step(
             element_step(translator, pointer, index, element, stride, Length::Unknown)
         }
         Type::Matrix { column, count } => {
-            let stride = match (in_buffer, pointer.matrix) {
+            let stride = match (in_buffer, pointer.layout.matrix) {
                 (false, _) => None,
                 (true, Some(layout)) if layout.row_major => {
-                    pointer.component_stride = Some(layout.stride);
+                    pointer.layout.component_stride = Some(layout.stride);
                     Some(translator.scalar_width(column)? / 8)
                 }
                 (true, Some(layout)) => Some(layout.stride),
@@ -455,7 +470,7 @@ fn access_chain_step(
         Type::Vector { component, count } => {
             let bytes = translator.scalar_width(component)? / 8;
             let stride =
-                if in_buffer { Some(pointer.component_stride.take().unwrap_or(bytes)) } else { None };
+                if in_buffer { Some(pointer.layout.component_stride.take().unwrap_or(bytes)) } else { None };
             element_step(translator, pointer, index, component, stride, Length::Known(count))
         }
         _ => {

@@ -10,12 +10,8 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Definition, Id, Module};
-use crate::ops::pointer::{Pointer, PointerBase};
+use crate::ops::pointer::{PointeeLayout, Pointer, PointerBase};
 use crate::ops::translate::{IdValue, Translator};
-
-/// The layout of matrices in the pointee, and the byte stride of the components of the vector
-/// pointed to, if they are not adjacent: as in [`Pointer`].
-pub type Layout = (Option<MatrixLayout>, Option<u32>);
 
 /// Infers the layout of a pointer that was read from registers: the one that all its sources have.
 /// Returns how many definitions were visited.
@@ -34,8 +30,8 @@ pub fn infer_layout(translator: &Translator<'_>, id: Id, pointer: &mut Pointer) 
     let mut search = LayoutSearch { translator, visited: FxHashSet::default(), worklist: Vec::new() };
     match *search.layouts(id) {
         // Nothing is loaded or stored through null: any layout is correct.
-        [] => pointer.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
-        [layout] => (pointer.matrix, pointer.component_stride) = layout,
+        [] => pointer.layout.matrix = Some(MatrixLayout { stride: 16, row_major: false }),
+        [layout] => pointer.layout = layout,
         _ => {
             let message = "a pointer that may lead into matrices of different layouts";
             return Err(translator.unsupported(message));
@@ -62,10 +58,13 @@ enum Selection {
 }
 
 impl Selection {
-    fn of(self, (matrix, stride): Layout) -> Layout {
+    fn of(self, layout: PointeeLayout) -> PointeeLayout {
         match self {
-            Self::Whole => (matrix, stride),
-            Self::Column => (None, matrix.filter(|layout| layout.row_major).map(|layout| layout.stride)),
+            Self::Whole => layout,
+            Self::Column => {
+                let row_major = layout.matrix.filter(|matrix| matrix.row_major);
+                PointeeLayout { matrix: None, component_stride: row_major.map(|matrix| matrix.stride) }
+            }
         }
     }
 }
@@ -79,7 +78,7 @@ struct LayoutSearch<'a, 'm> {
     worklist: Vec<(Id, Selection)>,
 }
 
-type Layouts = SmallVec<[Layout; 1]>;
+type Layouts = SmallVec<[PointeeLayout; 1]>;
 
 impl LayoutSearch<'_, '_> {
     fn layouts(&mut self, id: Id) -> Layouts {
@@ -96,9 +95,9 @@ impl LayoutSearch<'_, '_> {
 
     /// The layout behind one id; `None` where it has none of its own, but that of ids which are put
     /// on the list.
-    fn visit(&mut self, id: Id, selection: Selection) -> Option<Layout> {
+    fn visit(&mut self, id: Id, selection: Selection) -> Option<PointeeLayout> {
         if let Some(IdValue::Pointer(known)) = self.translator.local(id) {
-            return Some(selection.of((known.matrix, known.component_stride)));
+            return Some(selection.of(known.layout));
         }
         if !self.visited.insert((id, selection)) {
             return None;
@@ -118,7 +117,7 @@ impl LayoutSearch<'_, '_> {
             }
             // The null pointer points into no matrix: it agrees with every layout.
             Some(Definition::Constant(_)) => return None,
-            _ => return Some((None, None)),
+            _ => return Some(PointeeLayout::default()),
         };
         match opcode {
             opcode::UNDEF => None,
@@ -141,17 +140,17 @@ impl LayoutSearch<'_, '_> {
                     self.worklist.extend(sources.map(|source| (source, selection)));
                     None
                 }
-                None => Some((None, None)),
+                None => Some(PointeeLayout::default()),
             },
         }
     }
 
     /// What indices make of the layout of the pointer that they begin with.
-    fn chain(&mut self, base: Id, indices: &[u32], selection: Selection) -> Option<Layout> {
+    fn chain(&mut self, base: Id, indices: &[u32], selection: Selection) -> Option<PointeeLayout> {
         let module = self.translator.module;
         // From the first index on: the layout once it is known, else what happens to that of the
         // base.
-        let mut known: Option<Layout> = None;
+        let mut known: Option<PointeeLayout> = None;
         let mut steps = Selection::Whole;
         let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
             Type::Pointer { pointee, .. } => pointee,
@@ -163,19 +162,19 @@ impl LayoutSearch<'_, '_> {
                 Some(Type::Struct { members, .. }) => {
                     let at = module.scalar_value(Id(index)).and_then(|at| usize::try_from(at).ok());
                     let member = at.and_then(|at| members.get(at));
-                    known = member.map(|member| (member.matrix, None)).or(known);
+                    known = member.map(|member| PointeeLayout::of_matrix(member.matrix)).or(known);
                     member.map(|member| member.ty)
                 }
                 Some(Type::Matrix { column, .. }) => {
                     match &mut known {
                         Some(layout) => *layout = Selection::Column.of(*layout),
-                        None if steps == Selection::Column => known = Some((None, None)),
+                        None if steps == Selection::Column => known = Some(PointeeLayout::default()),
                         None => steps = Selection::Column,
                     }
                     Some(*column)
                 }
                 Some(Type::Vector { component, .. }) => {
-                    known = Some((None, None));
+                    known = Some(PointeeLayout::default());
                     Some(*component)
                 }
                 Some(Type::Array { element, .. } | Type::RuntimeArray { element, .. }) => Some(*element),
@@ -184,7 +183,7 @@ impl LayoutSearch<'_, '_> {
         }
         match (known, steps, selection) {
             (Some(layout), ..) => Some(selection.of(layout)),
-            (None, Selection::Column, Selection::Column) => Some((None, None)),
+            (None, Selection::Column, Selection::Column) => Some(PointeeLayout::default()),
             (None, Selection::Column, Selection::Whole) => {
                 self.worklist.push((base, Selection::Column));
                 None

@@ -602,7 +602,7 @@ impl<'m> Translator<'m> {
         if let IdValue::Pointer(pointer) = self.value(id)?
             && matches!(pointer.base, pointer::PointerBase::Buffer(_))
             && !pointer.is_packed(self)
-            && (pointer.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
+            && (pointer.layout.component_stride.is_some() || ends_in_matrix(self.module, pointer.pointee))
         {
             return Err(self.unsupported("a pointer into a matrix in memory or in a composite"));
         }

@@ -241,29 +241,22 @@ impl RaySoA {
     /// mirrored.
     #[inline(always)]
     pub(super) fn frustum<E: F32x8Ops>(&self, simd: E, rays: &WorldRays, group: &OctantGroup) -> TravRay {
-        // A sum with NaN is ignored by minimum and maximum.
-        let mut members = PerRay([f32::NAN; MAX_RAYS]);
-        for (at, member) in members.0.iter_mut().enumerate() {
-            if group.rays >> at & 1 != 0 {
-                *member = 0.0;
-            }
-        }
-        let members = (&members, group.rays);
-        let mut ray = TravRay::with_t_min(min_or_max_of::<E, false>(simd, &rays.t_min, members));
+        let members = GroupMembers::of(group);
+        let mut ray = TravRay::with_t_min(members.min(simd, &rays.t_min));
         ray.near_side = group.near_side;
         for axis in 0..3 {
             let (near, far) = (&self.near_origin[axis], &self.far_origin[axis]);
             let (near_reciprocal, far_reciprocal) = (&self.near_reciprocal[axis], &self.far_reciprocal[axis]);
             if group.near_side[axis] == 0 {
-                ray.near_origin[axis] = min_or_max_of::<E, true>(simd, near, members);
-                ray.far_origin[axis] = min_or_max_of::<E, false>(simd, far, members);
-                ray.near_reciprocal[axis] = min_or_max_of::<E, false>(simd, near_reciprocal, members);
-                ray.far_reciprocal[axis] = min_or_max_of::<E, true>(simd, far_reciprocal, members);
+                ray.near_origin[axis] = members.max(simd, near);
+                ray.far_origin[axis] = members.min(simd, far);
+                ray.near_reciprocal[axis] = members.min(simd, near_reciprocal);
+                ray.far_reciprocal[axis] = members.max(simd, far_reciprocal);
             } else {
-                ray.near_origin[axis] = min_or_max_of::<E, false>(simd, near, members);
-                ray.far_origin[axis] = min_or_max_of::<E, true>(simd, far, members);
-                ray.near_reciprocal[axis] = min_or_max_of::<E, true>(simd, near_reciprocal, members);
-                ray.far_reciprocal[axis] = min_or_max_of::<E, false>(simd, far_reciprocal, members);
+                ray.near_origin[axis] = members.min(simd, near);
+                ray.far_origin[axis] = members.max(simd, far);
+                ray.near_reciprocal[axis] = members.max(simd, near_reciprocal);
+                ray.far_reciprocal[axis] = members.min(simd, far_reciprocal);
             }
         }
         ray
@@ -291,7 +284,8 @@ impl RaySoA {
         simd: E,
         rays: &WorldRays,
         group: &OctantGroup,
-        (node, slot): (&Node, usize),
+        node: &Node,
+        slot: usize,
         limits: &PerRay,
     ) -> u64 {
         let mut planes = [[simd.splat(0.0); 2]; 3];
@@ -334,19 +328,48 @@ fn below_zero<E: F32x8Ops>(simd: E, numbers: E::F32x8, at: usize) -> u64 {
     u64::from(!simd.cmp_ge(numbers, simd.splat(0.0)) & 0xFF) << (at * RAYS_PER_REGISTER)
 }
 
-/// The maximum or minimum of the numbers of some rays, which are given as 0 or NaN and as a mask.
-#[inline(always)]
-fn min_or_max_of<E: F32x8Ops, const MAX: bool>(
-    simd: E,
-    numbers: &PerRay,
-    (members, rays): (&PerRay, u64),
-) -> f32 {
-    let mut all = simd.splat(if MAX { f32::NEG_INFINITY } else { f32::INFINITY });
-    for at in groups_of_eight(rays) {
-        let next = simd.add(numbers.load(simd, at), members.load(simd, at));
-        all = if MAX { simd.max(next, all) } else { simd.min(next, all) };
+/// The rays of a group, over which a number of each is minimised or maximised.
+struct GroupMembers {
+    /// 0 for each ray of the group and NaN for the others: minimum and maximum ignore a sum with
+    /// NaN.
+    addends: PerRay,
+    /// A mask of the rays of the group.
+    rays: u64,
+}
+
+impl GroupMembers {
+    #[inline(always)]
+    fn of(group: &OctantGroup) -> Self {
+        let mut addends = PerRay([f32::NAN; MAX_RAYS]);
+        for (at, addend) in addends.0.iter_mut().enumerate() {
+            if group.rays >> at & 1 != 0 {
+                *addend = 0.0;
+            }
+        }
+        Self { addends, rays: group.rays }
     }
-    min_or_max::<E, MAX>(simd, all)
+
+    /// The least of the numbers of the rays.
+    #[inline(always)]
+    fn min<E: F32x8Ops>(&self, simd: E, numbers: &PerRay) -> f32 {
+        self.min_or_max::<E, false>(simd, numbers)
+    }
+
+    /// The greatest of the numbers of the rays.
+    #[inline(always)]
+    fn max<E: F32x8Ops>(&self, simd: E, numbers: &PerRay) -> f32 {
+        self.min_or_max::<E, true>(simd, numbers)
+    }
+
+    #[inline(always)]
+    fn min_or_max<E: F32x8Ops, const MAX: bool>(&self, simd: E, numbers: &PerRay) -> f32 {
+        let mut all = simd.splat(if MAX { f32::NEG_INFINITY } else { f32::INFINITY });
+        for at in groups_of_eight(self.rays) {
+            let next = simd.add(numbers.load(simd, at), self.addends.load(simd, at));
+            all = if MAX { simd.max(next, all) } else { simd.min(next, all) };
+        }
+        min_or_max::<E, MAX>(simd, all)
+    }
 }
 
 /// The maximum or minimum of eight lanes.

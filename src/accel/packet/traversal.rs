@@ -173,8 +173,7 @@ impl PacketTraversal<'_> {
             let node = bvh.node(at);
             let child = node.child(slot);
             let Packet { rays, limits, .. } = &*self.packet;
-            let maybe_hit =
-                leaves.ray_soa(self.packet).maybe_hit_mask(simd, rays, group, (node, slot), limits);
+            let maybe_hit = leaves.ray_soa(self.packet).maybe_hit_mask(simd, rays, group, node, slot, limits);
             if child.is_leaf() {
                 leaves.visit_leaf(self, simd, child, maybe_hit);
             } else if maybe_hit.count_ones() <= MAX_SINGLE_RAYS {
@@ -315,7 +314,7 @@ impl PacketTraversal<'_> {
                 let found = match leaf_hits.hit(lane) {
                     None => {
                         let ray = self.instance_ray(context, at).object_ray(tlas, trace);
-                        built.intersect((leaf, lane), ray, 0.0, precision)
+                        built.intersect(leaf, lane, ray, 0.0, precision)
                     }
                     found => found,
                 };

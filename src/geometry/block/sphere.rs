@@ -73,7 +73,7 @@ impl Sphere4 {
     /// The f64 filter for all lanes.
     #[inline(always)]
     pub fn intersect4<D: F64x4Ops>(&self, simd: D, ray: &ObjectRay, limit: f32) -> Intersection4 {
-        sphere::intersect4(simd, ray, (&self.center, &self.radius), limit)
+        sphere::intersect4(simd, ray, &self.center, &self.radius, limit)
     }
 
     /// Intersects the sphere in a lane: [`sphere::intersect`].

@@ -102,7 +102,7 @@ pub(super) fn entry(
         let v = e + m * (t + approach.sigma);
         let e_v = v_error_factor * (error + 2.0 * inv_length * error_bound);
         return if v < -e_v {
-            on_cap(ray, (t, error), 0, caps)
+            on_cap(ray, t, error, 0, caps)
         } else if v > e_v {
             Verdict::Miss
         } else {
@@ -123,7 +123,7 @@ pub(super) fn entry(
             * (error + 2.0 * inv_length * error_bound + relative_error * tau.abs())
             + relative_error * axis2;
         return if g_minus_v < -e_g_minus_v {
-            on_cap(ray, (t, error), 1, caps)
+            on_cap(ray, t, error, 1, caps)
         } else if g_minus_v > e_g_minus_v {
             Verdict::Miss
         } else {
@@ -134,7 +134,7 @@ pub(super) fn entry(
 }
 
 #[inline(always)]
-fn on_cap(ray: &ObjectRay, (t, error): (f64, f64), end: usize, caps: [bool; 2]) -> Verdict<Intersection> {
+fn on_cap(ray: &ObjectRay, t: f64, error: f64, end: usize, caps: [bool; 2]) -> Verdict<Intersection> {
     if !caps[end] {
         return Verdict::Miss;
     }

@@ -14,7 +14,8 @@ use crate::math::f64x4::F64x4Ops;
 pub(crate) fn intersect4<D: F64x4Ops>(
     simd: D,
     ray: &ObjectRay,
-    (center, radius): (&[[f32; 4]; 3], &[f32; 4]),
+    center: &[[f32; 4]; 3],
+    radius: &[f32; 4],
     limit: f32,
 ) -> Intersection4 {
     let ClosestApproachTerms {

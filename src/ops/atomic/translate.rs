@@ -39,8 +39,8 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     let width = match *translator.module.ty(pointer.pointee) {
         Type::Int { width, .. } | Type::Float { width, encoding: None } => width,
         Type::Vector { component, count } => {
-            check_f16_vector(translator, opcode, (component, count))?;
-            return vector_components(translator, instruction, (kind, count), &pointer).map(|()| true);
+            check_f16_vector(translator, opcode, component, count)?;
+            return vector_components(translator, instruction, kind, count, &pointer).map(|()| true);
         }
         _ => return Err(translator.invalid("an atomic instruction on what is no scalar")),
     };
@@ -89,7 +89,8 @@ fn alignment(translator: &Translator<'_>, pointer: &Pointer, width: u32) -> u32 
 fn check_f16_vector(
     translator: &Translator<'_>,
     opcode: Opcode,
-    (component, count): (TypeId, u32),
+    component: TypeId,
+    count: u32,
 ) -> Result<()> {
     const FLOAT16_VECTOR: u32 = Capability::AtomicFloat16VectorNV as u32;
     const SECTION: &str = "(SPV_NV_shader_atomic_fp16_vector, Validation Rules)";
@@ -115,7 +116,8 @@ fn check_f16_vector(
 fn vector_components(
     translator: &mut Translator<'_>,
     instruction: &Instruction,
-    (kind, count): (AtomicKind, u32),
+    kind: AtomicKind,
+    count: u32,
     pointer: &Pointer,
 ) -> Result<()> {
     let values = translator.operand(instruction, 3)?;
@@ -127,7 +129,7 @@ fn vector_components(
     let none = translator.wide_constant(0)?;
     let stride = match pointer.base {
         PointerBase::Buffer(_) if pointer.is_packed(translator) => 4,
-        PointerBase::Buffer(_) => pointer.component_stride.unwrap_or(2),
+        PointerBase::Buffer(_) => pointer.layout.component_stride.unwrap_or(2),
         _ => 1,
     };
     let mut words = Words::new();

@@ -97,8 +97,10 @@ pub fn widen(translator: &mut Translator<'_>, format: FloatFormat, value: Reg) -
 /// `UnsupportedModule` where there is no such conversion.
 pub fn narrow(
     translator: &mut Translator<'_>,
-    (conversion, from): (Conversion, u32),
-    (format, rounding): (FloatFormat, Rounding),
+    conversion: Conversion,
+    from: u32,
+    format: FloatFormat,
+    rounding: Rounding,
     value: Reg,
 ) -> Result<Reg> {
     let float = conversion == Conversion::F;
@@ -110,9 +112,9 @@ pub fn narrow(
         (FloatFormat::E4M3, _) => (&ToE4M3, exact),
         (FloatFormat::E5M2, Rounding::Saturated) => (&ToE5M2Saturated, exact),
         (FloatFormat::E5M2, _) => (&ToE5M2, exact),
-        _ => return emit_conversion(translator, conversion, (from, format.width()), value),
+        _ => return emit_conversion(translator, conversion, from, format.width(), value),
     };
-    let value = emit_conversion(translator, conversion, (from, through), value)?;
+    let value = emit_conversion(translator, conversion, from, through, value)?;
     translator.emit_family(family, through, &[value])
 }
 
@@ -123,7 +125,8 @@ pub fn narrow(
 pub fn emit_conversion(
     translator: &mut Translator<'_>,
     conversion: Conversion,
-    (from, to): (u32, u32),
+    from: u32,
+    to: u32,
     value: Reg,
 ) -> Result<Reg> {
     match kernel(conversion, from, to) {
