@@ -14,7 +14,7 @@ use anyhit::internals::geometry::{
     world_to_object,
 };
 use anyhit::internals::math::baseline_simd::BaselineSimd;
-use anyhit::internals::stress::draw::Draw;
+use anyhit::internals::stress::draw::{Draw, TransformedRay};
 use anyhit::internals::stress::reference::{self, Expected, ObjectLine, Root};
 
 /// How many cases to draw: that many, times the environment's `ANYHIT_CASES`.
@@ -72,7 +72,7 @@ fn spheres() {
     let mut hits = 0;
     for _ in 0..cases(6000) {
         let (center, radius) = draw.sphere();
-        let (ray, matrix) = draw.ray_near([center; 2], [radius; 2]);
+        let TransformedRay { ray, matrix } = draw.ray_near([center; 2], [radius; 2]);
         hits += usize::from(around_the_interval(ray, |ray| {
             let case = (center, radius, matrix);
             let line = ObjectLine::new(&ray, matrix.as_ref());
@@ -98,7 +98,7 @@ fn linear_swept_spheres() {
     let mut surfaces = [0; 3];
     for _ in 0..cases(8000) {
         let (positions, radii, caps) = draw.linear_swept_sphere();
-        let (ray, matrix) = draw.ray_near(positions, radii);
+        let TransformedRay { ray, matrix } = draw.ray_near(positions, radii);
         around_the_interval(ray, |ray| {
             let case = (positions, radii, caps, matrix);
             let line = ObjectLine::new(&ray, matrix.as_ref())?;
@@ -133,7 +133,7 @@ fn triangles() {
     let (mut hits, mut ties) = (0, 0);
     for _ in 0..cases(8000) {
         let vertices = draw.triangle();
-        let (ray, matrix) = draw.ray_through(vertices);
+        let TransformedRay { ray, matrix } = draw.ray_through(vertices);
         hits += usize::from(around_the_interval(ray, |ray| {
             let case = (vertices, matrix);
             let line = ObjectLine::new(&ray, matrix.as_ref())?;
@@ -162,7 +162,7 @@ fn boxes() {
     let (mut hits, mut inside) = (0, 0);
     for _ in 0..cases(8000) {
         let (min, max) = draw.aabb();
-        let (ray, matrix) = draw.ray_near([min, max], [0.0; 2]);
+        let TransformedRay { ray, matrix } = draw.ray_near([min, max], [0.0; 2]);
         hits += usize::from(around_the_interval(ray, |ray| {
             let case = (min, max, matrix);
             let line = ObjectLine::new(&ray, matrix.as_ref())?;
@@ -288,7 +288,7 @@ fn shared_edges_and_vertices_are_met_once() {
     for _ in 0..cases(1500) {
         // With four and more the gaps stay below 180 degrees.
         let count = 4 + draw.below(5);
-        let (fan, ray, matrix) = draw.fan(count);
+        let (fan, TransformedRay { ray, matrix }) = draw.fan(count);
         let Some(object) = ObjectRay::new(&ray, matrix.as_ref()) else { continue };
         let met = (0..count)
             .filter(|&i| {

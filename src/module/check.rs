@@ -28,7 +28,8 @@ pub(super) fn functions(module: &Module, unknown: &UnknownResults) -> Result<Vec
             for (position, instruction) in block.instructions.iter().enumerate() {
                 checker.check_instruction(
                     instruction,
-                    (block_index as u32, position as u32),
+                    block_index as u32,
+                    position as u32,
                     &mut used_variables[index],
                 )?;
                 check_access::instruction(module, instruction)?;
@@ -64,12 +65,13 @@ struct Checker<'m> {
 }
 
 impl Checker<'_> {
-    /// Checks the ids of an instruction. `here` is the index of its block and its own index in
-    /// that; `used_variables` collects the module-scope variables that it uses.
+    /// Checks the ids of an instruction. `block` is the index of its block and `position` its own
+    /// index in that; `used_variables` collects the module-scope variables that it uses.
     fn check_instruction(
         &self,
         instruction: &Instruction,
-        here: (u32, u32),
+        block: u32,
+        position: u32,
         used_variables: &mut Vec<u32>,
     ) -> Result<()> {
         let mut record = |definition: Definition| {
@@ -124,8 +126,8 @@ impl Checker<'_> {
                     Err(self.expected(span, at, "a value of the same function"))
                 }
                 // Blocks come after those that dominate them, so definitions come before uses.
-                (false, Definition::Result(_, block, position))
-                    if (block, position) >= here && known.op != Op::Phi =>
+                (false, Definition::Result(_, other_block, other_position))
+                    if (other_block, other_position) >= (block, position) && known.op != Op::Phi =>
                 {
                     Err(self.expected(span, at, "a value defined before"))
                 }

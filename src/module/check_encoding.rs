@@ -73,18 +73,18 @@ pub(super) fn instruction(module: &Module, encoded: &EncodedTypes, instruction: 
     let Some(op) = Op::from_u32(instruction.opcode.into()) else { return Ok(()) };
     let at = instruction.offset as usize;
     if let Some(id) = instruction.result {
-        check_saturation(module, encoded, (id, instruction.result_type), op, at)?;
+        check_saturation(module, encoded, id, instruction.result_type, op, at)?;
     }
     if allows_every_encoding(op) {
         return Ok(());
     }
     let extension = extension_of(module, op, module.operands(instruction));
     if let Some(ty) = instruction.result_type {
-        check_value(module, encoded, (op, extension), ty, at)?;
+        check_value(module, encoded, op, extension, ty, at)?;
     }
     let literal_words = module.switch_literal_words(instruction);
     walk(&module.words, span_of(instruction), literal_words, &mut |at, kind| match is_id(kind) {
-        true => check_value(module, encoded, (op, extension), Id(module.words[at]), at),
+        true => check_value(module, encoded, op, extension, Id(module.words[at]), at),
         false => Ok(()),
     })
 }
@@ -101,10 +101,10 @@ pub(super) fn constants(module: &Module, encoded: &EncodedTypes) -> Result<()> {
         let ConstantValue::Operation { opcode, operands } = &constant.value else { continue };
         let Some(op) = Op::from_u32((*opcode).into()) else { continue };
         let at = constant.offset as usize;
-        check_saturation(module, encoded, (constant.id, module.id_of_type(constant.ty)), op, at)?;
+        check_saturation(module, encoded, constant.id, module.id_of_type(constant.ty), op, at)?;
         if !allows_every_encoding(op) {
             for (index, &operand) in operands.iter().enumerate() {
-                check_value(module, encoded, (op, None), Id(operand), at + 4 + index)?;
+                check_value(module, encoded, op, None, Id(operand), at + 4 + index)?;
             }
         }
     }
@@ -147,7 +147,8 @@ fn extension_of<'m>(module: &'m Module, op: Op, operands: &[u32]) -> Option<&'m 
 fn check_value(
     module: &Module,
     encoded: &EncodedTypes,
-    (op, extension): (Op, Option<&str>),
+    op: Op,
+    extension: Option<&str>,
     id: Id,
     at: usize,
 ) -> Result<()> {
@@ -172,7 +173,8 @@ fn check_value(
 fn check_saturation(
     module: &Module,
     encoded: &EncodedTypes,
-    (id, ty): (Id, Option<Id>),
+    id: Id,
+    ty: Option<Id>,
     op: Op,
     at: usize,
 ) -> Result<()> {

@@ -106,7 +106,9 @@ pub(super) fn check(scene: &ResolvedScene, report: &Diagnostics) {
 /// The error of a given address whose buffer overlaps another one.
 fn overlap(
     given: &[(u64, u64, &str, &Place)],
-    (address, size, name): (&Spanned<u64>, u64, &str),
+    address: &Spanned<u64>,
+    size: u64,
+    name: &str,
 ) -> Option<Error> {
     let end = |start: u64, size: u64| start.saturating_add(size.max(1));
     let (start, last) = (address.value, end(address.value, size));
@@ -171,7 +173,7 @@ impl Addresses {
                         Named::Unbound(at) => &scene.unbound[at].place,
                         Named::Bound(at) | Named::Tlas(at) => &scene.resources[at].place,
                     };
-                    if let Some(error) = overlap(&given, (address, size, name)) {
+                    if let Some(error) = overlap(&given, address, size, name) {
                         errors.push(error);
                         continue;
                     }

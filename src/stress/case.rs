@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::accel::{Motion, RayFlags, Srt, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
+use crate::stress::draw::TransformedRay;
 
 type Matrix = [[f32; 4]; 3];
 
@@ -188,8 +189,8 @@ pub enum Shape {
 
 impl StressCase {
     /// Shapes and a ray over the whole half-line.
-    pub fn new(shapes: Vec<Shape>, (ray, transform): (Ray, Option<Matrix>)) -> Self {
-        let Ray { origin, direction, t_min, t_max } = ray;
+    pub fn new(shapes: Vec<Shape>, ray: TransformedRay) -> Self {
+        let TransformedRay { ray: Ray { origin, direction, t_min, t_max }, matrix: transform } = ray;
         Self {
             family: String::new(),
             origin,
@@ -297,7 +298,8 @@ mod tests {
             Shape::Sphere { center: [0.7; 3], radius: 0.1 },
         ];
         let ray = Ray::new([0.1, 0.2, 0.3], [1e-40, 0.0, -1.0]).with_interval(0.1, f32::INFINITY);
-        let mut case = StressCase::new(shapes, (ray, Some([[0.1; 4]; 3]))).named("test");
+        let mut case =
+            StressCase::new(shapes, TransformedRay { ray, matrix: Some([[0.1; 4]; 3]) }).named("test");
         case.shapes.push(Shape::MovingTriangle([[[0.7; 3]; 3], [[1e-45; 3]; 3]]));
         (case.time, case.flags, case.hidden) = (0.1, 16, 0);
         case.motion = Some(MotionKeys::Srt([[0.1; 16], [1e30; 16]]));

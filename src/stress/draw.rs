@@ -4,6 +4,22 @@ use crate::geometry::Ray;
 
 type Matrix = [[f32; 4]; 3];
 
+/// A ray in world space, with the transform of the instance that it is meant for.
+#[derive(Clone, Copy, Debug)]
+pub struct TransformedRay {
+    /// The ray.
+    pub ray: Ray,
+    /// Object to world, row-major 3x4; none is the identity.
+    pub matrix: Option<Matrix>,
+}
+
+impl From<Ray> for TransformedRay {
+    /// The ray of an instance without a transform.
+    fn from(ray: Ray) -> Self {
+        Self { ray, matrix: None }
+    }
+}
+
 /// A random generator of rays and shapes; a seed always gives the same ones.
 #[derive(Debug)]
 pub struct Draw {
@@ -192,9 +208,9 @@ impl Draw {
     }
 
     /// A ray, in one of three cases transformed, with its matrix (see `image`).
-    pub fn transformed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
+    pub fn transformed(&mut self, origin: [f32; 3], direction: [f32; 3]) -> TransformedRay {
         if !self.one_in(3) {
-            return (Ray::new(origin, direction), None);
+            return Ray::new(origin, direction).into();
         }
         let m = self.matrix();
         self.image(m, origin, direction)
@@ -203,18 +219,18 @@ impl Draw {
     /// The image of an object-space ray under a matrix, rounded: near the same edges, but on none
     /// exactly unless the matrix is of small integers. Returns the ray without a matrix if the
     /// image overflows f32.
-    pub fn image(&mut self, m: Matrix, origin: [f32; 3], direction: [f32; 3]) -> (Ray, Option<Matrix>) {
+    pub fn image(&mut self, m: Matrix, origin: [f32; 3], direction: [f32; 3]) -> TransformedRay {
         let apply = |v: [f32; 3], w: f32| -> [f32; 3] {
             std::array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2] + m[i][3] * w)
         };
         let ray = Ray::new(apply(origin, 1.0), apply(direction, 0.0));
         let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
-        if finite { (ray, Some(m)) } else { (Ray::new(origin, direction), None) }
+        if finite { TransformedRay { ray, matrix: Some(m) } } else { Ray::new(origin, direction).into() }
     }
 
     /// A ray near the surface of a linear swept sphere: through it, grazing it, starting on it or
     /// along it.
-    pub fn ray_near(&mut self, positions: [[f32; 3]; 2], radii: [f32; 2]) -> (Ray, Option<Matrix>) {
+    pub fn ray_near(&mut self, positions: [[f32; 3]; 2], radii: [f32; 2]) -> TransformedRay {
         let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
         let [p, q] = positions.map(|v| v.map(finite));
         let s = self.size(std::array::from_fn(|i| q[i] - p[i]));
@@ -272,7 +288,7 @@ impl Draw {
     }
 
     /// A ray through a vertex, an edge, the inside or past a triangle.
-    pub fn ray_through(&mut self, v: [[f32; 3]; 3]) -> (Ray, Option<Matrix>) {
+    pub fn ray_through(&mut self, v: [[f32; 3]; 3]) -> TransformedRay {
         let [b, c] = match self.below(5) {
             0 => [0.0, 0.0],
             1 => [0.5, 0.5],
@@ -293,7 +309,7 @@ impl Draw {
 
     /// A triangle fan's centre and rim, a ray exactly through the centre, an edge or the inside,
     /// and a matrix. The ray always hits the fan: the rim runs once around the ray's axis.
-    pub fn fan(&mut self, count: usize) -> (Vec<[f32; 3]>, Ray, Option<Matrix>) {
+    pub fn fan(&mut self, count: usize) -> (Vec<[f32; 3]>, TransformedRay) {
         let (up, along, across) = [(0, 1, 2), (1, 2, 0), (2, 0, 1)][self.below(3)];
         let s = 2f32.powi(self.below(161) as i32 - 80);
         let mut points = vec![[0.0f32; 3]];
@@ -316,7 +332,7 @@ impl Draw {
         let points: Vec<_> = points.into_iter().map(place).collect();
         let ray = Ray::new(place(target), direction);
         if self.one_in(2) {
-            return (points, ray, None);
+            return (points, ray.into());
         }
         // Axes exchanged and scaled by powers of two: the ray's image is exact.
         let mut matrix = [[0.0; 4]; 3];
@@ -325,6 +341,7 @@ impl Draw {
             matrix[i][(i + turn) % 3] = if self.one_in(2) { 2.0 } else { -0.5 };
         }
         let apply = |v: [f32; 3]| std::array::from_fn(|i| v[(i + turn) % 3] * matrix[i][(i + turn) % 3]);
-        (points, Ray::new(apply(ray.origin), apply(ray.direction)), Some(matrix))
+        let ray = Ray::new(apply(ray.origin), apply(ray.direction));
+        (points, TransformedRay { ray, matrix: Some(matrix) })
     }
 }

@@ -6,7 +6,7 @@ mod trees;
 
 use crate::geometry::Ray;
 use crate::stress::case::{Shape, StressCase};
-use crate::stress::draw::Draw;
+use crate::stress::draw::{Draw, TransformedRay};
 pub use neighbours::add_neighbours;
 
 /// A generator of cases.
@@ -251,11 +251,11 @@ fn zero_length(draw: &mut Draw) -> StressCase {
         1 => Shape::Aabb([p, std::array::from_fn(|i| p[i].max(q[i]))]),
         _ => Shape::LinearSweptSphere { positions: [p, q], radii: [r, other], caps: [true; 2] },
     };
-    let (mut ray, matrix) = draw.ray_near([p, q], [r, other]);
+    let mut transformed = draw.ray_near([p, q], [r, other]);
     if draw.one_in(6) {
-        ray.direction = [0.0; 3];
+        transformed.ray.direction = [0.0; 3];
     }
-    StressCase::new(vec![shape], (ray, matrix))
+    StressCase::new(vec![shape], transformed)
 }
 
 /// A random size from 10^-30 to 10^30.
@@ -287,19 +287,21 @@ fn far(draw: &mut Draw) -> StressCase {
     match draw.below(4) {
         0 => {
             let vertices = draw.triangle();
-            let (ray, matrix) = draw.ray_through(vertices);
+            let TransformedRay { ray, matrix } = draw.ray_through(vertices);
             let origin = std::array::from_fn(|i| {
                 clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance)
             });
-            StressCase::new(vec![Shape::Triangle(vertices)], (Ray { origin, ..ray }, matrix))
+            let ray = Ray { origin, ..ray };
+            StressCase::new(vec![Shape::Triangle(vertices)], TransformedRay { ray, matrix })
         }
         1 => {
             let (min, max) = draw.aabb();
-            let (ray, matrix) = draw.ray_near([min, max], [0.0; 2]);
+            let TransformedRay { ray, matrix } = draw.ray_near([min, max], [0.0; 2]);
             let origin = std::array::from_fn(|i| {
                 clamp(f64::from(ray.origin[i]) - f64::from(ray.direction[i]) * distance)
             });
-            StressCase::new(vec![Shape::Aabb([min, max])], (Ray { origin, ..ray }, matrix))
+            let ray = Ray { origin, ..ray };
+            StressCase::new(vec![Shape::Aabb([min, max])], TransformedRay { ray, matrix })
         }
         _ => {
             let (shape, ends, radii) = round_shape(draw);
@@ -359,19 +361,19 @@ fn degenerate(draw: &mut Draw) -> StressCase {
 
 fn fans(draw: &mut Draw) -> StressCase {
     let count = 4 + draw.below(5);
-    let (fan, ray, matrix) = draw.fan(count);
+    let (fan, transformed) = draw.fan(count);
     let shapes = (0..count).map(|i| {
         let (a, b) = (fan[1 + i], fan[1 + (i + 1) % count]);
         Shape::Triangle(if i % 2 == 0 { [fan[0], a, b] } else { [b, a, fan[0]] })
     });
-    StressCase::new(shapes.collect(), (ray, matrix))
+    StressCase::new(shapes.collect(), transformed)
 }
 
 fn instances(draw: &mut Draw) -> StressCase {
     let case = any(draw);
     // The object-space ray of the case becomes the world ray of its image.
     let (origin, direction) = (case.origin, case.direction);
-    let (ray, matrix) = match draw.below(3) {
+    let transformed = match draw.below(3) {
         0 => {
             // A shear of up to 10^6, exactly regular.
             let shear = ten_to(draw.below(7) as i32) as f32;
@@ -389,7 +391,7 @@ fn instances(draw: &mut Draw) -> StressCase {
             draw.image(m, origin, direction)
         }
     };
-    StressCase::new(case.shapes, (ray, matrix))
+    StressCase::new(case.shapes, transformed)
 }
 
 fn chains(draw: &mut Draw) -> StressCase {

@@ -222,7 +222,7 @@ impl Judge<'_> {
                 }
                 let shortens = all || shortened < MAX_SHORTENED_HITS;
                 shortened += usize::from(is_hit);
-                self.check_primitive((instance, at), &line, shortens, tally)?;
+                self.check_primitive(instance, at, &line, shortens, tally)?;
             }
         }
         Ok(true)
@@ -231,7 +231,7 @@ impl Judge<'_> {
     /// Checks an expected hit.
     fn check_hit(&self, hit: &ExactHit, tally: &mut Tally) -> Result<(), Failure> {
         match self.line(hit.instance)? {
-            Some(line) => self.check_primitive((hit.instance, hit.shape), &line, false, tally),
+            Some(line) => self.check_primitive(hit.instance, hit.shape, &line, false, tally),
             None => fail(format!("instance {} is hit", hit.instance)),
         }
     }
@@ -239,7 +239,8 @@ impl Judge<'_> {
     /// Checks a primitive; with `shortens`, also over intervals that end at a hit.
     fn check_primitive(
         &self,
-        (instance, index): (usize, usize),
+        instance: usize,
+        index: usize,
         line: &ObjectLine,
         shortens: bool,
         tally: &mut Tally,

@@ -153,12 +153,14 @@ mod tests {
     use super::*;
     use crate::geometry::Ray;
     use crate::stress::case::Neighbour;
+    use crate::stress::draw::TransformedRay;
 
     #[test]
     fn everything_irrelevant_to_a_failure_is_removed() {
         let ray = Ray::new([3.25, 0.0, 0.0], [0.1, 0.2, 0.3]);
         let ball = |k: usize| Shape::Sphere { center: [k as f32, 0.3, 0.0], radius: 1.0 };
-        let mut case = StressCase::new((0..77).map(ball).collect(), (ray, Some([[0.5; 4]; 3])));
+        let mut case =
+            StressCase::new((0..77).map(ball).collect(), TransformedRay { ray, matrix: Some([[0.5; 4]; 3]) });
         let Ray { origin, direction, t_min, .. } = ray;
         let neighbour =
             Neighbour { origin, direction, t_min, t_max: 7.0, time: 0.5, flags: 16, cull_mask: 3 };
@@ -179,7 +181,7 @@ mod tests {
         minimizer.shorten(1, |case| &mut case.shapes);
         minimizer.simplify();
         minimizer.equalise();
-        let mut least = StressCase { hidden: 0, ..StressCase::new(vec![ball(40)], (ray, None)) };
+        let mut least = StressCase { hidden: 0, ..StressCase::new(vec![ball(40)], ray.into()) };
         let alike = Neighbour { t_max: ray.t_max, time: 0.0, flags: 0, cull_mask: 1, ..neighbour };
         least.neighbours = vec![alike; 7];
         let down = minimizer.best.neighbours.iter().position(|neighbour| neighbour.direction[2] < 0.0);
@@ -190,7 +192,7 @@ mod tests {
     #[test]
     fn an_instance_keeps_only_what_matters() {
         let keys = [[[0.1; 4]; 3], [[0.2; 4]; 3]];
-        let mut case = StressCase::new(vec![], (Ray::new([0.0; 3], [1.0; 3]), None));
+        let mut case = StressCase::new(vec![], Ray::new([0.0; 3], [1.0; 3]).into());
         let whole = Placement { mask: 3, flags: 2, ..Placement::new(Some([[0.7; 4]; 3]), None) };
         case.others = vec![Placement { motion: Some(MotionKeys::Matrix(keys)), ..whole.clone() }; 3];
         case.shapes = vec![Shape::MovingTriangle([[[1.0; 3]; 3], [[2.0; 3]; 3]]); 2];

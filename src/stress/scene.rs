@@ -212,7 +212,7 @@ impl<'a> TlasJudge<'a> {
         if together && let Some(first) = traces.first() {
             let mut packet = Packet::default();
             for any in [false, true] {
-                let found = check_packet(&mut packet, &self.tlas, (&traces, &hits), any, &mut tally);
+                let found = check_packet(&mut packet, &self.tlas, &traces, &hits, any, &mut tally);
                 if let Err(Failure(what)) = found {
                     failures.push(told(first, Failure(format!("a packet{what}"))));
                 }
@@ -228,7 +228,7 @@ impl<'a> TlasJudge<'a> {
             let is_masked = u32::from(instance.mask) & trace.cull_mask == 0;
             let ray = self.tlas.object_ray(at as u32, &trace.ray, trace.time);
             if let Some(ray) = ray.filter(|_| !is_masked) {
-                self.hits_of_instance((at as u32, instance), &ray, trace, &mut hits);
+                self.hits_of_instance(at as u32, instance, &ray, trace, &mut hits);
             }
         }
         let key = |hit: &TraversalHit| {
@@ -241,7 +241,8 @@ impl<'a> TlasJudge<'a> {
 
     fn hits_of_instance(
         &self,
-        (number, instance): (u32, &TlasInstance),
+        number: u32,
+        instance: &TlasInstance,
         ray: &ObjectRay,
         trace: &TraceRay,
         hits: &mut Vec<TraversalHit>,

@@ -158,7 +158,7 @@ fn check(seed: u64, kind: usize) {
     for _ in 0..cases(120) {
         let s = scale(&mut draw);
         let shapes: Vec<Shape> = (0..PRIMITIVES).map(|_| shape(&mut draw, kind, s)).collect();
-        let case = StressCase::new(shapes.clone(), (Ray::new([0.0; 3], [0.0, 0.0, 1.0]), None));
+        let case = StressCase::new(shapes.clone(), Ray::new([0.0; 3], [0.0, 0.0, 1.0]).into());
         let (geometries, _) = case.geometries().expect("shapes of one kind");
         // Not opaque: every primitive that the ray meets is handed out.
         let flags = GeometryFlags::default();

@@ -265,8 +265,8 @@ impl Arguments {
                     let [buffer, image] = [of_element(&given[0], element), of_element(&given[1], element)];
                     let element = elements.map(|_| element);
                     let name = unique_name(&mut names, &variable.name, binding, element);
-                    let descriptor = (name, binding, element);
-                    resource(&mut text, &module, variable, descriptor, buffer, image, invocations)?;
+                    let table = ResourceTable { variable, name, binding, element, buffer, image };
+                    table.write(&mut text, &module, invocations)?;
                 }
             }
         }
@@ -403,74 +403,87 @@ fn unique_name(
     name
 }
 
-/// Adds the table of a resource.
-fn resource(
-    text: &mut String,
-    module: &Module,
-    variable: &InterfaceVariable,
-    (name, binding, element): (String, Binding, Option<u32>),
-    buffer: Option<&ResourceArgument>,
-    image: Option<&ResourceArgument>,
-    invocations: u64,
-) -> Result<()> {
-    let Binding { set, binding: number } = binding;
-    let Some(mut ty) = variable.ty else { return Ok(()) };
-    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
-        ty = *element;
-    }
-    let _ = writeln!(text, "[resources.{}]\nset = {set}\nbinding = {number}", quoted(&name));
-    if let Some(element) = element {
-        let _ = writeln!(text, "element = {element}");
-    }
-    match module.ty(ty) {
-        Type::Struct { members, buffer_block, .. } => {
-            let storage = variable.storage_class == storage::STORAGE_BUFFER || *buffer_block;
-            let kind = if storage { "storage_buffer" } else { "uniform_buffer" };
-            let _ = writeln!(text, "type = \"{kind}\"");
-            if let Some(address) = buffer.and_then(|given| given.address.as_ref()) {
-                let _ = writeln!(text, "address = {address}");
-            }
-            match buffer {
-                Some(given) if given.address.is_none() || !given.value.is_empty() => {
-                    content(text, &given.value);
-                }
-                _ => {
-                    let runtime = members.last().and_then(|last| match module.ty(last.ty) {
-                        Type::RuntimeArray { stride, .. } => {
-                            Some(element_for_each(last.offset?, (*stride)?, invocations))
-                        }
-                        _ => None,
-                    });
-                    let size = runtime.or_else(|| module.size_of(ty));
-                    let Some(size) = size else {
-                        return Err(invalid(format!(
-                            "`{name}`: give its size with --buffer {set},{number}=SIZE"
-                        )));
-                    };
-                    let _ = writeln!(text, "size = {size}");
-                }
-            }
+/// A descriptor of a variable, for which the scene gets a table.
+struct ResourceTable<'a> {
+    /// The variable.
+    variable: &'a InterfaceVariable,
+    /// What the resource is called.
+    name: String,
+    /// Where it is bound.
+    binding: Binding,
+    /// The number of its array element, if the variable is an array.
+    element: Option<u32>,
+    /// What the command line says of it as a buffer.
+    buffer: Option<&'a ResourceArgument>,
+    /// What the command line says of it as an image.
+    image: Option<&'a ResourceArgument>,
+}
+
+impl ResourceTable<'_> {
+    /// Adds the table to the text of the scene.
+    fn write(&self, text: &mut String, module: &Module, invocations: u64) -> Result<()> {
+        let Self { variable, ref name, binding, element, buffer, image } = *self;
+        let Binding { set, binding: number } = binding;
+        let Some(mut ty) = variable.ty else { return Ok(()) };
+        while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
+            ty = *element;
         }
-        Type::Image(image_type) => return image_table(text, module, *image_type, &name, image, false),
-        Type::SampledImage(inner) => match module.ty(*inner) {
-            Type::Image(image_type) => return image_table(text, module, *image_type, &name, image, true),
-            _ => return Ok(()),
-        },
-        Type::Sampler => {
-            let _ = writeln!(text, "type = \"sampler\"");
+        let _ = writeln!(text, "[resources.{}]\nset = {set}\nbinding = {number}", quoted(name));
+        if let Some(element) = element {
+            let _ = writeln!(text, "element = {element}");
         }
-        Type::AccelerationStructure => {
-            return Err(invalid(format!("`{name}` is an acceleration structure, which needs a scene file"))
+        match module.ty(ty) {
+            Type::Struct { members, buffer_block, .. } => {
+                let storage = variable.storage_class == storage::STORAGE_BUFFER || *buffer_block;
+                let kind = if storage { "storage_buffer" } else { "uniform_buffer" };
+                let _ = writeln!(text, "type = \"{kind}\"");
+                if let Some(address) = buffer.and_then(|given| given.address.as_ref()) {
+                    let _ = writeln!(text, "address = {address}");
+                }
+                match buffer {
+                    Some(given) if given.address.is_none() || !given.value.is_empty() => {
+                        content(text, &given.value);
+                    }
+                    _ => {
+                        let runtime = members.last().and_then(|last| match module.ty(last.ty) {
+                            Type::RuntimeArray { stride, .. } => {
+                                Some(element_for_each(last.offset?, (*stride)?, invocations))
+                            }
+                            _ => None,
+                        });
+                        let size = runtime.or_else(|| module.size_of(ty));
+                        let Some(size) = size else {
+                            return Err(invalid(format!(
+                                "`{name}`: give its size with --buffer {set},{number}=SIZE"
+                            )));
+                        };
+                        let _ = writeln!(text, "size = {size}");
+                    }
+                }
+            }
+            Type::Image(image_type) => return image_table(text, module, *image_type, name, image, false),
+            Type::SampledImage(inner) => match module.ty(*inner) {
+                Type::Image(image_type) => return image_table(text, module, *image_type, name, image, true),
+                _ => return Ok(()),
+            },
+            Type::Sampler => {
+                let _ = writeln!(text, "type = \"sampler\"");
+            }
+            Type::AccelerationStructure => {
+                return Err(invalid(format!(
+                    "`{name}` is an acceleration structure, which needs a scene file"
+                ))
                 .note("a [[dispatch]] in a scene runs a compute shader too: docs/scene.md"));
+            }
+            _ => {
+                return Err(crate::error::Error::new(
+                    ErrorKind::UnsupportedModule,
+                    format!("`{name}`: a resource of type {}", module.describe_type(ty)),
+                ));
+            }
         }
-        _ => {
-            return Err(crate::error::Error::new(
-                ErrorKind::UnsupportedModule,
-                format!("`{name}`: a resource of type {}", module.describe_type(ty)),
-            ));
-        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Adds the keys of an image.

@@ -113,11 +113,11 @@ impl Counts {
         blocks[block as usize] += u64::from(lanes);
     }
 
-    fn take(&mut self, edge: (u32, u32), lanes: u32) {
+    fn take(&mut self, block: u32, edge: u32, lanes: u32) {
         if self.edges.len() <= self.shader {
             self.edges.resize(self.shader + 1, HashMap::new());
         }
-        *self.edges[self.shader].entry(edge).or_default() += u64::from(lanes);
+        *self.edges[self.shader].entry((block, edge)).or_default() += u64::from(lanes);
     }
 }
 
@@ -131,7 +131,7 @@ impl<const W: usize> Observer<W> for Counts {
     }
 
     fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
-        self.take((block, edge), lanes);
+        self.take(block, edge, lanes);
     }
 }
 

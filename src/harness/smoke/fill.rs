@@ -330,7 +330,7 @@ impl<'a> Filler<'a> {
                     self.fill(part, offset.saturating_add(at), mix(place, at as u64), out);
                 }
             }
-            Type::Matrix { column, count } => self.identity(layout, (*column, *count as usize), offset, out),
+            Type::Matrix { column, count } => self.identity(layout, *column, *count as usize, offset, out),
             Type::Array { element, length, .. } => {
                 let length = array_length(module, *length);
                 self.array(layout.part(*element), length, layout.stride(), offset, place, out);
@@ -376,7 +376,8 @@ impl<'a> Filler<'a> {
     fn identity(
         &mut self,
         layout: Layout<'_>,
-        (column, columns): (TypeId, usize),
+        column: TypeId,
+        columns: usize,
         offset: usize,
         out: &mut [u8],
     ) {

@@ -109,7 +109,7 @@ pub(super) fn given(
                 }
                 Type::Sampler => Descriptor::Sampler(Arc::new(sampler(false))),
                 Type::Image(image) => {
-                    let texels = made_up(module, image, (numbers, root), extent, &mut filler.made);
+                    let texels = made_up(module, image, numbers, root, extent, &mut filler.made);
                     match texels.map_err(named(variable))? {
                         Some(image) => Descriptor::Image(image),
                         None => continue,
@@ -117,7 +117,7 @@ pub(super) fn given(
                 }
                 Type::SampledImage(image) => {
                     let Type::Image(image) = module.ty(*image) else { continue };
-                    let texels = made_up(module, image, (numbers, root), extent, &mut filler.made);
+                    let texels = made_up(module, image, numbers, root, extent, &mut filler.made);
                     let Some(texels) = texels.map_err(named(variable))? else { continue };
                     let linear = texels.format().class() == Class::Float && !image.multisampled;
                     Descriptor::ImageSampler(texels, Arc::new(sampler(linear)))
@@ -239,7 +239,8 @@ fn bytes(buffer: &Buffer) -> impl Iterator<Item = [u8; 4]> {
 pub(super) fn answer(
     module: &Module,
     registers: &InterfaceRegisters,
-    (numbers, root): (ValueSource, u64),
+    numbers: ValueSource,
+    root: u64,
     far: u32,
 ) -> Vec<u32> {
     // One answer in four looks like that of a miss shader, and one has large integers, so that
@@ -381,7 +382,8 @@ fn sampler(linear: bool) -> Sampler {
 fn made_up(
     module: &Module,
     image: &ImageType,
-    (numbers, root): (ValueSource, u64),
+    numbers: ValueSource,
+    root: u64,
     extent: FillExtent,
     made: &mut MadeUpBytes,
 ) -> Result<Option<Arc<Image>>> {

@@ -162,7 +162,7 @@ impl PipelineObserver for StandIn<'_> {
         let Some(registers) = registers.filter(|_| caller.shader == Shader(0)) else { return };
         // Loops that wait for a sum end, too.
         let far = FAR.saturating_mul(1 + (before / 16) as u32);
-        let answer = resources::answer(&self.program.module, registers, (self.numbers, root), far);
+        let answer = resources::answer(&self.program.module, registers, self.numbers, root, far);
         words.iter_mut().zip(answer).for_each(|(to, word)| *to = word);
     }
 }

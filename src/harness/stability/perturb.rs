@@ -102,7 +102,7 @@ fn compare_runs(
     };
     for number in 1..=context.perturbation.runs {
         let (observed, seen, outcome) = run(number, Some(&decisions.decisions));
-        for ((shader, offset, kind), count) in seen.divergences {
+        for (DecisionSite { shader, offset, kind }, count) in seen.divergences {
             *found.branches.entry((context.programs.location(shader, offset), kind)).or_default() += count;
         }
         match outcome {
@@ -182,18 +182,29 @@ type InvocationKey = (usize, [u32; 3]);
 /// The way of each invocation: branches, and what rays hit.
 type DecisionLog = HashMap<InvocationKey, Vec<u64>>;
 
+/// Where a shader decides.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct DecisionSite {
+    /// The index of the shader's program.
+    shader: usize,
+    /// The word offset of the instruction.
+    offset: u32,
+    /// What is decided there.
+    kind: DecisionKind,
+}
+
 /// The decisions of a run.
 #[derive(Default)]
 struct RunDecisions {
     decisions: DecisionLog,
-    divergences: BTreeMap<(usize, u32, DecisionKind), u64>,
+    divergences: BTreeMap<DecisionSite, u64>,
 }
 
 impl RunDecisions {
     fn add(&mut self, perturber: Perturber<'_>) {
         self.decisions.extend(perturber.decisions);
-        for (decision, count) in perturber.divergences {
-            *self.divergences.entry(decision).or_default() += count;
+        for (site, count) in perturber.divergences {
+            *self.divergences.entry(site).or_default() += count;
         }
     }
 }
@@ -224,7 +235,7 @@ struct Perturber<'a> {
     /// made; `None` after it diverged.
     reference: Option<&'a DecisionLog>,
     progress: HashMap<InvocationKey, Option<usize>>,
-    divergences: BTreeMap<(usize, u32, DecisionKind), u64>,
+    divergences: BTreeMap<DecisionSite, u64>,
 }
 
 impl<'a> Perturber<'a> {
@@ -247,7 +258,7 @@ impl<'a> Perturber<'a> {
     }
 
     /// Records a decision of the invocation, or compares it with the reference.
-    fn decide(&mut self, code: u64, decision: (usize, u32, DecisionKind)) {
+    fn decide(&mut self, code: u64, site: DecisionSite) {
         let Some(reference) = self.reference else {
             self.decisions.entry(self.invocation).or_default().push(code);
             return;
@@ -257,7 +268,7 @@ impl<'a> Perturber<'a> {
         let same = reference.get(&self.invocation).and_then(|decisions| decisions.get(at)) == Some(&code);
         *progress = same.then_some(at + 1);
         if !same {
-            *self.divergences.entry(decision).or_default() += 1;
+            *self.divergences.entry(site).or_default() += 1;
         }
     }
 
@@ -266,7 +277,9 @@ impl<'a> Perturber<'a> {
         &mut self,
         batch: &mut Batch<1>,
         offset: u32,
-        (kernel, to, from): (&LaneKernel, Reg, &[Reg; 3]),
+        kernel: &LaneKernel,
+        to: Reg,
+        from: &[Reg; 3],
     ) {
         let width = kernel.float_result;
         if !matches!(width, 16 | 32) {
@@ -414,14 +427,15 @@ impl Probe for Perturber<'_> {
                 let handle =
                     query.register(&batch.registers, 0).map(|register| batch.registers[register].0[0]);
                 if let Ok(query) = handle.and_then(|handle| batch.queries.query(handle)) {
-                    let decision = (self.shader, program.origins[op as usize].offset, DecisionKind::Hit);
-                    self.decide(hit_code(query.committed()), decision);
+                    let (shader, offset) = (self.shader, program.origins[op as usize].offset);
+                    let site = DecisionSite { shader, offset, kind: DecisionKind::Hit };
+                    self.decide(hit_code(query.committed()), site);
                 }
             }
             _ if self.run == 0 => {}
             Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[op as usize].offset;
-                self.perturb_kernel(batch, offset, (kernel, *to, from));
+                self.perturb_kernel(batch, offset, kernel, *to, from);
             }
             Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
                 match self.products.get(from).copied() {
@@ -440,7 +454,7 @@ impl Probe for Perturber<'_> {
         {
             let offset = self.context.shaders[shader].branches[block as usize];
             let code = (shader as u64) << 44 | u64::from(block) << 20 | u64::from(edge);
-            self.decide(code, (shader, offset, DecisionKind::Branch));
+            self.decide(code, DecisionSite { shader, offset, kind: DecisionKind::Branch });
         }
     }
 
@@ -455,7 +469,8 @@ impl Probe for Perturber<'_> {
             }
             Event::Traversed { committed, .. } => {
                 if let Some(&(shader, offset)) = self.frames.last() {
-                    self.decide(hit_code(committed.as_ref()), (shader, offset, DecisionKind::Hit));
+                    let site = DecisionSite { shader, offset, kind: DecisionKind::Hit };
+                    self.decide(hit_code(committed.as_ref()), site);
                 }
             }
             _ => {}

@@ -44,6 +44,16 @@ pub(super) struct ShadowInterpreter<'a> {
     found: HashMap<(usize, u32), LineFindings>,
 }
 
+/// The float result that the shadow operation of a kernel gives.
+struct ShadowResult<'a> {
+    /// The result.
+    value: f64,
+    /// The greatest relative difference of an operand from its shadow.
+    operand_error: f64,
+    /// The name of the kernel that computed it; empty for a copy of the operand.
+    name: &'a str,
+}
+
 impl<'a> ShadowInterpreter<'a> {
     /// An interpreter for a task that has not begun.
     pub(super) fn new(context: &'a ShadowContext) -> Self {
@@ -94,7 +104,9 @@ impl<'a> ShadowInterpreter<'a> {
         batch: &Batch<1>,
         offset: u32,
         shadow_op: ShadowOp,
-        (kernel, to, from): (&LaneKernel, Reg, &[Reg; 3]),
+        kernel: &LaneKernel,
+        to: Reg,
+        from: &[Reg; 3],
     ) {
         let Some(frame) = self.frames.last_mut() else { return };
         let read = |at: usize| bits(batch, from[at], kernel.operands[at].max(1));
@@ -111,7 +123,8 @@ impl<'a> ShadowInterpreter<'a> {
                 let value = frame.value(from[0], read(0)).unwrap_or_else(|| float(read(0), width));
                 frame.set(to, Some(ShadowValue { bits: result, value }));
                 let error = relative_difference(float(read(0), width), value);
-                self.compare(offset, kernel, result, to, (value, error, ""));
+                let shadow = ShadowResult { value, operand_error: error, name: "" };
+                self.compare(offset, kernel, result, to, shadow);
             }
             ShadowOp::Logical => {
                 let known = [0, 1].map(|at| frame.value(from[at], read(at)));
@@ -144,13 +157,9 @@ impl<'a> ShadowInterpreter<'a> {
                 }
                 let value = self.scratch.run(wide, operands);
                 if !decides {
-                    return self.compare(
-                        offset,
-                        kernel,
-                        result,
-                        to,
-                        (f64::from_bits(value), worst, wide.name),
-                    );
+                    let value = f64::from_bits(value);
+                    let shadow = ShadowResult { value, operand_error: worst, name: wide.name };
+                    return self.compare(offset, kernel, result, to, shadow);
                 }
                 frame.set(to, Some(ShadowValue { bits: result, value: value as f64 }));
                 if value != result
@@ -165,15 +174,9 @@ impl<'a> ShadowInterpreter<'a> {
         }
     }
 
-    /// Compares a float result with its shadow, whose operands were off by `worst` at most.
-    fn compare(
-        &mut self,
-        offset: u32,
-        kernel: &LaneKernel,
-        result: u64,
-        to: Reg,
-        (value, worst, name): (f64, f64, &str),
-    ) {
+    /// Compares a float result with its shadow.
+    fn compare(&mut self, offset: u32, kernel: &LaneKernel, result: u64, to: Reg, shadow: ShadowResult<'_>) {
+        let ShadowResult { value, operand_error, name } = shadow;
         let own = float(result, kernel.float_result);
         let launch_id = self.launch_id;
         let comparable = own.is_finite() && value.is_finite();
@@ -192,7 +195,7 @@ impl<'a> ShadowInterpreter<'a> {
         }
         let roundoff = unit_roundoff(kernel.float_result);
         if error > roundoff {
-            let lost = (error / worst.max(roundoff)).log2();
+            let lost = (error / operand_error.max(roundoff)).log2();
             found.bits_lost = found.bits_lost.max(lost);
             let sums = ["FAdd", "FSub", "Fma", "FmaKHR", "FMix"].contains(&name);
             found.cancellations += u64::from(sums && lost > CANCELLATION_BITS);
@@ -492,7 +495,7 @@ impl Probe for ShadowInterpreter<'_> {
         match &program.ops[at] {
             Op::LaneKernel { kernel, to, from } => {
                 let offset = program.origins[at].offset;
-                self.lane_kernel(batch, offset, context.shadow_ops[shader][at], (kernel, *to, from));
+                self.lane_kernel(batch, offset, context.shadow_ops[shader][at], kernel, *to, from);
             }
             Op::Memory(op) => self.memory_op(batch, bindings, op),
             Op::RayQuery(op) => self.ray_query_op(batch, program.origins[at].offset, op),

@@ -69,7 +69,7 @@ impl Resolver<'_> {
                 if let Content::View(view) = &*element {
                     views.push((&entry.name, content, at, view.clone()));
                 } else if let Some(resource) = self.resource(binding, &element, tlas) {
-                    bindings.push(bound(&entry.name, content, (at, &element), resource));
+                    bindings.push(bound(&entry.name, content, at, &element, resource));
                 } else {
                     continue;
                 }
@@ -80,7 +80,7 @@ impl Resolver<'_> {
         let viewed = Viewed { bound: &bindings, unbound };
         let view = |(name, entry, at, view)| {
             let resource = self.view(&view, &viewed)?;
-            Some(bound(name, entry, (at, &Content::View(view)), resource))
+            Some(bound(name, entry, at, &Content::View(view), resource))
         };
         let views: Vec<ResolvedBinding> = views.into_iter().filter_map(view).collect();
         bindings.extend(views);
@@ -220,7 +220,8 @@ impl Resolver<'_> {
 fn bound(
     name: &Spanned<String>,
     entry: &ResourceEntry,
-    (element, content): (u32, &Content),
+    element: u32,
+    content: &Content,
     resource: Resource,
 ) -> ResolvedBinding {
     let place = name.span.place();

@@ -145,7 +145,7 @@ mod tests {
 
     /// Checks that the primitives of a BLAS are those of the case.
     fn check(shapes: Vec<Shape>, counts: &[usize]) {
-        let case = StressCase::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None));
+        let case = StressCase::new(shapes, Ray::new([0.0; 3], [1.0; 3]).into());
         let (geometries, found) = case.geometries().expect("one of the forms");
         assert_eq!(found, counts);
         let mut shapes = case.shapes.iter();
@@ -197,7 +197,7 @@ mod tests {
         let long = (0..70).map(|k| link(k, [k == 0, true])).collect();
         check(long, &[70]);
         let refused = |shapes: Vec<Shape>| {
-            StressCase::new(shapes, (Ray::new([0.0; 3], [1.0; 3]), None)).geometries().is_none()
+            StressCase::new(shapes, Ray::new([0.0; 3], [1.0; 3]).into()).geometries().is_none()
         };
         assert!(refused(vec![link(0, [false, true])]), "it follows nothing");
         assert!(refused(vec![link(0, [true, true]), link(5, [false, true])]), "another end");

@@ -153,7 +153,7 @@ fn still_corner(draw: &mut Draw) -> StressCase {
     let (along, far) = (draw.below(3), 16.0 * s);
     let (mut origin, mut direction) = (corner, [0.0; 3]);
     (origin[along], direction[along]) = (origin[along] - far, far);
-    let mut case = StressCase { time, ..StressCase::new(vec![shape], (Ray::new(origin, direction), None)) };
+    let mut case = StressCase { time, ..StressCase::new(vec![shape], Ray::new(origin, direction).into()) };
     case.motion = Some(all[0]);
     case.others = all[1..].iter().map(|&moves| Placement::new(None, Some(moves))).collect();
     case
@@ -179,10 +179,10 @@ pub(super) fn moving_instances(draw: &mut Draw) -> StressCase {
     let visible = draw.below(all.len());
     let matrix = all[visible].motion.and_then(|moves| moves.motion().at(time));
     let ray = match matrix.filter(is_invertible) {
-        Some(matrix) => draw.image(matrix, origin, direction).0,
+        Some(matrix) => draw.image(matrix, origin, direction).ray,
         None => Ray::new(origin, direction),
     };
-    let mut case = StressCase { time, ..StressCase::new(shapes, (ray, None)) };
+    let mut case = StressCase { time, ..StressCase::new(shapes, ray.into()) };
     case.motion = all[0].motion;
     case.others = all[1..].to_vec();
     case.hidden = if draw.one_in(2) { 4 } else { 0 };

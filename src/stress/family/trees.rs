@@ -149,7 +149,7 @@ fn coplanar_ends(draw: &mut Draw) -> StressCase {
         direction[along] = draw.unit();
     }
     let origin = std::array::from_fn(|i| target[i] - 16.0 * scale * direction[i]);
-    StressCase::new(shapes, (Ray::new(origin, direction), None))
+    StressCase::new(shapes, Ray::new(origin, direction).into())
 }
 
 /// A chain of swept spheres: hair, tubes, or from point to point of the lattice.
@@ -312,8 +312,7 @@ pub(super) fn places(draw: &mut Draw) -> StressCase {
         return StressCase::new(shapes, draw.transformed(origin, direction));
     }
     let visible = matrices[draw.below(matrices.len())];
-    let (ray, transform) = draw.image(visible, origin, direction);
-    let mut case = StressCase::new(shapes, (ray, transform));
+    let mut case = StressCase::new(shapes, draw.image(visible, origin, direction));
     case.hidden = 0;
     case.others = matrices
         .into_iter()

@@ -183,7 +183,7 @@ mod tests {
     fn a_box_that_is_too_small_is_found_by_the_other_tree() {
         let ball = |k: usize| Shape::Sphere { center: [4.0 * k as f32, 0.0, 0.0], radius: 1.0 };
         let ray = Ray::new([-4.0, 0.5, 0.0], [1.0, 0.0, 0.0]);
-        let case = StressCase::new((0..9).map(ball).collect(), (ray, None));
+        let case = StressCase::new((0..9).map(ball).collect(), ray.into());
         let check = |shrunk: Option<usize>| {
             let case_at_time = CaseAtTime::new(&case, 0.0);
             let boxes = case.shapes.iter().enumerate().map(|(at, shape)| {

@@ -144,7 +144,7 @@ impl TracedScene {
             // pay off.
             let mut packet = Packet::default();
             for (traces, hits, any) in runs {
-                check_packet(&mut packet, tlas, (traces, hits), any, tally)
+                check_packet(&mut packet, tlas, traces, hits, any, tally)
                     .map_err(|Failure(what)| Failure(format!("a packet ({name}){what}")))?;
             }
         }
@@ -208,7 +208,8 @@ pub(crate) fn check_cursor(
 pub(crate) fn check_packet(
     packet: &mut Packet,
     tlas: &Tlas,
-    (traces, hits): (&[TraceRay], &[Vec<TraversalHit>]),
+    traces: &[TraceRay],
+    hits: &[Vec<TraversalHit>],
     any: bool,
     tally: &mut Tally,
 ) -> Result<(), Failure> {
@@ -282,7 +283,7 @@ mod tests {
     fn balls(count: usize) -> StressCase {
         let ball = |k: usize| Shape::Sphere { center: [4.0 * k as f32, 0.0, 0.0], radius: 1.0 };
         let ray = Ray::new([-4.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
-        let mut case = StressCase::new((0..count).map(ball).collect(), (ray, None));
+        let mut case = StressCase::new((0..count).map(ball).collect(), ray.into());
         case.hidden = 0;
         let Ray { origin, t_min, t_max, .. } = ray;
         // All but the first rays miss everything.
@@ -350,7 +351,7 @@ mod tests {
         // Wound so that a ray downwards sees the front: e1 x e2 = (0, 0, 1).
         let triangle = Shape::Triangle([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]);
         let ray = Ray::new([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
-        let mut case = StressCase::new(vec![triangle], (ray, None));
+        let mut case = StressCase::new(vec![triangle], ray.into());
         let below = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]];
         case.others = vec![
             Placement { mask: 2, ..Placement::new(None, None) },
