@@ -4,5 +4,6 @@
 //! a [`Stop`](crate::machine::Stop). Running the batch again continues after that instruction.
 
 mod run;
+mod superop;
 
 pub use run::run;

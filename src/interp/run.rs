@@ -2,6 +2,7 @@
 
 use smallvec::SmallVec;
 
+use crate::interp::superop;
 use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -45,7 +46,7 @@ where
             if let Some(supercode) = supercode
                 && let Some((registers, mask)) = LaneKernel::as_64(&mut batch.registers, batch.mask)
             {
-                batch.op = supercode.run::<64>(registers, ops, batch.op..superblock.end, mask);
+                batch.op = superop::run::<64>(supercode, registers, ops, batch.op..superblock.end, mask);
                 if batch.op == superblock.end {
                     break;
                 }

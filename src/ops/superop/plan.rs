@@ -9,8 +9,8 @@ use crate::machine::Reg;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory;
 use crate::ops::op::Op;
-use crate::ops::superop::pairs::PairShape;
-use crate::ops::superop::{Function, Operands, SuperCode, SuperOp, has_operand, opcode};
+use crate::ops::superop::function::{Function, PairShape, has_operand, opcode};
+use crate::ops::superop::{Operands, SuperCode, SuperOp};
 
 /// How the result of an operation is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,8 +10,8 @@ use crate::machine::Reg;
 use crate::ops::access::Access;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
-use crate::ops::superop::pairs::PairShape;
-use crate::ops::superop::{Function, SuperCode, SuperOp, has_operand, takes_float};
+use crate::ops::superop::function::{Function, PairShape, has_operand};
+use crate::ops::superop::{SuperCode, SuperOp, takes_float};
 use crate::ops::symbolic::{State, ValueNumber, ValueTable};
 
 /// The symbolic value of a register or the accumulator while superinstructions run.

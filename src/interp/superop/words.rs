@@ -1,4 +1,7 @@
 //! The functions of superinstructions, from the words of one lane to a word.
+//!
+//! Functions are composed where the result of one is an operand of another and has no other use.
+//! Each is rounded separately.
 
 use crate::machine::Scalar;
 use crate::ops::lane_kernel::{Binary, Ternary, Unary};
@@ -6,13 +9,17 @@ use crate::ops::superop::Operands;
 
 /// A function that reads the first [`WordFunction::OPERANDS`] words.
 pub(super) trait WordFunction {
+    /// How many operands it has.
     const OPERANDS: usize;
     /// The result; a NaN has the payload that the processor gave it.
     fn apply(words: Operands<u32>) -> u32;
 }
 
+/// The function of a lane kernel of one operand.
 pub(super) struct UnaryWord<F>(F);
+/// The function of a lane kernel of two operands.
 pub(super) struct BinaryWord<F>(F);
+/// The function of a lane kernel of three operands.
 pub(super) struct TernaryWord<F>(F);
 
 impl<F: Unary> WordFunction for UnaryWord<F> {
@@ -39,7 +46,8 @@ impl<F: Ternary> WordFunction for TernaryWord<F> {
     }
 }
 
-/// `F`, then `G` with the result as its first operand.
+/// `F`, then `G` with the result as its first operand; the other operands of `G` follow those of
+/// `F`.
 pub(super) struct Chain<F, G>(F, G);
 
 impl<F: WordFunction, G: WordFunction> WordFunction for Chain<F, G> {
@@ -68,26 +76,46 @@ impl<F: WordFunction, G: WordFunction> WordFunction for Last<F, G> {
     }
 }
 
+/// `f = F(a, b)`, then `G(f, c)`.
+pub(super) type Then<F, G> = Chain<F, G>;
+/// `f = F(a)`, then `G(f, b)`.
+pub(super) type ThenWith<F, G> = Chain<F, G>;
+/// `f = F(a, b)`, then `G(c, f)`.
+pub(super) type After<F, G> = Last<F, G>;
+
+/// `f = F(a, b)`, then `G(a, f)`.
+pub(super) struct WithItself<F, G>(F, G);
+
+impl<F: WordFunction, G: WordFunction> WordFunction for WithItself<F, G> {
+    const OPERANDS: usize = F::OPERANDS;
+    #[inline(always)]
+    fn apply(words: Operands<u32>) -> u32 {
+        let mut second = Operands::default();
+        [second[0], second[1]] = [words[0], F::apply(words)];
+        G::apply(second)
+    }
+}
+
 /// `F(a, a)`.
 pub(super) struct OnBothOperands<F>(F);
 
-impl<F: Binary<B = <F as Binary>::A>> Unary for OnBothOperands<F> {
-    type A = F::A;
-    type R = F::R;
+impl<F: WordFunction> WordFunction for OnBothOperands<F> {
+    const OPERANDS: usize = 1;
     #[inline(always)]
-    fn apply(a: F::A) -> F::R {
-        F::apply(a, a)
+    fn apply([a, ..]: Operands<u32>) -> u32 {
+        let mut both = Operands::default();
+        [both[0], both[1]] = [a, a];
+        F::apply(both)
     }
 }
 
 /// Returns its operand unchanged.
 pub(super) struct Identity;
 
-impl Unary for Identity {
-    type A = u32;
-    type R = u32;
+impl WordFunction for Identity {
+    const OPERANDS: usize = 1;
     #[inline(always)]
-    fn apply(a: u32) -> u32 {
+    fn apply([a, ..]: Operands<u32>) -> u32 {
         a
     }
 }
@@ -95,11 +123,10 @@ impl Unary for Identity {
 /// Replaces a NaN with the canonical NaN that registers hold.
 pub(super) struct CanonicalNan;
 
-impl Unary for CanonicalNan {
-    type A = u32;
-    type R = u32;
+impl WordFunction for CanonicalNan {
+    const OPERANDS: usize = 1;
     #[inline(always)]
-    fn apply(a: u32) -> u32 {
+    fn apply([a, ..]: Operands<u32>) -> u32 {
         f32::from_bits(a).to_words().0
     }
 }

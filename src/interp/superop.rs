@@ -1,0 +1,124 @@
+//! The loop over superinstructions ([`crate::ops::superop`]).
+//!
+//! Each opcode is an arm of one `match`, a loop over the lanes, and the `match` is compiled as a
+//! whole for the processor's vectors. The accumulator is a local array that the compiler keeps in
+//! vector registers from one superinstruction to the next.
+
+mod apply;
+mod functions;
+mod match_opcode;
+mod words;
+
+use std::ops::Range;
+
+use crate::interp::superop::apply::{DirectRegisters, apply, store, to_integers};
+use crate::interp::superop::match_opcode::match_opcode;
+use crate::machine::{Lanes, Mask, Registers};
+use crate::math::lane_ops::{LaneOps, LaneTask};
+use crate::ops::lane_kernel::{LaneKernel, Width};
+use crate::ops::op::Op;
+use crate::ops::superop::function::{Function, opcodes};
+use crate::ops::superop::table::for_each_superop;
+use crate::ops::superop::{SuperCode, SuperOp};
+
+/// Runs a range of operations up to one that is no superinstruction and no lane kernel. Returns
+/// that operation, or the end of the range.
+#[inline]
+pub(super) fn run<const W: usize>(
+    supercode: &SuperCode,
+    registers: &mut Registers<W>,
+    ops: &[Op],
+    range: Range<u32>,
+    mask: Mask<W>,
+) -> u32
+where
+    LaneKernel: Width<W>,
+{
+    let Range { start: mut first, end } = supercode.range(&range);
+    let running = (!mask.is_all()).then(|| mask.words());
+    loop {
+        first += run_until_exit(registers, &supercode.superops[first..end], running.as_ref());
+        let Some(&op) = supercode.op_of[..end].get(first) else { return range.end };
+        // A lane kernel that has no opcode is called as a function.
+        let Op::LaneKernel { kernel, to, from } = &ops[op as usize] else { return op };
+        kernel.run(registers, *to, from);
+        first += 1;
+    }
+}
+
+/// Runs superinstructions. Returns how many ran before one that leaves the loop.
+fn run_until_exit<const W: usize>(
+    registers: &mut Registers<W>,
+    superops: &[SuperOp],
+    running: Option<&Lanes<W>>,
+) -> usize {
+    let cpu_tier = registers.cpu_tier();
+    let registers = registers.all_mut().first_chunk_mut().expect("every batch has the direct registers");
+    let ran = cpu_tier.run_wide(Loop { registers, superops, running });
+    ran.expect("superinstructions run on a CPU with wide registers")
+}
+
+/// The interpreter loop with its arguments.
+struct Loop<'a, const W: usize> {
+    registers: &'a mut DirectRegisters<W>,
+    superops: &'a [SuperOp],
+    /// All ones in the active lanes; `None` if every lane is active.
+    running: Option<&'a Lanes<W>>,
+}
+
+impl<const W: usize> LaneTask for Loop<'_, W> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<V: LaneOps>(self, vectors: V) -> usize {
+        run_superops(vectors, self.registers, self.superops, self.running)
+    }
+}
+
+/// Runs superinstructions. Returns how many ran before one that leaves the loop.
+#[inline(always)]
+fn run_superops<const W: usize, V: LaneOps>(
+    vectors: V,
+    registers: &mut DirectRegisters<W>,
+    superops: &[SuperOp],
+    running: Option<&Lanes<W>>,
+) -> usize {
+    let mut accumulator = [0; W];
+    let acc = &mut accumulator;
+    let mut rest = superops.iter();
+    while let Some(superop) = rest.next() {
+        // A `match` of the opcode: these arms, and those of the list.
+        for_each_superop! { match_opcode (acc, registers, superop) {
+            opcodes::Move::NO_ACC => apply::<W, functions::Move, 0, false, 0, 0>(acc, registers, superop),
+            opcodes::Move::ACC_FIRST => {}
+            opcodes::Move::NO_ACC_STORED => apply::<W, functions::Move, 0, true, 0, 0>(acc, registers, superop),
+            opcodes::Move::ACC_FIRST_STORED => apply::<W, functions::Move, 1, true, 0, 0>(acc, registers, superop),
+            opcodes::MoveMasked::NO_ACC_STORED => store::<W, 0>(acc, registers, superop, running),
+            opcodes::MoveMasked::ACC_FIRST_STORED => store::<W, 1>(acc, registers, superop, running),
+            opcodes::CanonicalizeNanMasked::ACC_FIRST_STORED => {
+                apply::<W, functions::CanonicalizeNan, 1, false, 0, 0>(acc, registers, superop);
+                store::<W, 1>(acc, registers, superop, running);
+            }
+            opcodes::FToS::NO_ACC => to_integers::<W, V, 0, false>(vectors, acc, registers, superop),
+            opcodes::FToS::NO_ACC_STORED => to_integers::<W, V, 0, true>(vectors, acc, registers, superop),
+            opcodes::FToS::ACC_FIRST => to_integers::<W, V, 1, false>(vectors, acc, registers, superop),
+            opcodes::FToS::ACC_FIRST_STORED => to_integers::<W, V, 1, true>(vectors, acc, registers, superop),
+            opcodes::Square::ACC_FIRST => apply::<W, functions::Square, 1, false, 0, 0>(acc, registers, superop),
+            opcodes::Square::ACC_FIRST_STORED => {
+                apply::<W, functions::Square, 1, true, 0, 0>(acc, registers, superop);
+            }
+            opcodes::CanonicalizeNan::ACC_FIRST => {
+                apply::<W, functions::CanonicalizeNan, 1, false, 0, 0>(acc, registers, superop);
+            }
+            opcodes::CanonicalizeNan::ACC_FIRST_STORED => {
+                apply::<W, functions::CanonicalizeNan, 1, true, 0, 0>(acc, registers, superop);
+            }
+        } else {
+            return superops.len() - rest.len() - 1
+        } }
+    }
+    superops.len()
+}
+
+#[cfg(test)]
+mod tests;
