@@ -84,8 +84,8 @@ impl Session {
             })?;
         let printed = take().into_iter().filter(|line| line.launch_id == id);
         let counts = run_counts(&count_events(&observed.events));
-        let shader = &self.scene.dispatches[number].shader;
-        let names = Names::of_dispatch(&self.scene, shader, &pipeline).with_memory(&resources.memory);
+        let module = self.scene.dispatches[number].shader.module;
+        let names = Names::of_dispatch(&self.scene, module, &pipeline).with_memory(&resources.memory);
         let root = EventReader::new(&pipeline, names, observed.events).root();
         let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
         let transcript = Transcript {

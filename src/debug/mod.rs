@@ -14,6 +14,7 @@ mod page;
 mod query_reader;
 pub mod reader;
 pub mod render;
+mod scene_names;
 pub mod session;
 pub mod shell;
 pub mod transcript;

@@ -1,6 +1,8 @@
 //! Names for a transcript: those of the scene for shaders, records and structures, those of the
 //! specification for numbers.
 
+use std::fmt::Debug;
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::accel::{HitKind, Tlas};
@@ -9,10 +11,8 @@ use crate::debug::values::TypedValue;
 use crate::error::Place;
 use crate::geometry::Surface;
 use crate::machine::DeviceMemory;
-use crate::pipeline::{Group, Pipeline, Shader};
+use crate::pipeline::{Pipeline, Shader};
 use crate::program::Program;
-use crate::scene::ResolvedScene;
-use crate::scene::resolved;
 
 /// SPIR-V, "Ray Flags".
 const FLAGS: &[(u32, &str)] = &[
@@ -98,16 +98,49 @@ pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> 
     })
 }
 
-/// The names that a scene gives to shaders, records and structures.
+/// What a scene calls its modules, records and structures.
+pub trait SceneNames: Debug {
+    /// The module that a shader of a pipeline comes from.
+    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: Shader) -> Option<NamedModule<'_>>;
+
+    /// The name of a record of the miss table.
+    fn miss_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str>;
+
+    /// The name of a record of the hit table.
+    fn hit_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str>;
+
+    /// The acceleration structures with their names.
+    fn structures(&self) -> &[(String, Arc<Tlas>)];
+
+    /// The names of the geometries of an instance, by the index of its structure and its own.
+    fn geometries(&self, structure: usize, instance: u32) -> &[String];
+}
+
+/// What of a scene a pipeline was made from.
+#[derive(Clone, Copy, Debug)]
+pub enum PipelineOrigin {
+    /// The named pipeline with an index, or `[pipeline]`.
+    Pipeline(Option<usize>),
+    /// The shader of a dispatch alone: the index of its module.
+    Dispatch(usize),
+}
+
+/// A module by its name in the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct NamedModule<'a> {
+    /// The name.
+    pub name: &'a str,
+    /// The file.
+    pub path: &'a Path,
+}
+
+/// The names of what a pipeline consists of.
 #[derive(Clone, Copy, Debug)]
 pub struct Names<'a> {
-    scene: Option<&'a ResolvedScene>,
-    /// The scene's description of the pipeline.
-    resolved: Option<&'a resolved::ResolvedPipeline>,
+    /// Where there is a scene, with what of it the pipeline is.
+    scene: Option<(&'a dyn SceneNames, PipelineOrigin)>,
     pipeline: &'a Pipeline,
     memory: Option<&'a DeviceMemory>,
-    /// The shader of a dispatch, which is the pipeline's only one.
-    compute: Option<&'a resolved::ResolvedShader>,
 }
 
 impl<'a> Names<'a> {
@@ -127,48 +160,25 @@ impl<'a> Names<'a> {
 
     /// The names of a scene and of a pipeline that was assembled from it: the named one with an
     /// index, or `[pipeline]`.
-    pub fn new(scene: &'a ResolvedScene, index: Option<usize>, pipeline: &'a Pipeline) -> Self {
-        let resolved = Some(scene.pipeline_at(index));
-        Self { scene: Some(scene), resolved, pipeline, memory: None, compute: None }
+    pub fn new(scene: &'a dyn SceneNames, index: Option<usize>, pipeline: &'a Pipeline) -> Self {
+        Self { scene: Some((scene, PipelineOrigin::Pipeline(index))), pipeline, memory: None }
     }
 
-    /// The names of a scene and of a pipeline of the shader of one of its dispatches alone.
-    pub fn of_dispatch(
-        scene: &'a ResolvedScene,
-        shader: &'a resolved::ResolvedShader,
-        pipeline: &'a Pipeline,
-    ) -> Self {
-        Self { scene: Some(scene), resolved: None, pipeline, memory: None, compute: Some(shader) }
+    /// The names of a scene and of a pipeline of the shader of one of its dispatches alone, which
+    /// is of the module with an index.
+    pub fn of_dispatch(scene: &'a dyn SceneNames, module: usize, pipeline: &'a Pipeline) -> Self {
+        Self { scene: Some((scene, PipelineOrigin::Dispatch(module))), pipeline, memory: None }
     }
 
     /// The names of a pipeline without a scene file: only entry points have names.
     pub fn unnamed(pipeline: &'a Pipeline) -> Self {
-        Self { scene: None, resolved: None, pipeline, memory: None, compute: None }
+        Self { scene: None, pipeline, memory: None }
     }
 
-    /// The file that a shader comes from.
-    pub fn module(&self, shader: Shader) -> Option<&'a resolved::ShaderModule> {
-        if let Some(compute) = self.compute {
-            return self.scene.map(|scene| &scene.shaders[compute.module]);
-        }
-        // The pipeline's groups are the scene's, in the same order.
-        let scene_groups = self.resolved.map_or(&[][..], |resolved| &resolved.groups);
-        let found = self.pipeline.groups.iter().zip(scene_groups).find_map(|pair| match pair {
-            (Group::General(one), resolved::ResolvedGroup::RayGeneration(named))
-            | (Group::General(one), resolved::ResolvedGroup::Miss(named))
-            | (Group::General(one), resolved::ResolvedGroup::Callable(named)) => {
-                (*one == shader).then_some(named)
-            }
-            (Group::Hit(group), resolved::ResolvedGroup::Hit(named)) => [
-                (group.closest_hit, &named.closest_hit),
-                (group.any_hit, &named.any_hit),
-                (group.intersection, &named.intersection),
-            ]
-            .into_iter()
-            .find_map(|(one, named)| named.as_ref().filter(|_| one == Some(shader))),
-            _ => None,
-        });
-        found.zip(self.scene).map(|(found, scene)| &scene.shaders[found.module])
+    /// The module that a shader comes from.
+    pub fn module(&self, shader: Shader) -> Option<NamedModule<'a>> {
+        let (scene, origin) = self.scene?;
+        scene.module(origin, self.pipeline, shader)
     }
 
     /// The label of a shader.
@@ -178,7 +188,7 @@ impl<'a> Names<'a> {
         let file = module.and_then(|module| module.path.file_name());
         ShaderLabel {
             stage: program.stage.name(),
-            name: module.map(|module| module.name.clone()),
+            name: module.map(|module| module.name.to_owned()),
             file: file.map(|file| file.to_string_lossy().into_owned()),
             entry: program.name.clone(),
         }
@@ -186,30 +196,28 @@ impl<'a> Names<'a> {
 
     /// The name of a record of the miss table.
     pub fn miss_record(&self, index: u64) -> Option<String> {
-        name_of(&self.resolved?.sbt.miss, index)
+        let (scene, origin) = self.scene?;
+        scene.miss_record(origin, index).map(str::to_owned)
     }
 
     /// The name of a record of the hit table.
     pub fn hit_record(&self, index: u64) -> Option<String> {
-        name_of(&self.resolved?.sbt.hit, index)
+        let (scene, origin) = self.scene?;
+        scene.hit_record(origin, index).map(str::to_owned)
     }
 
     /// The index of an acceleration structure among the scene's, and its name.
     pub fn structure(&self, tlas: &Arc<Tlas>) -> Option<(usize, &'a str)> {
-        let structures = &self.scene?.tlas;
+        let structures = self.scene?.0.structures();
         let at = structures.iter().position(|(_, known)| Arc::ptr_eq(known, tlas))?;
         Some((at, &structures[at].0))
     }
 
     /// The names of an instance's geometries.
     pub fn geometry(&self, tlas: &Arc<Tlas>, instance: u32) -> &'a [String] {
-        let names = self.structure(tlas).and_then(|(at, _)| self.scene?.geometry_names.get(at));
-        names.and_then(|names| names.get(instance as usize)).map_or(&[], Vec::as_slice)
+        let names = self.scene.zip(self.structure(tlas));
+        names.map_or(&[], |((scene, _), (at, _))| scene.geometries(at, instance))
     }
-}
-
-fn name_of(records: &[resolved::ResolvedRecord], index: u64) -> Option<String> {
-    records.get(usize::try_from(index).ok()?)?.name.clone()
 }
 
 #[cfg(test)]

@@ -76,7 +76,7 @@ impl Recorder {
             lines.coverage.rays.add(rays);
             let names = Names::new(scene, index, pipeline);
             for (shader, program) in pipeline.programs.iter().enumerate() {
-                let path = names.module(Shader(shader as u32)).map_or(&scene.path, |module| &module.path);
+                let path = names.module(Shader(shader as u32)).map_or(&*scene.path, |module| module.path);
                 lines.program(program, &counts.ran(shader), path);
             }
         }
