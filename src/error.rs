@@ -6,6 +6,7 @@
 //! trap an error holds the [`Trap`], all that its report tells as data; of `Io` the error of the
 //! operating system, as its [source](std::error::Error::source).
 
+pub mod names;
 mod report;
 mod stage;
 mod trap;

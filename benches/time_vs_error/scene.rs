@@ -2,8 +2,8 @@
 
 use anyhit::internals::accel::{EndCaps, GeometryData, Indexing};
 use anyhit::internals::geometry::{Bounds, Ray, Transform};
+use anyhit::internals::math::random::Random;
 use anyhit::internals::scene::generate::{Chains, Grass, Ground, Hair, SphereScatter, UniformRange};
-use anyhit::internals::scene::random::Random;
 
 use crate::contender::PlacedInstance;
 use crate::shape::{Corners, Shape};

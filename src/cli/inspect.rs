@@ -16,8 +16,8 @@ use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
     addressing_model_name, builtin_name, capability_name, memory_model_name, storage_class_name,
 };
+use crate::program::struct_lookup::{StructTable, find};
 use crate::program::{self, obstacles};
-use crate::scene::struct_lookup::{StructTable, find};
 
 /// Lists a module's entry points, interface and requirements, and what in it is unsupported.
 #[derive(Args, Clone, Debug)]

@@ -1,6 +1,6 @@
 //! Values of a shader's layout read from bytes, and what a Rust type that does not fit is told.
 //!
-//! The layout itself, its offsets and sizes, is [`scene::layout`](crate::scene::layout)'s.
+//! The layout itself, its offsets and sizes, is [`program::layout`](crate::program::layout)'s.
 
 use crate::error::{Error, ErrorKind};
 use crate::harness::rust_layout::RustLayout;
@@ -8,9 +8,9 @@ use crate::harness::value::Value;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
-use crate::scene::layout::shorten;
+use crate::program::layout::shorten;
 
-pub use crate::scene::layout::{Layout, Rules};
+pub use crate::program::layout::{Layout, Rules};
 
 impl Layout<'_> {
     /// The device addresses in a value's bytes, each with the type that it points to and the stride

@@ -8,7 +8,7 @@
 use std::fmt::Debug;
 
 use crate::module::ty::Type;
-use crate::scene::layout::Layout;
+use crate::program::layout::Layout;
 
 /// What kind of scalar a number in the text is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

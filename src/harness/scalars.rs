@@ -1,11 +1,11 @@
 //! Rust values that builtins, and members of payloads, can be set to.
 
+use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::layout::Layout;
 use crate::math::float_format::FloatFormat;
 use crate::module::ty::Type;
 use crate::ops::builtin::{self, Builtin, ValueShape};
-use crate::scene::read::nearest;
 
 /// A Rust value made of scalars: `bool`, `u32`, `i32`, `f32`, `u64`, `i64`, `f64`, and arrays of
 /// them (vectors; matrices as arrays of columns).

@@ -15,7 +15,7 @@ use crate::input::InputLimit;
 use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::ty::TypeId;
-use crate::scene::struct_lookup::{DataBlock, StructTable, find, find_block, layout_note, strides};
+use crate::program::struct_lookup::{DataBlock, StructTable, find, find_block, layout_note, strides};
 
 /// The bytes of a struct, laid out by the `Offset`, `ArrayStride` and `MatrixStride` of a module.
 ///

@@ -13,6 +13,7 @@ pub mod hard;
 pub mod lane_ops;
 pub mod power;
 pub mod prefetch;
+pub mod random;
 pub mod real;
 pub mod srgb;
 pub mod surd;

@@ -12,9 +12,10 @@
 use glam::{DMat4, DVec4};
 
 use crate::error::Result;
+use crate::error::names::list_of;
 use crate::scene::data_sources::DataSources;
 use crate::scene::mesh::material::Projection;
-use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::transform_entry::{matrix_of, parse_transform};
 
 /// A camera as a scene writes it: by its numbers, or one of a mesh file.

@@ -11,6 +11,7 @@
 
 use crate::error::{ErrorKind, Result};
 use crate::input::InputLimit;
+use crate::program::struct_lookup::DataBlock;
 use crate::scene::address_entry::AddressOf;
 use crate::scene::camera::CameraPiece;
 use crate::scene::data_sources::DataSources;
@@ -21,7 +22,6 @@ use crate::scene::read::{Diagnostics, OneOrMore, Parse, Spanned, Table, TomlValu
 use crate::scene::read_file::read;
 use crate::scene::scalar::Scalar;
 use crate::scene::struct_data::{NoShaders, ShaderModules, StructContext, StructPiece};
-use crate::scene::struct_lookup::DataBlock;
 use crate::scene::tree::Toml;
 
 /// A sequence of pieces.

@@ -5,12 +5,12 @@ use crate::input::InputLimit;
 use crate::machine::Binding;
 use crate::program::Program;
 use crate::program::descriptors::{DescriptorType, declared, list, missing};
+use crate::program::layout::Layout;
+use crate::program::struct_lookup::{DataBlock, find_block};
 use crate::scene::ResolvedScene;
 use crate::scene::file::MissingDescriptors;
-use crate::scene::layout::Layout;
 use crate::scene::resolved::ResolvedBinding;
 use crate::scene::resources::Resource;
-use crate::scene::struct_lookup::{DataBlock, find_block};
 
 /// The errors for bindings whose resources have types that the shaders do not declare.
 ///

@@ -7,7 +7,7 @@
 use crate::accel::{EndCaps, GeometryData, Indexing};
 use crate::error::ErrorKind;
 use crate::input::InputLimit;
-use crate::scene::random::Random;
+use crate::math::random::Random;
 use crate::scene::read::{Parse, Span, Spanned, Table, TomlValue};
 
 /// A number or a range to choose from: `0.5` or `[0.2, 0.5]`.

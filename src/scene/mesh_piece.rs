@@ -5,6 +5,7 @@ mod tables;
 
 use std::collections::HashMap;
 
+use crate::error::names::list_of;
 use crate::error::{Error, Result};
 use crate::scene::address_entry::AddressOf;
 use crate::scene::instance_entry::InstanceEntry;
@@ -15,7 +16,7 @@ use crate::scene::mesh_piece::tables::{
     material, places,
 };
 use crate::scene::open_models::MeshSelection;
-use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of, unknown_name};
+use crate::scene::read::{Named, OneOrMore, Parse, Span, Spanned, Table, TomlValue, unknown_name};
 
 /// A piece that comes from meshes.
 #[derive(Clone, Debug)]

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind};
+use crate::math::random::Random;
 use crate::scene::file::SceneFile;
 use crate::scene::files::EmbeddedFiles;
-use crate::scene::random::Random;
 use crate::scene::read::Diagnostics;
 use crate::scene::{LoadOptions, load};
 

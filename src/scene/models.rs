@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use crate::accel::{GeometryFlags, InstanceFlags};
 use crate::error::Result;
+use crate::error::names::{list_of, nearest};
 use crate::scene::entry::Entry;
 use crate::scene::files::Files;
 use crate::scene::geometry::GeometryEntry;
 use crate::scene::instance_entry::{InstanceEntry, bits24, instance_flags};
 use crate::scene::mesh::model::Model;
 use crate::scene::open_models::{MeshSelection, OpenModels};
-use crate::scene::read::{Diagnostics, Named, Parse, Span, Spanned, Table, TomlValue, list_of, nearest};
+use crate::scene::read::{Diagnostics, Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::transform_entry::{matrix_of, parse_transform};
 
 /// A model as a scene writes it.

@@ -2,8 +2,9 @@
 
 use std::fmt;
 
+use crate::error::names::list_of;
 use crate::scene::data::DataPieces;
-use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue, list_of};
+use crate::scene::read::{OneOrMore, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// Reads the size of a launch, which is 1 to 2^30 invocations.

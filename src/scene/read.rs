@@ -9,7 +9,7 @@
 mod brackets;
 mod diagnostics;
 mod key_homes;
-mod names;
+mod unknown_name;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -19,13 +19,14 @@ use std::sync::Arc;
 
 use toml::de::DeTable;
 
+use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits, contained};
 use crate::scene::tree::{Toml, TomlMember, TomlNode};
 
 use brackets::first_in_bracket;
 pub use diagnostics::Diagnostics;
-pub use names::{list_of, nearest, unknown_name};
+pub use unknown_name::unknown_name;
 
 /// A TOML file that has been read.
 #[derive(Debug, PartialEq, Eq)]

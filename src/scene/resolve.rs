@@ -12,6 +12,7 @@ use crate::machine::PrintedBytes;
 use crate::machine::sampler::Sampler;
 use crate::module::Module;
 use crate::pipeline::DeviceProfile;
+use crate::program::struct_lookup::DataBlock;
 use crate::scene::assign_addresses;
 use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
@@ -31,7 +32,6 @@ use crate::scene::resolve::modules::{ModuleKey, SceneModules};
 use crate::scene::resolve::variants::chosen_variant;
 use crate::scene::resolved::{ResolvedGroup, ResolvedScene, ShaderModule};
 use crate::scene::resources::ResourceEntry;
-use crate::scene::struct_lookup::DataBlock;
 
 mod bindings;
 mod modules;

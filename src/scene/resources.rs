@@ -6,6 +6,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
+use crate::program::struct_lookup::DataBlock;
 use crate::scene::address_entry::AddressChoice;
 use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
@@ -15,7 +16,6 @@ use crate::scene::image_entry::{ImageContent, ImageEntry};
 use crate::scene::read::{Named, Parse, Span, Spanned, Table, TomlValue};
 use crate::scene::sampler::SamplerReference;
 use crate::scene::struct_data::ShaderModules;
-use crate::scene::struct_lookup::DataBlock;
 use crate::scene::view_entry::ViewEntry;
 
 /// The content of one descriptor. Images with one content, in the sense of [`Arc::ptr_eq`], are one

@@ -1,5 +1,6 @@
 //! The values of specialization constants.
 
+use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
@@ -7,7 +8,7 @@ use crate::module::ty::Type;
 use crate::scene::address_entry::AddressOf;
 use crate::scene::addresses::Addresses;
 use crate::scene::data::ScalarPiece;
-use crate::scene::read::{Parse, Spanned, TomlValue, integer, list_of, nearest};
+use crate::scene::read::{Parse, Spanned, TomlValue, integer};
 use crate::scene::tree::Toml;
 
 /// Which specialization constant a value is for.

@@ -9,22 +9,23 @@
 
 use std::sync::Arc;
 
+use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::math::float_format::FloatFormat;
 use crate::module::Module;
 use crate::module::ty::Type;
 use crate::ops::translate::array_length;
-use crate::scene::address_entry::AddressOf;
-use crate::scene::encoding::{Data, Flattened};
-use crate::scene::layout::Layout;
-use crate::scene::read::{
-    Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer, nearest,
-};
-use crate::scene::scalar::small_float_bytes;
-use crate::scene::struct_lookup::{
+use crate::program::layout::Layout;
+use crate::program::struct_lookup::{
     DataBlock, distinct, find, find_block, layout_note, longest, name_of, strides,
 };
+use crate::scene::address_entry::AddressOf;
+use crate::scene::encoding::{Data, Flattened};
+use crate::scene::read::{
+    Diagnostics, Named, OwnedTomlValue, Parse, Span, Spanned, Table, TomlValue, integer,
+};
+use crate::scene::scalar::small_float_bytes;
 use crate::scene::tree::Toml;
 
 /// Names of missing members that an error lists.

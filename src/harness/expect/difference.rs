@@ -1,8 +1,9 @@
 //! Something that is not as expected, at its place in the scene file.
 
+use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind};
 use crate::scene::image::Rgba8;
-use crate::scene::read::{Span, Spanned, nearest};
+use crate::scene::read::{Span, Spanned};
 
 /// How many differences of one table are shown.
 pub(super) const SHOWN: usize = 6;

@@ -1,9 +1,10 @@
 //! `payload` of a ray: values by the names of the payload's members.
 
+use crate::error::names::nearest;
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::number::{ExpectedNumber, NumberType, Tolerance};
 use crate::harness::value::Value as Found;
-use crate::scene::read::{Diagnostics, OwnedTomlValue, Span, Table, TomlValue, nearest};
+use crate::scene::read::{Diagnostics, OwnedTomlValue, Span, Table, TomlValue};
 use crate::scene::tree::Toml;
 
 /// A payload as it is expected: a table of some members, nested as the payload is. A payload of one

@@ -8,7 +8,7 @@ use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
-use crate::scene::struct_lookup::{same_layout, spelling, strides};
+use crate::program::struct_lookup::{same_layout, spelling, strides};
 
 /// How many pointers are followed one after the other; those behind are null.
 const DEPTH: usize = 8;

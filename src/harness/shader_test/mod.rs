@@ -12,6 +12,7 @@ use std::sync::Arc;
 use bytemuck::NoUninit;
 
 use crate::accel::{RayFlags, TraceRay};
+use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Ray;
 use crate::harness::data::Bytes;
@@ -27,7 +28,6 @@ use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 use crate::pipeline::DEFAULT_FUEL;
 use crate::program::Program;
-use crate::scene::read::nearest;
 
 /// A shader with everything that one invocation of it sees.
 ///

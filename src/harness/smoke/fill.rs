@@ -8,10 +8,10 @@ use crate::error::{ErrorKind, Result};
 use crate::harness::layout::{Layout, Rules};
 use crate::input::InputLimit;
 use crate::machine::{Buffer, DeviceMemory};
+use crate::math::random::Random;
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
 use crate::ops::translate::array_length;
-use crate::scene::random::Random;
 
 /// Elements that a runtime array, or memory behind an address, is given at least.
 const ELEMENTS: usize = 1024;

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::error::names::list_of;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::input::{InputLimit, InputLimits};
 use crate::scene::files::Files;
@@ -12,7 +13,7 @@ use crate::scene::mesh::gltf::GltfFile;
 use crate::scene::mesh::listed::{Listed, ListedPart, ModelNode, Numbers};
 use crate::scene::mesh::material::{FileCamera, Material, Texture, TextureSlot};
 use crate::scene::mesh::obj::ObjFile;
-use crate::scene::read::{Named, list_of};
+use crate::scene::read::Named;
 
 /// What a mesh file holds.
 #[derive(Debug)]

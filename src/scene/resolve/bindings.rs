@@ -9,6 +9,7 @@ use crate::error::{Place, Result};
 use crate::machine::resource::ELEMENT_BITS;
 use crate::machine::sampler::Sampler;
 use crate::machine::{Binding, Descriptor};
+use crate::program::struct_lookup::DataBlock;
 use crate::scene::address_entry::AddressChoice;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::read::Spanned;
@@ -18,7 +19,6 @@ use crate::scene::resolve::views::Viewed;
 use crate::scene::resolved::{ResolvedBinding, ResolvedGroup, UnboundBuffer};
 use crate::scene::resources::{Content, Resource, ResourceEntry, too_many_elements};
 use crate::scene::sampler::SamplerReference;
-use crate::scene::struct_lookup::DataBlock;
 use crate::scene::view_entry::ViewEntry;
 
 impl Resolver<'_> {

@@ -3,18 +3,19 @@
 use std::collections::HashMap;
 
 use crate::error::Error;
+use crate::error::names::list_of;
 use crate::machine::{LaunchFuel, LaunchLimits};
+use crate::program::struct_lookup::DataBlock;
 use crate::scene::descriptor_kind::DescriptorKind;
 use crate::scene::file::{GeneralEntry, HitEntry, PipelineEntry, RayEntry};
 use crate::scene::pass_entry::{DispatchEntry, PassEntry, PassKey, PassWorkEntry};
-use crate::scene::read::{Spanned, list_of, unknown_name};
+use crate::scene::read::{Spanned, unknown_name};
 use crate::scene::resolve::Resolver;
 use crate::scene::resolved::{
     Rebinding, RebindingSource, ResolvedDispatch, ResolvedGroup, ResolvedHitGroup, ResolvedPass,
     ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedShader, ShaderBindingTable,
 };
 use crate::scene::resources::{Content, ResourceEntry};
-use crate::scene::struct_lookup::DataBlock;
 
 /// The shaders that a pipeline names.
 fn shaders_of(entry: &PipelineEntry) -> impl Iterator<Item = Spanned<String>> {

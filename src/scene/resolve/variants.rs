@@ -1,8 +1,9 @@
 //! Variants of a scene: other shaders for the same launch.
 
+use crate::error::names::list_of;
 use crate::error::{Error, ErrorKind};
 use crate::scene::file::VariantEntry;
-use crate::scene::read::{Diagnostics, list_of};
+use crate::scene::read::Diagnostics;
 use crate::scene::resolve::LoadOptions;
 
 /// The variant that the options name.

@@ -1,8 +1,5 @@
 //! Names in messages: lists of those that there are, and the one that was probably meant.
 
-use crate::error::Error;
-use crate::scene::read::Spanned;
-
 /// Some names as a list for a message, cut after forty.
 pub fn list_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
     const SHOWN: usize = 40;
@@ -13,25 +10,6 @@ pub fn list_of<'n>(names: impl Iterator<Item = &'n str>) -> String {
         list += &format!(" and {more} more");
     }
     list
-}
-
-/// The error of a name that nothing has: it suggests the nearest of those that there are, else says
-/// `otherwise`, and lists them.
-pub fn unknown_name<'n, N: Iterator<Item = &'n str>>(
-    name: &Spanned<String>,
-    message: String,
-    otherwise: &str,
-    names: impl Fn() -> N,
-) -> Error {
-    let label = match nearest(&name.value, names()) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None => otherwise.to_owned(),
-    };
-    let error = name.span.error_with(message, label);
-    match names().next() {
-        Some(_) => error.note(format!("there are: {}", list_of(names()))),
-        None => error,
-    }
 }
 
 /// The name that is most similar to `word`, if the edit distance is small or one is a prefix of the

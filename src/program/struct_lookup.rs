@@ -9,14 +9,14 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
+use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::Binding;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
-use crate::scene::layout::{Layout, Rules};
-use crate::scene::read::{list_of, nearest};
+use crate::program::layout::{Layout, Rules};
 
 /// Rows of one layout that are written.
 const ROWS: usize = 4096;
