@@ -17,7 +17,7 @@ use crate::harness::memory::copied;
 use crate::harness::observe::fresh_resources;
 use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
-use crate::harness::typed;
+use crate::harness::typed_scene;
 use crate::harness::value::Value;
 use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
@@ -352,7 +352,7 @@ impl LoadedScene {
             stats,
             printed: resources.printed.as_ref().map_or_else(Vec::new, |printed| printed.take()),
             names: bound.chain(unbound).collect(),
-            bound: Bound { programs, roots: typed::roots(assembled), resources },
+            bound: Bound { programs, roots: typed_scene::roots(assembled), resources },
         }
     }
 

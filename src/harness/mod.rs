@@ -14,6 +14,8 @@
 pub mod assertions;
 pub mod blame;
 pub mod bless;
+pub mod block_counts;
+pub mod blocks;
 mod bound;
 pub mod case;
 mod check_optimizer;
@@ -51,6 +53,7 @@ mod tasks;
 pub mod texels;
 pub mod trace;
 pub mod typed;
+pub mod typed_scene;
 pub mod value;
 
 /// Compiles what `docs/testing.md` shows.

@@ -2,7 +2,6 @@
 
 use crate::math::float_format::FloatFormat;
 use crate::math::ulp;
-use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// A type that memory is looked at by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,23 +22,6 @@ pub enum NumberType {
     I32,
     I64,
 }
-
-const SCALARS: [(&str, NumberType); 14] = [
-    ("f16", NumberType::F16),
-    ("f32", NumberType::F32),
-    ("f64", NumberType::F64),
-    ("bf16", NumberType::Bf16),
-    ("e4m3", NumberType::E4m3),
-    ("e5m2", NumberType::E5m2),
-    ("u8", NumberType::U8),
-    ("u16", NumberType::U16),
-    ("u32", NumberType::U32),
-    ("u64", NumberType::U64),
-    ("i8", NumberType::I8),
-    ("i16", NumberType::I16),
-    ("i32", NumberType::I32),
-    ("i64", NumberType::I64),
-];
 
 impl NumberType {
     /// The size in bytes.
@@ -123,26 +105,6 @@ impl NumberType {
             _ => self.describe(bits),
         }
     }
-
-    fn read(self, value: TomlValue<'_>) -> Option<(u64, f64)> {
-        // The unrounded value counts where a tolerance is given.
-        let exact = if self.is_float() { f64::parse(value)? } else { 0.0 };
-        let bits = match self {
-            Self::F32 => f32::parse(value).map(|number| u64::from(number.to_bits())),
-            Self::F16 | Self::F64 | Self::Bf16 | Self::E4m3 | Self::E5m2 => {
-                f64::parse(value).zip(self.format()).map(|(number, format)| format.round(number))
-            }
-            Self::U8 => u8::parse(value).map(u64::from),
-            Self::U16 => u16::parse(value).map(u64::from),
-            Self::U32 => u32::parse(value).map(u64::from),
-            Self::U64 => u64::parse(value),
-            Self::I8 => i8::parse(value).map(|number| u64::from(number as u8)),
-            Self::I16 => i16::parse(value).map(|number| u64::from(number as u16)),
-            Self::I32 => i32::parse(value).map(|number| u64::from(number as u32)),
-            Self::I64 => i64::parse(value).map(|number| number as u64),
-        }?;
-        Some((bits, if self.is_float() { exact } else { self.value(bits) }))
-    }
 }
 
 /// One expected number.
@@ -152,53 +114,6 @@ pub enum ExpectedNumber {
     Any,
     /// A number: its bits, rounded once, and its value as an f64.
     Number(u64, f64),
-}
-
-impl ExpectedNumber {
-    /// Reads a number of a type, or `"any"`.
-    pub fn parse(value: TomlValue<'_>, scalar: NumberType) -> Option<Spanned<Self>> {
-        let expected = match value.text() {
-            Some("any") => Self::Any,
-            _ => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
-        };
-        Some(Spanned { value: expected, span: value.span() })
-    }
-}
-
-/// Typed numbers, by the elements of the outermost array.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TypedNumbers {
-    /// The scalar type of the numbers.
-    pub scalar: NumberType,
-    /// Inner arrays are flattened.
-    pub elements: Vec<Vec<Spanned<ExpectedNumber>>>,
-}
-
-impl TypedNumbers {
-    /// Reads the one key of a table that is named as a type: `f32 = [[0, 1], [2, "any"]]`.
-    pub fn of(table: &Table<'_>) -> Option<Self> {
-        let given: Vec<_> =
-            SCALARS.iter().filter_map(|(key, scalar)| Some((scalar, table.value(key)?))).collect();
-        let [(scalar, value)] = given[..] else {
-            table.report().push(table.span().error("numbers of one type are needed: `f32 = [...]`"));
-            return None;
-        };
-        let elements = match value.elements() {
-            Some(elements) => elements.map(|element| flatten(element, *scalar)).collect::<Option<_>>()?,
-            None => vec![flatten(value, *scalar)?],
-        };
-        Some(Self { scalar: *scalar, elements })
-    }
-}
-
-fn flatten(value: TomlValue<'_>, scalar: NumberType) -> Option<Vec<Spanned<ExpectedNumber>>> {
-    match value.elements() {
-        Some(elements) => {
-            let parts: Option<Vec<_>> = elements.map(|element| flatten(element, scalar)).collect();
-            Some(parts?.concat())
-        }
-        None => Some(vec![ExpectedNumber::parse(value, scalar)?]),
-    }
 }
 
 /// How near a number must come.
@@ -216,27 +131,6 @@ pub enum Tolerance {
 }
 
 impl Tolerance {
-    /// Reads `ulp`, `absolute` or `relative`; exact without.
-    pub fn of(table: &Table<'_>) -> Option<Self> {
-        let given: Vec<(Spanned<f64>, &str)> = ["ulp", "absolute", "relative"]
-            .into_iter()
-            .filter_map(|key| Some((table.optional(key)?, key)))
-            .collect();
-        match &given[..] {
-            [] => Some(Self::Exact),
-            [(bound, key)] if bound.value >= 0.0 => Some(match *key {
-                "ulp" => Self::Ulp(bound.value),
-                "absolute" => Self::Absolute(bound.value),
-                _ => Self::Relative(bound.value),
-            }),
-            [(bound, _), ..] => {
-                let message = "one of `ulp`, `absolute` and `relative`, not below zero";
-                table.report().push(bound.span.error(message));
-                None
-            }
-        }
-    }
-
     /// What is wrong with bits of a type where a number is expected; `None` if nothing is.
     pub fn difference(self, scalar: NumberType, expected: &ExpectedNumber, found: u64) -> Option<String> {
         let ExpectedNumber::Number(bits, exact) = *expected else { return None };

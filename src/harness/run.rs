@@ -5,8 +5,9 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::session::{self, ResolvedRequest};
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::block_counts::BlockCounts;
 use crate::harness::cost::{Costs, Counter, Meter};
-use crate::harness::coverage::{Counts, Recorder};
+use crate::harness::coverage::Recorder;
 use crate::harness::expect::{Observed, RayFound};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::observe::{first_ray, fresh_resources, read_resources};
@@ -221,7 +222,7 @@ fn single_ray(
 }
 
 /// An observer that records coverage and counts cost.
-struct CoverageAndCost<'a>(&'a mut Counts, Counter<'a>);
+struct CoverageAndCost<'a>(&'a mut BlockCounts, Counter<'a>);
 
 impl Observer<1> for CoverageAndCost<'_> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {

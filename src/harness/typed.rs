@@ -11,51 +11,12 @@ use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Pipeline, Sbt};
 use crate::program::Program;
-use crate::scene::Assembled;
-use crate::scene::pass::Pass;
 
 /// The most elements of a buffer in which further pointers are searched.
 const ELEMENTS: usize = 64;
 
-/// A buffer's content by the type of the first shader that uses it; `None` where no shader declares
-/// it.
-pub fn typed(assembled: &Assembled, binding: Binding, bytes: &[u8]) -> Option<Value> {
-    programs(assembled).find_map(|program| {
-        let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(binding);
-        let (.., ty) = bound(program).into_iter().find(of_binding)?;
-        let ty = block(&program.module, ty?);
-        let block = matches!(program.module.ty(ty), Type::Struct { .. });
-        block.then(|| Layout::new(&program.module, ty, Rules::Explicit).read(bytes))
-    })
-}
-
-/// The content of a buffer that is bound nowhere, by its name and the type of the first pointer to
-/// it.
-pub fn typed_unbound(assembled: &Assembled, name: &str, bytes: &[u8]) -> Option<Value> {
-    let (address, buffer) = assembled.resources.memory.named_buffer(name)?;
-    let replaced = |other: &Arc<Buffer>| match Arc::ptr_eq(other, buffer) {
-        true => Buffer::new(bytes),
-        false => other.clone(),
-    };
-    let memory = assembled.resources.memory.with_buffers(replaced);
-    let resources = Resources { memory, ..assembled.resources.clone() };
-    let programs: Vec<_> = programs(assembled).collect();
-    pointed(&programs, &resources, &roots(assembled), address)
-}
-
 /// What holds the first addresses: blocks of a storage class with their content.
 pub type AddressRoots = Vec<(u32, Arc<Buffer>)>;
-
-/// The push constants and shader records of a scene.
-pub fn roots(assembled: &Assembled) -> AddressRoots {
-    let own = assembled.dispatches.iter().filter_map(|one| one.push_constants.clone());
-    let launches = assembled.passes.iter().filter_map(Pass::launch);
-    let own = own.chain(launches.filter_map(|launch| launch.push_constants.clone()));
-    let pipelines = std::iter::once(&assembled.pipeline).chain(&assembled.pipelines);
-    let mut roots: AddressRoots = pipelines.flat_map(record_roots).collect();
-    roots.extend(own.map(|buffer| (storage::PUSH_CONSTANT, buffer)));
-    roots
-}
 
 /// The shader records of a pipeline.
 pub fn record_roots(pipeline: &Pipeline) -> AddressRoots {
@@ -122,16 +83,11 @@ pub fn pointed(
 }
 
 /// The type of the elements of an array of descriptors.
-fn block(module: &Module, mut ty: TypeId) -> TypeId {
+pub(super) fn block(module: &Module, mut ty: TypeId) -> TypeId {
     while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = module.ty(ty) {
         ty = *element;
     }
     ty
-}
-
-/// The shaders of a scene.
-pub fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
-    assembled.programs().map(|program| &**program)
 }
 
 /// Storage class, binding and type of what a program's interface binds.

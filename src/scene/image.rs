@@ -16,8 +16,6 @@ use crate::atomic_file::{self, AtomicFile};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine;
 use crate::machine::format::{Class, Component, Format};
-use crate::module::Module;
-use crate::module::ty::{ImageType, Type};
 use crate::scene::read::Named;
 
 /// GLSL's names of image formats in small letters; `srgb8_alpha8` as in OpenGL.
@@ -77,18 +75,6 @@ impl Named for Format {
 pub fn format_name(format: Format) -> &'static str {
     let named = Format::NAMES.iter().find(|(_, known)| *known == format);
     named.map_or("a format without a name", |(name, _)| name)
-}
-
-/// The format that an image is declared with, or one of the same kind of numbers.
-pub fn declared_format(module: &Module, image: &ImageType) -> Format {
-    let (component, channels) = match *module.ty(image.sampled_type) {
-        Type::Int { width: 64, signed: true } => (Component::Sint64, 1),
-        Type::Int { width: 64, signed: false } => (Component::Uint64, 1),
-        Type::Int { signed: true, .. } => (Component::Sint32, 4),
-        Type::Int { signed: false, .. } => (Component::Uint32, 4),
-        _ => (Component::Float32, 4),
-    };
-    Format::declared(image.format).unwrap_or(Format::new(component, channels))
 }
 
 /// The bytes of the texel nearest to four numbers.

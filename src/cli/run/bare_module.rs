@@ -19,10 +19,11 @@ use crate::machine::Binding;
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{ImageType, Type};
+use crate::ops::image::declared::declared_format;
 use crate::ops::pointer::storage;
 use crate::ops::translate::array_length;
 use crate::program::Program;
-use crate::scene::image::{declared_format, format_name};
+use crate::scene::image::format_name;
 use crate::scene::specialization::SpecializationKey;
 use crate::scene::{Files, LoadOptions, ResolvedScene, load_text};
 

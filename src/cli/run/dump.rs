@@ -7,7 +7,8 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::typed::{bound, pointed, programs, roots, typed};
+use crate::harness::typed::{bound, pointed};
+use crate::harness::typed_scene::{programs, roots, typed};
 use crate::harness::value::Value;
 use crate::machine::image::Image;
 use crate::machine::{Binding, Buffer, Descriptor, DeviceMemory, Resources};

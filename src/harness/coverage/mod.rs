@@ -6,16 +6,14 @@
 //! ([`Program::instruction_spans`](crate::program::Program)), and its lines from debug information.
 //! A line that only an eliminated instruction stands on has run where its block has.
 
-mod blocks;
 mod lcov;
 mod rays;
 mod recorder;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-pub use blocks::Blocks;
 pub use rays::{RayCounts, Use};
-pub use recorder::{Counts, Recorder};
+pub use recorder::Recorder;
 
 /// What a suite has covered.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

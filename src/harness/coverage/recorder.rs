@@ -1,12 +1,12 @@
-//! Counts the blocks and branches that run, and derives the coverage of source lines.
+//! Derives the coverage of source lines from the blocks and branches that ran.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
 use crate::debug::names::Names;
+use crate::harness::block_counts::{BlockCounts, Ran};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
-use crate::machine::{Batch, Observer};
 use crate::module::debug_info::SourceLine;
 use crate::module::{Id, Module};
 use crate::pipeline::{Event, Shader};
@@ -17,21 +17,11 @@ use crate::scene::{Assembled, ResolvedScene};
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     /// By pipeline: `[pipeline]`, then the named ones.
-    pipelines: Vec<(Counts, RayCounts)>,
+    pipelines: Vec<(BlockCounts, RayCounts)>,
     /// By dispatch; its shader is number 0.
-    dispatches: Vec<Counts>,
+    dispatches: Vec<BlockCounts>,
     /// Of dispatches, which have ray queries alone.
     rays: RayCounts,
-}
-
-/// How many lanes came by, by shader: the observer.
-#[derive(Clone, Debug, Default)]
-pub struct Counts {
-    shader: usize,
-    /// By shader and block.
-    blocks: Vec<Vec<u64>>,
-    /// By shader, block and way.
-    edges: Vec<HashMap<(u32, u32), u64>>,
 }
 
 /// Takes the events for a [`Recorder`].
@@ -48,7 +38,7 @@ impl Sink<'_> {
 impl Recorder {
     /// The parts that events and the interpreter are handed to, of the named pipeline with an index
     /// or of `[pipeline]`.
-    pub fn parts(&mut self, pipeline: Option<usize>) -> (Sink<'_>, &mut Counts) {
+    pub fn parts(&mut self, pipeline: Option<usize>) -> (Sink<'_>, &mut BlockCounts) {
         let at = pipeline.map_or(0, |index| index + 1);
         if self.pipelines.len() <= at {
             self.pipelines.resize_with(at + 1, Default::default);
@@ -58,9 +48,9 @@ impl Recorder {
     }
 
     /// The recorder of a scene's dispatch, by its index.
-    pub fn dispatch(&mut self, at: usize) -> (Sink<'_>, &mut Counts) {
+    pub fn dispatch(&mut self, at: usize) -> (Sink<'_>, &mut BlockCounts) {
         if self.dispatches.len() <= at {
-            self.dispatches.resize(at + 1, Counts::default());
+            self.dispatches.resize(at + 1, BlockCounts::default());
         }
         (Sink(&mut self.rays), &mut self.dispatches[at])
     }
@@ -81,57 +71,13 @@ impl Recorder {
             }
         }
         lines.coverage.rays.name_surfaces(scene);
-        let nothing = Counts::default();
+        let nothing = BlockCounts::default();
         for (at, (dispatch, entry)) in assembled.dispatches.iter().zip(&scene.dispatches).enumerate() {
             let path = scene.shaders.get(entry.shader.module).map_or(&scene.path, |module| &module.path);
             let counts = self.dispatches.get(at).unwrap_or(&nothing);
             lines.program(&dispatch.compute.program, &counts.ran(0), path);
         }
         lines.coverage
-    }
-}
-
-impl Counts {
-    fn ran(&self, shader: usize) -> Ran<'_> {
-        let blocks = self.blocks.get(shader).map_or(&[][..], Vec::as_slice);
-        Ran { blocks, edges: self.edges.get(shader) }
-    }
-
-    /// How many lanes entered a block of a shader.
-    pub fn entered(&self, shader: usize, block: u32) -> u64 {
-        self.ran(shader).block(block)
-    }
-
-    fn count(&mut self, block: u32, lanes: u32) {
-        if self.blocks.len() <= self.shader {
-            self.blocks.resize(self.shader + 1, Vec::new());
-        }
-        let blocks = &mut self.blocks[self.shader];
-        if blocks.len() <= block as usize {
-            blocks.resize(block as usize + 1, 0);
-        }
-        blocks[block as usize] += u64::from(lanes);
-    }
-
-    fn take(&mut self, block: u32, edge: u32, lanes: u32) {
-        if self.edges.len() <= self.shader {
-            self.edges.resize(self.shader + 1, HashMap::new());
-        }
-        *self.edges[self.shader].entry((block, edge)).or_default() += u64::from(lanes);
-    }
-}
-
-impl<const W: usize> Observer<W> for Counts {
-    fn resumed(&mut self, shader: u32, _: &mut Batch<W>) {
-        self.shader = shader as usize;
-    }
-
-    fn block(&mut self, batch: &Batch<W>) {
-        self.count(batch.block, batch.mask.count());
-    }
-
-    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
-        self.take(block, edge, lanes);
     }
 }
 
@@ -147,22 +93,6 @@ struct Listed {
     module: Arc<Module>,
     /// Word offsets and opcodes, ascending.
     instructions: Arc<Vec<(u32, u16)>>,
-}
-
-/// How often blocks and edges of one program ran.
-struct Ran<'a> {
-    blocks: &'a [u64],
-    edges: Option<&'a HashMap<(u32, u32), u64>>,
-}
-
-impl Ran<'_> {
-    fn block(&self, block: u32) -> u64 {
-        self.blocks.get(block as usize).copied().unwrap_or(0)
-    }
-
-    fn edge(&self, block: u32, way: usize) -> u64 {
-        self.edges.and_then(|edges| edges.get(&(block, way as u32))).copied().unwrap_or(0)
-    }
 }
 
 /// Instructions that do nothing by themselves: `OpVariable`, `OpPhi`, `OpLoopMerge`,

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::harness::expect::difference::SHOWN;
+use crate::harness::expect::numbers::TypedNumbers;
 use crate::harness::expect::{Difference, Subject};
-use crate::harness::number::{Tolerance, TypedNumbers};
+use crate::harness::number::Tolerance;
 use crate::machine::image::Image;
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 

@@ -8,6 +8,7 @@
 mod bytes;
 mod difference;
 mod hit;
+mod numbers;
 mod payload;
 mod picture;
 mod printed;

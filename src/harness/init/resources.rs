@@ -9,8 +9,9 @@ use crate::harness::layout::{Layout, Rules};
 use crate::module::Module;
 use crate::module::interface::InterfaceVariable;
 use crate::module::ty::{ImageType, Type, TypeId};
+use crate::ops::image::declared::declared_format;
 use crate::ops::pointer::storage;
-use crate::scene::image::{declared_format, format_name};
+use crate::scene::image::format_name;
 
 /// Elements that a texel buffer gets, and a runtime array of a case.
 pub(super) const ELEMENTS: usize = 16;

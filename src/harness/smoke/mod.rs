@@ -38,7 +38,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
-use crate::harness::coverage::Blocks;
+use crate::harness::blocks::Blocks;
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::subject::{EntryUnderTest, Progress, Way};
 use crate::harness::smoke::watch::{Happened, tracing};

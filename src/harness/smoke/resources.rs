@@ -16,11 +16,11 @@ use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::module::Module;
 use crate::module::interface::InterfaceVariable;
 use crate::module::ty::{ImageType, Type, TypeId};
+use crate::ops::image::declared::declared_format;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::ops::translate::array_length;
 use crate::program::Program;
-use crate::scene::image::declared_format;
 
 /// Descriptors of a runtime array.
 const DESCRIPTORS: u32 = 16;

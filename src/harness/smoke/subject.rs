@@ -8,7 +8,7 @@ use std::time::Instant;
 use crate::accel::{RayFlags, TraceRay};
 use crate::error::{ErrorKind, Result};
 use crate::geometry::Ray;
-use crate::harness::coverage::Blocks;
+use crate::harness::blocks::Blocks;
 use crate::harness::smoke::fill::{FillContent, FillExtent, PlaceId, WideIntegers, region_of};
 use crate::harness::smoke::hits::{self, SmokeGeometry};
 use crate::harness::smoke::judge::Try;

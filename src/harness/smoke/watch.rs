@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use crate::harness::coverage::{Blocks, Counts};
+use crate::harness::block_counts::BlockCounts;
+use crate::harness::blocks::Blocks;
 use crate::harness::smoke::fill::{ValueSource, mix};
 use crate::harness::smoke::resources;
 use crate::machine::{Batch, Bindings, Observer, RayQueryStep};
@@ -15,7 +16,7 @@ use crate::program::Program;
 /// Sees which blocks and operations of one program run.
 pub(super) struct BlockRecorder<'a> {
     program: &'a Program,
-    counts: Counts,
+    counts: BlockCounts,
     executed: Vec<bool>,
     passed: Vec<bool>,
     /// Operations, counted once for all lanes of a batch.
@@ -26,7 +27,7 @@ impl<'a> BlockRecorder<'a> {
     /// One that has seen nothing.
     pub(super) fn new(program: &'a Program) -> Self {
         let none = vec![false; program.ops.len()];
-        Self { program, counts: Counts::default(), executed: none.clone(), passed: none, spent: 0 }
+        Self { program, counts: BlockCounts::default(), executed: none.clone(), passed: none, spent: 0 }
     }
 
     /// The instructions that some lane executed and went on from, by their word offset.

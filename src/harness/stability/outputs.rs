@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashSet};
 
 use crate::harness::expect::{Bytes, Observed};
 use crate::harness::stability::instability::UnstableOutput;
-use crate::harness::typed::{typed, typed_unbound};
+use crate::harness::typed_scene::{typed, typed_unbound};
 use crate::harness::value::Leaf;
 use crate::machine::Binding;
 use crate::machine::format::Class;

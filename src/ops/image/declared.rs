@@ -2,10 +2,10 @@
 
 use crate::error::Result;
 use crate::machine::Reg;
-use crate::machine::format::Class;
+use crate::machine::format::{Class, Component, Format};
 use crate::machine::image::Dimension;
 use crate::module::ty::{ImageType, Type, TypeId};
-use crate::module::{Id, Instruction};
+use crate::module::{Id, Instruction, Module};
 use crate::ops::image::TexelRegisters;
 use crate::ops::image::view::{View, dimension};
 use crate::ops::translate::Translator;
@@ -42,6 +42,18 @@ pub(super) fn texel_result(
     words.extend((0..texel.registers()).map(|register| texel.to.plus(register)));
     translator.define_result(instruction, words);
     Ok(texel)
+}
+
+/// The format that an image is declared with, or one of the same kind of numbers.
+pub fn declared_format(module: &Module, image: &ImageType) -> Format {
+    let (component, channels) = match *module.ty(image.sampled_type) {
+        Type::Int { width: 64, signed: true } => (Component::Sint64, 1),
+        Type::Int { width: 64, signed: false } => (Component::Uint64, 1),
+        Type::Int { signed: true, .. } => (Component::Sint32, 4),
+        Type::Int { signed: false, .. } => (Component::Uint32, 4),
+        _ => (Component::Float32, 4),
+    };
+    Format::declared(image.format).unwrap_or(Format::new(component, channels))
 }
 
 /// The view that the type of an image or sampled image declares.

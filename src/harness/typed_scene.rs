@@ -1,0 +1,55 @@
+//! The content of a scene's buffers by the types that its shaders declare.
+
+use std::sync::Arc;
+
+use crate::harness::layout::{Layout, Rules};
+use crate::harness::typed::{AddressRoots, block, bound, pointed, record_roots};
+use crate::harness::value::Value;
+use crate::machine::{Binding, Buffer, Resources};
+use crate::module::ty::{Type, TypeId};
+use crate::ops::pointer::storage;
+use crate::program::Program;
+use crate::scene::Assembled;
+use crate::scene::pass::Pass;
+
+/// A buffer's content by the type of the first shader that uses it; `None` where no shader declares
+/// it.
+pub fn typed(assembled: &Assembled, binding: Binding, bytes: &[u8]) -> Option<Value> {
+    programs(assembled).find_map(|program| {
+        let of_binding = |one: &(u32, Option<Binding>, Option<TypeId>)| one.1 == Some(binding);
+        let (.., ty) = bound(program).into_iter().find(of_binding)?;
+        let ty = block(&program.module, ty?);
+        let block = matches!(program.module.ty(ty), Type::Struct { .. });
+        block.then(|| Layout::new(&program.module, ty, Rules::Explicit).read(bytes))
+    })
+}
+
+/// The content of a buffer that is bound nowhere, by its name and the type of the first pointer to
+/// it.
+pub fn typed_unbound(assembled: &Assembled, name: &str, bytes: &[u8]) -> Option<Value> {
+    let (address, buffer) = assembled.resources.memory.named_buffer(name)?;
+    let replaced = |other: &Arc<Buffer>| match Arc::ptr_eq(other, buffer) {
+        true => Buffer::new(bytes),
+        false => other.clone(),
+    };
+    let memory = assembled.resources.memory.with_buffers(replaced);
+    let resources = Resources { memory, ..assembled.resources.clone() };
+    let programs: Vec<_> = programs(assembled).collect();
+    pointed(&programs, &resources, &roots(assembled), address)
+}
+
+/// The push constants and shader records of a scene.
+pub fn roots(assembled: &Assembled) -> AddressRoots {
+    let own = assembled.dispatches.iter().filter_map(|one| one.push_constants.clone());
+    let launches = assembled.passes.iter().filter_map(Pass::launch);
+    let own = own.chain(launches.filter_map(|launch| launch.push_constants.clone()));
+    let pipelines = std::iter::once(&assembled.pipeline).chain(&assembled.pipelines);
+    let mut roots: AddressRoots = pipelines.flat_map(record_roots).collect();
+    roots.extend(own.map(|buffer| (storage::PUSH_CONSTANT, buffer)));
+    roots
+}
+
+/// The shaders of a scene.
+pub fn programs(assembled: &Assembled) -> impl Iterator<Item = &Program> {
+    assembled.programs().map(|program| &**program)
+}
