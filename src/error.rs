@@ -187,16 +187,6 @@ impl Error {
         first
     }
 
-    /// The first of several errors as one, and a count of the others: a report of thousands helps
-    /// nobody. Empty input is a bug of the caller.
-    #[cold]
-    pub(crate) fn first_of(mut errors: Vec<Self>, most: usize) -> Self {
-        let count = errors.len();
-        errors.truncate(most.max(1));
-        let not_shown = count - errors.len();
-        Self::several(errors).and_more(not_shown)
-    }
-
     /// Says that there were so many more mistakes, which are not shown.
     #[must_use]
     pub fn and_more(mut self, count: usize) -> Self {

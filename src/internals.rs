@@ -32,6 +32,6 @@ rooms! {
     pipeline
     program
     #[cfg(feature = "recordings")] recording
-    scene
+    #[cfg(feature = "scenes")] scene
     #[cfg(feature = "stress")] stress
 }

@@ -75,6 +75,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod accel;
+#[cfg(feature = "compilers")]
 mod atomic_file;
 #[cfg(feature = "stress")]
 mod check_math;
@@ -97,6 +98,7 @@ mod pipeline;
 mod program;
 #[cfg(feature = "recordings")]
 mod recording;
+#[cfg(feature = "scenes")]
 mod scene;
 #[cfg(feature = "stress")]
 mod stress;
@@ -149,8 +151,11 @@ pub use pipeline::{
 };
 
 // Scene files, cases and whole modules.
+#[cfg(feature = "scenes")]
 pub use debug::ExplainRequest;
+#[cfg(feature = "scenes")]
 pub use harness::case::Case;
+#[cfg(feature = "scenes")]
 pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
 pub use harness::smoke::{SmokeOptions, SmokeReport};
 

@@ -15,6 +15,7 @@
 //! - A file that may be written in a folder that may not, or that is mounted by itself, is written
 //!   in place. Should that fail, its old content is put back.
 
+#[cfg(feature = "scenes")]
 mod lock;
 mod target;
 mod temporary;
@@ -28,6 +29,7 @@ use crate::error::{Error, Result};
 use target::Target;
 use temporary::Temporary;
 
+#[cfg(feature = "scenes")]
 pub(crate) use lock::FileLock;
 pub(crate) use temporary::FolderGuard;
 #[cfg(unix)]
@@ -41,6 +43,7 @@ const PUT_BACK: u64 = 1 << 26;
 ///
 /// # Errors
 /// `Io`, with a note on what the path holds now.
+#[cfg(feature = "scenes")]
 pub(crate) fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<()> {
     all(AtomicFile::create(path)?, bytes.as_ref())
 }

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Once;
 use std::time::{Duration, SystemTime};
 
-use super::source::bytes_hash;
+use super::source::hash::bytes_hash;
 use super::{CompileOptions, Compiled, Language, Source, compile_with_warnings, glslang_tool, slang};
 use crate::atomic_file;
 use crate::error::{Error, Result};

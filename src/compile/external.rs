@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::UNIX_EPOCH;
 
-use super::Source;
+use super::{CompilerFlags, Source};
 use crate::atomic_file::{self, FolderGuard};
 use crate::error::{Error, ErrorKind, Result};
 
@@ -87,6 +87,16 @@ fn program(name: &Path) -> Option<PathBuf> {
         return with_or_without_suffix(name.to_owned()).and_then(|path| std::path::absolute(path).ok());
     }
     env::split_paths(&env::var_os("PATH")?).find_map(|folder| with_or_without_suffix(folder.join(name)))
+}
+
+impl CompilerFlags {
+    /// The definitions as an outside compiler takes them: `-DNAME=VALUE`.
+    pub(super) fn define_arguments(&self) -> impl Iterator<Item = String> {
+        self.defines.iter().map(|(name, value)| match value {
+            Some(value) => format!("-D{name}={value}"),
+            None => format!("-D{name}"),
+        })
+    }
 }
 
 /// The folders of one compiler run: that of the source, and a temporary one for the output.

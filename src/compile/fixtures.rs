@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::source::bytes_hash;
+use super::source::hash::bytes_hash;
 use super::{CompileOptions, Language, Source, tool};
 use crate::atomic_file;
 use crate::error::{Error, ErrorKind, Place, Result};

@@ -251,14 +251,6 @@ impl CompilerFlags {
             entry_point: options.entry_point.clone(),
         }
     }
-
-    /// The definitions as an outside compiler takes them: `-DNAME=VALUE`.
-    pub(super) fn define_arguments(&self) -> impl Iterator<Item = String> {
-        self.defines.iter().map(|(name, value)| match value {
-            Some(value) => format!("-D{name}={value}"),
-            None => format!("-D{name}"),
-        })
-    }
 }
 
 /// What follows a flag that `slangc` is given with values.

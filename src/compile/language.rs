@@ -33,20 +33,6 @@ pub(super) fn extension(stage: Stage) -> Option<&'static str> {
     })
 }
 
-/// What slangc calls a stage.
-pub(super) fn slang_name(stage: Stage) -> Option<&'static str> {
-    Some(match stage {
-        Stage::RayGeneration => "raygeneration",
-        Stage::Intersection => "intersection",
-        Stage::AnyHit => "anyhit",
-        Stage::ClosestHit => "closesthit",
-        Stage::Miss => "miss",
-        Stage::Callable => "callable",
-        Stage::Compute => "compute",
-        Stage::Other(_) => return None,
-    })
-}
-
 /// The error for a stage that no source of this crate has.
 pub(super) fn unknown_stage(stage: Stage) -> Error {
     let text = format!("a source is compiled for ray tracing or compute, not as {}", stage.name());

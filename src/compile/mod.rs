@@ -3,8 +3,8 @@
 //! Scenes and tests name `.spv` files, or sources: GLSL (through glslang, built in with the feature
 //! `glsl`, else through an installed `glslang`, `glslangValidator` or `glslc`), WGSL (through naga,
 //! feature `wgsl`, on by default), Slang and HLSL (through `slangc`, where it is installed).
-//! Sources are compiled once and kept in a [`cache`]. This folder also keeps `spirv-fixtures/` in
-//! step with `shaders/`.
+//! The feature `compilers` (on with `scenes`) finds what is installed, and compiles sources once and
+//! keeps them in a [`cache`]. This folder also keeps `spirv-fixtures/` in step with `shaders/`.
 //!
 //! ```
 //! use anyhit::{CompileOptions, Source};
@@ -18,24 +18,35 @@
 //! # Ok::<(), anyhit::Error>(())
 //! ```
 
+#[cfg(feature = "compilers")]
 pub mod cache;
+#[cfg(feature = "compilers")]
 mod external;
+#[cfg(feature = "scenes")]
 pub mod fixtures;
 mod flags;
+#[cfg(feature = "compilers")]
 mod glslang_tool;
 mod language;
+#[cfg(feature = "compilers")]
 mod message;
 mod open;
 mod settings;
+#[cfg(feature = "compilers")]
 mod slang;
 mod source;
 
+#[cfg(not(feature = "compilers"))]
+mod absent;
 #[cfg(feature = "glsl")]
 mod glsl;
 #[cfg(feature = "glsl")]
 mod glslang_debug;
 #[cfg(feature = "wgsl")]
 mod wgsl;
+
+#[cfg(not(feature = "compilers"))]
+use absent::{cache, glslang_tool, slang};
 
 pub use cache::{compile_once, compile_once_with_warnings};
 pub use flags::{CompilerFlags, RefusedFlag};

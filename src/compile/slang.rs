@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::Command;
 
 use super::external::{Tool, Workspace, printed};
-use super::language::slang_name;
 use super::message::{self, Severity};
 use super::{CompileOptions, Compiled, DebugInfoLevel, Language, Optimize, Source};
 use crate::error::{Error, ErrorKind, Result};
+use crate::module::interface::Stage;
 
 /// The message of `slangc` if its library that optimises SPIR-V is missing.
 const NO_OPTIMIZER: &str = "failed to load downstream compiler 'spirv-opt'";
@@ -120,6 +120,20 @@ fn without_include_folders(text: &str) -> String {
         out.replace_range(start..start + OPEN.len() + length + 1, "");
     }
     out
+}
+
+/// What slangc calls a stage.
+fn slang_name(stage: Stage) -> Option<&'static str> {
+    Some(match stage {
+        Stage::RayGeneration => "raygeneration",
+        Stage::Intersection => "intersection",
+        Stage::AnyHit => "anyhit",
+        Stage::ClosestHit => "closesthit",
+        Stage::Miss => "miss",
+        Stage::Callable => "callable",
+        Stage::Compute => "compute",
+        Stage::Other(_) => return None,
+    })
 }
 
 /// `slangc` and its version.

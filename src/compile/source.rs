@@ -1,11 +1,14 @@
 //! A shader's source: its text, its language, and the files that it includes.
 
+#[cfg(feature = "compilers")]
+pub(super) mod hash;
+#[cfg(feature = "compilers")]
+mod tools;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
-
-use hmac_sha256::Hash as Sha256;
 
 use super::language::{Language, unknown_language};
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
@@ -93,8 +96,8 @@ impl Source {
     /// As [`Source::read`].
     pub(crate) fn from_bytes(language: Language, path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let text = text_of(path, bytes)?;
-        let is_file = !is_stream(path);
-        Ok(Self { is_file, ..Self::new(path.to_string_lossy(), text, language) })
+        let file = Self::of_file(language, path.to_string_lossy().into_owned(), &text);
+        Ok(Self { is_file: !is_stream(path), ..file })
     }
 
     /// With these limits, and with includes from this folder alone where one is given.
@@ -151,52 +154,9 @@ impl Source {
         self.language
     }
 
-    /// SHA-256, in hexadecimal, of the text and of all the files that it includes.
-    ///
-    /// A module is a function of this hash, the compiler's name and version, and the flags: the
-    /// three make the key of a cache. Line ends do not count, so that a checkout with CR LF hashes
-    /// alike.
-    pub fn content_hash(&self) -> String {
-        let mut hasher = Sha256::new();
-        for (name, text) in self.closure() {
-            let text = text.replace("\r\n", "\n");
-            // Lengths are hashed, too: otherwise text that moves between files would not change the
-            // hash.
-            for part in [name.as_bytes(), text.as_bytes()] {
-                hasher.update((part.len() as u64).to_le_bytes());
-                hasher.update(part);
-            }
-        }
-        hex(&hasher.finalize())
-    }
-
     /// The limits of what is read for it and made of it.
     pub(super) fn limits(&self) -> &InputLimits {
         &self.limits
-    }
-
-    /// The folder that [`Source::name`] is relative to; empty for the current one.
-    pub(super) fn folder(&self) -> &Path {
-        &self.folder
-    }
-
-    /// The folders of [`Source::include_folders`] for an external tool, which runs in the source's
-    /// folder. For a text in memory, which is written to a temporary folder, they are absolute and
-    /// include the current one.
-    pub(super) fn external_include_folders(&self) -> Result<Vec<PathBuf>> {
-        if self.is_file {
-            return Ok(self.include_folders.clone());
-        }
-        let current = std::env::current_dir().map_err(|error| Error::io(".", error))?;
-        let own = current.join(Path::new(&self.name).parent().unwrap_or(Path::new("")));
-        Ok(std::iter::once(own)
-            .chain(self.include_folders.iter().map(|folder| current.join(folder)))
-            .collect())
-    }
-
-    /// Whether the text is that of a file, which an external tool can open.
-    pub(super) fn is_file(&self) -> bool {
-        self.is_file
     }
 
     /// The normalized name and the text of an included file. `includer` is the name of the
@@ -264,15 +224,6 @@ impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Source({}, {:?})", self.name, self.language)
     }
-}
-
-/// SHA-256 of bytes, in hexadecimal.
-pub(super) fn bytes_hash(bytes: &[u8]) -> String {
-    hex(&Sha256::hash(bytes))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The file that a line includes, relative to the file with the line.
@@ -418,12 +369,5 @@ mod tests {
         // What is not there is for the compiler to report, and a folder is no source.
         assert_eq!(refused("gone.glsl", root()), (false, None));
         assert_eq!(refused("../folder", None), (false, None));
-    }
-
-    #[test]
-    fn the_hash_of_the_empty_message_is_that_of_the_standard() {
-        // FIPS 180-4's example value for the empty message.
-        let expected = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
-        assert_eq!(bytes_hash(b""), expected);
     }
 }

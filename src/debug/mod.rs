@@ -5,21 +5,29 @@
 //! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
+#[cfg(feature = "scenes")]
 pub mod command;
+#[cfg(feature = "scenes")]
 mod compute;
+#[cfg(feature = "scenes")]
 mod layout;
+#[cfg(feature = "scenes")]
 mod memory;
 pub mod names;
 mod page;
 mod query_reader;
 pub mod reader;
 pub mod render;
+#[cfg(feature = "scenes")]
 mod scene_names;
+#[cfg(feature = "scenes")]
 pub mod session;
+#[cfg(feature = "scenes")]
 pub mod shell;
 pub mod transcript;
 mod traversal;
 pub mod values;
 
+#[cfg(feature = "scenes")]
 pub use session::{ExplainRequest, Session};
 pub use transcript::Transcript;

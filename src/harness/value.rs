@@ -1,5 +1,8 @@
 //! A shader's value, read by the names that the module keeps.
 
+#[cfg(feature = "scenes")]
+pub(super) mod leaves;
+
 use std::fmt;
 use std::ops::Index;
 use std::sync::Arc;
@@ -37,15 +40,6 @@ enum Content {
     List(Vec<Value>),
     Struct(Vec<(String, Value)>),
     Opaque,
-}
-
-/// A scalar in a value.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Leaf {
-    /// A float of any width.
-    Float(f64),
-    /// An integer, or a bool as 0 or 1.
-    Integer(i128),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,35 +121,6 @@ impl Value {
             Content::List(elements) => elements.iter().flat_map(Self::numbers).collect(),
             Content::Struct(fields) => fields.iter().flat_map(|(_, value)| value.numbers()).collect(),
             Content::Opaque => Vec::new(),
-        }
-    }
-
-    /// Visits every scalar in it, with its path from `path` on: `path.normal[2]`.
-    pub(super) fn scalars(&self, path: &mut String, visit: &mut dyn FnMut(&str, Leaf)) {
-        let length = path.len();
-        match &self.content {
-            Content::Scalar(Number::Float(number)) => visit(path, Leaf::Float(*number)),
-            Content::Scalar(Number::Bool(flag)) => visit(path, Leaf::Integer(i128::from(*flag))),
-            Content::Scalar(Number::Int(number)) => visit(path, Leaf::Integer((*number).into())),
-            Content::Scalar(Number::Uint(number)) => visit(path, Leaf::Integer((*number).into())),
-            Content::List(elements) => {
-                for (at, element) in elements.iter().enumerate() {
-                    path.push_str(&format!("[{at}]"));
-                    element.scalars(path, visit);
-                    path.truncate(length);
-                }
-            }
-            Content::Struct(fields) => {
-                for (name, field) in fields {
-                    if length > 0 {
-                        path.push('.');
-                    }
-                    path.push_str(name);
-                    field.scalars(path, visit);
-                    path.truncate(length);
-                }
-            }
-            Content::Opaque => {}
         }
     }
 

@@ -22,6 +22,7 @@ use crate::scene::file::MissingDescriptors;
 use crate::scene::files::SceneFiles;
 use crate::scene::image_entry::ImageContent;
 use crate::scene::pass::{Dispatch, LaunchPass, Pass, PassWork};
+use crate::scene::read::first_of;
 use crate::scene::resolved::{
     self, ResolvedGroup, ResolvedPass, ResolvedPassWork, ResolvedPipeline, ResolvedRecord, ResolvedScene,
     ResolvedShader, ShaderCode, ShaderModule,
@@ -194,7 +195,7 @@ fn deduplicate(errors: Vec<Error>, most: u64) -> Error {
             distinct.push(error);
         }
     }
-    Error::first_of(distinct, most)
+    first_of(distinct, most)
 }
 
 /// The shaders of a scene; each module is loaded once, and each entry point is lowered once.

@@ -26,6 +26,7 @@ use crate::scene::tree::{Toml, TomlMember, TomlNode};
 
 use brackets::first_in_bracket;
 pub use diagnostics::Diagnostics;
+pub(crate) use diagnostics::first_of;
 pub use unknown_name::unknown_name;
 
 /// A TOML file that has been read.

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashSet};
 use crate::harness::expect::{Bytes, Observed};
 use crate::harness::stability::instability::UnstableOutput;
 use crate::harness::typed_scene::{typed, typed_unbound};
-use crate::harness::value::Leaf;
+use crate::harness::value::leaves::Leaf;
 use crate::machine::Binding;
 use crate::machine::format::Class;
 use crate::scene::Assembled;

@@ -94,6 +94,16 @@ impl Diagnostics {
     pub fn finish(self) -> Result<()> {
         let (most, counted) = (self.most(), self.counted.get());
         let errors = self.errors.into_inner();
-        if errors.is_empty() { Ok(()) } else { Err(Error::first_of(errors, most).and_more(counted)) }
+        if errors.is_empty() { Ok(()) } else { Err(first_of(errors, most).and_more(counted)) }
     }
+}
+
+/// The first of several errors as one, and a count of the others: a report of thousands helps
+/// nobody. Empty input is a bug of the caller.
+#[cold]
+pub(crate) fn first_of(mut errors: Vec<Error>, most: usize) -> Error {
+    let count = errors.len();
+    errors.truncate(most.max(1));
+    let not_shown = count - errors.len();
+    Error::several(errors).and_more(not_shown)
 }
