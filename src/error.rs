@@ -550,20 +550,6 @@ mod tests {
     }
 
     #[test]
-    fn of_many_errors_the_first_are_shown_and_the_others_counted() {
-        let errors = |count: usize| {
-            (0..count).map(|at| Error::new(ErrorKind::InvalidScene, format!("mistake {at}"))).collect()
-        };
-        let error = Error::first_of(errors(20), 3);
-        let text = error.render();
-        assert_eq!((error.others().len(), error.not_shown()), (2, 17));
-        assert!(text.contains("mistake 2") && !text.contains("mistake 3"), "{text}");
-        assert!(text.ends_with("error: 17 more mistakes are not shown\n"), "{text}");
-        assert!(!Error::first_of(errors(3), 3).render().contains("not shown"));
-        assert_eq!(Error::first_of(errors(2), 0).not_shown(), 1);
-    }
-
-    #[test]
     fn spans_outside_the_text_do_not_panic() {
         let place = Place::Text { file: "a".into(), text: "\u{e9}".into(), span: 1..99 };
         let error = Error::new(ErrorKind::InvalidScene, "x").at(place);

@@ -57,9 +57,11 @@
 //!
 //! | feature | default | what it adds |
 //! |---|---|---|
-//! | `cli` | yes | the program `anyhit` |
+//! | `cli` | yes | the program `anyhit`; with it `scenes` and `recordings` |
+//! | `scenes` | yes | scene files ([`LoadedScene`], [`Case`]); with it `compilers` |
 //! | `gltf`, `obj` | yes | models of these files in scenes |
 //! | `images` | yes | PNG and JPEG files in scenes, PNG of what was rendered |
+//! | `compilers` | yes | GLSL, Slang and HLSL through installed compilers, cached modules |
 //! | `stress` | yes | the commands `stress` and `check-math`, through exact numbers |
 //! | `wgsl` | yes | WGSL sources, through naga |
 //! | `glsl` | | GLSL sources, through glslang (built from C++ source, minutes, once) |
@@ -67,8 +69,8 @@
 //! | `recordings` | with `cli` | recordings of hits, for `anyhit verify` |
 //! | `proptest` | | `strategies`: rays, primitives and instances for property tests |
 //!
-//! A library that only runs SPIR-V takes `default-features = false`. How all this works inside
-//! stands in `docs/architecture.md`.
+//! A library that only runs SPIR-V, on a [`Scene`] or a [`Hit`] built in Rust, takes
+//! `default-features = false`. How all this works inside stands in `docs/architecture.md`.
 
 #![deny(unsafe_code)]
 #![warn(unreachable_pub)]

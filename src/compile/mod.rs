@@ -3,8 +3,8 @@
 //! Scenes and tests name `.spv` files, or sources: GLSL (through glslang, built in with the feature
 //! `glsl`, else through an installed `glslang`, `glslangValidator` or `glslc`), WGSL (through naga,
 //! feature `wgsl`, on by default), Slang and HLSL (through `slangc`, where it is installed).
-//! The feature `compilers` (on with `scenes`) finds what is installed, and compiles sources once and
-//! keeps them in a [`cache`]. This folder also keeps `spirv-fixtures/` in step with `shaders/`.
+//! What is installed is found with the feature `compilers`, which also compiles each source once
+//! and keeps it in a [`cache`]. This folder also keeps `spirv-fixtures/` in step with `shaders/`.
 //!
 //! ```
 //! use anyhit::{CompileOptions, Source};

@@ -296,23 +296,6 @@ mod tests {
     }
 
     #[test]
-    fn the_hash_sees_includes_and_names_but_not_line_ends() {
-        let folder = std::env::temp_dir().join(format!("anyhit-source-{}", std::process::id()));
-        std::fs::create_dir_all(folder.join("sub")).unwrap();
-        let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
-        let hash = || Source::read_in(&folder, "a.rmiss").unwrap().content_hash();
-        write("a.rmiss", "#include \"sub/b.glsl\"\nvoid main() {}\n");
-        write("sub/b.glsl", "#include \"../c.glsl\"\n");
-        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 1;\n");
-        let first = hash();
-        write("c.glsl", "#include \"sub/b.glsl\"\r\nconst int x = 1;\r\n");
-        assert_eq!(hash(), first, "line ends count");
-        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 2;\n");
-        assert_ne!(hash(), first, "an include of an include does not count");
-        std::fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
     fn include_folders_are_searched_after_the_file_s_own() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["own", "first", "second"] {

@@ -5,6 +5,16 @@
 //! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
+pub mod names;
+mod page;
+mod query_reader;
+pub mod reader;
+pub mod render;
+pub mod transcript;
+mod traversal;
+pub mod values;
+
+// What explains a scene file by its own names.
 #[cfg(feature = "scenes")]
 pub mod command;
 #[cfg(feature = "scenes")]
@@ -13,20 +23,12 @@ mod compute;
 mod layout;
 #[cfg(feature = "scenes")]
 mod memory;
-pub mod names;
-mod page;
-mod query_reader;
-pub mod reader;
-pub mod render;
 #[cfg(feature = "scenes")]
 mod scene_names;
 #[cfg(feature = "scenes")]
 pub mod session;
 #[cfg(feature = "scenes")]
 pub mod shell;
-pub mod transcript;
-mod traversal;
-pub mod values;
 
 #[cfg(feature = "scenes")]
 pub use session::{ExplainRequest, Session};

@@ -16,9 +16,9 @@ pub struct BlockCounts {
 
 impl BlockCounts {
     /// How often the blocks and edges of a shader ran.
-    pub fn ran(&self, shader: usize) -> Ran<'_> {
+    pub fn ran(&self, shader: usize) -> ProgramCounts<'_> {
         let blocks = self.blocks.get(shader).map_or(&[][..], Vec::as_slice);
-        Ran { blocks, edges: self.edges.get(shader) }
+        ProgramCounts { blocks, edges: self.edges.get(shader) }
     }
 
     /// How many lanes entered a block of a shader.
@@ -61,14 +61,14 @@ impl<const W: usize> Observer<W> for BlockCounts {
 
 /// How often blocks and edges of one program ran.
 #[derive(Clone, Copy, Debug)]
-pub struct Ran<'a> {
+pub struct ProgramCounts<'a> {
     /// By block.
     blocks: &'a [u64],
     /// By block and way.
     edges: Option<&'a HashMap<(u32, u32), u64>>,
 }
 
-impl Ran<'_> {
+impl ProgramCounts<'_> {
     /// How many lanes entered a block.
     pub fn block(&self, block: u32) -> u64 {
         self.blocks.get(block as usize).copied().unwrap_or(0)

@@ -39,6 +39,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_hash_sees_includes_and_names_but_not_line_ends() {
+        let folder = std::env::temp_dir().join(format!("anyhit-source-{}", std::process::id()));
+        std::fs::create_dir_all(folder.join("sub")).unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+        let hash = || Source::read_in(&folder, "a.rmiss").unwrap().content_hash();
+        write("a.rmiss", "#include \"sub/b.glsl\"\nvoid main() {}\n");
+        write("sub/b.glsl", "#include \"../c.glsl\"\n");
+        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 1;\n");
+        let first = hash();
+        write("c.glsl", "#include \"sub/b.glsl\"\r\nconst int x = 1;\r\n");
+        assert_eq!(hash(), first, "line ends count");
+        write("c.glsl", "#include \"sub/b.glsl\"\nconst int x = 2;\n");
+        assert_ne!(hash(), first, "an include of an include does not count");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
     fn the_hash_of_the_empty_message_is_that_of_the_standard() {
         // FIPS 180-4's example value for the empty message.
         let expected = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";

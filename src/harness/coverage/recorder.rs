@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::debug::names::Names;
-use crate::harness::block_counts::{BlockCounts, Ran};
+use crate::harness::block_counts::{BlockCounts, ProgramCounts};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
 use crate::module::debug_info::SourceLine;
 use crate::module::{Id, Module};
@@ -101,7 +101,7 @@ const SILENT: [u16; 6] = [59, 245, 246, 247, 249, 255];
 
 impl Lines {
     /// Adds a program, whose module lies at a path.
-    fn program(&mut self, program: &Program, ran: &Ran<'_>, path: &Path) {
+    fn program(&mut self, program: &Program, ran: &ProgramCounts<'_>, path: &Path) {
         let debug = &program.module.debug_info;
         if debug.lines.iter().all(|(_, line)| line.is_none()) {
             self.coverage.without_lines.insert(path.display().to_string());
@@ -137,7 +137,7 @@ impl Lines {
         self.branches(program, ran, &names);
     }
 
-    fn branches(&mut self, program: &Program, ran: &Ran<'_>, names: &[String]) {
+    fn branches(&mut self, program: &Program, ran: &ProgramCounts<'_>, names: &[String]) {
         // The last instruction of a block is its branch.
         let last: BTreeMap<u32, u32> =
             program.instruction_spans.iter().map(|span| (span.block, span.last)).collect();

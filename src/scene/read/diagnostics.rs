@@ -107,3 +107,23 @@ pub(crate) fn first_of(mut errors: Vec<Error>, most: usize) -> Error {
     let not_shown = count - errors.len();
     Error::several(errors).and_more(not_shown)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorKind;
+
+    #[test]
+    fn of_many_errors_the_first_are_shown_and_the_others_counted() {
+        let errors = |count: usize| {
+            (0..count).map(|at| Error::new(ErrorKind::InvalidScene, format!("mistake {at}"))).collect()
+        };
+        let error = first_of(errors(20), 3);
+        let text = error.render();
+        assert_eq!((error.others().len(), error.not_shown()), (2, 17));
+        assert!(text.contains("mistake 2") && !text.contains("mistake 3"), "{text}");
+        assert!(text.ends_with("error: 17 more mistakes are not shown\n"), "{text}");
+        assert!(!first_of(errors(3), 3).render().contains("not shown"));
+        assert_eq!(first_of(errors(2), 0).not_shown(), 1);
+    }
+}
