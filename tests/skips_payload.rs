@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhit::Result;
 use anyhit::internals::accel::{Blas, Geometry, GeometryData, GeometryFlags, Tlas, TlasInstance};
-use anyhit::internals::machine::{Buffer, Descriptor, Resources};
+use anyhit::internals::machine::{Buffer, Descriptor, OpIndex, Resources};
 use anyhit::internals::module::interface::Stage;
 use anyhit::internals::pipeline::{Event, Launch, Pipeline, Stats};
 use anyhit::internals::program::Program;
@@ -214,7 +214,7 @@ fn a_payload_that_is_reached_by_a_computed_index_counts_as_read() {
     let op = |program: &Program| {
         let traces =
             |op: &anyhit::internals::ops::op::Op| matches!(op, anyhit::internals::ops::op::Op::Stop(_));
-        program.ops.iter().position(traces).expect("a trace") as u32
+        OpIndex::new(program.ops.iter().position(traces).expect("a trace"))
     };
     let written = closest_hit("OpStore %low %2").payloads.writes_only.expect("nothing but the payload");
     assert!(!written.intersects(plain.payloads.read_after(op(&plain))));

@@ -10,7 +10,7 @@ use crate::debug::transcript::{Flags, ShaderLabel, TranscriptLine};
 use crate::debug::values::TypedValue;
 use crate::error::Place;
 use crate::geometry::Surface;
-use crate::machine::DeviceMemory;
+use crate::machine::{DeviceMemory, OpIndex};
 use crate::pipeline::{Pipeline, Shader};
 use crate::program::Program;
 
@@ -81,8 +81,8 @@ pub fn surface(surface: Surface) -> &'static str {
 }
 
 /// The source line of an operation.
-pub fn source_line(program: &Program, op: u32) -> Option<TranscriptLine> {
-    source_line_at(program, program.origins.get(op as usize)?.offset)
+pub fn source_line(program: &Program, op: OpIndex) -> Option<TranscriptLine> {
+    source_line_at(program, program.origins.get(op.index())?.offset)
 }
 
 /// The source line of the instruction at a word offset of the module.

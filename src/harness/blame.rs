@@ -9,7 +9,7 @@ use crate::harness::expect::Subject;
 use crate::harness::observe::fresh_resources;
 use crate::harness::run::trace;
 use crate::machine::image::Image;
-use crate::machine::{Batch, Binding, Buffer, Descriptor, Observer, Reg, Resources};
+use crate::machine::{Batch, Binding, Buffer, Descriptor, Observer, OpIndex, Reg, Resources};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Launch, Pipeline};
 use crate::scene::file::RayEntry;
@@ -137,15 +137,15 @@ struct WriteFinder<'a> {
     target: Target,
     shader: u32,
     last: Option<u128>,
-    op: u32,
+    op: OpIndex,
     writes: u64,
     /// Shader and operation of the last write.
-    written: Option<(u32, u32)>,
+    written: Option<(u32, OpIndex)>,
 }
 
 impl<'a> WriteFinder<'a> {
     fn new(pipeline: &'a Pipeline, target: Target) -> Self {
-        Self { pipeline, target, shader: 0, last: None, op: 0, writes: 0, written: None }
+        Self { pipeline, target, shader: 0, last: None, op: OpIndex(0), writes: 0, written: None }
     }
 
     fn value(&self, batch: &Batch<1>) -> Option<u128> {
@@ -186,7 +186,7 @@ impl Observer<1> for WriteFinder<'_> {
         self.last = self.value(batch);
     }
 
-    fn before(&mut self, batch: &Batch<1>, op: u32) -> bool {
+    fn before(&mut self, batch: &Batch<1>, op: OpIndex) -> bool {
         self.look(batch);
         self.op = op;
         false

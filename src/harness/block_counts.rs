@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::machine::{Batch, Observer};
+use crate::machine::{Batch, BlockIndex, Observer};
 
 /// How many lanes came by, by shader: the observer.
 #[derive(Clone, Debug, Default)]
@@ -11,7 +11,7 @@ pub struct BlockCounts {
     /// By shader and block.
     blocks: Vec<Vec<u64>>,
     /// By shader, block and way.
-    edges: Vec<HashMap<(u32, u32), u64>>,
+    edges: Vec<HashMap<(BlockIndex, u32), u64>>,
 }
 
 impl BlockCounts {
@@ -22,22 +22,22 @@ impl BlockCounts {
     }
 
     /// How many lanes entered a block of a shader.
-    pub fn entered(&self, shader: usize, block: u32) -> u64 {
+    pub fn entered(&self, shader: usize, block: BlockIndex) -> u64 {
         self.ran(shader).block(block)
     }
 
-    fn count(&mut self, block: u32, lanes: u32) {
+    fn count(&mut self, block: BlockIndex, lanes: u32) {
         if self.blocks.len() <= self.shader {
             self.blocks.resize(self.shader + 1, Vec::new());
         }
         let blocks = &mut self.blocks[self.shader];
-        if blocks.len() <= block as usize {
-            blocks.resize(block as usize + 1, 0);
+        if blocks.len() <= block.index() {
+            blocks.resize(block.index() + 1, 0);
         }
-        blocks[block as usize] += u64::from(lanes);
+        blocks[block.index()] += u64::from(lanes);
     }
 
-    fn take(&mut self, block: u32, edge: u32, lanes: u32) {
+    fn take(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         if self.edges.len() <= self.shader {
             self.edges.resize(self.shader + 1, HashMap::new());
         }
@@ -54,7 +54,7 @@ impl<const W: usize> Observer<W> for BlockCounts {
         self.count(batch.block, batch.mask.count());
     }
 
-    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         self.take(block, edge, lanes);
     }
 }
@@ -65,17 +65,17 @@ pub struct ProgramCounts<'a> {
     /// By block.
     blocks: &'a [u64],
     /// By block and way.
-    edges: Option<&'a HashMap<(u32, u32), u64>>,
+    edges: Option<&'a HashMap<(BlockIndex, u32), u64>>,
 }
 
 impl ProgramCounts<'_> {
     /// How many lanes entered a block.
-    pub fn block(&self, block: u32) -> u64 {
-        self.blocks.get(block as usize).copied().unwrap_or(0)
+    pub fn block(&self, block: BlockIndex) -> u64 {
+        self.blocks.get(block.index()).copied().unwrap_or(0)
     }
 
     /// How many lanes took a way of the branch that ends a block.
-    pub fn edge(&self, block: u32, way: usize) -> u64 {
+    pub fn edge(&self, block: BlockIndex, way: usize) -> u64 {
         self.edges.and_then(|edges| edges.get(&(block, way as u32))).copied().unwrap_or(0)
     }
 }

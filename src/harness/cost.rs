@@ -128,7 +128,7 @@ impl Observer<1> for Counter<'_> {
 
     fn block(&mut self, batch: &Batch<1>) {
         let mut state = self.0.state.borrow_mut();
-        let count = self.0.blocks[state.shader][batch.block as usize];
+        let count = self.0.blocks[state.shader][batch.block.index()];
         if let Some(ray) = state.open.last_mut() {
             ray.2 += count;
         }
@@ -139,7 +139,7 @@ impl Observer<1> for Counter<'_> {
 fn instructions(program: &Arc<Program>) -> Vec<u64> {
     let mut counts = vec![0; program.blocks.len()];
     for span in &program.instruction_spans {
-        counts[span.block as usize] += u64::from(span.count);
+        counts[span.block.index()] += u64::from(span.count);
     }
     counts
 }

@@ -14,7 +14,7 @@ use crate::harness::observe::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::StableExpectation;
 use crate::harness::stability::perturb::perturb_one;
 use crate::harness::tasks::in_tasks;
-use crate::machine::{Batch, Observer, Resources};
+use crate::machine::{Batch, BlockIndex, Observer, Resources};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Stats};
@@ -235,7 +235,7 @@ impl Observer<1> for CoverageAndCost<'_> {
         self.1.block(batch);
     }
 
-    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         Observer::<1>::edge(self.0, block, edge, lanes);
     }
 }

@@ -3,7 +3,7 @@
 use smallvec::SmallVec;
 
 use crate::interp::superop;
-use crate::machine::{Batch, Bindings, Lanes, Mask, Observer, Stop, TrapCode};
+use crate::machine::{Batch, Bindings, BlockIndex, Lanes, Mask, Observer, OpIndex, Stop, TrapCode};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::program::{OptimizedCode, Program, Superblock, Terminator};
@@ -27,7 +27,7 @@ where
     let supercode =
         supercode.as_ref().filter(|_| !O::is_active() && LaneKernel::has_superops(&batch.registers));
     loop {
-        let block = &program.blocks[batch.block as usize];
+        let block = &program.blocks[batch.block.index()];
         // After a stop the block is continued, not entered again.
         if O::is_active() && batch.op == block.first && !batch.paused {
             observer.block(batch);
@@ -36,7 +36,7 @@ where
         let superblock = if O::is_active() {
             Superblock { end: block.end, last: batch.block }
         } else {
-            superblocks[batch.block as usize]
+            superblocks[batch.block.index()]
         };
         while batch.op < superblock.end {
             if O::is_active() && !std::mem::take(&mut batch.paused) && observer.before(batch, batch.op) {
@@ -46,19 +46,20 @@ where
             if let Some(supercode) = supercode
                 && let Some((registers, mask)) = LaneKernel::as_64(&mut batch.registers, batch.mask)
             {
-                batch.op = superop::run::<64>(supercode, registers, ops, batch.op..superblock.end, mask);
+                let rest = batch.op.0..superblock.end.0;
+                batch.op = OpIndex(superop::run::<64>(supercode, registers, ops, rest, mask));
                 if batch.op == superblock.end {
                     break;
                 }
             }
-            let op = &ops[batch.op as usize];
+            let op = &ops[batch.op.index()];
             if let Op::LaneKernel { kernel, to, from } = op {
                 // Most operations are kernels, which never stop.
                 Width::<W>::run(*kernel, &mut batch.registers, *to, from);
                 if O::is_active() {
                     observer.after(batch, bindings, batch.op);
                 }
-                batch.op += 1;
+                batch.op = batch.op.plus(1);
                 continue;
             }
             if let Op::Stop(_) | Op::Barrier = op {
@@ -70,10 +71,10 @@ where
                     Op::Stop(stop) => stop.stop(batch),
                     _ => Stop::Barrier { mask: batch.mask },
                 };
-                batch.op += 1;
+                batch.op = batch.op.plus(1);
                 return stop;
             }
-            batch.silent = program.silent.get(batch.op as usize) == Some(&true);
+            batch.silent = program.silent.get(batch.op.index()) == Some(&true);
             op.eval(batch, bindings);
             // Terminators and the pipeline, which may trap too, are never silent.
             batch.silent = false;
@@ -83,10 +84,10 @@ where
             if O::is_active() {
                 observer.after(batch, bindings, batch.op);
             }
-            batch.op += 1;
+            batch.op = batch.op.plus(1);
         }
         batch.block = superblock.last;
-        if !execute_terminator(batch, program, &program.blocks[superblock.last as usize].terminator, observer)
+        if !execute_terminator(batch, program, &program.blocks[superblock.last.index()].terminator, observer)
         {
             return Stop::Done;
         }
@@ -124,7 +125,7 @@ fn execute_terminator<const W: usize, O: Observer<W>>(
             Terminator::Switch { selector, wide, cases, default } => {
                 let low = batch.registers[*selector];
                 let high = if *wide { batch.registers[selector.plus(1)] } else { Lanes::splat(0) };
-                let mut edges: SmallVec<[(u32, Mask<W>); 4]> = SmallVec::new();
+                let mut edges: SmallVec<[(BlockIndex, Mask<W>); 4]> = SmallVec::new();
                 for lane in mask.lanes() {
                     let value = u64::from(low.0[lane]) | u64::from(high.0[lane]) << 32;
                     let case = cases.iter().position(|case| case.0 == value);
@@ -140,7 +141,7 @@ fn execute_terminator<const W: usize, O: Observer<W>>(
                 diverge(batch, program, &edges)
             }
             Terminator::Call { function, return_to } => {
-                batch.consume_fuel(mask, program.call_cost(*function), terminator_index(program, from));
+                batch.consume_fuel(mask, program.call_cost(*function), program.terminator_index(from));
                 if batch.mask.is_empty() {
                     batch.follow([])
                 } else {
@@ -154,25 +155,25 @@ fn execute_terminator<const W: usize, O: Observer<W>>(
                 batch.follow([])
             }
             Terminator::Unreachable => {
-                batch.trap(mask, TrapCode::Unreachable, terminator_index(program, from));
+                batch.trap(mask, TrapCode::Unreachable, program.terminator_index(from));
                 batch.follow([])
             }
         }
     };
     if continues {
-        batch.op = program.blocks[batch.block as usize].first;
+        batch.op = program.blocks[batch.block.index()].first;
     }
     continues
 }
 
 /// Continues all running lanes at one block.
-fn branch_to<const W: usize>(batch: &mut Batch<W>, program: &Program, target: u32) -> bool {
+fn branch_to<const W: usize>(batch: &mut Batch<W>, program: &Program, target: BlockIndex) -> bool {
     consume_fuel(batch, program, target, batch.mask);
     batch.jump(target)
 }
 
 /// Continues the running lanes at several blocks: control flow diverges.
-fn diverge<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u32, Mask<W>)]) -> bool {
+fn diverge<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(BlockIndex, Mask<W>)]) -> bool {
     for &(target, mask) in edges {
         consume_fuel(batch, program, target, mask);
     }
@@ -182,15 +183,10 @@ fn diverge<const W: usize>(batch: &mut Batch<W>, program: &Program, edges: &[(u3
 
 /// Consumes fuel of lanes at a back edge: the number of instructions of the loop, so that a lane's
 /// limit depends neither on other lanes, nor on the batch width, nor on the optimizer.
-fn consume_fuel<const W: usize>(batch: &mut Batch<W>, program: &Program, to: u32, mask: Mask<W>) {
+fn consume_fuel<const W: usize>(batch: &mut Batch<W>, program: &Program, to: BlockIndex, mask: Mask<W>) {
     if to <= batch.block {
-        let before = to.checked_sub(1).map_or(0, |before| program.blocks[before as usize].instructions);
-        let cost = program.blocks[batch.block as usize].instructions - before;
-        batch.consume_fuel(mask, cost.max(1), terminator_index(program, batch.block));
+        let before = to.previous().map_or(0, |before| program.blocks[before.index()].instructions);
+        let cost = program.blocks[batch.block.index()].instructions - before;
+        batch.consume_fuel(mask, cost.max(1), program.terminator_index(batch.block));
     }
-}
-
-/// The index of the origin of a block's terminator, for the traps that it raises.
-fn terminator_index(program: &Program, block: u32) -> u32 {
-    program.ops.len() as u32 + block
 }

@@ -8,6 +8,7 @@
 use std::sync::Arc;
 
 use crate::machine::hit_object::HitObjects;
+use crate::machine::index::{BlockIndex, OpIndex};
 use crate::machine::invocation::Invocations;
 use crate::machine::lanes::{Mask, Reg, Registers};
 use crate::machine::out_of_bounds::OutOfBoundsIndices;
@@ -22,7 +23,7 @@ const LAST_FUEL: u64 = 1 << 16;
 /// Lanes that wait at the beginning of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Waiting<const W: usize> {
-    block: u32,
+    block: BlockIndex,
     mask: Mask<W>,
 }
 
@@ -30,7 +31,7 @@ struct Waiting<const W: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<const W: usize> {
     /// The block that runs when every lane has returned.
-    pub return_to: u32,
+    pub return_to: BlockIndex,
     /// The lanes that called.
     pub mask: Mask<W>,
     /// The number of entries of the waiting list that belong to callers.
@@ -47,9 +48,9 @@ pub struct Batch<const W: usize> {
     /// The lanes that run now.
     pub mask: Mask<W>,
     /// The operation that runs next.
-    pub op: u32,
+    pub op: OpIndex,
     /// The block that runs now.
-    pub block: u32,
+    pub block: BlockIndex,
     /// Whether an observer paused the batch before the operation that runs next.
     pub paused: bool,
     /// Whether traps of the operation that runs are suppressed, as the optimizer eliminates it; see
@@ -104,8 +105,8 @@ impl<const W: usize> Batch<W> {
             registers,
             invocations: Box::default(),
             mask: Mask::NONE,
-            op: 0,
-            block: 0,
+            op: OpIndex(0),
+            block: BlockIndex(0),
             paused: false,
             silent: false,
             exits: [Exit::Returned; W],
@@ -131,7 +132,7 @@ impl<const W: usize> Batch<W> {
 
     /// Puts the lanes of a mask at the beginning of a block, each with its fuel, counted in
     /// instructions.
-    pub fn begin(&mut self, mask: Mask<W>, block: u32, op: u32, fuel: u64) {
+    pub fn begin(&mut self, mask: Mask<W>, block: BlockIndex, op: OpIndex, fuel: u64) {
         self.mask = mask;
         self.live = mask;
         self.block = block;
@@ -165,12 +166,17 @@ impl<const W: usize> Batch<W> {
         &self.frames
     }
 
+    /// The operation at which the batch stopped: the one before that which runs next.
+    pub fn stopped_at(&self) -> OpIndex {
+        self.op.previous().unwrap_or_default()
+    }
+
     /// Lets the running lanes go on at the given blocks and chooses the block that runs next.
     ///
     /// The edges must have disjoint masks; all running lanes that are on no edge have returned from
     /// the running function. `false` when nothing is left to run.
     #[inline]
-    pub fn follow(&mut self, edges: impl IntoIterator<Item = (u32, Mask<W>)>) -> bool {
+    pub fn follow(&mut self, edges: impl IntoIterator<Item = (BlockIndex, Mask<W>)>) -> bool {
         for (block, mask) in edges {
             if !mask.is_empty() {
                 self.wait(block, mask);
@@ -181,7 +187,7 @@ impl<const W: usize> Batch<W> {
 
     /// The common case of [`Batch::follow`]: all running lanes go on at one block.
     #[inline]
-    pub fn jump(&mut self, block: u32) -> bool {
+    pub fn jump(&mut self, block: BlockIndex) -> bool {
         let base = self.frames.last().map_or(0, |frame| frame.base);
         if self.waiting[base..].last().is_none_or(|lowest| block < lowest.block) && !self.mask.is_empty() {
             self.block = block;
@@ -192,7 +198,7 @@ impl<const W: usize> Batch<W> {
     }
 
     /// Calls a function: its first block runs next, and `return_to` when every lane has returned.
-    pub fn call(&mut self, block: u32, return_to: u32) {
+    pub fn call(&mut self, block: BlockIndex, return_to: BlockIndex) {
         self.frames.push(Frame { return_to, mask: self.mask, base: self.waiting.len() });
         self.block = block;
     }
@@ -209,7 +215,7 @@ impl<const W: usize> Batch<W> {
 
     /// Stops lanes that misbehaved at an operation.
     #[cold]
-    pub fn trap(&mut self, mask: Mask<W>, code: TrapCode, op: u32) {
+    pub fn trap(&mut self, mask: Mask<W>, code: TrapCode, op: OpIndex) {
         if self.silent {
             return;
         }
@@ -231,7 +237,7 @@ impl<const W: usize> Batch<W> {
 
     /// Consumes fuel of lanes; those that have too little are stopped.
     #[inline]
-    pub fn consume_fuel(&mut self, mask: Mask<W>, cost: u32, op: u32) {
+    pub fn consume_fuel(&mut self, mask: Mask<W>, cost: u32, op: OpIndex) {
         let cost = u64::from(cost);
         if self.min_fuel - self.consumed_together < cost {
             self.consume_last_fuel(mask, cost, op);
@@ -264,7 +270,7 @@ impl<const W: usize> Batch<W> {
     /// Does what [`Batch::consume_fuel`] does where the fuel of some lane may not cover the cost,
     /// or where it is time to look at the watchdog.
     #[cold]
-    fn consume_last_fuel(&mut self, mask: Mask<W>, cost: u64, op: u32) {
+    fn consume_last_fuel(&mut self, mask: Mask<W>, cost: u64, op: OpIndex) {
         self.settle();
         self.charged += cost * u64::from(mask.count());
         let watch = self.watch.clone();
@@ -311,13 +317,13 @@ impl<const W: usize> Batch<W> {
     }
 
     /// Stops all lanes: the running ones trap, the others end without a word.
-    fn stop(&mut self, code: TrapCode, op: u32) {
+    fn stop(&mut self, code: TrapCode, op: OpIndex) {
         let others = self.live.without(self.mask);
         self.exit(others, Exit::Trapped(LaneTrap { code: TrapCode::Callee, op }));
         self.trap(self.mask, code, op);
     }
 
-    fn wait(&mut self, block: u32, mask: Mask<W>) {
+    fn wait(&mut self, block: BlockIndex, mask: Mask<W>) {
         let base = self.frames.last().map_or(0, |frame| frame.base);
         let mut at = self.waiting.len();
         while at > base && self.waiting[at - 1].block < block {
@@ -368,44 +374,44 @@ mod tests {
 
     fn batch() -> Batch<4> {
         let mut batch = Batch::new(Registers::new(1));
-        batch.begin(Mask::ALL, 0, 0, 10);
+        batch.begin(Mask::ALL, BlockIndex(0), OpIndex(0), 10);
         batch
     }
 
     #[test]
     fn lanes_reconverge_at_the_merge_block() {
         let mut batch = batch();
-        assert!(batch.follow([(1, Mask::first(1)), (2, !Mask::first(1))]));
-        assert_eq!((batch.block, batch.mask.count()), (1, 1));
-        assert!(batch.jump(3));
-        assert_eq!((batch.block, batch.mask.count()), (2, 3));
-        assert!(batch.jump(3));
-        assert_eq!((batch.block, batch.mask.count()), (3, 4));
+        assert!(batch.follow([(BlockIndex(1), Mask::first(1)), (BlockIndex(2), !Mask::first(1))]));
+        assert_eq!((batch.block, batch.mask.count()), (BlockIndex(1), 1));
+        assert!(batch.jump(BlockIndex(3)));
+        assert_eq!((batch.block, batch.mask.count()), (BlockIndex(2), 3));
+        assert!(batch.jump(BlockIndex(3)));
+        assert_eq!((batch.block, batch.mask.count()), (BlockIndex(3), 4));
     }
 
     #[test]
     fn a_call_returns_when_every_lane_has() {
         let mut batch = batch();
-        batch.call(10, 1);
-        assert!(batch.follow([(11, Mask::first(2)), (12, !Mask::first(2))]));
-        assert_eq!(batch.block, 11);
+        batch.call(BlockIndex(10), BlockIndex(1));
+        assert!(batch.follow([(BlockIndex(11), Mask::first(2)), (BlockIndex(12), !Mask::first(2))]));
+        assert_eq!(batch.block, BlockIndex(11));
         // The lanes in block 11 return.
         assert!(batch.follow([]));
-        assert_eq!(batch.block, 12);
-        batch.trap(Mask::lane(3), TrapCode::Unreachable, 7);
+        assert_eq!(batch.block, BlockIndex(12));
+        batch.trap(Mask::lane(3), TrapCode::Unreachable, OpIndex(7));
         assert!(batch.follow([]));
-        assert_eq!((batch.block, batch.mask.count()), (1, 3));
+        assert_eq!((batch.block, batch.mask.count()), (BlockIndex(1), 3));
         assert!(!batch.follow([]));
-        assert_eq!(batch.exits[3], Exit::Trapped(LaneTrap { code: TrapCode::Unreachable, op: 7 }));
+        assert_eq!(batch.exits[3], Exit::Trapped(LaneTrap { code: TrapCode::Unreachable, op: OpIndex(7) }));
         assert_eq!(batch.exits[0], Exit::Returned);
     }
 
     #[test]
     fn a_lane_without_fuel_is_stopped() {
         let mut batch = batch();
-        batch.consume_fuel(Mask::ALL, 10, 0);
+        batch.consume_fuel(Mask::ALL, 10, OpIndex(0));
         assert_eq!(batch.mask.count(), 4);
-        batch.consume_fuel(Mask::first(3), 1, 0);
+        batch.consume_fuel(Mask::first(3), 1, OpIndex(0));
         assert_eq!(batch.mask, Mask::lane(3));
     }
 }

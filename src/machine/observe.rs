@@ -1,6 +1,7 @@
 //! Observers of a running batch.
 
 use crate::machine::batch::Batch;
+use crate::machine::index::{BlockIndex, OpIndex};
 use crate::machine::resource::Bindings;
 
 /// Observes what a batch does; the unit type observes nothing and costs nothing.
@@ -30,21 +31,21 @@ pub trait Observer<const W: usize> {
     }
 
     /// Called before each operation; `true` pauses the batch there.
-    fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
+    fn before(&mut self, batch: &Batch<W>, op: OpIndex) -> bool {
         let _ = (batch, op);
         false
     }
 
     /// Called after each operation that stopped neither the batch nor all of its lanes: its results
     /// lie in the registers, and may be changed there.
-    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: u32) {
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
         let _ = (batch, bindings, op);
     }
 
     /// A number of lanes take an edge of the conditional branch or switch that ends a block. Edge 0
     /// is taken where the condition holds and 1 where not; those of a switch are numbered by case,
     /// with the default last.
-    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         let _ = (block, edge, lanes);
     }
 }
@@ -70,15 +71,15 @@ impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
         (**self).block(batch);
     }
 
-    fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
+    fn before(&mut self, batch: &Batch<W>, op: OpIndex) -> bool {
         (**self).before(batch, op)
     }
 
-    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: u32) {
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
         (**self).after(batch, bindings, op);
     }
 
-    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         (**self).edge(block, edge, lanes);
     }
 }

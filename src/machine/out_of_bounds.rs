@@ -3,6 +3,7 @@
 //! Computing such an index stops no lane: the computed offset only says that it is out of bounds.
 //! The access through the offset traps, and its report names the index.
 
+use crate::machine::index::OpIndex;
 use crate::machine::lanes::Lanes;
 use crate::machine::lanes::Mask;
 
@@ -17,7 +18,7 @@ pub struct OutOfBoundsIndices<const W: usize> {
 /// The last out-of-bounds index of each lane at an operation.
 #[derive(Clone, Debug)]
 struct LaneIndices<const W: usize> {
-    op: u32,
+    op: OpIndex,
     indices: [u32; W],
     /// When each lane recorded its index, counted from 1; 0 for never.
     times: [u64; W],
@@ -37,7 +38,7 @@ impl<const W: usize> OutOfBoundsIndices<W> {
 
     /// Records the indices of some lanes at an operation.
     #[cold]
-    pub fn record(&mut self, op: u32, lanes: Mask<W>, indices: &Lanes<W>) {
+    pub fn record(&mut self, op: OpIndex, lanes: Mask<W>, indices: &Lanes<W>) {
         self.count += 1;
         let at = self.all.iter().position(|entry| entry.op == op).unwrap_or_else(|| {
             self.all.push(LaneIndices { op, indices: [0; W], times: [0; W] });
@@ -50,7 +51,7 @@ impl<const W: usize> OutOfBoundsIndices<W> {
     }
 
     /// The last out-of-bounds index of a lane at an operation, after when it was recorded.
-    pub fn last(&self, op: u32, lane: usize) -> Option<(u64, u32)> {
+    pub fn last(&self, op: OpIndex, lane: usize) -> Option<(u64, u32)> {
         let entry = self.all.iter().find(|entry| entry.op == op)?;
         let when = entry.times[lane];
         (when > 0).then_some((when, entry.indices[lane]))

@@ -12,6 +12,7 @@ use crate::accel::{
     TraceRay, TraversalObserver,
 };
 use crate::geometry::Ray;
+use crate::machine::index::OpIndex;
 use crate::machine::object::ObjectPool;
 use crate::machine::trap::TrapCode;
 
@@ -157,7 +158,7 @@ pub struct RayQueryEvent {
     /// The lane of the batch that initialised the query.
     pub lane: u32,
     /// The operation of the program.
-    pub op: u32,
+    pub op: OpIndex,
     /// The step.
     pub step: RayQueryStep,
 }
@@ -189,7 +190,7 @@ pub enum RayQueryStep {
 struct QueryRecorder<'a> {
     query: u32,
     lane: u32,
-    op: u32,
+    op: OpIndex,
     traversal: bool,
     events: &'a mut Vec<RayQueryEvent>,
 }
@@ -251,7 +252,14 @@ impl RayQueries {
 
     /// `OpRayQueryInitializeKHR` of a lane, of the query with a handle, or of a new one where that
     /// is 0. Returns its handle.
-    pub fn initialize(&mut self, handle: u32, lane: u32, op: u32, tlas: &Arc<Tlas>, trace: TraceRay) -> u32 {
+    pub fn initialize(
+        &mut self,
+        handle: u32,
+        lane: u32,
+        op: OpIndex,
+        tlas: &Arc<Tlas>,
+        trace: TraceRay,
+    ) -> u32 {
         self.initialized += 1;
         self.zero_directions += u64::from(trace.ray.goes_nowhere());
         let (query, object) = self.all.get_or_insert(handle);
@@ -286,7 +294,7 @@ impl RayQueries {
     /// # Errors
     /// Those of [`RayQuery::proceed`].
     #[inline]
-    pub fn proceed(&mut self, handle: u32, op: u32) -> Result<bool, TrapCode> {
+    pub fn proceed(&mut self, handle: u32, op: OpIndex) -> Result<bool, TrapCode> {
         let Some(mut events) = self.events.take() else { return self.query(handle)?.proceed(&mut ()) };
         let lane = self.lane(handle);
         let traversal = self.records_traversal;
@@ -304,7 +312,7 @@ impl RayQueries {
     ///
     /// # Errors
     /// `RayQueryUninitialized`
-    pub fn terminate(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
+    pub fn terminate(&mut self, handle: u32, op: OpIndex) -> Result<(), TrapCode> {
         self.query(handle)?.terminate();
         self.record(handle, op, RayQueryStep::Terminate);
         Ok(())
@@ -314,7 +322,7 @@ impl RayQueries {
     ///
     /// # Errors
     /// Those of [`RayQuery::confirm`].
-    pub fn confirm(&mut self, handle: u32, op: u32) -> Result<(), TrapCode> {
+    pub fn confirm(&mut self, handle: u32, op: OpIndex) -> Result<(), TrapCode> {
         self.query(handle)?.confirm()?;
         self.record(handle, op, RayQueryStep::Confirm);
         Ok(())
@@ -324,14 +332,14 @@ impl RayQueries {
     ///
     /// # Errors
     /// Those of [`RayQuery::generate`].
-    pub fn generate(&mut self, handle: u32, op: u32, t: f32) -> Result<(), TrapCode> {
+    pub fn generate(&mut self, handle: u32, op: OpIndex, t: f32) -> Result<(), TrapCode> {
         self.query(handle)?.generate(t)?;
         self.record(handle, op, RayQueryStep::Generate(t));
         Ok(())
     }
 
     /// Records a decision, and the hit that is committed after it.
-    fn record(&mut self, query: u32, op: u32, step: RayQueryStep) {
+    fn record(&mut self, query: u32, op: OpIndex, step: RayQueryStep) {
         let committed = self.all.get(query).and_then(|query| query.committed().copied());
         let lane = self.lane(query);
         if let Some(events) = &mut self.events {

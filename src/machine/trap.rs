@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::machine::device_memory::STRUCTURE_HANDLE;
+use crate::machine::index::OpIndex;
 use crate::machine::resource::{BindingSummary, Bindings};
 
 pub use crate::error::TrapCode;
@@ -77,8 +78,8 @@ impl AccessFault {
 pub struct LaneTrap {
     /// The kind of the trap.
     pub code: TrapCode,
-    /// The index of the operation in its program.
-    pub op: u32,
+    /// The operation, or the terminator of a block.
+    pub op: OpIndex,
 }
 
 /// How one lane of a batch ended.

@@ -1,12 +1,13 @@
 //! What lanes did in their last turns of a loop, for the report of one that has no end.
 
+use crate::machine::index::OpIndex;
 use crate::machine::lanes::{Reg, Registers};
 
 /// The turns of a lane through one back edge, while it was watched.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoopTurns {
-    /// The origin's index of the terminator that went back.
-    pub op: u32,
+    /// The terminator that went back.
+    pub op: OpIndex,
     /// How often it went back, up to when `last` was taken.
     pub count: u64,
     /// How often it went back in all.
@@ -37,7 +38,7 @@ impl Turns {
     pub fn note<const W: usize>(
         &mut self,
         lane: usize,
-        op: u32,
+        op: OpIndex,
         is_last: bool,
         registers: &Registers<W>,
         watched: &[Reg],

@@ -2,6 +2,7 @@
 
 use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
+use crate::machine::OpIndex;
 use crate::ops::op::Op;
 use crate::ops::ray_tracing::{self, MotionInstruction};
 use crate::pipeline::Pipeline;
@@ -147,8 +148,8 @@ pub(super) fn first_moving(tlas: &Tlas) -> Option<usize> {
     tlas.instances().iter().position(|instance| instance.motion.is_some() || instance.blas.moves())
 }
 
-/// The indices of the operations that trace rays.
-fn trace_ops(program: &Program) -> impl Iterator<Item = u32> {
+/// The operations that trace rays.
+fn trace_ops(program: &Program) -> impl Iterator<Item = OpIndex> {
     let is_trace = |op: &Op| {
         matches!(
             op,
@@ -157,11 +158,11 @@ fn trace_ops(program: &Program) -> impl Iterator<Item = u32> {
             )
         )
     };
-    (0..).zip(&program.ops).filter(move |(_, op)| is_trace(op)).map(|(at, _)| at)
+    (0..).map(OpIndex).zip(&program.ops).filter(move |(_, op)| is_trace(op)).map(|(at, _)| at)
 }
 
 /// The instruction of an operation, if one of its operands is a time.
-fn timed(program: &Program, op: u32) -> Option<MotionInstruction> {
-    let offset = program.origins.get(op as usize)?.offset;
+fn timed(program: &Program, op: OpIndex) -> Option<MotionInstruction> {
+    let offset = program.origins.get(op.index())?.offset;
     MotionInstruction::of(program.module.words.get(offset as usize).map(|word| *word as u16)?)
 }

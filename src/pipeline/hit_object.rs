@@ -38,7 +38,8 @@ where
         let mut trace = self.acquire_trace(true);
         let is_full = self.is_full();
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
-        let caller = Caller { shader: running.shader, op: running.batch.op - 1, payload: payload.first };
+        let caller =
+            Caller { shader: running.shader, op: running.batch.stopped_at(), payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
         trace.set_caller(caller, payload::outgoing_scalars(program, payload), &running.batch.invocations);
         trace.from_hit_objects = true;
@@ -65,7 +66,7 @@ where
             match found {
                 Ok(executes) => lanes = if executes { lanes | Mask::lane(lane) } else { lanes },
                 Err(code) => {
-                    let op = running.batch.op - 1;
+                    let op = running.batch.stopped_at();
                     running.batch.trap(Mask::lane(lane), code, op);
                 }
             }
@@ -98,7 +99,7 @@ where
                     batch.registers.set_lane_words(to, lane, words);
                 }
                 Err(code) => {
-                    let op = batch.op - 1;
+                    let op = batch.stopped_at();
                     batch.trap(Mask::lane(lane), code, op);
                 }
             }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::accel::hit::HitPrimitive;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, TraversalObserver};
-use crate::machine::{Exit, RayQueryEvent, Reg};
+use crate::machine::{Exit, OpIndex, RayQueryEvent, Reg};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
 use crate::pipeline::group::Shader;
@@ -110,8 +110,8 @@ impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
 pub struct Caller {
     /// The shader that holds the instruction.
     pub shader: Shader,
-    /// The index of the operation in its program.
-    pub op: u32,
+    /// The instruction.
+    pub op: OpIndex,
     /// The first register of the payload variable, or of the callable data.
     pub payload: Reg,
 }

@@ -58,7 +58,7 @@ impl<const W: usize> IntersectionReport<W> {
             let t = f32::from_bits(batch.registers[t].0[lane]);
             let kind = HitKind(batch.registers[hit_kind].0[lane]);
             if kind.0 > 127 {
-                let op = batch.op - 1;
+                let op = batch.stopped_at();
                 batch.fault_value[lane] = kind.0.into();
                 batch.trap(Mask::lane(lane), TrapCode::InvalidHitKind, op);
                 continue;
@@ -79,7 +79,7 @@ impl<const W: usize> IntersectionReport<W> {
             let any_hit = hit_group_at(pipeline, trace.hit_record_index(lane, &candidate)).1.any_hit;
             match any_hit.filter(|_| !candidate.opaque) {
                 Some(shader) if !trace.payload_matches(pipeline, shader) => {
-                    let op = batch.op - 1;
+                    let op = batch.stopped_at();
                     batch.fault_value[lane] = shader.0.into();
                     batch.trap(Mask::lane(lane), TrapCode::PayloadMismatch, op);
                 }
@@ -138,7 +138,7 @@ impl<const W: usize> IntersectionReport<W> {
             let accepted = match any_hit.exits[lane] {
                 Exit::Ignored => false,
                 Exit::Trapped(_) => {
-                    let op = intersection.op - 1;
+                    let op = intersection.stopped_at();
                     intersection.trap(Mask::lane(lane), TrapCode::Callee, op);
                     continue;
                 }

@@ -390,7 +390,7 @@ where
             let live = running.batch.live().lanes();
             let first = live.min_by_key(|&lane| running.batch.invocations.number(lane));
             if let Some(lane) = first.filter(|_| !told) {
-                self.trap(&running, lane, LaneTrap { code, op: running.batch.op.saturating_sub(1) });
+                self.trap(&running, lane, LaneTrap { code, op: running.batch.stopped_at() });
                 break;
             }
         }
@@ -440,7 +440,7 @@ where
             [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] => {
                 running.copy_data_out(&mut below.batch.registers, call.data);
                 for lane in lanes.lanes().filter(|&lane| matches!(batch.exits[lane], Exit::Trapped(_))) {
-                    let op = below.batch.op - 1;
+                    let op = below.batch.stopped_at();
                     below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
                 }
             }
@@ -464,7 +464,7 @@ where
         for lane in mask.lanes() {
             let index = running.batch.registers[index].0[lane];
             let Some(record) = self.pipeline.sbt.callable.get(index as usize) else {
-                let op = running.batch.op - 1;
+                let op = running.batch.stopped_at();
                 running.batch.fault_value[lane] = index.into();
                 running.batch.trap(Mask::lane(lane), TrapCode::ShaderRecordMissing, op);
                 continue;
@@ -472,8 +472,11 @@ where
             let Some(shader) = record.as_ref().and_then(|record| general_shader(self.pipeline, record))
             else {
                 if T::is_active() {
-                    let caller =
-                        Caller { shader: running.shader, op: running.batch.op - 1, payload: data.first };
+                    let caller = Caller {
+                        shader: running.shader,
+                        op: running.batch.stopped_at(),
+                        payload: data.first,
+                    };
                     let registers = &mut running.batch.registers;
                     let mut words: Words = registers.lane_words(data.first, data.count, lane).collect();
                     self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
@@ -517,14 +520,14 @@ where
             return;
         };
         if let Some(code) = deep {
-            let op = below.batch.op - 1;
+            let op = below.batch.stopped_at();
             below.batch.trap(lanes, code, op);
             return;
         }
         let (data, index) = (call.data, call.index);
         let given = payload::outgoing_scalars(&self.pipeline.programs[below.shader.0 as usize], data);
         if !payload::accepts(&self.pipeline.programs[shader.0 as usize], given) {
-            let op = below.batch.op - 1;
+            let op = below.batch.stopped_at();
             lanes.lanes().for_each(|lane| below.batch.fault_value[lane] = shader.0.into());
             below.batch.trap(lanes, TrapCode::PayloadMismatch, op);
             return;

@@ -85,7 +85,7 @@ where
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let bindings = &self.bindings[running.shader.0 as usize];
         let batch = &mut running.batch;
-        let caller = Caller { shader: running.shader, op: batch.op - 1, payload: payload.first };
+        let caller = Caller { shader: running.shader, op: batch.stopped_at(), payload: payload.first };
         let program = &self.pipeline.programs[running.shader.0 as usize];
         trace.set_caller(caller, payload::outgoing_scalars(program, payload), &batch.invocations);
         let found = trace.read_operands(&batch.registers, operands, bindings, mask);
@@ -116,7 +116,7 @@ where
             match trap {
                 None => lanes = lanes | Mask::lane(lane),
                 Some((code, fault_value)) => {
-                    let op = batch.op - 1;
+                    let op = batch.stopped_at();
                     batch.fault_value[lane] = fault_value;
                     if code == TrapCode::AccelerationStructureMissing {
                         let fault = AccessFault::structure(fault_value, bindings);
@@ -195,7 +195,7 @@ where
         }
         let Some(ShaderCallFrame::Shader(below)) = self.frames.last_mut() else { return Some(trace) };
         for lane in trace.trapped_lanes().lanes() {
-            let op = below.batch.op - 1;
+            let op = below.batch.stopped_at();
             let code = trace.trap_code(lane).unwrap_or(TrapCode::Callee);
             let has_fault_value =
                 [TrapCode::HitRecordMissing, TrapCode::MissRecordMissing, TrapCode::PayloadMismatch];

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, Place, Trap, TrapOperands};
-use crate::machine::{Batch, LaneTrap, Observer, TrapCode, Watchdog};
+use crate::machine::{Batch, LaneTrap, Observer, OpIndex, TrapCode, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -90,14 +90,14 @@ where
                 error = notes.into_iter().fold(error, Error::note).with_trap(|trap| trap.vuid = vuid);
             }
         }
-        let callers: Vec<(&Program, Shader, u32)> = self
+        let callers: Vec<(&Program, Shader, OpIndex)> = self
             .frames
             .iter()
             .rev()
             .filter_map(|frame| match frame {
                 ShaderCallFrame::Shader(caller) => {
                     let program = &*programs[caller.shader.0 as usize];
-                    Some((program, caller.shader, caller.batch.op.saturating_sub(1)))
+                    Some((program, caller.shader, caller.batch.stopped_at()))
                 }
                 _ => None,
             })
@@ -118,7 +118,7 @@ where
                 )),
             };
         }
-        let offset = program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
+        let offset = program.origins.get(trap.op.index()).map_or(0, |origin| origin.offset);
         let (code, fault_value, shader) = (trap.code, running.batch.fault_value[lane], running.shader);
         self.trapped = Some(Trapped { launch_id, code, fault_value, shader, offset, error });
     }
@@ -170,11 +170,11 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
     fn mismatch(
         &self,
         running: &RunningShader<W>,
-        op: u32,
+        op: OpIndex,
         called: u64,
     ) -> Option<([String; 2], Option<String>)> {
         let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
-        let passed = match program(running.shader).ops.get(op as usize)? {
+        let passed = match program(running.shader).ops.get(op.index())? {
             Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
             _ => None,
         };
@@ -341,8 +341,8 @@ pub(crate) fn trap_error<const W: usize>(
 
 /// Adds the location of an operation to an error: its word offset, its source line and the inlined
 /// calls.
-fn with_location(program: &Program, op: u32, error: Error, label: &str) -> Error {
-    let Some(origin) = program.origins.get(op as usize) else { return error };
+fn with_location(program: &Program, op: OpIndex, error: Error, label: &str) -> Error {
+    let Some(origin) = program.origins.get(op.index()) else { return error };
     let mut error = match program.place_at(origin.offset) {
         Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
         None => match program.place_near(origin.offset) {
@@ -374,8 +374,8 @@ fn file_and_line(place: &Place) -> String {
     }
 }
 
-pub(super) fn source_line(program: &Program, op: u32) -> String {
-    program.origins.get(op as usize).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
+pub(super) fn source_line(program: &Program, op: OpIndex) -> String {
+    program.origins.get(op.index()).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
 }
 
 /// ` at FILE:LINE` or ` near FILE:LINE`, for the instruction at a word offset.

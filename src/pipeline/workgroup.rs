@@ -14,7 +14,8 @@ use smallvec::SmallVec;
 use crate::error::Error;
 use crate::interp;
 use crate::machine::{
-    Batch, Bindings, Exit, Invocation, LaneTrap, Mask, Observer, Stop, TaskWatch, TrapCode, Workgroup,
+    Batch, Bindings, BlockIndex, Exit, Invocation, LaneTrap, Mask, Observer, OpIndex, Stop, TaskWatch,
+    TrapCode, Workgroup,
 };
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -30,9 +31,9 @@ const MAX_SHARED_BYTES: u32 = 1 << 24;
 /// Lanes of a batch that wait at a barrier.
 #[derive(Clone, Copy, Debug)]
 struct WaitingLanes<const W: usize> {
-    block: u32,
+    block: BlockIndex,
     /// The operation after the barrier.
-    op: u32,
+    op: OpIndex,
     mask: Mask<W>,
 }
 
@@ -236,7 +237,7 @@ where
         }
         let barrier = |at: usize| {
             let waiting = &self.batches[at / W].waiting;
-            waiting.iter().find(|waiting| waiting.mask.contains(at % W)).map(|waiting| waiting.op)
+            waiting.iter().find(|waiting| waiting.mask.contains(at % W))?.op.previous()
         };
         let Some(first) = positions.clone().find(|&at| barrier(at).is_some()) else { return };
         let Some(other) = positions.clone().find(|&at| barrier(at) != barrier(first)) else { return };
@@ -244,11 +245,11 @@ where
         let note = match barrier(other) {
             None => format!("local invocation ({x}, {y}, {z}) has ended without it"),
             Some(op) => {
-                let line = source_line(self.program, op - 1);
+                let line = source_line(self.program, op);
                 format!("local invocation ({x}, {y}, {z}) waits at another barrier{line}")
             }
         };
-        let op = barrier(first).map_or(0, |op| op - 1);
+        let op = barrier(first).unwrap_or_default();
         self.report(first, LaneTrap { code: TrapCode::BarrierDivergence, op }, workgroup, Some(note));
         self.end(positions);
     }
@@ -284,7 +285,7 @@ where
         error = error.note(format!(
             "in {stage} `{name}`, workgroup {group}, local invocation {local}, global invocation id {global}"
         ));
-        let offset = self.program.origins.get(trap.op as usize).map_or(0, |origin| origin.offset);
+        let offset = self.program.origins.get(trap.op.index()).map_or(0, |origin| origin.offset);
         let (launch_id, code, fault_value) =
             (invocations.launch_id(lane), trap.code, batch.fault_value[lane]);
         self.trapped = Some(Trapped { launch_id, code, fault_value, shader: Shader(0), offset, error });
@@ -324,7 +325,7 @@ where
                     let in_call = !batch.frames().is_empty();
                     if in_call && running != mask {
                         // Invocations inside a call cannot wait for those outside of it.
-                        batch.trap(mask, TrapCode::BarrierDivergence, batch.op - 1);
+                        batch.trap(mask, TrapCode::BarrierDivergence, batch.stopped_at());
                     } else {
                         add_waiting(
                             &mut self.waiting,
@@ -339,7 +340,7 @@ where
                     if !batch.follow([]) {
                         return;
                     }
-                    batch.op = program.blocks[batch.block as usize].first;
+                    batch.op = program.blocks[batch.block.index()].first;
                 }
                 Stop::Paused => {}
                 Stop::TraceRay { .. }

@@ -13,7 +13,7 @@ use std::ops::Range;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
-use crate::machine::Reg;
+use crate::machine::{BlockIndex, OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::memory;
 use crate::ops::op::Op;
@@ -65,7 +65,7 @@ pub(super) fn propagate_copies(program: &mut Program, addressed: &[(Reg, u32)]) 
     let mut copies: FxHashMap<Reg, Reg> = FxHashMap::default();
     for block in &mut program.blocks {
         copies.clear();
-        for at in block.first as usize..block.end as usize {
+        for at in block.ops() {
             if !copies.is_empty() {
                 let op = &mut program.ops[at];
                 for_each_renameable_use(op, |reg| {
@@ -147,9 +147,9 @@ pub(super) fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option
     let stores = Stores::of(program, &aliased)?;
     let count = program.blocks.len();
     let mut live = vec![0u64; stores.words];
-    let mut predecessors: Vec<SmallVec<[u32; 2]>> = vec![SmallVec::new(); count];
+    let mut predecessors: Vec<SmallVec<[BlockIndex; 2]>> = vec![SmallVec::new(); count];
     for (at, block) in program.blocks.iter().enumerate() {
-        for_each_successor(&block.terminator, |to| predecessors[to as usize].push(at as u32));
+        for_each_successor(&block.terminator, |to| predecessors[to.index()].push(BlockIndex::new(at)));
     }
     let mut live_in = LiveInSets::of(program, &stores, &predecessors);
     // The result of the last visit of each block.
@@ -166,7 +166,7 @@ pub(super) fn live_stores(program: &Program, addressed: &[(Reg, u32)]) -> Option
             live_in.live_out(program, block, &mut live);
             stores.transfer(block, &mut live, &mut needed);
             if live_in.set(block, &live) {
-                predecessors[block].iter().for_each(|&block| stale[block as usize] = true);
+                predecessors[block].iter().for_each(|&block| stale[block.index()] = true);
                 changed = true;
             }
         }
@@ -195,7 +195,7 @@ enum Event {
     Write(u32),
     /// A masked store by operation `at`, from a bit or [`NONE`].
     Store {
-        at: u32,
+        at: OpIndex,
         to: u32,
         from: u32,
     },
@@ -223,13 +223,13 @@ impl Stores {
         let mut reads: Vec<(Reg, u32)> = Vec::new();
         for block in &program.blocks {
             for_each_terminator_read(&block.terminator, |reg| stores.record(&bits, reg, 1, Event::Read));
-            for at in (block.first..block.end).rev() {
-                let op = &program.ops[at as usize];
+            for at in block.ops().rev() {
+                let op = &program.ops[at];
                 if let &Op::Memory(memory::MemoryOp::MoveMasked { to, from }) = op
                     && bits[to.0 as usize] != NONE
                 {
                     let [to, from] = [to, from].map(|reg| bits[reg.0 as usize]);
-                    stores.events.push(Event::Store { at, to, from });
+                    stores.events.push(Event::Store { at: OpIndex::new(at), to, from });
                     continue;
                 }
                 reads.clear();
@@ -246,10 +246,10 @@ impl Stores {
     }
 
     /// By word: the first and the last block that access one of its bits.
-    fn spans(&self) -> Vec<(u32, u32)> {
-        let mut spans = vec![(u32::MAX, 0); self.words];
+    fn spans(&self) -> Vec<(BlockIndex, BlockIndex)> {
+        let mut spans = vec![(BlockIndex(u32::MAX), BlockIndex(0)); self.words];
         let mut first = 0;
-        for (block, &end) in (0..).zip(&self.ends) {
+        for (block, &end) in (0..).map(BlockIndex).zip(&self.ends) {
             for event in &self.events[first..end] {
                 let bits = match *event {
                     Event::Read(bit) | Event::Write(bit) => [bit, NONE],
@@ -281,8 +281,8 @@ impl Stores {
                 Event::Write(bit) => (NONE, bit),
                 Event::Store { at, to, from } => {
                     let (word, bit) = word_and_bit(to);
-                    needed[at as usize] = live[word] & bit != 0;
-                    if !needed[at as usize] {
+                    needed[at.index()] = live[word] & bit != 0;
+                    if !needed[at.index()] {
                         continue;
                     }
                     (from, to)
@@ -307,7 +307,7 @@ impl Stores {
 /// leaves it and returns, so the word is stored for the blocks of its span only.
 struct LiveInSets {
     /// By word: the first and the last block of its span.
-    spans: Vec<(u32, u32)>,
+    spans: Vec<(BlockIndex, BlockIndex)>,
     /// By block: whether a path leads from it to a call or a return, where all registers are live.
     reaches_call: Vec<bool>,
     /// By block: where its entries in `words` begin; then the number of all entries.
@@ -320,15 +320,15 @@ struct LiveInSets {
 
 impl LiveInSets {
     /// Makes empty sets.
-    fn of(program: &Program, stores: &Stores, predecessors: &[SmallVec<[u32; 2]>]) -> Self {
-        let blocks = program.blocks.len() as u32;
-        let mut loops: Vec<(u32, u32)> = Vec::new();
-        for (at, block) in (0..).zip(&program.blocks) {
+    fn of(program: &Program, stores: &Stores, predecessors: &[SmallVec<[BlockIndex; 2]>]) -> Self {
+        let blocks = program.blocks.len();
+        let mut loops: Vec<(BlockIndex, BlockIndex)> = Vec::new();
+        for (at, block) in (0..).map(BlockIndex).zip(&program.blocks) {
             for_each_successor(&block.terminator, |to| loops.extend((to <= at).then_some((to, at))));
         }
         let mut spans = stores.spans();
         // By block: the words whose span begins there.
-        let mut starting = vec![Vec::new(); blocks as usize];
+        let mut starting = vec![Vec::new(); blocks];
         for (word, (first, last)) in (0u32..).zip(&mut spans) {
             let mut grows = true;
             while std::mem::take(&mut grows) {
@@ -338,23 +338,24 @@ impl LiveInSets {
                     }
                 }
             }
-            starting[*first as usize].push(word);
+            starting[first.index()].push(word);
         }
-        let reaches_call = vec![false; blocks as usize];
+        let reaches_call = vec![false; blocks];
         let mut all = Self { spans, reaches_call, first: vec![0], words: Vec::new(), live: Vec::new() };
         let mut active: Vec<u32> = Vec::new();
-        for block in 0..blocks {
-            active.append(&mut starting[block as usize]);
+        for (block, starting) in (0..).map(BlockIndex).zip(&mut starting) {
+            active.append(starting);
             active.retain(|&word| all.spans[word as usize].1 >= block);
             all.words.extend(&active);
             all.first.push(all.words.len() as u32);
         }
         all.live = vec![0; all.words.len()];
-        let calls = (0..).zip(&program.blocks).filter(|(_, block)| all_is_live(&block.terminator));
-        let mut work: Vec<u32> = calls.map(|(block, _)| block).collect();
+        let calls =
+            (0..).map(BlockIndex).zip(&program.blocks).filter(|(_, block)| all_is_live(&block.terminator));
+        let mut work: Vec<BlockIndex> = calls.map(|(block, _)| block).collect();
         while let Some(block) = work.pop() {
-            if !std::mem::replace(&mut all.reaches_call[block as usize], true) {
-                work.extend(&predecessors[block as usize]);
+            if !std::mem::replace(&mut all.reaches_call[block.index()], true) {
+                work.extend(&predecessors[block.index()]);
             }
         }
         all
@@ -371,10 +372,10 @@ impl LiveInSets {
         let begin = if all_is_live(terminator) { u64::MAX } else { 0 };
         words.iter().for_each(|&word| live[word as usize] = begin);
         for_each_successor(terminator, |to| {
-            for at in self.range(to as usize) {
+            for at in self.range(to.index()) {
                 live[self.words[at] as usize] |= self.live[at];
             }
-            if self.reaches_call[to as usize] {
+            if self.reaches_call[to.index()] {
                 // Words that are not stored there are not written on that path.
                 for &word in words {
                     let (first, last) = self.spans[word as usize];
@@ -403,7 +404,7 @@ fn all_is_live(terminator: &Terminator) -> bool {
 }
 
 /// Visits the successors of a terminator, except for calls.
-fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(u32)) {
+fn for_each_successor(terminator: &Terminator, mut visit: impl FnMut(BlockIndex)) {
     match terminator {
         Terminator::Branch(to) => visit(*to),
         Terminator::BranchConditional { then, other, .. } => [*then, *other].into_iter().for_each(visit),

@@ -3,7 +3,7 @@
 //! The shader compilers leave unused access chains and undefined values behind. Eliminating them
 //! also means that an index which is out of bounds but never used does not trap.
 
-use crate::machine::Reg;
+use crate::machine::{OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
 use crate::ops::{memory, ray_tracing};
@@ -24,9 +24,9 @@ struct LivenessMarker<'a> {
     /// live. This is the list's head, an index into `unread_writers`.
     unread_head: Vec<u32>,
     /// Entries of the lists: an operation and the next entry.
-    unread_writers: Vec<(u32, u32)>,
+    unread_writers: Vec<(OpIndex, u32)>,
     /// Operations whose reads are not marked yet.
-    worklist: Vec<u32>,
+    worklist: Vec<OpIndex>,
 }
 
 impl<'a> LivenessMarker<'a> {
@@ -77,7 +77,7 @@ impl<'a> LivenessMarker<'a> {
                             if live {
                                 needed = true;
                             } else {
-                                unread_writers.push((at as u32, *unread_head));
+                                unread_writers.push((OpIndex::new(at), *unread_head));
                                 *unread_head = unread_writers.len() as u32 - 1;
                             }
                         }
@@ -86,12 +86,12 @@ impl<'a> LivenessMarker<'a> {
                     Access::Read(..) => {}
                 },
             );
-            self.worklist.extend(needed.then_some(at as u32));
+            self.worklist.extend(needed.then_some(OpIndex::new(at)));
             while let Some(at) = self.worklist.pop() {
-                if std::mem::replace(&mut self.needed[at as usize], true) {
+                if std::mem::replace(&mut self.needed[at.index()], true) {
                     continue;
                 }
-                ops[at as usize].accesses(|access| {
+                ops[at.index()].accesses(|access| {
                     if let Access::Read(first, count) = access {
                         self.read(first, count);
                     }
@@ -139,13 +139,13 @@ fn remove(program: &mut Program, needed: &[bool]) {
     let mut kept_before = Vec::with_capacity(needed.len() + 1);
     let mut count = 0;
     for &needed in needed {
-        kept_before.push(count);
+        kept_before.push(OpIndex(count));
         count += u32::from(needed);
     }
-    kept_before.push(count);
+    kept_before.push(OpIndex(count));
     for block in &mut program.blocks {
-        block.first = kept_before[block.first as usize];
-        block.end = kept_before[block.end as usize];
+        block.first = kept_before[block.first.index()];
+        block.end = kept_before[block.end.index()];
     }
     let mut keep = needed.iter();
     program.ops.retain(|_| *keep.next().expect("bug in anyhit: an operation that is neither live nor dead"));

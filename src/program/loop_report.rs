@@ -1,8 +1,7 @@
 //! The report of a loop that has no end: where it begins, and what its variables did in its last
 //! turns.
 
-use crate::machine::lanes::Reg;
-use crate::machine::{LaneTrap, LoopTurns};
+use crate::machine::{BlockIndex, LaneTrap, LoopTurns, OpIndex, Reg};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::access::Access;
@@ -21,23 +20,22 @@ impl Program {
     /// in no loop.
     #[doc(hidden)]
     pub fn describe_loop(&self, trap: LaneTrap, turns: &[LoopTurns]) -> Option<String> {
-        let count = self.ops.len() as u32;
-        let block = match trap.op.checked_sub(count) {
+        let block = match self.block_of_terminator(trap.op) {
             Some(block) => block,
             None => {
                 let holds = |block: &crate::program::Block| (block.first..block.end).contains(&trap.op);
-                self.blocks.iter().position(holds)? as u32
+                BlockIndex::new(self.blocks.iter().position(holds)?)
             }
         };
         // The outermost loop around the place that came round at least twice.
         let edges = turns.iter().filter_map(|turns| {
-            let from = turns.op.checked_sub(count)?;
+            let from = self.block_of_terminator(turns.op)?;
             let to = self.back_edge(from)?;
             ((to..=from).contains(&block)).then_some((turns, to, from))
         });
         let (turns, to, from) =
-            edges.max_by_key(|&(turns, to, from)| (turns.count > 1, from - to, turns.count))?;
-        let header = self.origins.get((count + to) as usize)?.offset;
+            edges.max_by_key(|&(turns, to, from)| (turns.count > 1, from.0 - to.0, turns.count))?;
+        let header = self.origins.get(self.terminator_index(to).index())?.offset;
         let line = match (self.place_at(header), self.place_near(header)) {
             (Some(place), _) | (None, Some(place)) => format!("the loop at {}", place_words(&place)),
             (None, None) => format!("the loop at word {header} of the module"),
@@ -81,10 +79,15 @@ impl Program {
         Some(told)
     }
 
+    /// The block whose terminator an index is of; `None` for an operation.
+    fn block_of_terminator(&self, op: OpIndex) -> Option<BlockIndex> {
+        op.index().checked_sub(self.ops.len()).map(BlockIndex::new)
+    }
+
     /// The block that a block's terminator goes back to.
-    fn back_edge(&self, from: u32) -> Option<u32> {
-        let mut targets: Vec<u32> = Vec::new();
-        match &self.blocks.get(from as usize)?.terminator {
+    fn back_edge(&self, from: BlockIndex) -> Option<BlockIndex> {
+        let mut targets: Vec<BlockIndex> = Vec::new();
+        match &self.blocks.get(from.index())?.terminator {
             Terminator::Branch(to) => targets.push(*to),
             Terminator::BranchConditional { then, other, .. } => targets.extend([*then, *other]),
             Terminator::Switch { cases, default, .. } => {
@@ -97,7 +100,7 @@ impl Program {
 
     /// The variables that the blocks of a loop use and whose registers hold their values: no pass
     /// has removed a store to them, and their registers are not shared with other values.
-    fn known_variables(&self, to: u32, from: u32) -> Vec<LoopVariable> {
+    fn known_variables(&self, to: BlockIndex, from: BlockIndex) -> Vec<LoopVariable> {
         let entry = self
             .module
             .entry_points
@@ -127,8 +130,8 @@ impl Program {
             stores
         });
         let mut used = vec![false; registers];
-        for block in &translated.blocks[to as usize..=from as usize] {
-            for op in &translated.ops[block.first as usize..block.end as usize] {
+        for block in &translated.blocks[to.index()..=from.index()] {
+            for op in &translated.ops[block.ops()] {
                 each_register(op, false, &mut |reg| {
                     if let Some(used) = used.get_mut(reg.0 as usize) {
                         *used = true;

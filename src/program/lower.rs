@@ -15,7 +15,7 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::error::{Error, ErrorKind, Place, Result};
-use crate::machine::{Exit, Reg};
+use crate::machine::{BlockIndex, Exit, OpIndex, Reg};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Function, Id, Instruction, Module};
@@ -141,7 +141,7 @@ pub(super) fn translate(
         blocks: Vec::new(),
         instruction_spans: Vec::new(),
         terminators: Vec::new(),
-        first: 0,
+        first: OpIndex(0),
         instructions: 0,
         scopes: vec![Scope { parent: 0, call: 0, function: entry.function }],
         depth: 0,
@@ -149,7 +149,7 @@ pub(super) fn translate(
         inline_costs: inline_costs(module, function),
         called_functions: FxHashMap::default(),
         queue: VecDeque::new(),
-        functions: vec![0],
+        functions: vec![BlockIndex(0)],
         loop_variables: Vec::new(),
         watched: Vec::new(),
     };
@@ -250,12 +250,16 @@ fn refuse_pipeline_instructions(lowering: &Lowering<'_>) -> Result<()> {
         .note("SPV_KHR_ray_tracing, execution models"))
 }
 
+/// A place that terminators branch to, made before its block is.
+#[derive(Clone, Copy)]
+struct Label(u32);
+
 /// What a return does, in the function that is being lowered.
 enum ReturnTarget {
     /// Ends the invocation.
     Entry,
     /// Continues in the caller; the value is left in registers.
-    Inlined { label: u32, result: Words },
+    Inlined { label: Label, result: Words },
     /// Returns from a real call; the value is left in registers.
     Called { result: Words },
 }
@@ -264,23 +268,23 @@ enum ReturnTarget {
 /// arguments and get the result.
 #[derive(Clone)]
 struct CalledFunction {
-    label: u32,
+    label: Label,
     parameters: Vec<Words>,
     result: Words,
 }
 
-/// A lowering in progress. Its terminators name labels, which `finish` resolves to block indices.
+/// A lowering in progress. Its terminators name labels, which `finish` resolves to blocks.
 struct Lowering<'m> {
     translator: Translator<'m>,
     module: &'m Module,
-    /// By label: the index of its block.
-    block_of_label: Vec<u32>,
-    blocks: Vec<Block>,
+    /// By label: its block.
+    block_of_label: Vec<BlockIndex>,
+    blocks: Vec<Block<Label>>,
     instruction_spans: Vec<InstructionSpan>,
     /// By block: the instruction that its terminator comes from.
     terminators: Vec<Origin>,
     /// The first operation of the open block.
-    first: u32,
+    first: OpIndex,
     /// How many instructions have been lowered.
     instructions: usize,
     scopes: Vec<Scope>,
@@ -293,16 +297,16 @@ struct Lowering<'m> {
     /// Called functions that are not lowered yet.
     queue: VecDeque<Id>,
     /// The first block of each function that is lowered by itself.
-    functions: Vec<u32>,
+    functions: Vec<BlockIndex>,
     loop_variables: Vec<LoopVariable>,
     watched: Vec<Reg>,
 }
 
 impl<'m> Lowering<'m> {
     /// Makes a new label.
-    fn label(&mut self) -> u32 {
-        self.block_of_label.push(u32::MAX);
-        self.block_of_label.len() as u32 - 1
+    fn label(&mut self) -> Label {
+        self.block_of_label.push(BlockIndex(u32::MAX));
+        Label(self.block_of_label.len() as u32 - 1)
     }
 
     /// Reserves memory for about one operation per instruction and one block per four instructions,
@@ -316,15 +320,20 @@ impl<'m> Lowering<'m> {
     }
 
     /// Opens a block under a label.
-    fn begin(&mut self, label: u32) {
-        self.block_of_label[label as usize] = self.blocks.len() as u32;
-        self.first = self.translator.ops.len() as u32;
+    fn begin(&mut self, label: Label) {
+        self.block_of_label[label.0 as usize] = self.open_block();
+        self.first = OpIndex::new(self.translator.ops.len());
         self.translator.invalidate_known_values();
     }
 
+    /// The open block.
+    fn open_block(&self) -> BlockIndex {
+        BlockIndex::new(self.blocks.len())
+    }
+
     /// Closes the open block.
-    fn end(&mut self, terminator: Terminator) {
-        let end = self.translator.ops.len() as u32;
+    fn end(&mut self, terminator: Terminator<Label>) {
+        let end = OpIndex::new(self.translator.ops.len());
         self.blocks.push(Block { first: self.first, end, terminator, instructions: 0 });
         self.terminators.push(self.translator.origin);
     }
@@ -384,7 +393,7 @@ impl<'m> Lowering<'m> {
             let block = &function.blocks[block];
             if position == 0 {
                 // The function's first block continues the open block.
-                self.block_of_label[label as usize] = self.blocks.len() as u32;
+                self.block_of_label[label.0 as usize] = self.open_block();
             } else {
                 self.begin(label);
             }
@@ -463,7 +472,7 @@ impl<'m> Lowering<'m> {
     /// Adds an instruction to the instruction spans of the open block.
     fn record_instruction(&mut self, instruction: &Instruction) {
         self.instructions += 1;
-        let (block, scope) = (self.blocks.len() as u32, self.translator.origin.scope);
+        let (block, scope) = (self.open_block(), self.translator.origin.scope);
         let offset = instruction.offset;
         match self.instruction_spans.last_mut() {
             Some(open) if (open.block, open.scope) == (block, scope) && open.last < offset => {
@@ -543,37 +552,23 @@ impl<'m> Lowering<'m> {
         entry: &EntryPoint,
         workgroup: Option<WorkgroupLayout>,
     ) -> (Program, Vec<(Reg, u32)>) {
-        let resolve = |label: &mut u32| *label = self.block_of_label[*label as usize];
-        let mut blocks = self.blocks;
-        for block in &mut blocks {
-            match &mut block.terminator {
-                Terminator::Branch(label) => resolve(label),
-                Terminator::BranchConditional { then, other, .. } => {
-                    resolve(then);
-                    resolve(other);
-                }
-                Terminator::Switch { cases, default, .. } => {
-                    resolve(default);
-                    cases.iter_mut().for_each(|(_, label)| resolve(label));
-                }
-                Terminator::Call { function, return_to } => {
-                    resolve(function);
-                    resolve(return_to);
-                }
-                Terminator::Return | Terminator::Exit(_) | Terminator::Unreachable => {}
-            }
-        }
+        let block_of = |label: Label| self.block_of_label[label.0 as usize];
+        let resolve = |Block { first, end, terminator, instructions }| {
+            let terminator = Terminator::map(terminator, block_of);
+            Block { first, end, terminator, instructions }
+        };
+        let mut blocks: Vec<Block> = self.blocks.into_iter().map(resolve).collect();
         let mut counts = vec![0u32; blocks.len()];
         for span in &self.instruction_spans {
-            counts[span.block as usize] += span.count;
+            counts[span.block.index()] += span.count;
         }
         let mut instructions = 0u32;
         for (block, count) in blocks.iter_mut().zip(counts) {
             instructions = instructions.saturating_add(count);
             block.instructions = instructions;
         }
-        let ends = self.functions[1..].iter().copied().chain([blocks.len() as u32]);
-        let until = |block: u32| block.checked_sub(1).map_or(0, |last| blocks[last as usize].instructions);
+        let ends = self.functions[1..].iter().copied().chain([BlockIndex::new(blocks.len())]);
+        let until = |block: BlockIndex| block.previous().map_or(0, |last| blocks[last.index()].instructions);
         let functions =
             self.functions.iter().zip(ends).map(|(&first, end)| (first, until(end) - until(first))).collect();
         let constants = self.translator.constant_registers().collect();
@@ -623,7 +618,7 @@ struct Site<'a> {
     function: &'a Function,
     block: Id,
     /// By block index in the function: its label, if the block is reachable.
-    labels: &'a [Option<u32>],
+    labels: &'a [Option<Label>],
     return_target: &'a ReturnTarget,
 }
 

@@ -25,13 +25,15 @@ mod trap_operands;
 pub mod verify;
 pub mod workgroup;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::accel::RayRule;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{
-    AccessFault, Batch, Binding, Bindings, Exit, LaneTrap, Lanes, Mask, Reg, Registers, TrapCode,
+    AccessFault, Batch, Binding, Bindings, BlockIndex, Exit, LaneTrap, Lanes, Mask, OpIndex, Reg, Registers,
+    TrapCode,
 };
 use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
@@ -48,19 +50,19 @@ pub use obstacles::obstacles;
 pub use regalloc::{OptimizedCode, Superblock};
 pub use workgroup::{DerivativeGroup, WorkgroupLayout};
 
-/// How a block ends, and its successors.
+/// How a block ends, and its successors: blocks of a program, or labels while it is lowered.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Terminator {
+pub enum Terminator<B = BlockIndex> {
     /// Branches to a block.
-    Branch(u32),
+    Branch(B),
     /// Branches to `then` where the register is not zero, else to `other`.
     BranchConditional {
         /// The register of the bool.
         condition: Reg,
         /// The block where it is true.
-        then: u32,
+        then: B,
         /// The block where it is false.
-        other: u32,
+        other: B,
     },
     /// Branches to the block of the first case that equals the selector.
     Switch {
@@ -69,16 +71,16 @@ pub enum Terminator {
         /// Whether it has 64 bits.
         wide: bool,
         /// The values of the cases and their blocks.
-        cases: Box<[(u64, u32)]>,
+        cases: Box<[(u64, B)]>,
         /// The block where no case matches.
-        default: u32,
+        default: B,
     },
     /// Calls a function; continues at `return_to` afterwards.
     Call {
         /// The function's first block.
-        function: u32,
+        function: B,
         /// The block at which the caller continues.
-        return_to: u32,
+        return_to: B,
     },
     /// Ends the function.
     Return,
@@ -88,15 +90,38 @@ pub enum Terminator {
     Unreachable,
 }
 
+impl<B> Terminator<B> {
+    /// The terminator with other names for its blocks.
+    fn map<C>(self, mut rename: impl FnMut(B) -> C) -> Terminator<C> {
+        match self {
+            Self::Branch(to) => Terminator::Branch(rename(to)),
+            Self::BranchConditional { condition, then, other } => {
+                Terminator::BranchConditional { condition, then: rename(then), other: rename(other) }
+            }
+            Self::Switch { selector, wide, cases, default } => {
+                let default = rename(default);
+                let cases = cases.into_iter().map(|(value, to)| (value, rename(to))).collect();
+                Terminator::Switch { selector, wide, cases, default }
+            }
+            Self::Call { function, return_to } => {
+                Terminator::Call { function: rename(function), return_to: rename(return_to) }
+            }
+            Self::Return => Terminator::Return,
+            Self::Exit(exit) => Terminator::Exit(exit),
+            Self::Unreachable => Terminator::Unreachable,
+        }
+    }
+}
+
 /// A basic block: operations that run one after the other, and a terminator.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Block {
+pub struct Block<B = BlockIndex> {
     /// The first operation.
-    pub first: u32,
+    pub first: OpIndex,
     /// One past the last operation.
-    pub end: u32,
+    pub end: OpIndex,
     /// How the block ends.
-    pub terminator: Terminator,
+    pub terminator: Terminator<B>,
     /// The number of module instructions in the blocks up to the end of this one, including
     /// eliminated ones. The difference of two blocks is the fuel that a back edge costs.
     pub instructions: u32,
@@ -107,7 +132,7 @@ pub struct Block {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InstructionSpan {
     /// The program's block.
-    pub block: u32,
+    pub block: BlockIndex,
     /// The inlined call that they belong to; see [`Program::scopes`].
     pub scope: u32,
     /// The word offset of the first.
@@ -163,7 +188,7 @@ pub struct Program {
     /// By function that is not inlined, the entry point first: its first block, ascending, and the
     /// instructions of all its blocks, which a call costs.
     #[doc(hidden)]
-    pub functions: Vec<(u32, u32)>,
+    pub functions: Vec<(BlockIndex, u32)>,
     /// The variables and phis of which the report of an endless loop tells.
     #[doc(hidden)]
     pub loop_variables: Vec<LoopVariable>,
@@ -219,6 +244,14 @@ pub struct Eliminated {
     pub operations: u32,
     /// The number of builtins that the shader loads and that are not computed.
     pub builtins: u32,
+}
+
+impl Block {
+    /// The indices of its operations.
+    #[inline]
+    pub fn ops(&self) -> Range<usize> {
+        self.first.index()..self.end.index()
+    }
 }
 
 impl Program {
@@ -293,7 +326,7 @@ impl Program {
 
     /// The instructions that a call of the function which begins at a block costs.
     #[doc(hidden)]
-    pub fn call_cost(&self, block: u32) -> u32 {
+    pub fn call_cost(&self, block: BlockIndex) -> u32 {
         let found = self.functions.binary_search_by_key(&block, |&(first, _)| first);
         found.map_or(1, |at| self.functions[at].1.max(1))
     }
@@ -303,6 +336,13 @@ impl Program {
     #[doc(hidden)]
     pub fn entry_cost(&self) -> u32 {
         self.functions.first().map_or(1, |&(_, instructions)| instructions.max(1))
+    }
+
+    /// The terminator of a block, as an index into [`Program::origins`].
+    #[doc(hidden)]
+    #[inline]
+    pub fn terminator_index(&self, block: BlockIndex) -> OpIndex {
+        OpIndex::new(self.ops.len()).plus(block.0)
     }
 
     /// Starts the lanes of a mask, whose invocations are set, each with its fuel, counted in
@@ -316,7 +356,7 @@ impl Program {
             batch.registers.span_mut(first, count).fill(Lanes::splat(0));
         }
         self.refresh_inputs(batch, mask, false);
-        batch.begin(mask, 0, self.blocks[0].first, fuel);
+        batch.begin(mask, BlockIndex(0), self.blocks[0].first, fuel);
     }
 
     /// Fills the registers of builtins; with `volatile`, only of those that may change while
@@ -345,7 +385,7 @@ impl Program {
     ) -> Option<String> {
         if let TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject = trap.code {
             // The fault value is the number of the rule that was violated.
-            let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
+            let opcode = *self.module.words.get(self.origins.get(trap.op.index())?.offset as usize)?;
             let broken = *RayRule::ALL.get(fault_value as usize)?;
             return Some(ray_rules::describe(opcode as u16, broken));
         }

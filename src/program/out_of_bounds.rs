@@ -2,7 +2,7 @@
 //! array's length.
 
 use crate::error::IndexOperand;
-use crate::machine::{AccessFault, LaneTrap, Reg, TrapCode};
+use crate::machine::{AccessFault, LaneTrap, OpIndex, Reg, TrapCode};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::access::Access;
@@ -41,7 +41,7 @@ impl Program {
         trap: LaneTrap,
         fault_value: u64,
         accessed: Option<&AccessFault>,
-        last_out_of_bounds: impl Fn(u32) -> Option<(u64, u32)>,
+        last_out_of_bounds: impl Fn(OpIndex) -> Option<(u64, u32)>,
     ) -> Option<(String, IndexOperand)> {
         match trap.code {
             TrapCode::IndexOutOfBounds => {
@@ -57,7 +57,7 @@ impl Program {
     }
 
     /// The operations that compute the indices of an access.
-    fn indices(&self, op: u32) -> Vec<u32> {
+    fn indices(&self, op: OpIndex) -> Vec<OpIndex> {
         let mut found = Vec::new();
         let mut work: Vec<Reg> = Vec::new();
         let mut seen: Vec<Reg> = Vec::new();
@@ -68,16 +68,16 @@ impl Program {
                 }
             });
         };
-        reads(&self.ops[op as usize], &mut work);
+        reads(&self.ops[op.index()], &mut work);
         while let Some(reg) = work.pop() {
             if seen.contains(&reg) {
                 continue;
             }
             seen.push(reg);
-            for (at, writer) in (0..).zip(&self.ops) {
+            for (at, writer) in self.ops.iter().enumerate() {
                 match *writer {
                     Op::Memory(memory::MemoryOp::Index { to, base, .. }) if to == reg => {
-                        found.push(at);
+                        found.push(OpIndex::new(at));
                         work.extend(base);
                     }
                     Op::Memory(
@@ -92,9 +92,9 @@ impl Program {
         found
     }
 
-    fn computed_index(&self, at: u32, index: u32) -> Option<(String, IndexOperand)> {
-        let Op::Memory(memory::MemoryOp::Index { length, .. }) = self.ops[at as usize] else { return None };
-        let chain_indices = self.chain_indices(self.origins[at as usize].offset);
+    fn computed_index(&self, at: OpIndex, index: u32) -> Option<(String, IndexOperand)> {
+        let Op::Memory(memory::MemoryOp::Index { length, .. }) = self.ops[at.index()] else { return None };
+        let chain_indices = self.chain_indices(self.origins[at.index()].offset);
         let may_be_it = |chain_index: &&ChainIndex| {
             let constant = self.module.scalar_value(chain_index.index).map(|known| known as u32);
             constant.is_none_or(|known| known == index)
@@ -123,12 +123,12 @@ impl Program {
     /// buffer.
     fn element_index(
         &self,
-        op: u32,
+        op: OpIndex,
         fault_value: u64,
         accessed: &AccessFault,
     ) -> Option<(String, IndexOperand)> {
         let AccessFault::Buffer { size, .. } = *accessed else { return None };
-        let index = match &self.ops[op as usize] {
+        let index = match &self.ops[op.index()] {
             Op::Memory(
                 memory::MemoryOp::BufferLoad { chunk, .. } | memory::MemoryOp::BufferStore { chunk, .. },
             ) => chunk.index?,

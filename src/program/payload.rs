@@ -2,8 +2,10 @@
 //! and whether a shader has other outputs than its payload. A closest-hit or miss shader need not
 //! run if it has no other output, and writes only payload words that are not read.
 
+use std::ops::Range;
+
 use crate::machine::stop::RegSpan;
-use crate::machine::{Exit, Reg};
+use crate::machine::{BlockIndex, Exit, OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
 use crate::ops::pointer::storage;
@@ -50,12 +52,12 @@ pub struct Payloads {
     pub writes_only: Option<PayloadWords>,
     /// By operation that traces or executes a hit object, ascending: the words of its payload that
     /// may be read after it.
-    reads: Vec<(u32, PayloadWords)>,
+    reads: Vec<(OpIndex, PayloadWords)>,
 }
 
 impl Payloads {
     /// The words of its payload that may be read after an operation that traces.
-    pub fn read_after(&self, op: u32) -> PayloadWords {
+    pub fn read_after(&self, op: OpIndex) -> PayloadWords {
         self.reads
             .binary_search_by_key(&op, |&(at, _)| at)
             .map_or(PayloadWords::ALL, |place| self.reads[place].1)
@@ -72,7 +74,7 @@ impl Payloads {
                 ) => payload,
                 _ => return None,
             };
-            Some((at as u32, payload))
+            Some((OpIndex::new(at), payload))
         });
         let tracing: Vec<_> = tracing.collect();
         let mut payloads: Vec<RegSpan> = Vec::new();
@@ -100,10 +102,10 @@ impl Payloads {
 fn writes_only(program: &Program) -> Option<PayloadWords> {
     let ends = |(at, block): (usize, &Block)| match &block.terminator {
         // Without back edges the program ends, however little fuel it has.
-        Terminator::Branch(to) => *to as usize > at,
-        Terminator::BranchConditional { then, other, .. } => (*then.min(other)) as usize > at,
+        Terminator::Branch(to) => to.index() > at,
+        Terminator::BranchConditional { then, other, .. } => then.min(other).index() > at,
         Terminator::Switch { cases, default, .. } => {
-            cases.iter().map(|(_, to)| to).chain([default]).all(|to| *to as usize > at)
+            cases.iter().map(|(_, to)| to).chain([default]).all(|to| to.index() > at)
         }
         Terminator::Exit(Exit::Returned) => true,
         _ => false,
@@ -164,7 +166,7 @@ impl<'a> Liveness<'a> {
         loop {
             let mut changed = false;
             for (at, block) in program.blocks.iter().enumerate().rev() {
-                let live_in = all.transfer(block.first..block.end, all.live_out(block));
+                let live_in = all.transfer(block.ops(), all.live_out(block));
                 changed |= std::mem::replace(&mut all.live_in[at], live_in) != live_in;
             }
             if !changed {
@@ -175,7 +177,7 @@ impl<'a> Liveness<'a> {
 
     /// The words that are live at the end of a block.
     fn live_out(&self, block: &Block) -> PayloadWords {
-        let live_in = |block: &u32| self.live_in[*block as usize];
+        let live_in = |block: &BlockIndex| self.live_in[block.index()];
         let mut words = match &block.terminator {
             Terminator::Branch(to) => live_in(to),
             Terminator::BranchConditional { then, other, .. } => live_in(then).union(live_in(other)),
@@ -205,9 +207,8 @@ impl<'a> Liveness<'a> {
 
     /// The transfer function of operations: the words that are live before the first, given those
     /// that are live after the last.
-    fn transfer(&self, ops: std::ops::Range<u32>, live_after: PayloadWords) -> PayloadWords {
-        let ops = &self.program.ops[ops.start as usize..ops.end as usize];
-        ops.iter().rev().fold(live_after, |live_after, op| {
+    fn transfer(&self, ops: Range<usize>, live_after: PayloadWords) -> PayloadWords {
+        self.program.ops[ops].iter().rev().fold(live_after, |live_after, op| {
             let (mut read, mut written) = (PayloadWords::default(), PayloadWords::default());
             op.accesses(|access| match access {
                 Access::Read(first, count) => read = read.union(PayloadWords::of(self.payload, first, count)),
@@ -221,12 +222,12 @@ impl<'a> Liveness<'a> {
     }
 
     /// The words that are live after an operation.
-    fn live_after(&self, op: u32) -> PayloadWords {
+    fn live_after(&self, op: OpIndex) -> PayloadWords {
         let blocks = &self.program.blocks;
         let Some(block) = blocks.iter().find(|block| (block.first..block.end).contains(&op)) else {
             return PayloadWords::ALL;
         };
-        self.transfer(op + 1..block.end, self.live_out(block))
+        self.transfer(op.index() + 1..block.end.index(), self.live_out(block))
     }
 }
 

@@ -19,7 +19,7 @@ impl fmt::Display for Program {
         }
         for (at, block) in self.blocks.iter().enumerate() {
             writeln!(f, "b{at}:")?;
-            for op in &self.ops[block.first as usize..block.end as usize] {
+            for op in &self.ops[block.ops()] {
                 writeln!(f, "    {op:?}")?;
             }
             writeln!(f, "    {:?}", block.terminator)?;

@@ -27,7 +27,7 @@ use std::collections::hash_map::Entry;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
-use crate::machine::{Binding, Bindings, Descriptor, Reg, Resources};
+use crate::machine::{Binding, Bindings, Descriptor, OpIndex, Reg, Resources};
 use crate::ops::access::Access;
 use crate::ops::arithmetic::{IAdd, IMul, ISub, SNegate};
 use crate::ops::atomic::{AtomicKind, AtomicTarget, Update};
@@ -331,16 +331,16 @@ pub fn mixes_workgroup_atomics(program: &Program) -> bool {
 }
 
 /// No operation writes a register.
-const NONE: u32 = u32::MAX;
+const NONE: OpIndex = OpIndex(u32::MAX);
 /// Several operations write a register.
-const SEVERAL: u32 = u32::MAX - 1;
+const SEVERAL: OpIndex = OpIndex(u32::MAX - 1);
 
 /// Value tracking: expresses the values of registers by launch indices, through the operations that
 /// write them.
 struct ValueTracking<'a> {
     program: &'a Program,
     /// By register: the only operation that writes it, [`NONE`], or [`SEVERAL`].
-    writers: Vec<u32>,
+    writers: Vec<OpIndex>,
     constants: FxHashMap<Reg, u32>,
     known: FxHashMap<Reg, Option<AffineRange>>,
 }
@@ -348,11 +348,11 @@ struct ValueTracking<'a> {
 impl<'a> ValueTracking<'a> {
     fn new(program: &'a Program) -> Self {
         let mut writers = vec![NONE; program.register_count as usize + 1];
-        for (at, op) in program.ops.iter().enumerate() {
+        for (at, op) in (0..).map(OpIndex).zip(&program.ops) {
             op.accesses(|access| {
                 if let Access::Write(first, count) = access {
                     for writer in &mut writers[first.0 as usize..(first.0 + count) as usize] {
-                        *writer = if [NONE, at as u32].contains(writer) { at as u32 } else { SEVERAL };
+                        *writer = if [NONE, at].contains(writer) { at } else { SEVERAL };
                     }
                 }
             });
@@ -431,7 +431,7 @@ impl<'a> ValueTracking<'a> {
     }
 
     fn writer(&self, reg: Reg) -> Option<&'a Op> {
-        self.program.ops.get(*self.writers.get(reg.0 as usize)? as usize)
+        self.program.ops.get(self.writers.get(reg.0 as usize)?.index())
     }
 
     /// The range of a register's values; `None` if it is not known.

@@ -22,7 +22,7 @@ use std::ops::Range;
 use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
-use crate::machine::Reg;
+use crate::machine::{BlockIndex, OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::conversion::{self, Conversion};
 use crate::ops::op::Op;
@@ -51,9 +51,9 @@ pub struct OptimizedCode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Superblock {
     /// One past the last operation.
-    pub end: u32,
+    pub end: OpIndex,
     /// The last block, whose terminator ends the superblock.
-    pub last: u32,
+    pub last: BlockIndex,
 }
 
 /// How an operation accesses an operand that is a single register, which may be renamed.
@@ -82,18 +82,18 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
     let mut written = vec![0u32; program.register_count as usize];
     let mut copies = Copies::new(program.register_count);
     for &(start, superblock) in &superblock_starts {
-        let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
+        let superblock = ops_of(program, start, superblock);
         propagate_local_copies(&mut ops, superblock, &values, &aliased, &mut written, &mut copies);
     }
     // Tables by register are large: the passes below reuse their memory.
     drop((written, copies));
     for &(start, superblock) in &superblock_starts {
-        let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
+        let superblock = ops_of(program, start, superblock);
         use_signed_conversions(&mut ops[superblock], &program.constants);
     }
     let mut scheduler = ListScheduler::new(program.register_count);
     for &(start, superblock) in &superblock_starts {
-        scheduler.order(&mut ops[program.blocks[start as usize].first as usize..superblock.end as usize]);
+        scheduler.order(&mut ops[ops_of(program, start, superblock)]);
     }
     drop(scheduler);
     let freed = values.freed_registers();
@@ -108,7 +108,7 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
     let mut assigned = vec![Reg(0); program.register_count as usize];
     let mut last_use = vec![0u32; program.register_count as usize];
     for &(start, superblock) in &superblock_starts {
-        let superblock = program.blocks[start as usize].first as usize..superblock.end as usize;
+        let superblock = ops_of(program, start, superblock);
         for at in superblock.clone() {
             for_each_renameable(&mut ops[at], |reg, _| last_use[reg.0 as usize] = at as u32);
         }
@@ -150,9 +150,7 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
     let moved = |reg: &&Reg| renamed.get(reg.0 as usize).is_some_and(|to| to != *reg);
     reassigned.extend(program.watched.iter().filter(moved));
     program.register_count = pool.next;
-    let ranges = superblock_starts
-        .iter()
-        .map(|&(start, superblock)| program.blocks[start as usize].first as usize..superblock.end as usize);
+    let ranges = superblock_starts.iter().map(|&(start, superblock)| ops_of(program, start, superblock));
     let supercode = SuperCode::of(&ops, ranges, &result_uses, &program.constants);
     program.optimized = OptimizedCode { supercode: Some(supercode), ops, superblocks, reassigned };
     renamed
@@ -199,7 +197,7 @@ fn use_signed_conversions(ops: &mut [Op], constants: &[(Reg, u32)]) {
 fn result_uses(
     program: &Program,
     ops: &mut [Op],
-    superblock_starts: &[(u32, Superblock)],
+    superblock_starts: &[(BlockIndex, Superblock)],
     pool: &RegisterPool,
 ) -> Vec<ResultUse> {
     const NO_DEFINITION: u32 = u32::MAX;
@@ -207,7 +205,7 @@ fn result_uses(
     // By register: the operation that defines its value.
     let mut definition = vec![NO_DEFINITION; pool.next as usize];
     for &(start, superblock) in superblock_starts {
-        for at in program.blocks[start as usize].first as usize..superblock.end as usize {
+        for at in ops_of(program, start, superblock) {
             let op = &mut ops[at];
             if is_noop(op) {
                 continue;
@@ -245,7 +243,7 @@ fn result_uses(
 pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
     let blocks = &program.blocks;
     let mut predecessor_counts = vec![0u32; blocks.len() + 1];
-    let mut count = |block: u32| predecessor_counts[block as usize] += 1;
+    let mut count = |block: BlockIndex| predecessor_counts[block.index()] += 1;
     for block in blocks {
         match &block.terminator {
             Terminator::Branch(to) => count(*to),
@@ -263,10 +261,10 @@ pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
         }
     }
     let mut superblocks: Vec<Superblock> =
-        (0..).zip(blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
+        (0..).map(BlockIndex).zip(blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
     for at in (0..blocks.len().saturating_sub(1)).rev() {
         let next = &blocks[at + 1];
-        let falls_through = blocks[at].terminator == Terminator::Branch(at as u32 + 1);
+        let falls_through = blocks[at].terminator == Terminator::Branch(BlockIndex::new(at + 1));
         if falls_through && predecessor_counts[at + 1] == 1 && next.first == blocks[at].end {
             superblocks[at] = superblocks[at + 1];
         }
@@ -275,14 +273,19 @@ pub(super) fn superblocks(program: &Program) -> Vec<Superblock> {
 }
 
 /// The blocks at which superblocks begin, each with its superblock; they partition the blocks.
-fn superblock_starts(program: &Program, superblocks: &[Superblock]) -> Vec<(u32, Superblock)> {
+fn superblock_starts(program: &Program, superblocks: &[Superblock]) -> Vec<(BlockIndex, Superblock)> {
     let mut superblock_starts = Vec::new();
     let mut at = 0;
     while at < program.blocks.len() {
-        superblock_starts.push((at as u32, superblocks[at]));
-        at = superblocks[at].last as usize + 1;
+        superblock_starts.push((BlockIndex::new(at), superblocks[at]));
+        at = superblocks[at].last.index() + 1;
     }
     superblock_starts
+}
+
+/// The operations of a superblock that begins at a block.
+fn ops_of(program: &Program, start: BlockIndex, superblock: Superblock) -> Range<usize> {
+    program.blocks[start.index()].first.index()..superblock.end.index()
 }
 
 /// What a register is a copy of: another register as it was before operation `at`.
@@ -432,7 +435,7 @@ struct LocalValues(Vec<RegisterUses>);
 #[derive(Clone)]
 struct RegisterUses {
     /// The first block of the superblock that defines it first.
-    defining_block: u32,
+    defining_block: BlockIndex,
     /// The number of accesses by operands of several registers, or that may not be renamed for
     /// another reason.
     grouped_accesses: u32,
@@ -446,10 +449,10 @@ impl LocalValues {
     fn of(
         program: &Program,
         ops: &mut [Op],
-        superblock_starts: &[(u32, Superblock)],
+        superblock_starts: &[(BlockIndex, Superblock)],
         aliased: &AliasedRegisters,
     ) -> Self {
-        const NO_BLOCK: u32 = u32::MAX;
+        const NO_BLOCK: BlockIndex = BlockIndex(u32::MAX);
         let initial = |register| RegisterUses {
             defining_block: NO_BLOCK,
             grouped_accesses: 0,
@@ -459,7 +462,7 @@ impl LocalValues {
         let mut registers: Vec<RegisterUses> = (0..program.register_count).map(initial).collect();
         program.constants.iter().for_each(|&(reg, _)| registers[reg.0 as usize].local = false);
         for &(start, superblock) in superblock_starts {
-            for op in &mut ops[program.blocks[start as usize].first as usize..superblock.end as usize] {
+            for op in &mut ops[ops_of(program, start, superblock)] {
                 op.accesses(|access| {
                     let (Access::Read(first, count) | Access::Write(first, count)) = access else { return };
                     let write = matches!(access, Access::Write(..));

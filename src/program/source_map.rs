@@ -1,20 +1,21 @@
 //! Maps operations to source lines.
 
 use crate::error::{Place, ShaderFrame};
+use crate::machine::OpIndex;
 use crate::module::debug_info::SourceLine;
 use crate::program::Program;
 
 impl Program {
     /// The source line of an operation; `None` where the module has no debug information for it.
     #[doc(hidden)]
-    pub fn place(&self, op: u32) -> Option<Place> {
-        self.place_at(self.origins.get(op as usize)?.offset)
+    pub fn place(&self, op: OpIndex) -> Option<Place> {
+        self.place_at(self.origins.get(op.index())?.offset)
     }
 
     /// This program as a frame of a stack of shader calls: it is the shader of this index in its
     /// pipeline, and is at an operation.
-    pub(crate) fn frame(&self, shader: u32, op: u32) -> ShaderFrame {
-        let word = self.origins.get(op as usize).map(|origin| origin.offset);
+    pub(crate) fn frame(&self, shader: u32, op: OpIndex) -> ShaderFrame {
+        let word = self.origins.get(op.index()).map(|origin| origin.offset);
         let debug = &self.module.debug_info;
         let line = word.and_then(|word| debug.line_at(word).or_else(|| self.line_near(word)));
         let file = line.and_then(|line| debug.files.get(line.file as usize));

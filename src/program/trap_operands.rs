@@ -3,7 +3,7 @@
 use crate::accel::RayRule;
 use crate::error::{DescriptorElement, IndexOperand, TrapOperands};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
-use crate::machine::{AccessFault, Binding, Bindings, LaneTrap, TrapCode};
+use crate::machine::{AccessFault, Binding, Bindings, LaneTrap, OpIndex, TrapCode};
 use crate::ops::atomic::AtomicTarget;
 use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
 use crate::ops::op::Op;
@@ -64,13 +64,13 @@ impl Program {
             TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject
         );
         let rule = RayRule::ALL.get(fault_value as usize).filter(|_| of_rays)?;
-        let opcode = *self.module.words.get(self.origins.get(trap.op as usize)?.offset as usize)?;
+        let opcode = *self.module.words.get(self.origins.get(trap.op.index())?.offset as usize)?;
         ray_rules::vuid(opcode as u16, *rule)
     }
 
     /// The part of a buffer that an operation accesses.
-    pub(super) fn accessed_chunk(&self, op: u32) -> Option<&Chunk> {
-        match self.ops.get(op as usize)? {
+    pub(super) fn accessed_chunk(&self, op: OpIndex) -> Option<&Chunk> {
+        match self.ops.get(op.index())? {
             Op::Memory(MemoryOp::BufferLoad { chunk, .. } | MemoryOp::BufferStore { chunk, .. }) => {
                 Some(chunk)
             }

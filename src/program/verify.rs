@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::machine::Reg;
+use crate::machine::{BlockIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::op::Op;
 use crate::ops::superop::SuperCode;
@@ -54,15 +54,15 @@ impl Version {
 #[derive(Clone, Copy, Debug)]
 struct SuperblockSpan {
     /// The first block.
-    first: u32,
+    first: BlockIndex,
     /// The last block, whose terminator ends the superblock.
-    last: u32,
+    last: BlockIndex,
 }
 
 impl SuperblockSpan {
     /// The operations of the superblock, in the version of the program that has these blocks.
     fn operations(self, blocks: &[Block]) -> Range<usize> {
-        blocks[self.first as usize].first as usize..blocks[self.last as usize].end as usize
+        blocks[self.first.index()].first.index()..blocks[self.last.index()].end.index()
     }
 }
 
@@ -98,13 +98,12 @@ impl Verifier {
             return None;
         }
         let before = Version::of(program);
-        let count = before.blocks.len();
         let mut superblocks = Vec::new();
-        let mut at = 0;
-        while at < count as u32 {
-            let last = known.map_or(at, |known| known[at as usize].last);
+        let mut at = BlockIndex(0);
+        while at.index() < before.blocks.len() {
+            let last = known.map_or(at, |known| known[at.index()].last);
             superblocks.push(SuperblockSpan { first: at, last });
-            at = last + 1;
+            at = last.plus(1);
         }
         let registers = |first: Reg, count: u32| (first.0..first.0 + count).map(Reg);
         let whole_variable = |&(first, count): &(Reg, u32)| {
@@ -152,7 +151,7 @@ impl Verifier {
     /// The transfer function of a superblock: computes what is live at its beginning, given what is
     /// live at its end. An operation that has no effect and whose results are dead reads nothing.
     fn transfer(&self, superblock: SuperblockSpan, live: &mut FxHashSet<Reg>) {
-        let terminator = &self.before.blocks[superblock.last as usize].terminator;
+        let terminator = &self.before.blocks[superblock.last.index()].terminator;
         for_each_terminator_read(terminator, |reg| {
             live.insert(reg);
         });
@@ -196,7 +195,7 @@ impl Verifier {
 
     fn find_liveness(&mut self) {
         let blocks = &self.before.blocks;
-        let starts: FxHashMap<u32, usize> =
+        let starts: FxHashMap<BlockIndex, usize> =
             self.superblocks.iter().enumerate().map(|(at, superblock)| (superblock.first, at)).collect();
         let returns: Vec<usize> = blocks
             .iter()
@@ -205,7 +204,7 @@ impl Verifier {
                 _ => None,
             })
             .collect();
-        let successors = |last: u32| match &blocks[last as usize].terminator {
+        let successors = |last: BlockIndex| match &blocks[last.index()].terminator {
             Terminator::Branch(to) => vec![starts[to]],
             Terminator::BranchConditional { then, other, .. } => vec![starts[then], starts[other]],
             Terminator::Switch { cases, default, .. } => {
@@ -224,7 +223,7 @@ impl Verifier {
             for at in (0..count).rev() {
                 let superblock = self.superblocks[at];
                 let mut live: FxHashSet<Reg> = self.implicit.addressed.iter().copied().collect();
-                if let Terminator::Exit(_) = blocks[superblock.last as usize].terminator {
+                if let Terminator::Exit(_) = blocks[superblock.last.index()].terminator {
                     live.extend(&self.results);
                 }
                 successors(superblock.last)
@@ -306,7 +305,7 @@ impl Verifier {
                 regs
             };
             let [was, is] =
-                [&self.before.blocks, &after.blocks].map(|blocks| reads(&blocks[superblock.last as usize]));
+                [&self.before.blocks, &after.blocks].map(|blocks| reads(&blocks[superblock.last.index()]));
             let mut pairs: Vec<(String, Reg, Reg)> = was
                 .into_iter()
                 .zip(is)

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use crate::debug::names::Names;
 use crate::harness::block_counts::{BlockCounts, ProgramCounts};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
+use crate::machine::BlockIndex;
 use crate::module::debug_info::SourceLine;
 use crate::module::{Id, Module};
 use crate::pipeline::{Event, Shader};
@@ -139,12 +140,12 @@ impl Lines {
 
     fn branches(&mut self, program: &Program, ran: &ProgramCounts<'_>, names: &[String]) {
         // The last instruction of a block is its branch.
-        let last: BTreeMap<u32, u32> =
+        let last: BTreeMap<BlockIndex, u32> =
             program.instruction_spans.iter().map(|span| (span.block, span.last)).collect();
         // By that instruction: inlined copies are one branch of the source.
         let mut branches: BTreeMap<u32, (u64, Vec<u64>)> = BTreeMap::new();
         for (block, offset) in last {
-            let ways = match program.blocks.get(block as usize).map(|block| &block.terminator) {
+            let ways = match program.blocks.get(block.index()).map(|block| &block.terminator) {
                 Some(Terminator::BranchConditional { then, other, .. }) if then != other => 2,
                 Some(Terminator::Switch { cases, .. }) => cases.len() + 1,
                 _ => continue,

@@ -48,7 +48,7 @@ impl ShaderTest {
         let trace = match trace_operands(&operands) {
             Ok(trace) => trace,
             Err(broken) => {
-                let op = batch.op - 1;
+                let op = batch.stopped_at();
                 batch.fault_value[0] = broken as u64;
                 batch.trap(Mask::ALL, TrapCode::InvalidTrace, op);
                 return Ok(None);
@@ -71,7 +71,7 @@ impl ShaderTest {
         if let Some(object) = object {
             let found = call.hit_object().map_err(in_trace)?;
             if let Err(code) = store(batch, object, 0, found) {
-                let op = batch.op - 1;
+                let op = batch.stopped_at();
                 batch.trap(Mask::ALL, code, op);
                 return Ok(None);
             }
@@ -97,7 +97,7 @@ impl ShaderTest {
         let found = match found {
             Ok(found) => found,
             Err(code) => {
-                let op = batch.op - 1;
+                let op = batch.stopped_at();
                 batch.trap(Mask::ALL, code, op);
                 return Ok(None);
             }
@@ -122,7 +122,7 @@ impl ShaderTest {
         memory: &DeviceMemory,
     ) -> Result<()> {
         if let Err(code) = held(batch, object).and_then(|found| found.encoded().map(|_| ())) {
-            let op = batch.op - 1;
+            let op = batch.stopped_at();
             batch.trap(Mask::ALL, code, op);
             return Ok(());
         }
@@ -164,7 +164,7 @@ impl ShaderTest {
             answer.give(&mut report)?;
         }
         if kind > 127 {
-            let op = batch.op - 1;
+            let op = batch.stopped_at();
             batch.fault_value[0] = kind.into();
             batch.trap(Mask::ALL, TrapCode::InvalidHitKind, op);
         } else if report.accepted {

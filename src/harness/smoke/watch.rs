@@ -6,7 +6,7 @@ use crate::harness::block_counts::BlockCounts;
 use crate::harness::blocks::Blocks;
 use crate::harness::smoke::fill::{ValueSource, mix};
 use crate::harness::smoke::resources;
-use crate::machine::{Batch, Bindings, Observer, RayQueryStep};
+use crate::machine::{Batch, Bindings, Observer, OpIndex, RayQueryStep};
 use crate::module::interface::Stage;
 use crate::ops::op::Op;
 use crate::ops::{ray_query, ray_tracing};
@@ -51,12 +51,12 @@ impl<const W: usize> Observer<W> for BlockRecorder<'_> {
     fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
         self.counts.resumed(shader, batch);
         // Behind a trace or call of which some lane came back.
-        if let Some(last) = batch.op.checked_sub(1)
+        if let Some(last) = batch.op.previous()
             && !batch.mask.is_empty()
-            && matches!(self.program.ops.get(last as usize), Some(Op::Stop(_) | Op::Barrier))
-            && self.executed[last as usize]
+            && matches!(self.program.ops.get(last.index()), Some(Op::Stop(_) | Op::Barrier))
+            && self.executed[last.index()]
         {
-            self.passed[last as usize] = true;
+            self.passed[last.index()] = true;
         }
     }
 
@@ -64,16 +64,16 @@ impl<const W: usize> Observer<W> for BlockRecorder<'_> {
         self.counts.block(batch);
     }
 
-    fn before(&mut self, batch: &Batch<W>, op: u32) -> bool {
+    fn before(&mut self, batch: &Batch<W>, op: OpIndex) -> bool {
         if !batch.mask.is_empty() {
-            self.executed[op as usize] = true;
+            self.executed[op.index()] = true;
         }
         self.spent += 1;
         false
     }
 
-    fn after(&mut self, _: &mut Batch<W>, _: &Bindings, op: u32) {
-        self.passed[op as usize] = true;
+    fn after(&mut self, _: &mut Batch<W>, _: &Bindings, op: OpIndex) {
+        self.passed[op.index()] = true;
     }
 }
 

@@ -16,7 +16,7 @@ use crate::harness::stability::place::Programs;
 use crate::harness::stability::probe::{self, Probe, RunPart};
 use crate::harness::stability::shadow_context::branch_offsets;
 use crate::harness::stability::shadows::{bits, float};
-use crate::machine::{Batch, Bindings, Reg};
+use crate::machine::{Batch, Bindings, BlockIndex, OpIndex, Reg};
 use crate::module::Module;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
@@ -395,7 +395,7 @@ impl Probe for Perturber<'_> {
         if let Some(dispatch) = self.dispatch {
             self.invocation = (dispatch, batch.invocations.launch_id(0));
         }
-        let begins = batch.block == 0 && batch.op == self.program().blocks[0].first;
+        let begins = batch.block == BlockIndex(0) && batch.op == self.program().blocks[0].first;
         let moves = self.run > 0 && self.context.perturbation.envelope == Envelope::Nvidia;
         if !begins || !moves || !batch.invocations.hit {
             return;
@@ -411,30 +411,30 @@ impl Probe for Perturber<'_> {
     }
 
     fn stopped(&mut self, batch: &Batch<1>) {
-        let at = (batch.op as usize).checked_sub(1).filter(|_| !batch.mask.is_empty());
-        let Some(origin) = at.and_then(|at| self.program().origins.get(at)) else { return };
+        let at = batch.op.previous().filter(|_| !batch.mask.is_empty());
+        let Some(origin) = at.and_then(|at| self.program().origins.get(at.index())) else { return };
         let offset = origin.offset;
         if let Some(frame) = self.frames.last_mut() {
             frame.1 = offset;
         }
     }
 
-    fn after(&mut self, batch: &mut Batch<1>, _: &Bindings, op: u32) {
+    fn after(&mut self, batch: &mut Batch<1>, _: &Bindings, op: OpIndex) {
         let context = self.context;
         let program = &context.programs.all[self.shader];
-        match &program.ops[op as usize] {
+        match &program.ops[op.index()] {
             &Op::RayQuery(ray_query::RayQueryOp::Proceed { query, to }) if batch.registers[to].0[0] == 0 => {
                 let handle =
                     query.register(&batch.registers, 0).map(|register| batch.registers[register].0[0]);
                 if let Ok(query) = handle.and_then(|handle| batch.queries.query(handle)) {
-                    let (shader, offset) = (self.shader, program.origins[op as usize].offset);
+                    let (shader, offset) = (self.shader, program.origins[op.index()].offset);
                     let site = DecisionSite { shader, offset, kind: DecisionKind::Hit };
                     self.decide(hit_code(query.committed()), site);
                 }
             }
             _ if self.run == 0 => {}
             Op::LaneKernel { kernel, to, from } => {
-                let offset = program.origins[op as usize].offset;
+                let offset = program.origins[op.index()].offset;
                 self.perturb_kernel(batch, offset, kernel, *to, from);
             }
             Op::Memory(memory::MemoryOp::Move { to, from } | memory::MemoryOp::MoveMasked { to, from }) => {
@@ -447,13 +447,13 @@ impl Probe for Perturber<'_> {
         }
     }
 
-    fn edge_taken(&mut self, block: u32, edge: u32) {
+    fn edge_taken(&mut self, block: BlockIndex, edge: u32) {
         let shader = self.shader;
         if let Terminator::BranchConditional { .. } | Terminator::Switch { .. } =
-            self.program().blocks[block as usize].terminator
+            self.program().blocks[block.index()].terminator
         {
-            let offset = self.context.shaders[shader].branches[block as usize];
-            let code = (shader as u64) << 44 | u64::from(block) << 20 | u64::from(edge);
+            let offset = self.context.shaders[shader].branches[block.index()];
+            let code = (shader as u64) << 44 | u64::from(block.0) << 20 | u64::from(edge);
             self.decide(code, DecisionSite { shader, offset, kind: DecisionKind::Branch });
         }
     }

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::tasks::in_tasks;
-use crate::machine::{Batch, Bindings, Observer, Resources};
+use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Resources};
 use crate::pipeline::{Event, Launch, Pipeline};
 use crate::scene::pass::{LaunchPass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
@@ -49,9 +49,9 @@ pub(super) trait Probe: Send {
     /// See [`Observer::stopped`].
     fn stopped(&mut self, batch: &Batch<1>);
     /// See [`Observer::after`].
-    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32);
+    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: OpIndex);
     /// See [`Observer::edge`], for an edge that was taken.
-    fn edge_taken(&mut self, block: u32, edge: u32);
+    fn edge_taken(&mut self, block: BlockIndex, edge: u32);
     /// Receives an event of the pipeline.
     fn event(&mut self, event: &Event);
 }
@@ -72,11 +72,11 @@ impl<P: Probe> Observer<1> for ProbeObserver<'_, P> {
         self.probe.borrow_mut().stopped(batch);
     }
 
-    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32) {
+    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: OpIndex) {
         self.probe.borrow_mut().after(batch, bindings, op);
     }
 
-    fn edge(&mut self, block: u32, edge: u32, lanes: u32) {
+    fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
         if lanes > 0 {
             self.probe.borrow_mut().edge_taken(block, edge);
         }

@@ -54,7 +54,7 @@ impl ShadowContext {
 pub(super) fn branch_offsets(program: &Program) -> Vec<u32> {
     let mut offsets = vec![0; program.blocks.len()];
     for span in &program.instruction_spans {
-        offsets[span.block as usize] = span.last;
+        offsets[span.block.index()] = span.last;
     }
     offsets
 }

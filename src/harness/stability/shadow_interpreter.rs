@@ -11,7 +11,7 @@ use crate::harness::stability::shadow_context::{Memory, ShadowContext};
 use crate::harness::stability::shadow_value::ShadowValue;
 use crate::harness::stability::shadows::{ShadowFrame, WaitsFor, bits, float};
 use crate::machine::object::ObjectRef;
-use crate::machine::{Batch, Bindings, Exit, Reg};
+use crate::machine::{Batch, Bindings, BlockIndex, Exit, OpIndex, Reg};
 use crate::module::interface::Stage;
 use crate::ops::access::Access;
 use crate::ops::lane_kernel::LaneKernel;
@@ -456,7 +456,7 @@ impl Probe for ShadowInterpreter<'_> {
         }
         let Some(frame) = self.frames.last_mut().filter(|_| !batch.mask.is_empty()) else { return };
         let program = &self.context.programs.all[frame.shader];
-        let Some(at) = (batch.op as usize).checked_sub(1) else { return };
+        let Some(at) = batch.op.previous().map(OpIndex::index) else { return };
         let Some(Op::Stop(stop)) = program.ops.get(at) else { return };
         frame.wait_offset = program.origins[at].offset;
         match *stop {
@@ -487,10 +487,10 @@ impl Probe for ShadowInterpreter<'_> {
         }
     }
 
-    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: u32) {
+    fn after(&mut self, batch: &mut Batch<1>, bindings: &Bindings, op: OpIndex) {
         let Some(frame) = self.frames.last_mut() else { return };
         let context = self.context;
-        let (shader, at) = (frame.shader, op as usize);
+        let (shader, at) = (frame.shader, op.index());
         let program = &context.programs.all[shader];
         match &program.ops[at] {
             Op::LaneKernel { kernel, to, from } => {
@@ -507,10 +507,10 @@ impl Probe for ShadowInterpreter<'_> {
         }
     }
 
-    fn edge_taken(&mut self, block: u32, edge: u32) {
+    fn edge_taken(&mut self, block: BlockIndex, edge: u32) {
         let Some(frame) = self.frames.last() else { return };
         let program = &self.context.programs.all[frame.shader];
-        let flips = match &program.blocks[block as usize].terminator {
+        let flips = match &program.blocks[block.index()].terminator {
             Terminator::BranchConditional { condition, .. } => frame
                 .entry(*condition)
                 .is_some_and(|entry| entry.bits == u64::from(edge == 0) && entry.value as u64 != entry.bits),
@@ -520,7 +520,7 @@ impl Probe for ShadowInterpreter<'_> {
             }),
             _ => false,
         };
-        let offset = self.context.branches[frame.shader][block as usize];
+        let offset = self.context.branches[frame.shader][block.index()];
         if flips && let Some(found) = self.findings_at(offset) {
             found.branches += 1;
         }

@@ -10,7 +10,7 @@ use crate::ops::op::Op;
 use crate::ops::operand_types;
 use crate::program::Terminator;
 use crate::program::control_flow::block_of;
-use crate::program::lower::{Lowering, ReturnTarget, Site, opcode};
+use crate::program::lower::{Label, Lowering, ReturnTarget, Site, opcode};
 
 impl Lowering<'_> {
     pub(super) fn terminator(&mut self, instruction: &Instruction, site: &Site<'_>) -> Result<()> {
@@ -97,14 +97,14 @@ impl Lowering<'_> {
         self.end(terminator);
     }
 
-    fn target(&self, site: &Site<'_>, target: Id) -> Result<u32> {
+    fn target(&self, site: &Site<'_>, target: Id) -> Result<Label> {
         let label = block_of(self.module, site.function, target).and_then(|block| site.labels[block]);
         label.ok_or_else(|| self.translator.invalid(format!("a branch to %{}, which is no block", target.0)))
     }
 
     /// The label that an edge of a conditional branch goes to. If the target has phis, the edge is
     /// split: it goes to a new block for their moves, which is added to `edges`.
-    fn edge(&mut self, site: &Site<'_>, target: Id, edges: &mut Vec<(u32, Id)>) -> Result<u32> {
+    fn edge(&mut self, site: &Site<'_>, target: Id, edges: &mut Vec<(Label, Id)>) -> Result<Label> {
         if phis(self.module, site, target).next().is_none() {
             return self.target(site, target);
         }
@@ -117,7 +117,7 @@ impl Lowering<'_> {
     }
 
     /// Makes the blocks of split edges.
-    fn split_edges(&mut self, site: &Site<'_>, edges: Vec<(u32, Id)>) -> Result<()> {
+    fn split_edges(&mut self, site: &Site<'_>, edges: Vec<(Label, Id)>) -> Result<()> {
         for (label, target) in edges {
             self.begin(label);
             self.edge_moves(site, target)?;

@@ -114,7 +114,7 @@ impl Lowering<'_> {
             self.translator.define(id, IdValue::Words(words));
         }
         self.begin(called.label);
-        self.functions.push(self.blocks.len() as u32);
+        self.functions.push(self.open_block());
         self.body(function, &ReturnTarget::Called { result: called.result })
     }
 }

@@ -3,6 +3,7 @@
 
 use rustc_hash::FxHashMap;
 
+use crate::machine::BlockIndex;
 use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::ray_tracing;
@@ -21,8 +22,11 @@ pub(super) fn complete(program: &mut Program, optimized: &Program) {
     program.uses_subgroups = program.ops.iter().any(|op| matches!(op, Op::Subgroup(_)));
     let addresses = |op: &Op| matches!(op, Op::Stop(ray_tracing::RayTracingOp::HitObjectRecordHandle { .. }));
     program.addresses_records = program.ops.iter().any(addresses);
-    let superblocks =
-        (0..).zip(&program.blocks).map(|(last, block)| Superblock { end: block.end, last }).collect();
+    let superblocks = (0..)
+        .map(BlockIndex)
+        .zip(&program.blocks)
+        .map(|(last, block)| Superblock { end: block.end, last })
+        .collect();
     let reassigned = Vec::new();
     program.optimized = OptimizedCode { ops: program.ops.clone(), supercode: None, superblocks, reassigned };
 }
