@@ -3,8 +3,8 @@
 use std::fmt::Debug;
 
 use anyhit::internals::accel::RayFlags;
-use anyhit::internals::machine::{Invocation, Resources};
-use anyhit::internals::pipeline::{Compute, Group, HitGroup, Launch, SbtRecord, Shader};
+use anyhit::internals::machine::{Invocation, Resources, ShaderIndex};
+use anyhit::internals::pipeline::{Compute, Group, HitGroup, Launch, SbtRecord};
 use anyhit::{
     Buffer, ComputeTest, DeviceBuffers, ErrorKind, Format, Hit, Image, ImageShape, Instance, LoadedScene,
     Module, Pipeline, PipelineBuilder, Program, Ray, RayOperands, Result, Scene, ShaderTest,
@@ -77,8 +77,8 @@ fn pipelines_of_parts_that_do_not_fit() {
         Pipeline::builder().hit([program(CLOSEST_HIT), program(CLOSEST_HIT)]).map(|_| ()),
         "two shaders of the stage ClosestHitKHR",
     );
-    invalid(builder.group(Group::General(Shader(9))), "no shader 9");
-    let hit = HitGroup { any_hit: Some(Shader(u32::MAX)), ..HitGroup::default() };
+    invalid(builder.group(Group::General(ShaderIndex(9))), "no shader 9");
+    let hit = HitGroup { any_hit: Some(ShaderIndex(u32::MAX)), ..HitGroup::default() };
     invalid(builder.group(Group::Hit(hit)), "no shader 4294967295");
     refused(builder.miss(program(CLOSEST_HIT)).map(|_| ()), ErrorKind::InvalidScene, "is ClosestHitKHR, not");
     for size in [0, 3, 256] {
@@ -98,7 +98,7 @@ fn pipelines_that_were_changed_since_they_were_built() {
     assert!(trace(&|_| ()).is_ok());
     let group = |pipeline: &mut Pipeline| pipeline.sbt.hit[0] = Some(SbtRecord::new(9));
     refused(trace(&group), ErrorKind::InvalidScene, "names group 9");
-    invalid(trace(&|pipeline| pipeline.groups[0] = Group::General(Shader(9))), "no shader 9");
+    invalid(trace(&|pipeline| pipeline.groups[0] = Group::General(ShaderIndex(9))), "no shader 9");
     invalid(trace(&|pipeline| pipeline.programs.clear()), "no shader 0");
     invalid(trace(&|pipeline| pipeline.subgroup_size = 3), "a subgroup of 3");
     invalid(trace(&|pipeline| pipeline.max_callable_depth = u32::MAX), "max_callable_depth");
@@ -110,13 +110,13 @@ fn shaders_that_do_not_run_by_themselves() {
     let shaders = [INTERSECTION, COMPUTE, CLOSEST_HIT].map(|name| builder.shader(program(name)));
     let (pipeline, resources) = (builder.build().unwrap(), Resources::default());
     let launch = Launch { pipeline: &pipeline, resources: &resources };
-    let invoke = |shader: Shader| {
+    let invoke = |shader: ShaderIndex| {
         let ended = launch.invoke::<1, _, _>(shader, Invocation::default(), &[], &[], &mut (), &mut ());
         ended.map(|ended| ended.is_ok())
     };
     invalid(invoke(shaders[0]), "is IntersectionKHR, which does not run by itself");
     invalid(invoke(shaders[1]), "is GLCompute, which does not run by itself");
-    invalid(invoke(Shader(3)), "no shader 3");
+    invalid(invoke(ShaderIndex(3)), "no shader 3");
     // More words than the payload has are left over.
     let ended =
         launch.invoke::<1, _, _>(shaders[2], Invocation::default(), &[0; 99], &[0; 99], &mut (), &mut ());

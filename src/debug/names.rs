@@ -10,8 +10,8 @@ use crate::debug::transcript::{Flags, ShaderLabel, TranscriptLine};
 use crate::debug::values::TypedValue;
 use crate::error::Place;
 use crate::geometry::Surface;
-use crate::machine::{DeviceMemory, OpIndex};
-use crate::pipeline::{Pipeline, Shader};
+use crate::machine::{DeviceMemory, OpIndex, ShaderIndex};
+use crate::pipeline::Pipeline;
 use crate::program::Program;
 
 /// SPIR-V, "Ray Flags".
@@ -101,7 +101,7 @@ pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> 
 /// What a scene calls its modules, records and structures.
 pub trait SceneNames: Debug {
     /// The module that a shader of a pipeline comes from.
-    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: Shader) -> Option<NamedModule<'_>>;
+    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: ShaderIndex) -> Option<NamedModule<'_>>;
 
     /// The name of a record of the miss table.
     fn miss_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str>;
@@ -176,14 +176,14 @@ impl<'a> Names<'a> {
     }
 
     /// The module that a shader comes from.
-    pub fn module(&self, shader: Shader) -> Option<NamedModule<'a>> {
+    pub fn module(&self, shader: ShaderIndex) -> Option<NamedModule<'a>> {
         let (scene, origin) = self.scene?;
         scene.module(origin, self.pipeline, shader)
     }
 
     /// The label of a shader.
-    pub fn shader(&self, shader: Shader) -> ShaderLabel {
-        let program = &self.pipeline.programs[shader.0 as usize];
+    pub fn shader(&self, shader: ShaderIndex) -> ShaderLabel {
+        let program = &self.pipeline.programs[shader.index()];
         let module = self.module(shader);
         let file = module.and_then(|module| module.path.file_name());
         ShaderLabel {

@@ -11,10 +11,10 @@ use crate::debug::transcript::{
     Arithmetic, Decision, ExitKind, NamedValue, RecordChoice, ShaderExit, ShaderRun, Step, Trace,
 };
 use crate::debug::values::{FloatValue, TypedValue};
-use crate::machine::Exit;
+use crate::machine::{Exit, ShaderIndex};
 use crate::module::ty::TypeId;
 use crate::ops::pointer::storage;
-use crate::pipeline::{Caller, Event, Pipeline, Shader};
+use crate::pipeline::{Caller, Event, Pipeline};
 use crate::program::Program;
 
 const SKIP_CLOSEST_HIT: u32 = 8;
@@ -64,7 +64,7 @@ impl<'a> EventReader<'a> {
         let Event::Enter { shader, builtins, payload, attributes, .. } = self.events.next()? else {
             return None;
         };
-        let program = &*self.pipeline.programs[shader.0 as usize];
+        let program = &*self.pipeline.programs[shader.index()];
         let data = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA]
             .into_iter()
             .find_map(|class| program.interface_registers(class))
@@ -101,9 +101,8 @@ impl<'a> EventReader<'a> {
         else {
             return None;
         };
-        let called_at = caller.and_then(|caller| {
-            names::source_line(&self.pipeline.programs[caller.shader.0 as usize], caller.op)
-        });
+        let called_at = caller
+            .and_then(|caller| names::source_line(&self.pipeline.programs[caller.shader.index()], caller.op));
         let mut trace = Trace {
             depth,
             traversal: self.names.traversal(called_at, &tlas, &operands),
@@ -184,12 +183,12 @@ impl<'a> EventReader<'a> {
     fn payload_type(
         &self,
         caller: Option<Caller>,
-        ran: Option<Shader>,
+        ran: Option<ShaderIndex>,
         words: usize,
     ) -> Option<(&'a Program, TypeId)> {
         let programs = &self.pipeline.programs;
         if let Some(caller) = caller {
-            let program = &*programs[caller.shader.0 as usize];
+            let program = &*programs[caller.shader.index()];
             let variable = program.interface.iter().find(|registers| {
                 registers.storage_class == storage::RAY_PAYLOAD && registers.first == caller.payload
             })?;
@@ -198,7 +197,7 @@ impl<'a> EventReader<'a> {
         let incoming = |program: &'a Program| {
             program.interface_registers(storage::INCOMING_RAY_PAYLOAD).map(|registers| (program, registers))
         };
-        let last = ran.and_then(|shader| incoming(&programs[shader.0 as usize]));
+        let last = ran.and_then(|shader| incoming(&programs[shader.index()]));
         last.or_else(|| {
             let mut all = programs.iter().filter_map(|program| incoming(program));
             all.find(|(_, registers)| registers.count as usize == words)

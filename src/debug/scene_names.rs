@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::debug::names::{NamedModule, PipelineOrigin, SceneNames};
-use crate::pipeline::{Group, Pipeline, Shader};
+use crate::machine::ShaderIndex;
+use crate::pipeline::{Group, Pipeline};
 use crate::scene::ResolvedScene;
 use crate::scene::resolved::{ResolvedGroup, ResolvedPipeline, ResolvedRecord};
 
 impl SceneNames for ResolvedScene {
-    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: Shader) -> Option<NamedModule<'_>> {
+    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: ShaderIndex) -> Option<NamedModule<'_>> {
         let module = match origin {
             PipelineOrigin::Dispatch(module) => module,
             PipelineOrigin::Pipeline(index) => module_of(self.pipeline_at(index), pipeline, shader)?,
@@ -46,7 +47,7 @@ fn pipeline_of(scene: &ResolvedScene, origin: PipelineOrigin) -> Option<&Resolve
 
 /// The index of the module of a pipeline's shader. The pipeline's groups are the scene's, in the
 /// same order.
-fn module_of(resolved: &ResolvedPipeline, pipeline: &Pipeline, shader: Shader) -> Option<usize> {
+fn module_of(resolved: &ResolvedPipeline, pipeline: &Pipeline, shader: ShaderIndex) -> Option<usize> {
     let found = pipeline.groups.iter().zip(&resolved.groups).find_map(|pair| match pair {
         (Group::General(one), ResolvedGroup::RayGeneration(named))
         | (Group::General(one), ResolvedGroup::Miss(named))

@@ -9,7 +9,7 @@ use crate::harness::expect::Subject;
 use crate::harness::observe::fresh_resources;
 use crate::harness::run::trace;
 use crate::machine::image::Image;
-use crate::machine::{Batch, Binding, Buffer, Descriptor, Observer, OpIndex, Reg, Resources};
+use crate::machine::{Batch, Binding, Buffer, Descriptor, Observer, OpIndex, Reg, Resources, ShaderIndex};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Launch, Pipeline};
 use crate::scene::file::RayEntry;
@@ -135,17 +135,25 @@ enum Target {
 struct WriteFinder<'a> {
     pipeline: &'a Pipeline,
     target: Target,
-    shader: u32,
+    shader: ShaderIndex,
     last: Option<u128>,
     op: OpIndex,
     writes: u64,
     /// Shader and operation of the last write.
-    written: Option<(u32, OpIndex)>,
+    written: Option<(ShaderIndex, OpIndex)>,
 }
 
 impl<'a> WriteFinder<'a> {
     fn new(pipeline: &'a Pipeline, target: Target) -> Self {
-        Self { pipeline, target, shader: 0, last: None, op: OpIndex(0), writes: 0, written: None }
+        Self {
+            pipeline,
+            target,
+            shader: ShaderIndex(0),
+            last: None,
+            op: OpIndex(0),
+            writes: 0,
+            written: None,
+        }
     }
 
     fn value(&self, batch: &Batch<1>) -> Option<u128> {
@@ -153,7 +161,7 @@ impl<'a> WriteFinder<'a> {
             Target::Payload(word) => {
                 // The shaders of the ray itself stand at depth 1, those of rays that they trace
                 // deeper.
-                let program = &self.pipeline.programs[self.shader as usize];
+                let program = &self.pipeline.programs[self.shader.index()];
                 let registers = program.interface_registers(storage::INCOMING_RAY_PAYLOAD);
                 let registers =
                     registers.filter(|registers| *word < registers.count && batch.invocations.depth == 1)?;
@@ -175,12 +183,12 @@ impl<'a> WriteFinder<'a> {
 
     fn line(&self) -> Option<TranscriptLine> {
         let (shader, op) = self.written?;
-        names::source_line(&self.pipeline.programs[shader as usize], op)
+        names::source_line(&self.pipeline.programs[shader.index()], op)
     }
 }
 
 impl Observer<1> for WriteFinder<'_> {
-    fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<1>) {
         self.shader = shader;
         self.op = batch.op;
         self.last = self.value(batch);
@@ -192,7 +200,7 @@ impl Observer<1> for WriteFinder<'_> {
         false
     }
 
-    fn stopped(&mut self, _: u32, batch: &Batch<1>) {
+    fn stopped(&mut self, _: ShaderIndex, batch: &Batch<1>) {
         self.look(batch);
     }
 }

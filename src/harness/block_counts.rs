@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use crate::machine::{Batch, BlockIndex, Observer};
+use crate::machine::{Batch, BlockIndex, Observer, ShaderIndex};
 
 /// How many lanes came by, by shader: the observer.
 #[derive(Clone, Debug, Default)]
 pub struct BlockCounts {
-    shader: usize,
+    shader: ShaderIndex,
     /// By shader and block.
     blocks: Vec<Vec<u64>>,
     /// By shader, block and way.
@@ -16,21 +16,21 @@ pub struct BlockCounts {
 
 impl BlockCounts {
     /// How often the blocks and edges of a shader ran.
-    pub fn ran(&self, shader: usize) -> ProgramCounts<'_> {
-        let blocks = self.blocks.get(shader).map_or(&[][..], Vec::as_slice);
-        ProgramCounts { blocks, edges: self.edges.get(shader) }
+    pub fn ran(&self, shader: ShaderIndex) -> ProgramCounts<'_> {
+        let blocks = self.blocks.get(shader.index()).map_or(&[][..], Vec::as_slice);
+        ProgramCounts { blocks, edges: self.edges.get(shader.index()) }
     }
 
     /// How many lanes entered a block of a shader.
-    pub fn entered(&self, shader: usize, block: BlockIndex) -> u64 {
+    pub fn entered(&self, shader: ShaderIndex, block: BlockIndex) -> u64 {
         self.ran(shader).block(block)
     }
 
     fn count(&mut self, block: BlockIndex, lanes: u32) {
-        if self.blocks.len() <= self.shader {
-            self.blocks.resize(self.shader + 1, Vec::new());
+        if self.blocks.len() <= self.shader.index() {
+            self.blocks.resize(self.shader.index() + 1, Vec::new());
         }
-        let blocks = &mut self.blocks[self.shader];
+        let blocks = &mut self.blocks[self.shader.index()];
         if blocks.len() <= block.index() {
             blocks.resize(block.index() + 1, 0);
         }
@@ -38,16 +38,16 @@ impl BlockCounts {
     }
 
     fn take(&mut self, block: BlockIndex, edge: u32, lanes: u32) {
-        if self.edges.len() <= self.shader {
-            self.edges.resize(self.shader + 1, HashMap::new());
+        if self.edges.len() <= self.shader.index() {
+            self.edges.resize(self.shader.index() + 1, HashMap::new());
         }
-        *self.edges[self.shader].entry((block, edge)).or_default() += u64::from(lanes);
+        *self.edges[self.shader.index()].entry((block, edge)).or_default() += u64::from(lanes);
     }
 }
 
 impl<const W: usize> Observer<W> for BlockCounts {
-    fn resumed(&mut self, shader: u32, _: &mut Batch<W>) {
-        self.shader = shader as usize;
+    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
+        self.shader = shader;
     }
 
     fn block(&mut self, batch: &Batch<W>) {

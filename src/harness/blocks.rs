@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::harness::block_counts::BlockCounts;
+use crate::machine::ShaderIndex;
 use crate::module::interface::EntryPoint;
 use crate::module::{Function, Id, Module};
 use crate::program::Program;
@@ -29,7 +30,7 @@ impl Blocks {
     }
 
     /// Adds what a program of the entry point has entered.
-    pub fn enter(&mut self, program: &Program, counts: &BlockCounts, shader: usize) {
+    pub fn enter(&mut self, program: &Program, counts: &BlockCounts, shader: ShaderIndex) {
         let ran = program.instruction_spans.iter().filter(|span| counts.entered(shader, span.block) > 0);
         for span in ran {
             self.entered.extend(self.all.range(span.first..=span.last));

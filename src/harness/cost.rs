@@ -8,7 +8,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use crate::machine::{Batch, Observer};
+use crate::machine::{Batch, Observer, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::pipeline::{Event, Pipeline};
 use crate::program::Program;
@@ -63,7 +63,7 @@ struct State {
     /// The rays in progress, outermost first: number, any-hit invocations, instructions.
     open: Vec<(u32, u64, u64)>,
     rays: u32,
-    shader: usize,
+    shader: ShaderIndex,
     costs: Costs,
 }
 
@@ -122,13 +122,13 @@ impl Meter {
 pub struct Counter<'a>(&'a Meter);
 
 impl Observer<1> for Counter<'_> {
-    fn resumed(&mut self, shader: u32, _: &mut Batch<1>) {
-        self.0.state.borrow_mut().shader = shader as usize;
+    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<1>) {
+        self.0.state.borrow_mut().shader = shader;
     }
 
     fn block(&mut self, batch: &Batch<1>) {
         let mut state = self.0.state.borrow_mut();
-        let count = self.0.blocks[state.shader][batch.block.index()];
+        let count = self.0.blocks[state.shader.index()][batch.block.index()];
         if let Some(ray) = state.open.last_mut() {
             ray.2 += count;
         }

@@ -6,9 +6,9 @@ use crate::harness::expect::{Bytes, Observed, RayFound};
 use crate::harness::layout::{Layout, Rules};
 use crate::harness::memory;
 use crate::harness::value::Value;
-use crate::machine::{Binding, Descriptor, Printed, Resources};
+use crate::machine::{Binding, Descriptor, Printed, Resources, ShaderIndex};
 use crate::ops::pointer::storage;
-use crate::pipeline::{Event, Pipeline, Shader};
+use crate::pipeline::{Event, Pipeline};
 use crate::program::Program;
 use crate::scene::ResolvedScene;
 use crate::scene::resources::Output;
@@ -86,13 +86,13 @@ pub(super) fn first_ray(pipeline: &Pipeline, events: &[Event]) -> RayFound {
 }
 
 /// A payload, typed as the last shader declares it, or as the largest declared payload.
-fn payload_of(pipeline: &Pipeline, shader: Option<Shader>, words: &[u32]) -> Value {
+fn payload_of(pipeline: &Pipeline, shader: Option<ShaderIndex>, words: &[u32]) -> Value {
     let registers = |program: &Arc<Program>| {
         program
             .interface_registers(storage::INCOMING_RAY_PAYLOAD)
             .map(|registers| (program.clone(), registers.ty, registers.count))
     };
-    let ran = shader.and_then(|shader| registers(&pipeline.programs[shader.0 as usize]));
+    let ran = shader.and_then(|shader| registers(&pipeline.programs[shader.index()]));
     let declared =
         ran.or_else(|| pipeline.programs.iter().filter_map(registers).max_by_key(|(.., count)| *count));
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();

@@ -14,7 +14,7 @@ use crate::harness::observe::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::StableExpectation;
 use crate::harness::stability::perturb::perturb_one;
 use crate::harness::tasks::in_tasks;
-use crate::machine::{Batch, BlockIndex, Observer, Resources};
+use crate::machine::{Batch, BlockIndex, Observer, Resources, ShaderIndex};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Stats};
@@ -225,7 +225,7 @@ fn single_ray(
 struct CoverageAndCost<'a>(&'a mut BlockCounts, Counter<'a>);
 
 impl Observer<1> for CoverageAndCost<'_> {
-    fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<1>) {
         self.0.resumed(shader, batch);
         self.1.resumed(shader, batch);
     }

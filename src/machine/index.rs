@@ -61,4 +61,7 @@ indices! {
     /// terminators of the blocks are counted on after the last operation, as in
     /// [`Program::origins`](crate::program::Program::origins).
     OpIndex
+    /// A shader of a pipeline: the index of its program in
+    /// [`Pipeline::programs`](crate::pipeline::Pipeline::programs). A compute shader is number 0.
+    ShaderIndex
 }

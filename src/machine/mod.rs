@@ -31,7 +31,7 @@ pub use batch::{Batch, Frame};
 pub use buffer::Buffer;
 pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
-pub use index::{BlockIndex, OpIndex};
+pub use index::{BlockIndex, OpIndex, ShaderIndex};
 pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
 pub use lanes::{Lanes, Mask, REGISTER_POINTER, Reg, Registers, Scalar};
 pub use observe::Observer;

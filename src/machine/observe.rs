@@ -1,7 +1,7 @@
 //! Observers of a running batch.
 
 use crate::machine::batch::Batch;
-use crate::machine::index::{BlockIndex, OpIndex};
+use crate::machine::index::{BlockIndex, OpIndex, ShaderIndex};
 use crate::machine::resource::Bindings;
 
 /// Observes what a batch does; the unit type observes nothing and costs nothing.
@@ -15,13 +15,13 @@ pub trait Observer<const W: usize> {
         true
     }
 
-    /// A batch of a pipeline's shader (its index) begins to run, or goes on.
-    fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
+    /// A batch of a pipeline's shader begins to run, or goes on.
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         let _ = (shader, batch);
     }
 
     /// The interpreter handed the batch back: it is done, or waits for the pipeline.
-    fn stopped(&mut self, shader: u32, batch: &Batch<W>) {
+    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
         let _ = (shader, batch);
     }
 
@@ -59,11 +59,11 @@ impl<const W: usize> Observer<W> for () {
 /// Any observer, as a trait object: of all observers, the interpreter is compiled for this one
 /// only.
 impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
-    fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         (**self).resumed(shader, batch);
     }
 
-    fn stopped(&mut self, shader: u32, batch: &Batch<W>) {
+    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
         (**self).stopped(shader, batch);
     }
 

@@ -1,16 +1,13 @@
 //! Shader groups.
 
+use crate::machine::ShaderIndex;
 use crate::module::interface::Stage;
-
-/// A shader of a pipeline: an index into its programs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Shader(pub u32);
 
 /// A shader group (`VkRayTracingShaderGroupCreateInfoKHR`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Ray generation, miss or callable.
-    General(Shader),
+    General(ShaderIndex),
     /// The shaders of a hit group.
     Hit(HitGroup),
 }
@@ -20,16 +17,16 @@ pub enum Group {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HitGroup {
     /// Runs once for the closest hit.
-    pub closest_hit: Option<Shader>,
+    pub closest_hit: Option<ShaderIndex>,
     /// Runs for each non-opaque candidate.
-    pub any_hit: Option<Shader>,
+    pub any_hit: Option<ShaderIndex>,
     /// Runs for each box.
-    pub intersection: Option<Shader>,
+    pub intersection: Option<ShaderIndex>,
 }
 
 impl HitGroup {
     /// The member for a stage's shader; `None` for a stage that hit groups do not have.
-    pub fn member(&mut self, stage: Stage) -> Option<&mut Option<Shader>> {
+    pub fn member(&mut self, stage: Stage) -> Option<&mut Option<ShaderIndex>> {
         match stage {
             Stage::ClosestHit => Some(&mut self.closest_hit),
             Stage::AnyHit => Some(&mut self.any_hit),

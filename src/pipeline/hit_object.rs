@@ -40,7 +40,7 @@ where
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let caller =
             Caller { shader: running.shader, op: running.batch.stopped_at(), payload: payload.first };
-        let program = &self.pipeline.programs[running.shader.0 as usize];
+        let program = &self.pipeline.programs[running.shader.index()];
         trace.set_caller(caller, payload::outgoing_scalars(program, payload), &running.batch.invocations);
         trace.from_hit_objects = true;
         let mut lanes = Mask::NONE;
@@ -79,7 +79,7 @@ where
     /// it has none.
     pub(super) fn record_handle(&mut self, mask: Mask<W>, object: ObjectRef, to: Reg) {
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
-        let memory = &self.bindings[running.shader.0 as usize].memory;
+        let memory = &self.bindings[running.shader.index()].memory;
         for lane in mask.lanes() {
             let batch = &mut running.batch;
             let record = object.register(&batch.registers, lane).and_then(|register| {

@@ -32,7 +32,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
-use crate::machine::{LaunchLimits, Resources};
+use crate::machine::{LaunchLimits, Resources, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::program::Program;
@@ -42,7 +42,7 @@ pub use bands::{Band, BandedLaunch, NotStreamed, StreamedImage};
 pub use compute::{Compute, ObservedInvocation, RunPart};
 pub use device::{DeviceFeatures, DeviceLimits, DeviceProfile};
 pub use flags::PipelineFlags;
-pub use group::{Group, HitGroup, Shader};
+pub use group::{Group, HitGroup};
 pub use host_ray::{RayOperands, RayOutcome};
 pub use launch::Launch;
 pub use observer::{Caller, Event, PipelineObserver};
@@ -148,8 +148,8 @@ impl Pipeline {
     }
 
     /// Whether a shader has no effect, whatever its inputs are.
-    fn is_empty(&self, shader: Shader) -> bool {
-        self.programs[shader.0 as usize].is_empty()
+    fn is_empty(&self, shader: ShaderIndex) -> bool {
+        self.programs[shader.index()].is_empty()
     }
 
     /// Whether a shader's results depend on how invocations interleave. A launch then runs them one
@@ -199,9 +199,9 @@ pub struct PipelineBuilder {
 impl PipelineBuilder {
     /// Adds a shader.
     #[doc(hidden)]
-    pub fn shader(&mut self, program: impl Into<Arc<Program>>) -> Shader {
+    pub fn shader(&mut self, program: impl Into<Arc<Program>>) -> ShaderIndex {
         self.programs.push(program.into());
-        Shader(self.programs.len() as u32 - 1)
+        ShaderIndex::new(self.programs.len() - 1)
     }
 
     /// Adds a group and gives its index.
@@ -405,8 +405,8 @@ impl PipelineBuilder {
 
 /// Checks that the shaders of a group exist and are of its stages.
 fn check_group(programs: &[Arc<Program>], group: Group) -> Result<()> {
-    let check = |shader: Shader, stages: &[Stage]| {
-        let program = programs.get(shader.0 as usize).ok_or_else(|| {
+    let check = |shader: ShaderIndex, stages: &[Stage]| {
+        let program = programs.get(shader.index()).ok_or_else(|| {
             Error::new(ErrorKind::InvalidArgument, format!("the pipeline has no shader {}", shader.0))
         })?;
         if stages.contains(&program.stage) {

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use crate::accel::hit::HitPrimitive;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, TraversalObserver};
-use crate::machine::{Exit, OpIndex, RayQueryEvent, Reg};
+use crate::machine::{Exit, OpIndex, RayQueryEvent, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
-use crate::pipeline::group::Shader;
 
 /// Receives the events of a pipeline. The unit type receives none and costs nothing.
 pub trait PipelineObserver {
@@ -109,7 +108,7 @@ impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Caller {
     /// The shader that holds the instruction.
-    pub shader: Shader,
+    pub shader: ShaderIndex,
     /// The instruction.
     pub op: OpIndex,
     /// The first register of the payload variable, or of the callable data.
@@ -168,14 +167,14 @@ pub enum Event {
         /// The terms of `record`: instance offset, geometry index, SBT stride and SBT offset.
         arithmetic: [u32; 4],
         /// The any-hit or intersection shader that decides.
-        shader: Option<Shader>,
+        shader: Option<ShaderIndex>,
     },
     /// An opaque hit was committed without a shader.
     Opaque(Committed),
     /// A shader begins.
     Enter {
         /// The shader that begins.
-        shader: Shader,
+        shader: ShaderIndex,
         /// The shader's stage.
         stage: Stage,
         /// The builtins that the shader reads, with their words.
@@ -188,7 +187,7 @@ pub enum Event {
     /// A shader ended.
     Leave {
         /// The shader that ended.
-        shader: Shader,
+        shader: ShaderIndex,
         /// The shader's stage.
         stage: Stage,
         /// How the shader ended.
@@ -215,7 +214,7 @@ pub enum Event {
         record: u64,
         /// The shader that runs; `None` for a null shader, if the ray's flags skip closest-hit, and
         /// if a hit object records the result.
-        shader: Option<Shader>,
+        shader: Option<ShaderIndex>,
         /// Whether a hit object records the result, so that no shader runs.
         to_hit_object: bool,
     },

@@ -3,10 +3,9 @@
 use smallvec::SmallVec;
 
 use crate::accel::HitKind;
-use crate::machine::{Batch, Exit, Lanes, Mask, Reg, TrapCode};
+use crate::machine::{Batch, Exit, Lanes, Mask, Reg, ShaderIndex, TrapCode};
 use crate::ops::pointer::storage;
 use crate::pipeline::Pipeline;
-use crate::pipeline::group::Shader;
 use crate::pipeline::observer::{Event, PipelineObserver};
 use crate::pipeline::trace::{Trace, Words, hit_group_at};
 use crate::program::Program;
@@ -28,7 +27,7 @@ pub(super) struct IntersectionReport<const W: usize> {
     /// The register of the instruction's results.
     accepted: Reg,
     /// The any-hit shaders still to run, and the lanes whose hits they decide on.
-    pending: SmallVec<[(Shader, Mask<W>); 1]>,
+    pending: SmallVec<[(ShaderIndex, Mask<W>); 1]>,
     reports: SmallVec<[Option<ReportedHit>; 4]>,
 }
 
@@ -102,7 +101,7 @@ impl<const W: usize> IntersectionReport<W> {
     }
 
     /// The next any-hit shader that must run; `None` when every reported hit is decided.
-    pub(super) fn advance(&mut self) -> Option<(Shader, Mask<W>)> {
+    pub(super) fn advance(&mut self) -> Option<(ShaderIndex, Mask<W>)> {
         self.pending.pop()
     }
 

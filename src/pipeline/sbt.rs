@@ -79,7 +79,7 @@ impl Sbt {
                     (None, _) => return Err(error(format!("but there are {} groups", groups.len()))),
                     (Some(Group::Hit(_)), None) => {}
                     (Some(Group::General(shader)), Some(stage)) => {
-                        let found = programs[shader.0 as usize].stage;
+                        let found = programs[shader.index()].stage;
                         if found != stage {
                             return Err(error(format!("which is {}", found.name())));
                         }

@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Invocation, Observer};
+use crate::machine::{Invocation, Observer, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::group::Shader;
 use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::launch::Launch;
 use crate::pipeline::observer::PipelineObserver;
@@ -54,7 +53,7 @@ impl Launch<'_> {
     /// tracing.
     pub fn invoke<const W: usize, T: PipelineObserver, O: Observer<W>>(
         &self,
-        shader: Shader,
+        shader: ShaderIndex,
         invocation: Invocation,
         payload: &[u32],
         attributes: &[u32],
@@ -65,7 +64,7 @@ impl Launch<'_> {
         LaneKernel: Width<W>,
     {
         let invalid = |message| Error::new(ErrorKind::InvalidArgument, message);
-        let program = self.pipeline.programs.get(shader.0 as usize);
+        let program = self.pipeline.programs.get(shader.index());
         let program = program.ok_or_else(|| invalid(format!("the pipeline has no shader {}", shader.0)))?;
         if matches!(program.stage, Stage::Intersection | Stage::Compute | Stage::Other(_)) {
             let (name, stage) = (&program.name, program.stage.name());

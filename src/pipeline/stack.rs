@@ -9,14 +9,14 @@ use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
 use crate::machine::{
-    Batch, Bindings, Exit, Invocation, LaneTrap, Lanes, Mask, Observer, Reg, Registers, Resources, Stop,
-    TaskWatch, TrapCode,
+    Batch, Bindings, Exit, Invocation, LaneTrap, Lanes, Mask, Observer, Reg, Registers, Resources,
+    ShaderIndex, Stop, TaskWatch, TrapCode,
 };
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
-use crate::pipeline::group::{Role, Shader};
+use crate::pipeline::group::Role;
 use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::order::LaunchOrder;
@@ -31,7 +31,7 @@ use crate::program::Program;
 /// A shader that runs or waits, in the lanes of its caller that called it.
 #[derive(Clone, Debug)]
 pub(super) struct RunningShader<const W: usize> {
-    pub shader: Shader,
+    pub shader: ShaderIndex,
     role: Role,
     pub batch: Batch<W>,
     lanes: Mask<W>,
@@ -71,7 +71,7 @@ pub(super) struct ExecuteCallable<const W: usize> {
     index: Reg,
     data: RegSpan,
     /// The callable shaders still to run, and the lanes that call them.
-    pending: Vec<(Shader, Mask<W>)>,
+    pending: Vec<(ShaderIndex, Mask<W>)>,
 }
 
 /// One frame of the stack of shader calls: a shader that runs, or what it waits for.
@@ -198,12 +198,12 @@ where
     /// Runs one invocation of a shader that is no intersection shader, without a caller.
     pub(super) fn invoke(
         &mut self,
-        shader: Shader,
+        shader: ShaderIndex,
         invocation: Invocation,
         payload: Words,
         attributes: Words,
     ) {
-        let role = match self.pipeline.programs[shader.0 as usize].stage {
+        let role = match self.pipeline.programs[shader.index()].stage {
             Stage::RayGeneration => Role::RayGeneration,
             Stage::AnyHit => Role::AnyHit,
             Stage::ClosestHit => Role::ClosestHit,
@@ -240,14 +240,14 @@ where
             }
             match self.frames.last_mut()? {
                 ShaderCallFrame::Shader(running) => {
-                    let program = &self.pipeline.programs[running.shader.0 as usize];
-                    let bindings = &self.bindings[running.shader.0 as usize];
+                    let program = &self.pipeline.programs[running.shader.index()];
+                    let bindings = &self.bindings[running.shader.index()];
                     if O::is_active() {
-                        self.observer.resumed(running.shader.0, &mut running.batch);
+                        self.observer.resumed(running.shader, &mut running.batch);
                     }
                     let stop = interp::run(&mut running.batch, program, bindings, self.observer);
                     if O::is_active() {
-                        self.observer.stopped(running.shader.0, &running.batch);
+                        self.observer.stopped(running.shader, &running.batch);
                     }
                     if T::observes_queries()
                         && let Some(events) = &mut running.batch.queries.events
@@ -312,9 +312,9 @@ where
     }
 
     /// Takes a free batch for a shader, or makes one; no lane runs yet.
-    fn acquire_batch(&mut self, shader: Shader, role: Role) -> Box<RunningShader<W>> {
-        let mut running = self.free_batches[shader.0 as usize].pop().unwrap_or_else(|| {
-            let program = &*self.pipeline.programs[shader.0 as usize];
+    fn acquire_batch(&mut self, shader: ShaderIndex, role: Role) -> Box<RunningShader<W>> {
+        let mut running = self.free_batches[shader.index()].pop().unwrap_or_else(|| {
+            let program = &*self.pipeline.programs[shader.index()];
             let data = match role {
                 Role::Callable => program.interface_registers(storage::INCOMING_CALLABLE_DATA),
                 _ => program.interface_registers(storage::INCOMING_RAY_PAYLOAD),
@@ -342,7 +342,7 @@ where
 
     /// Pushes a shader whose lanes have begun.
     fn push_shader(&mut self, mut running: Box<RunningShader<W>>) {
-        let program = &*self.pipeline.programs[running.shader.0 as usize];
+        let program = &*self.pipeline.programs[running.shader.index()];
         let mask = running.lanes;
         self.stack_size += u64::from(program.register_count) * 4;
         self.stats.count(program.stage, mask.count());
@@ -408,7 +408,7 @@ where
         let Some(ShaderCallFrame::Shader(mut running)) = self.frames.pop() else {
             unreachable!("bug in anyhit: the frame that returns is no shader");
         };
-        let program = &*pipeline.programs[running.shader.0 as usize];
+        let program = &*pipeline.programs[running.shader.index()];
         self.stack_size -= u64::from(program.register_count) * 4;
         self.stats.ray_queries += running.batch.queries.initialized;
         self.stats.zero_directions += running.batch.queries.zero_directions;
@@ -455,12 +455,12 @@ where
             }
             _ => unreachable!("bug in anyhit: a shader without a caller"),
         }
-        self.free_batches[running.shader.0 as usize].push(running);
+        self.free_batches[running.shader.index()].push(running);
     }
 
     fn begin_execute_callable(&mut self, mask: Mask<W>, index: Reg, data: RegSpan) {
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
-        let mut pending: Vec<(Shader, Mask<W>)> = Vec::new();
+        let mut pending: Vec<(ShaderIndex, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {
             let index = running.batch.registers[index].0[lane];
             let Some(record) = self.pipeline.sbt.callable.get(index as usize) else {
@@ -525,8 +525,8 @@ where
             return;
         }
         let (data, index) = (call.data, call.index);
-        let given = payload::outgoing_scalars(&self.pipeline.programs[below.shader.0 as usize], data);
-        if !payload::accepts(&self.pipeline.programs[shader.0 as usize], given) {
+        let given = payload::outgoing_scalars(&self.pipeline.programs[below.shader.index()], data);
+        if !payload::accepts(&self.pipeline.programs[shader.index()], given) {
             let op = below.batch.stopped_at();
             lanes.lanes().for_each(|lane| below.batch.fault_value[lane] = shader.0.into());
             below.batch.trap(lanes, TrapCode::PayloadMismatch, op);
@@ -557,7 +557,7 @@ where
         else {
             unreachable!("bug in anyhit: a report outside a trace");
         };
-        let program = &self.pipeline.programs[running.shader.0 as usize];
+        let program = &self.pipeline.programs[running.shader.index()];
         let report = IntersectionReport::new(
             self.pipeline,
             trace,
@@ -579,7 +579,7 @@ where
             Some((shader, lanes)) => self.push_reported_any_hit(shader, lanes),
             None => {
                 // An accepted hit lowers RayTmaxKHR.
-                let program = &self.pipeline.programs[running.shader.0 as usize];
+                let program = &self.pipeline.programs[running.shader.index()];
                 program.refresh_inputs(&mut running.batch, Mask::ALL, true);
                 self.frames.pop();
             }
@@ -587,7 +587,7 @@ where
     }
 
     /// Pushes the any-hit shader that decides on reported hits.
-    fn push_reported_any_hit(&mut self, shader: Shader, lanes: Mask<W>) {
+    fn push_reported_any_hit(&mut self, shader: ShaderIndex, lanes: Mask<W>) {
         let role = Role::ReportedAnyHit;
         let mut running = self.acquire_batch(shader, role);
         let [
@@ -612,7 +612,7 @@ where
 
 /// Begins the lanes of a batch. Their invocations must be set.
 fn begin<const W: usize>(pipeline: &Pipeline, running: &mut RunningShader<W>, lanes: Mask<W>) {
-    let program = &pipeline.programs[running.shader.0 as usize];
+    let program = &pipeline.programs[running.shader.index()];
     running.lanes = lanes;
     program.begin(&mut running.batch, lanes, pipeline.fuel);
 }

@@ -94,8 +94,8 @@ mod tests {
 
     use super::*;
     use crate::error::{Error, ErrorKind};
+    use crate::machine::ShaderIndex;
     use crate::machine::TrapCode;
-    use crate::pipeline::Shader;
 
     #[test]
     fn the_trap_with_the_lowest_number_is_reported() {
@@ -103,7 +103,7 @@ mod tests {
             launch_id: [task as u32, 0, 0],
             code: TrapCode::Unreachable,
             fault_value: 0,
-            shader: Shader(0),
+            shader: ShaderIndex(0),
             offset: 0,
             error: Error::new(ErrorKind::Trap, "a trap"),
         };

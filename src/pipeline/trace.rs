@@ -14,9 +14,9 @@ use smallvec::SmallVec;
 use crate::accel::{Committed, Cursor, Tlas};
 use crate::machine::invocation::{LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
-use crate::machine::{Lanes, Mask, Registers, TrapCode};
+use crate::machine::{Lanes, Mask, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
-use crate::pipeline::group::{Group, HitGroup, Role, Shader};
+use crate::pipeline::group::{Group, HitGroup, Role};
 use crate::pipeline::observer::{Caller, PipelineObserver};
 use crate::pipeline::opaque_batch::OpaqueBatch;
 use crate::pipeline::sbt::SbtRecord;
@@ -28,7 +28,7 @@ pub(super) type Words = SmallVec<[u32; 16]>;
 /// A shader call that is still to run, and the lanes that wait for it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PendingCall<const W: usize> {
-    pub shader: Shader,
+    pub shader: ShaderIndex,
     pub role: Role,
     pub lanes: Mask<W>,
 }
@@ -205,7 +205,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Adds lanes to the pending call of a shader in a role.
-    fn enqueue_call(&mut self, shader: Shader, role: Role, lanes: Mask<W>) {
+    fn enqueue_call(&mut self, shader: ShaderIndex, role: Role, lanes: Mask<W>) {
         match self.pending.iter_mut().find(|group| group.shader == shader && group.role == role) {
             Some(group) => group.lanes = group.lanes | lanes,
             None if lanes.is_empty() => {}
@@ -230,7 +230,7 @@ pub(super) fn record_at(table: &[Option<SbtRecord>], index: u64) -> Option<&SbtR
 }
 
 /// The shader of a record's general group; `None` for a hit group.
-pub(super) fn general_shader(pipeline: &Pipeline, record: &SbtRecord) -> Option<Shader> {
+pub(super) fn general_shader(pipeline: &Pipeline, record: &SbtRecord) -> Option<ShaderIndex> {
     match pipeline.groups[record.group as usize] {
         Group::General(shader) => Some(shader),
         Group::Hit(_) => None,

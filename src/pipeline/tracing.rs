@@ -83,10 +83,10 @@ where
         let mut trace = self.acquire_trace(object.is_none());
         let is_full = self.is_full();
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
-        let bindings = &self.bindings[running.shader.0 as usize];
+        let bindings = &self.bindings[running.shader.index()];
         let batch = &mut running.batch;
         let caller = Caller { shader: running.shader, op: batch.stopped_at(), payload: payload.first };
-        let program = &self.pipeline.programs[running.shader.0 as usize];
+        let program = &self.pipeline.programs[running.shader.index()];
         trace.set_caller(caller, payload::outgoing_scalars(program, payload), &batch.invocations);
         let found = trace.read_operands(&batch.registers, operands, bindings, mask);
         let flags = self.pipeline.flags;

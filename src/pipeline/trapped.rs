@@ -4,12 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, Place, Trap, TrapOperands};
-use crate::machine::{Batch, LaneTrap, Observer, OpIndex, TrapCode, Watchdog};
+use crate::machine::{Batch, LaneTrap, Observer, OpIndex, ShaderIndex, TrapCode, Watchdog};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::pipeline::Pipeline;
-use crate::pipeline::group::Shader;
 use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
@@ -27,7 +26,7 @@ pub struct Trapped {
     /// The value that caused it, such as the offset or device address of the access.
     pub fault_value: u64,
     /// The shader that trapped.
-    pub shader: Shader,
+    pub shader: ShaderIndex,
     /// The instruction, in words from the start of the shader's module.
     pub offset: u32,
     /// The error, whose [`Error::trap`] has all of this and the values that caused it.
@@ -63,7 +62,7 @@ where
         if self.trapped.as_ref().is_some_and(|trapped| order(trapped.launch_id) <= order(launch_id)) {
             return;
         }
-        let program = &*self.pipeline.programs[running.shader.0 as usize];
+        let program = &*self.pipeline.programs[running.shader.index()];
         let programs = &self.pipeline.programs;
         let mut error =
             trap_error(running.shader, program, programs, &running.batch, lane, trap).note(format!(
@@ -90,19 +89,19 @@ where
                 error = notes.into_iter().fold(error, Error::note).with_trap(|trap| trap.vuid = vuid);
             }
         }
-        let callers: Vec<(&Program, Shader, OpIndex)> = self
+        let callers: Vec<(&Program, ShaderIndex, OpIndex)> = self
             .frames
             .iter()
             .rev()
             .filter_map(|frame| match frame {
                 ShaderCallFrame::Shader(caller) => {
-                    let program = &*programs[caller.shader.0 as usize];
+                    let program = &*programs[caller.shader.index()];
                     Some((program, caller.shader, caller.batch.stopped_at()))
                 }
                 _ => None,
             })
             .collect();
-        let frames = callers.iter().map(|&(program, shader, op)| program.frame(shader.0, op));
+        let frames = callers.iter().map(|&(program, shader, op)| program.frame(shader, op));
         error = error.with_trap(|trap| trap.stack.extend(frames));
         // Of a deep recursion, only the callers at both ends are named.
         let between = callers.len().saturating_sub(2 * SHOWN_CALLERS);
@@ -173,7 +172,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
         op: OpIndex,
         called: u64,
     ) -> Option<([String; 2], Option<String>)> {
-        let program = |shader: Shader| &*self.pipeline.programs[shader.0 as usize];
+        let program = |shader: ShaderIndex| &*self.pipeline.programs[shader.index()];
         let passed = match program(running.shader).ops.get(op.index())? {
             Op::Stop(op) => op.payload_span().map(|span| (running.shader, span.first)),
             _ => None,
@@ -188,7 +187,7 @@ impl<const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'_, W, T, O> {
             })
         };
         let (caller, first) = passed.or_else(traced)?;
-        let called = program(Shader(u32::try_from(called).ok()?));
+        let called = program(ShaderIndex(u32::try_from(called).ok()?));
         const TRACE: &str = "VUID-RuntimeSpirv-OpTraceRayKHR-11855";
         let (rule, vuid) = match called.stage {
             Stage::Callable => ("SPV_KHR_ray_tracing, OpExecuteCallableKHR", None),
@@ -262,13 +261,13 @@ pub(super) fn spent_together(launch_id: [u32; 3], dog: &Watchdog) -> Trapped {
     let error = Error::trapped(Trap { launch_id, ..Trap::new(code) })
         .note(format!("the invocations up to that with launch id ({x}, {y}, {z}) have spent it together"));
     let error = with_limit(error, code, 0, Some(dog));
-    Trapped { launch_id, code, fault_value: 0, shader: Shader(0), offset: 0, error }
+    Trapped { launch_id, code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
 }
 
 /// The trap of a launch, or of a ray from the host, that a limit ends while no shader runs.
 pub(super) fn ended_without_shader(code: TrapCode, fuel: u64, dog: &Watchdog) -> Trapped {
     let error = with_limit(Error::trapped(Trap::new(code)), code, fuel, Some(dog));
-    Trapped { launch_id: [0; 3], code, fault_value: 0, shader: Shader(0), offset: 0, error }
+    Trapped { launch_id: [0; 3], code, fault_value: 0, shader: ShaderIndex(0), offset: 0, error }
 }
 
 /// The trap of a ray from the host at which no shader trapped: its table has no record for it, say.
@@ -282,7 +281,7 @@ pub(super) fn host_ray_trap<const W: usize>(pipeline: &Pipeline, trace: &Trace<W
     if is_mismatch {
         error = with_callee(error, pipeline, fault_value);
     }
-    Some(Trapped { launch_id: [0; 3], code, fault_value, shader: Shader(0), offset: 0, error })
+    Some(Trapped { launch_id: [0; 3], code, fault_value, shader: ShaderIndex(0), offset: 0, error })
 }
 
 /// The missing record that a trap is about.
@@ -306,7 +305,7 @@ fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<Cause> {
 /// The error of a trap without its callers: message, source position, and access. Other programs
 /// run with the one that trapped.
 pub(crate) fn trap_error<const W: usize>(
-    shader: Shader,
+    shader: ShaderIndex,
     program: &Program,
     others: &[Arc<Program>],
     batch: &Batch<W>,
@@ -322,7 +321,7 @@ pub(crate) fn trap_error<const W: usize>(
         // The offset of an index that is out of bounds is none of the access.
         fault_value: if trap.code == TrapCode::IndexOutOfBounds { 0 } else { fault_value },
         operands: program.trap_operands(trap, fault_value, accessed, operand),
-        stack: vec![program.frame(shader.0, trap.op)],
+        stack: vec![program.frame(shader, trap.op)],
         vuid: program.ray_vuid(trap, fault_value).or_else(|| trap.code.vuid().map(str::to_owned)),
         ..Trap::new(trap.code)
     };

@@ -14,12 +14,11 @@ use smallvec::SmallVec;
 use crate::error::Error;
 use crate::interp;
 use crate::machine::{
-    Batch, Bindings, BlockIndex, Exit, Invocation, LaneTrap, Mask, Observer, OpIndex, Stop, TaskWatch,
-    TrapCode, Workgroup,
+    Batch, Bindings, BlockIndex, Exit, Invocation, LaneTrap, Mask, Observer, OpIndex, ShaderIndex, Stop,
+    TaskWatch, TrapCode, Workgroup,
 };
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
-use crate::pipeline::group::Shader;
 use crate::pipeline::observer::Event;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::{Trapped, source_line, trap_error, with_limit};
@@ -276,7 +275,7 @@ where
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
         let [group, local, global] = ids.map(|[x, y, z]| format!("({x}, {y}, {z})"));
-        let mut error: Error = trap_error(Shader(0), self.program, &[], batch, at % W, trap);
+        let mut error: Error = trap_error(ShaderIndex(0), self.program, &[], batch, at % W, trap);
         if let Some(note) = note {
             error = error.note(note);
         }
@@ -288,7 +287,7 @@ where
         let offset = self.program.origins.get(trap.op.index()).map_or(0, |origin| origin.offset);
         let (launch_id, code, fault_value) =
             (invocations.launch_id(lane), trap.code, batch.fault_value[lane]);
-        self.trapped = Some(Trapped { launch_id, code, fault_value, shader: Shader(0), offset, error });
+        self.trapped = Some(Trapped { launch_id, code, fault_value, shader: ShaderIndex(0), offset, error });
     }
 }
 
@@ -309,11 +308,11 @@ where
         let mut running = start.mask;
         loop {
             if O::is_active() {
-                observers.observer.resumed(0, batch);
+                observers.observer.resumed(ShaderIndex(0), batch);
             }
             let stop = interp::run(batch, program, bindings, &mut observers.observer);
             if O::is_active() {
-                observers.observer.stopped(0, batch);
+                observers.observer.stopped(ShaderIndex(0), batch);
             }
             if let (Some(on_event), Some(events)) = (&mut observers.on_event, &mut batch.queries.events) {
                 events.drain(..).for_each(|event| on_event(Event::RayQuery(event)));

@@ -1,7 +1,7 @@
 //! Maps operations to source lines.
 
 use crate::error::{Place, ShaderFrame};
-use crate::machine::OpIndex;
+use crate::machine::{OpIndex, ShaderIndex};
 use crate::module::debug_info::SourceLine;
 use crate::program::Program;
 
@@ -12,9 +12,9 @@ impl Program {
         self.place_at(self.origins.get(op.index())?.offset)
     }
 
-    /// This program as a frame of a stack of shader calls: it is the shader of this index in its
+    /// This program as a frame of a stack of shader calls: it is this shader of its
     /// pipeline, and is at an operation.
-    pub(crate) fn frame(&self, shader: u32, op: OpIndex) -> ShaderFrame {
+    pub(crate) fn frame(&self, shader: ShaderIndex, op: OpIndex) -> ShaderFrame {
         let word = self.origins.get(op.index()).map(|origin| origin.offset);
         let debug = &self.module.debug_info;
         let line = word.and_then(|word| debug.line_at(word).or_else(|| self.line_near(word)));
@@ -22,7 +22,7 @@ impl Program {
         // A line of a file that the module does not name is told nowhere.
         let line = line.filter(|_| file.is_some());
         ShaderFrame {
-            shader,
+            shader: shader.0,
             stage: self.stage,
             entry_point: self.name.clone(),
             file: file.map(|file| file.name.clone()),

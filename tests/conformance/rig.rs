@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhit::Scene;
 use anyhit::internals::harness::scene::Instance;
-use anyhit::internals::machine::{Buffer, Descriptor};
-use anyhit::internals::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, SbtRecord, Shader};
+use anyhit::internals::machine::{Buffer, Descriptor, ShaderIndex};
+use anyhit::internals::pipeline::{Group, HitGroup, Launch, Pipeline, PipelineFlags, SbtRecord};
 use anyhit::{Module, Program};
 use bytemuck::{Pod, Zeroable};
 
@@ -215,7 +215,7 @@ impl Rig {
     }
 }
 
-fn group(kind: Kind, shaders: [Shader; 6]) -> Option<HitGroup> {
+fn group(kind: Kind, shaders: [ShaderIndex; 6]) -> Option<HitGroup> {
     let [triangle, procedural, swept, any_hit, box_any_hit, intersection] = shaders.map(Some);
     let of = |closest_hit, any_hit, intersection| Some(HitGroup { closest_hit, any_hit, intersection });
     match kind {

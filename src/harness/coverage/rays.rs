@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use crate::accel::GeometryKind;
 use crate::debug::names::{Names, flags};
 use crate::geometry::Surface;
-use crate::machine::{Exit, RayQueryStep};
+use crate::machine::{Exit, RayQueryStep, ShaderIndex};
 use crate::module::interface::Stage;
-use crate::pipeline::{Event, Group, Pipeline, Shader};
+use crate::pipeline::{Event, Group, Pipeline};
 use crate::scene::ResolvedScene;
 
 /// What rays used of a pipeline, and how often; 0 where they could have and never did.
@@ -38,7 +38,7 @@ pub struct RayCounts {
     /// By record, until they get their names.
     hit_records: BTreeMap<u64, u64>,
     miss_records: BTreeMap<u64, u64>,
-    callables: BTreeMap<u32, u64>,
+    callables: BTreeMap<ShaderIndex, u64>,
 }
 
 fn count(of: &mut Use, what: &str) {
@@ -73,7 +73,7 @@ impl RayCounts {
                 *self.miss_records.entry(*record).or_default() += 1;
             }
             Event::Enter { shader, stage: Stage::Callable, .. } => {
-                *self.callables.entry(shader.0).or_default() += 1;
+                *self.callables.entry(*shader).or_default() += 1;
             }
             Event::Leave { stage: Stage::AnyHit, exit, .. } => {
                 let how = match exit {
@@ -94,7 +94,7 @@ impl RayCounts {
     /// Gives what was counted with a pipeline its names, and what was never used a zero.
     pub(super) fn name(&mut self, scene: &ResolvedScene, index: Option<usize>, pipeline: &Pipeline) {
         let names = Names::new(scene, index, pipeline);
-        let label = |shader: Shader| {
+        let label = |shader: ShaderIndex| {
             let label = names.shader(shader);
             let path = names.module(shader).map(|module| module.path.display().to_string());
             let path = path.unwrap_or_default();
@@ -116,12 +116,11 @@ impl RayCounts {
             *self.miss.entry(label(shader)).or_default() += records.get(&(at as u64)).copied().unwrap_or(0);
         }
         let callables = std::mem::take(&mut self.callables);
-        for (at, program) in pipeline.programs.iter().enumerate() {
+        for (shader, program) in (0..).map(ShaderIndex).zip(&pipeline.programs) {
             let outcomes: &[&str] = match program.stage {
                 Stage::Callable => {
-                    let shader = Shader(at as u32);
                     *self.callable.entry(label(shader)).or_default() +=
-                        callables.get(&(at as u32)).copied().unwrap_or(0);
+                        callables.get(&shader).copied().unwrap_or(0);
                     continue;
                 }
                 Stage::AnyHit => &["accepted", "ignored", "terminated"],

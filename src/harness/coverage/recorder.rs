@@ -7,10 +7,10 @@ use std::sync::Arc;
 use crate::debug::names::Names;
 use crate::harness::block_counts::{BlockCounts, ProgramCounts};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
-use crate::machine::BlockIndex;
+use crate::machine::{BlockIndex, ShaderIndex};
 use crate::module::debug_info::SourceLine;
 use crate::module::{Id, Module};
-use crate::pipeline::{Event, Shader};
+use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -66,8 +66,8 @@ impl Recorder {
             rays.name(scene, index, pipeline);
             lines.coverage.rays.add(rays);
             let names = Names::new(scene, index, pipeline);
-            for (shader, program) in pipeline.programs.iter().enumerate() {
-                let path = names.module(Shader(shader as u32)).map_or(&*scene.path, |module| module.path);
+            for (shader, program) in (0..).map(ShaderIndex).zip(&pipeline.programs) {
+                let path = names.module(shader).map_or(&*scene.path, |module| module.path);
                 lines.program(program, &counts.ran(shader), path);
             }
         }
@@ -76,7 +76,7 @@ impl Recorder {
         for (at, (dispatch, entry)) in assembled.dispatches.iter().zip(&scene.dispatches).enumerate() {
             let path = scene.shaders.get(entry.shader.module).map_or(&scene.path, |module| &module.path);
             let counts = self.dispatches.get(at).unwrap_or(&nothing);
-            lines.program(&dispatch.compute.program, &counts.ran(0), path);
+            lines.program(&dispatch.compute.program, &counts.ran(ShaderIndex(0)), path);
         }
         lines.coverage
     }

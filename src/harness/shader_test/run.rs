@@ -13,11 +13,11 @@ use crate::harness::shader_test::ShaderTest;
 use crate::harness::value::Value;
 use crate::interp;
 use crate::machine::stop::Stop;
-use crate::machine::{Batch, Exit, Mask, Reg};
+use crate::machine::{Batch, Exit, Mask, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
-use crate::pipeline::{Event, Pipeline, Shader, trap_error, with_limit};
+use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
 
 impl ShaderTest {
     /// Runs the shader once. Buffers and images are copied first: a test can be run again.
@@ -92,11 +92,11 @@ impl ShaderTest {
         }
         let exit = batch.exits[0];
         if let Exit::Trapped(trap) = exit {
-            let error = trap_error(Shader(0), program, &[], &batch, 0, trap);
+            let error = trap_error(ShaderIndex(0), program, &[], &batch, 0, trap);
             return Err(with_limit(error, trap.code, self.fuel, None));
         }
         let words = self.payload_rows().map_or_else(Vec::new, |registers| words(&batch, registers));
-        events.push(Event::Leave { shader: Shader(0), stage: program.stage, exit, payload: words });
+        events.push(Event::Leave { shader: ShaderIndex(0), stage: program.stage, exit, payload: words });
         let explanation = Arc::new(Explanation {
             pipeline: self.pipeline(),
             what: What::Shader {
@@ -137,7 +137,7 @@ impl ShaderTest {
             registers.map_or_else(Vec::new, |registers| words(batch, registers))
         };
         Event::Enter {
-            shader: Shader(0),
+            shader: ShaderIndex(0),
             stage: self.program.stage,
             builtins: inputs
                 .map(|registers| (registers.builtin, read(registers.first, registers.count)))

@@ -6,11 +6,11 @@ use crate::harness::block_counts::BlockCounts;
 use crate::harness::blocks::Blocks;
 use crate::harness::smoke::fill::{ValueSource, mix};
 use crate::harness::smoke::resources;
-use crate::machine::{Batch, Bindings, Observer, OpIndex, RayQueryStep};
+use crate::machine::{Batch, Bindings, Observer, OpIndex, RayQueryStep, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::op::Op;
 use crate::ops::{ray_query, ray_tracing};
-use crate::pipeline::{Caller, Event, PipelineObserver, Shader};
+use crate::pipeline::{Caller, Event, PipelineObserver};
 use crate::program::Program;
 
 /// Sees which blocks and operations of one program run.
@@ -37,7 +37,7 @@ impl<'a> BlockRecorder<'a> {
 
     /// Adds what was run to what has run before.
     pub(super) fn add_to(&self, blocks: &mut Blocks, executed: &mut BTreeSet<u32>) {
-        blocks.enter(self.program, &self.counts, 0);
+        blocks.enter(self.program, &self.counts, ShaderIndex(0));
         executed.extend(self.offsets(&self.executed));
     }
 
@@ -48,7 +48,7 @@ impl<'a> BlockRecorder<'a> {
 }
 
 impl<const W: usize> Observer<W> for BlockRecorder<'_> {
-    fn resumed(&mut self, shader: u32, batch: &mut Batch<W>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         self.counts.resumed(shader, batch);
         // Behind a trace or call of which some lane came back.
         if let Some(last) = batch.op.previous()
@@ -160,7 +160,7 @@ impl PipelineObserver for StandIn<'_> {
         let before = std::mem::replace(before, *before + 1);
         let root = mix(mix(x | y << 32, z), before);
         let registers = self.program.interface.iter().find(|registers| registers.first == caller.payload);
-        let Some(registers) = registers.filter(|_| caller.shader == Shader(0)) else { return };
+        let Some(registers) = registers.filter(|_| caller.shader == ShaderIndex(0)) else { return };
         // Loops that wait for a sum end, too.
         let far = FAR.saturating_mul(1 + (before / 16) as u32);
         let answer = resources::answer(&self.program.module, registers, self.numbers, root, far);

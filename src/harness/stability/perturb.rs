@@ -461,7 +461,7 @@ impl Probe for Perturber<'_> {
     fn event(&mut self, event: &Event) {
         match event {
             Event::Enter { shader, .. } => {
-                let shader = self.first_program() + shader.0 as usize;
+                let shader = self.first_program() + shader.index();
                 self.frames.push((shader, 0));
             }
             Event::Leave { .. } => {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::debug::names::{Names, source_line_at};
-use crate::pipeline::Shader;
+use crate::machine::ShaderIndex;
 use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -46,7 +46,7 @@ impl Programs {
         let pipelines = assembled.all_pipelines().flat_map(|(index, pipeline)| {
             let names = Names::new(scene, index, pipeline);
             pipeline.programs.iter().enumerate().map(move |(at, program)| {
-                let path = names.module(Shader(at as u32)).map(|module| module.path.display().to_string());
+                let path = names.module(ShaderIndex::new(at)).map(|module| module.path.display().to_string());
                 (program.clone(), path)
             })
         });

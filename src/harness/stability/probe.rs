@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::tasks::in_tasks;
-use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Resources};
+use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Resources, ShaderIndex};
 use crate::pipeline::{Event, Launch, Pipeline};
 use crate::scene::pass::{LaunchPass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
@@ -64,11 +64,11 @@ struct ProbeObserver<'a, P> {
 }
 
 impl<P: Probe> Observer<1> for ProbeObserver<'_, P> {
-    fn resumed(&mut self, shader: u32, batch: &mut Batch<1>) {
-        self.probe.borrow_mut().resumed(self.first + shader as usize, batch);
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<1>) {
+        self.probe.borrow_mut().resumed(self.first + shader.index(), batch);
     }
 
-    fn stopped(&mut self, _: u32, batch: &Batch<1>) {
+    fn stopped(&mut self, _: ShaderIndex, batch: &Batch<1>) {
         self.probe.borrow_mut().stopped(batch);
     }
 

@@ -555,7 +555,7 @@ impl Probe for ShadowInterpreter<'_> {
                 }
             }
             Event::Enter { shader, stage, .. } => {
-                self.enter_stage(self.first_program() + shader.0 as usize, *stage);
+                self.enter_stage(self.first_program() + shader.index(), *stage);
             }
             Event::Leave { stage, exit, .. } => self.leave(*stage, *exit),
             _ => {}

@@ -3,10 +3,9 @@
 use std::cell::{Cell, RefCell};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Batch, Exit, Observer, Resources, Watchdog};
+use crate::machine::{Batch, Exit, Observer, Resources, ShaderIndex, Watchdog};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::compute::Compute;
-use crate::pipeline::group::Shader;
 use crate::pipeline::observer::Event;
 use crate::pipeline::workgroup::Observers;
 use crate::program::Program;
@@ -109,7 +108,12 @@ impl Compute {
         };
         let exit = one.exit;
         let mut events = events.into_inner();
-        events.push(Event::Leave { shader: Shader(0), stage: self.program.stage, exit, payload: Vec::new() });
+        events.push(Event::Leave {
+            shader: ShaderIndex(0),
+            stage: self.program.stage,
+            exit,
+            payload: Vec::new(),
+        });
         ObservedInvocation { events, trap: trapped.map(|trapped| trapped.error) }
     }
 }
@@ -126,7 +130,7 @@ struct OneInvocation<'a> {
 }
 
 impl<const W: usize> Observer<W> for OneInvocation<'_> {
-    fn resumed(&mut self, _: u32, batch: &mut Batch<W>) {
+    fn resumed(&mut self, _: ShaderIndex, batch: &mut Batch<W>) {
         let mut lanes = batch.mask.lanes();
         let lane = lanes.find(|&lane| batch.invocations.launch_id(lane) == self.id);
         self.lane.set(lane.map(|lane| lane as u32));
@@ -136,7 +140,7 @@ impl<const W: usize> Observer<W> for OneInvocation<'_> {
             let inputs = self.program.inputs.iter();
             let words = |first, count| batch.registers.lane_words(first, count, lane).collect();
             events.push(Event::Enter {
-                shader: Shader(0),
+                shader: ShaderIndex(0),
                 stage: self.program.stage,
                 builtins: inputs.map(|input| (input.builtin, words(input.first, input.count))).collect(),
                 payload: Vec::new(),
@@ -146,7 +150,7 @@ impl<const W: usize> Observer<W> for OneInvocation<'_> {
         (self.on_part)(RunPart::Begins);
     }
 
-    fn stopped(&mut self, _: u32, batch: &Batch<W>) {
+    fn stopped(&mut self, _: ShaderIndex, batch: &Batch<W>) {
         let Some(lane) = self.lane.get() else { return };
         self.exit = batch.exits[lane as usize];
         (self.on_part)(RunPart::Ends);

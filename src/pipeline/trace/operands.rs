@@ -6,8 +6,7 @@ use std::sync::Arc;
 use crate::accel::{Tlas, TraceRay};
 use crate::machine::hit_object::EncodedHit;
 use crate::machine::invocation::Invocations;
-use crate::machine::{Lanes, Mask, TrapCode};
-use crate::pipeline::group::Shader;
+use crate::machine::{Lanes, Mask, ShaderIndex, TrapCode};
 use crate::pipeline::observer::Caller;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::trace::{Trace, Words};
@@ -44,12 +43,12 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Whether the payload of the rays matches the one that a shader declares.
-    pub(crate) fn payload_matches(&self, pipeline: &Pipeline, shader: Shader) -> bool {
-        payload::accepts(&pipeline.programs[shader.0 as usize], self.payload_scalars)
+    pub(crate) fn payload_matches(&self, pipeline: &Pipeline, shader: ShaderIndex) -> bool {
+        payload::accepts(&pipeline.programs[shader.index()], self.payload_scalars)
     }
 
     /// Traps a lane whose payload does not match the one that the called shader declares.
-    pub(super) fn trap_payload_mismatch(&mut self, lane: usize, shader: Shader) {
+    pub(super) fn trap_payload_mismatch(&mut self, lane: usize, shader: ShaderIndex) {
         self.record_indices[lane] = shader.0.into();
         self.trap(lane, TrapCode::PayloadMismatch);
     }

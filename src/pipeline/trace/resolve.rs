@@ -7,9 +7,9 @@ use smallvec::SmallVec;
 use crate::accel::{Candidate, Committed, HitKind, RayFlags, hit_record_index};
 use crate::machine::invocation::Invocations;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Exit, Lanes, Mask, Registers, TrapCode};
+use crate::machine::{Batch, Exit, Lanes, Mask, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
-use crate::pipeline::group::{Role, Shader};
+use crate::pipeline::group::Role;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
 use crate::pipeline::sbt::{SbtRecord, is_beyond_end};
 use crate::pipeline::trace::{Trace, Words, general_shader, hit_group_at, record_at};
@@ -71,10 +71,10 @@ impl<const W: usize> Trace<W> {
                     called.lanes().for_each(|lane| self.trap_payload_mismatch(lane, shader));
                 }
                 (Some(shader), _) if !T::is_active() && is_empty => {
-                    self.stats.elide(pipeline.programs[shader.0 as usize].stage, called.count());
+                    self.stats.elide(pipeline.programs[shader.index()].stage, called.count());
                 }
                 (Some(shader), _) if !self.observed && writes_only_unread => {
-                    self.stats.elide_unread(pipeline.programs[shader.0 as usize].stage, called.count());
+                    self.stats.elide_unread(pipeline.programs[shader.index()].stage, called.count());
                 }
                 (Some(shader), _) => self.enqueue_call(shader, role, called),
                 (None, Some(code)) => called.lanes().for_each(|lane| self.trap(lane, code)),
@@ -237,7 +237,7 @@ impl<const W: usize> Trace<W> {
 /// The closest-hit or miss shader of a record, and what is known of it.
 #[derive(Clone, Copy, Debug)]
 struct HitOrMissShader {
-    shader: Option<Shader>,
+    shader: Option<ShaderIndex>,
     /// Whether its hit group has an any-hit shader.
     has_any_hit: bool,
     /// Whether the shader has no effect.
@@ -247,8 +247,8 @@ struct HitOrMissShader {
 }
 
 /// Whether a shader's only effect is on words of the payload that its caller does not read.
-fn writes_only_unread(pipeline: &Pipeline, caller: Caller, shader: Shader) -> bool {
-    let [caller_program, program] = [caller.shader, shader].map(|one| &pipeline.programs[one.0 as usize]);
+fn writes_only_unread(pipeline: &Pipeline, caller: Caller, shader: ShaderIndex) -> bool {
+    let [caller_program, program] = [caller.shader, shader].map(|one| &pipeline.programs[one.index()]);
     let read = || caller_program.payloads.read_after(caller.op);
     program.payloads.writes_only.is_some_and(|written| !written.intersects(read()))
 }
