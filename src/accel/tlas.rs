@@ -30,12 +30,6 @@ pub(super) enum InstanceTransform {
     Moving,
 }
 
-/// The index of a hit record in the shader binding table (Vulkan, "Hit Group Shader Binding
-/// Table"): the low 4 bits of stride and offset count.
-pub fn hit_record_index(instance_offset: u32, geometry: u32, stride: u32, offset: u32) -> u64 {
-    u64::from(instance_offset) + u64::from(geometry) * u64::from(stride & 0xF) + u64::from(offset & 0xF)
-}
-
 /// A top-level acceleration structure.
 #[derive(Debug)]
 pub struct Tlas {
@@ -262,17 +256,5 @@ impl Tlas {
             boxes,
             SahCost { max_leaf_size: 1, traversal: 4.0, intersection: 0.0, split_below: 1.0 },
         )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_hit_index_masks_offset_and_stride_to_four_bits() {
-        assert_eq!(hit_record_index(10, 2, 3, 1), 17);
-        assert_eq!(hit_record_index(10, 2, 0x13, 0x21), 17);
-        assert_eq!(hit_record_index(0xFF_FFFF, 0xFF_FFFF, 15, 15), 0xFF_FFFF + 0xFF_FFFF * 15 + 15);
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::accel::{HitKind, Tlas};
+use crate::accel::{HitKind, RecordIndex, Tlas};
 use crate::debug::transcript::{Flags, ShaderLabel, TranscriptLine};
 use crate::debug::values::TypedValue;
 use crate::error::Place;
@@ -104,10 +104,10 @@ pub trait SceneNames: Debug {
     fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: ShaderIndex) -> Option<NamedModule<'_>>;
 
     /// The name of a record of the miss table.
-    fn miss_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str>;
+    fn miss_record(&self, origin: PipelineOrigin, index: RecordIndex) -> Option<&str>;
 
     /// The name of a record of the hit table.
-    fn hit_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str>;
+    fn hit_record(&self, origin: PipelineOrigin, index: RecordIndex) -> Option<&str>;
 
     /// The acceleration structures with their names.
     fn structures(&self) -> &[(String, Arc<Tlas>)];
@@ -195,13 +195,13 @@ impl<'a> Names<'a> {
     }
 
     /// The name of a record of the miss table.
-    pub fn miss_record(&self, index: u64) -> Option<String> {
+    pub fn miss_record(&self, index: RecordIndex) -> Option<String> {
         let (scene, origin) = self.scene?;
         scene.miss_record(origin, index).map(str::to_owned)
     }
 
     /// The name of a record of the hit table.
-    pub fn hit_record(&self, index: u64) -> Option<String> {
+    pub fn hit_record(&self, index: RecordIndex) -> Option<String> {
         let (scene, origin) = self.scene?;
         scene.hit_record(origin, index).map(str::to_owned)
     }

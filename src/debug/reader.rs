@@ -4,7 +4,7 @@ use std::iter::Peekable;
 use std::sync::Arc;
 use std::vec::IntoIter;
 
-use crate::accel::{self, Candidate, Tlas};
+use crate::accel::{Candidate, RecordIndex, Tlas};
 use crate::debug::names::{self, Names};
 use crate::debug::query_reader::QueryReader;
 use crate::debug::transcript::{
@@ -205,7 +205,13 @@ impl<'a> EventReader<'a> {
         .map(|(program, registers)| (program, registers.ty))
     }
 
-    fn hit_record(&self, tlas: &Arc<Tlas>, candidate: &Candidate, sbt: [u32; 3], index: u64) -> RecordChoice {
+    fn hit_record(
+        &self,
+        tlas: &Arc<Tlas>,
+        candidate: &Candidate,
+        sbt: [u32; 3],
+        index: RecordIndex,
+    ) -> RecordChoice {
         let instance = &tlas.instances()[candidate.instance as usize];
         let arithmetic = Arithmetic {
             instance_offset: instance.sbt_record_offset,
@@ -214,14 +220,14 @@ impl<'a> EventReader<'a> {
             offset: sbt[0] & 0xF,
         };
         debug_assert_eq!(
-            accel::hit_record_index(instance.sbt_record_offset, candidate.geometry, sbt[1], sbt[0]),
+            RecordIndex::of_hit(instance.sbt_record_offset, candidate.geometry, sbt[1], sbt[0]),
             index
         );
         let records = &self.pipeline.sbt.hit;
-        let record = usize::try_from(index).ok().and_then(|at| records.get(at)).and_then(Option::as_ref);
+        let record = index.get(records).and_then(Option::as_ref);
         RecordChoice {
             table: "hit",
-            index,
+            index: index.0,
             arithmetic: Some(arithmetic),
             records: records.len(),
             name: self.names.hit_record(index),
@@ -229,12 +235,12 @@ impl<'a> EventReader<'a> {
         }
     }
 
-    fn miss_record(&self, index: u64) -> RecordChoice {
+    fn miss_record(&self, index: RecordIndex) -> RecordChoice {
         let records = &self.pipeline.sbt.miss;
-        let record = usize::try_from(index).ok().and_then(|at| records.get(at)).and_then(Option::as_ref);
+        let record = index.get(records).and_then(Option::as_ref);
         RecordChoice {
             table: "miss",
-            index,
+            index: index.0,
             arithmetic: None,
             records: records.len(),
             name: self.names.miss_record(index),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::accel::Tlas;
+use crate::accel::{RecordIndex, Tlas};
 use crate::debug::names::{NamedModule, PipelineOrigin, SceneNames};
 use crate::machine::ShaderIndex;
 use crate::pipeline::{Group, Pipeline};
@@ -19,11 +19,11 @@ impl SceneNames for ResolvedScene {
         Some(NamedModule { name: &module.name, path: &module.path })
     }
 
-    fn miss_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str> {
+    fn miss_record(&self, origin: PipelineOrigin, index: RecordIndex) -> Option<&str> {
         name_of(&pipeline_of(self, origin)?.sbt.miss, index)
     }
 
-    fn hit_record(&self, origin: PipelineOrigin, index: u64) -> Option<&str> {
+    fn hit_record(&self, origin: PipelineOrigin, index: RecordIndex) -> Option<&str> {
         name_of(&pipeline_of(self, origin)?.sbt.hit, index)
     }
 
@@ -64,6 +64,6 @@ fn module_of(resolved: &ResolvedPipeline, pipeline: &Pipeline, shader: ShaderInd
     found.map(|found| found.module)
 }
 
-fn name_of(records: &[ResolvedRecord], index: u64) -> Option<&str> {
-    records.get(usize::try_from(index).ok()?)?.name.as_deref()
+fn name_of(records: &[ResolvedRecord], index: RecordIndex) -> Option<&str> {
+    index.get(records)?.name.as_deref()
 }

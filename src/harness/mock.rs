@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use bytemuck::NoUninit;
 
-use crate::accel::{Tlas, TraceRay, hit_record_index};
+use crate::accel::{RecordIndex, Tlas, TraceRay};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::data::{Bytes, TypedBytes};
 use crate::harness::hit::first_hit;
@@ -131,7 +131,7 @@ impl TraceCall {
     /// # Errors
     /// `InvalidScene` for an instance that cannot be.
     pub(super) fn hit_object(&self) -> Result<HitObject> {
-        let miss = EncodedRay { trace: self.trace, record: u64::from(self.miss_index & 0xFFFF) };
+        let miss = EncodedRay { trace: self.trace, record: RecordIndex::of_miss(self.miss_index) };
         let Some(instance) = &self.found else { return Ok(HitObject::Miss(miss)) };
         let tlas = Tlas::new(vec![instance.as_ref().clone().make()?])?;
         Ok(match first_hit(&tlas, self.trace) {
@@ -139,7 +139,7 @@ impl TraceCall {
             Some(committed) => {
                 let (sbt, geometry) = (&tlas.instances()[0], committed.candidate.geometry);
                 let record =
-                    hit_record_index(sbt.sbt_record_offset, geometry, self.sbt_stride, self.sbt_offset);
+                    RecordIndex::of_hit(sbt.sbt_record_offset, geometry, self.sbt_stride, self.sbt_offset);
                 let attributes = committed.candidate.intersection.attributes.map(f32::to_bits);
                 let hit = EncodedHit { tlas, committed, attributes: attributes.into_iter().collect() };
                 HitObject::Hit(EncodedRay { trace: self.trace, record }, hit)
@@ -160,7 +160,7 @@ impl ExecuteCall {
             let instance = &tlas.instances()[committed.candidate.instance as usize];
             HitRecord::of(committed, instance.custom_index)
         });
-        let (trace, record) = (encoded.trace, encoded.record);
+        let (trace, record) = (encoded.trace, encoded.record.0);
         Some(Self { number, trace, hit, record, given: payload.value(), payload })
     }
 

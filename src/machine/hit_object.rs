@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Committed, Tlas, TraceRay};
+use crate::accel::{Committed, RecordIndex, Tlas, TraceRay};
 use crate::machine::object::ObjectPool;
 use crate::machine::trap::TrapCode;
 
@@ -34,7 +34,7 @@ pub struct EncodedRay {
     /// The ray; `t_max` is the trace's.
     pub trace: TraceRay,
     /// The index into the miss or the hit table.
-    pub record: u64,
+    pub record: RecordIndex,
 }
 
 /// The hit of a hit object, beside its ray.
@@ -78,10 +78,10 @@ impl HitObject {
     ///
     /// # Errors
     /// As [`HitObject::encoded`].
-    pub fn set_record(&mut self, record: u32) -> Result<(), TrapCode> {
+    pub fn set_record(&mut self, record: RecordIndex) -> Result<(), TrapCode> {
         self.encoded()?;
         if let Self::Miss(encoded) | Self::Hit(encoded, _) = self {
-            encoded.record = record.into();
+            encoded.record = record;
         }
         Ok(())
     }

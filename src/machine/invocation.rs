@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, HitKind, HitPrimitive, RayFlags, Tlas, TlasInstance, TraceRay};
+use crate::accel::{Candidate, HitKind, HitPrimitive, RayFlags, RecordIndex, Tlas, TlasInstance, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::buffer::Buffer;
 use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
@@ -278,7 +278,7 @@ pub struct Invocations<const W: usize> {
     /// Where instances and primitives are looked up.
     pub structures: LaneTlases<W>,
     /// The index of the shader record that each was called through, in its table.
-    pub record_indices: [u64; W],
+    pub record_indices: [RecordIndex; W],
     /// The recursion depth of traces: 0 in ray generation.
     pub depth: u32,
     /// See [`Invocation::subgroup_size`].
@@ -302,7 +302,7 @@ impl<const W: usize> Invocations<W> {
             hit: false,
             hits: HitLanes { instance: zero, geometry: zero, primitive: zero, kind: zero },
             structures: LaneTlases::default(),
-            record_indices: [0; W],
+            record_indices: [RecordIndex(0); W],
             depth: 0,
             subgroup_size: 0,
             local_index: zero,
@@ -333,7 +333,7 @@ impl<const W: usize> Invocations<W> {
             self.structures.set(Mask::lane(lane), &tlas);
         }
         self.records[lane] = record;
-        self.record_indices[lane] = 0;
+        self.record_indices[lane] = RecordIndex(0);
         self.depth = invocation.depth;
         self.subgroup_size = invocation.subgroup_size;
         self.workgroups[lane] = invocation.workgroup;

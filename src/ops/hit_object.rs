@@ -6,7 +6,7 @@
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Committed, GeometryKind, HitKind, RayFlags, TraceRay, hit_record_index};
+use crate::accel::{Candidate, Committed, GeometryKind, HitKind, RayFlags, RecordIndex, TraceRay};
 use crate::geometry::{Intersection, Ray, Surface};
 use crate::machine::hit_object::{Attributes, EncodedHit, EncodedRay, HitObject};
 use crate::machine::object::ObjectRef;
@@ -112,7 +112,7 @@ impl HitObjectOp {
                 let words = words(batch, operands, MISS_OPERANDS, lane);
                 let trace = trace(&words[2..], RayFlags(words[0]));
                 check_ray(batch, lane, &trace)?;
-                let record = u64::from(words[1] & 0xFFFF);
+                let record = RecordIndex::of_miss(words[1]);
                 store(batch, object, lane, HitObject::Miss(EncodedRay { trace, record }))
             }),
             Self::RecordEmpty { object } => {
@@ -120,7 +120,7 @@ impl HitObjectOp {
             }
             Self::RecordFromQuery { object, query, record, attributes, hit_kind } => {
                 for_each_lane(batch, |batch, lane| {
-                    let record = u64::from(batch.registers[record].0[lane]);
+                    let record = RecordIndex(batch.registers[record].0[lane].into());
                     let given: Attributes =
                         batch.registers.lane_words(attributes.first, attributes.count, lane).collect();
                     let kind = hit_kind.map_or(0, |reg| batch.registers[reg].0[lane]);
@@ -140,7 +140,7 @@ impl HitObjectOp {
                 });
             }
             Self::SetRecord { object, record } => for_each_lane(batch, |batch, lane| {
-                let record = batch.registers[record].0[lane];
+                let record = RecordIndex(batch.registers[record].0[lane].into());
                 find(batch, object, lane)?.1.set_record(record)
             }),
             Self::Get { object, getter, to } => for_each_lane(batch, |batch, lane| {
@@ -260,9 +260,9 @@ fn recorded_hit<const W: usize>(
     });
     let place = place.ok_or(TrapCode::HitObjectNoPrimitive)?;
     let (record, rest) = match with_index {
-        true => (u64::from(words[6]), &words[7..]),
+        true => (RecordIndex(words[6].into()), &words[7..]),
         false => {
-            let record = hit_record_index(place.sbt_record_offset, geometry, words[7], words[6]);
+            let record = RecordIndex::of_hit(place.sbt_record_offset, geometry, words[7], words[6]);
             (record, &words[8..])
         }
     };

@@ -202,7 +202,7 @@ impl SubgroupOp {
         for lane in batch.mask.lanes() {
             let invocation = batch.invocations.lane(lane);
             let workgroup = invocation.workgroup.map_or(0, |group| group.index());
-            let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane]];
+            let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane].0];
             let member = (lane, invocation.subgroup_local_invocation_id());
             match groups.iter_mut().find(|(found, _)| *found == key) {
                 Some((_, members)) => members.push(member),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::accel::hit::HitPrimitive;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
-use crate::accel::{Candidate, Committed, HitKind, Tlas, TraceRay, TraversalObserver};
+use crate::accel::{Candidate, Committed, HitKind, RecordIndex, Tlas, TraceRay, TraversalObserver};
 use crate::machine::{Exit, OpIndex, RayQueryEvent, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
@@ -163,7 +163,7 @@ pub enum Event {
         /// The candidate.
         candidate: Candidate,
         /// The hit record's index.
-        record: u64,
+        record: RecordIndex,
         /// The terms of `record`: instance offset, geometry index, SBT stride and SBT offset.
         arithmetic: [u32; 4],
         /// The any-hit or intersection shader that decides.
@@ -211,7 +211,7 @@ pub enum Event {
         /// The closest hit.
         committed: Option<Committed>,
         /// The index of the hit or miss record.
-        record: u64,
+        record: RecordIndex,
         /// The shader that runs; `None` for a null shader, if the ray's flags skip closest-hit, and
         /// if a hit object records the result.
         shader: Option<ShaderIndex>,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::accel::RecordIndex;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Buffer, ShaderRecord};
 use crate::module::interface::Stage;
@@ -53,8 +54,8 @@ pub struct Sbt {
 
 /// Whether an index is beyond the end of a table. A table without records is like one whose handles
 /// are all null: an application without such shaders binds no memory for it.
-pub(super) fn is_beyond_end(table: &[Option<SbtRecord>], index: u64) -> bool {
-    !table.is_empty() && index >= table.len() as u64
+pub(super) fn is_beyond_end(table: &[Option<SbtRecord>], index: RecordIndex) -> bool {
+    !table.is_empty() && index.0 >= table.len() as u64
 }
 
 impl Sbt {

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::accel::Tlas;
+use crate::accel::{RecordIndex, Tlas};
 use crate::interp;
 use crate::machine::object::ObjectRef;
 use crate::machine::stop::RegSpan;
@@ -462,10 +462,10 @@ where
         let Some(ShaderCallFrame::Shader(running)) = self.frames.last_mut() else { return };
         let mut pending: Vec<(ShaderIndex, Mask<W>)> = Vec::new();
         for lane in mask.lanes() {
-            let index = running.batch.registers[index].0[lane];
-            let Some(record) = self.pipeline.sbt.callable.get(index as usize) else {
+            let index = RecordIndex(running.batch.registers[index].0[lane].into());
+            let Some(record) = index.get(&self.pipeline.sbt.callable) else {
                 let op = running.batch.stopped_at();
-                running.batch.fault_value[lane] = index.into();
+                running.batch.fault_value[lane] = index.0;
                 running.batch.trap(Mask::lane(lane), TrapCode::ShaderRecordMissing, op);
                 continue;
             };
@@ -541,7 +541,7 @@ where
         to.copy_launch_ids(from);
         to.depth = from.depth;
         for lane in lanes.lanes() {
-            let index = u64::from(below.batch.registers[index].0[lane]);
+            let index = RecordIndex(below.batch.registers[index].0[lane].into());
             to.record_indices[lane] = index;
             let record = record_at(&self.pipeline.sbt.callable, index).and_then(SbtRecord::shader_record);
             to.set_record(lane, record.as_ref());

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Committed, Cursor, Tlas};
+use crate::accel::{Committed, Cursor, RecordIndex, Tlas};
 use crate::machine::invocation::{LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
 use crate::machine::{Lanes, Mask, Registers, ShaderIndex, TrapCode};
@@ -31,6 +31,16 @@ pub(super) struct PendingCall<const W: usize> {
     pub shader: ShaderIndex,
     pub role: Role,
     pub lanes: Mask<W>,
+}
+
+/// Why the caller of a ray traps when the trace ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RayTrap {
+    /// The lane of the ray.
+    lane: usize,
+    pub code: TrapCode,
+    /// The index of the missing record, or of the shader whose payload does not match.
+    pub fault_value: Option<u64>,
 }
 
 /// The rays of one `OpTraceRayKHR`, each in the lane that traces it. Its memory is reused for later
@@ -57,15 +67,14 @@ pub(super) struct Trace<const W: usize> {
     pub committed: [Option<Committed>; W],
     /// By lane, the attributes of a hit that was reported or that a hit object holds.
     attributes: Vec<Words>,
-    /// By lane, the index of the shader record that is called. In a lane that traps it is the index
-    /// of the missing record, or of the shader whose payload does not match.
-    pub(super) record_indices: [u64; W],
+    /// By lane, the index of the shader record that is called, or that is missing.
+    pub(super) record_indices: [RecordIndex; W],
     /// Whether hits, records and attributes come from hit objects, so that nothing is traversed.
     pub from_hit_objects: bool,
-    /// Lanes whose caller traps when the trace ends, with the code: a shader that their ray called
-    /// trapped, or could not be called.
-    trap_codes: SmallVec<[(usize, TrapCode); 0]>,
-    /// The lanes in `trap_codes`.
+    /// Why callers trap when the trace ends: a shader that their ray called trapped, or could not
+    /// be called.
+    traps: SmallVec<[RayTrap; 0]>,
+    /// The lanes in `traps`.
     trapped_lanes: Mask<W>,
     opaque: OpaqueBatch,
     pending: SmallVec<[PendingCall<W>; 2]>,
@@ -104,9 +113,9 @@ impl<const W: usize> Default for Trace<W> {
             cursors: Vec::new(),
             committed: [None; W],
             attributes: Vec::new(),
-            record_indices: [0; W],
+            record_indices: [RecordIndex(0); W],
             from_hit_objects: false,
-            trap_codes: SmallVec::new(),
+            traps: SmallVec::new(),
             trapped_lanes: Mask::NONE,
             opaque: OpaqueBatch::default(),
             pending: SmallVec::new(),
@@ -156,9 +165,9 @@ impl<const W: usize> Trace<W> {
         cursor.expect("bug in anyhit: a lane without a ray called a shader")
     }
 
-    /// The trap code of a lane that traps when the trace is over.
-    pub(super) fn trap_code(&self, lane: usize) -> Option<TrapCode> {
-        self.trap_codes.iter().find(|(trapped, _)| *trapped == lane).map(|&(_, code)| code)
+    /// The trap of a lane that traps when the trace is over.
+    pub(super) fn ray_trap(&self, lane: usize) -> Option<RayTrap> {
+        self.traps.iter().find(|trap| trap.lane == lane).copied()
     }
 
     /// The lanes that trap when the trace is over.
@@ -168,8 +177,15 @@ impl<const W: usize> Trace<W> {
 
     /// Ends the ray of a lane, so that its caller traps.
     fn trap(&mut self, lane: usize, code: TrapCode) {
-        self.trap_codes.retain(|&mut (trapped, _)| trapped != lane);
-        self.trap_codes.push((lane, code));
+        let is_missing = matches!(code, TrapCode::HitRecordMissing | TrapCode::MissRecordMissing);
+        let fault_value = is_missing.then_some(self.record_indices[lane].0);
+        self.add_trap(RayTrap { lane, code, fault_value });
+    }
+
+    fn add_trap(&mut self, trap: RayTrap) {
+        let lane = trap.lane;
+        self.traps.retain(|known| known.lane != lane);
+        self.traps.push(trap);
         self.trapped_lanes = self.trapped_lanes | Mask::lane(lane);
         self.traversing = self.traversing.without(Mask::lane(lane));
     }
@@ -215,7 +231,7 @@ impl<const W: usize> Trace<W> {
 }
 
 /// The record at an index of the hit table, with its hit group.
-pub(super) fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&SbtRecord>, HitGroup) {
+pub(super) fn hit_group_at(pipeline: &Pipeline, index: RecordIndex) -> (Option<&SbtRecord>, HitGroup) {
     let record = record_at(&pipeline.sbt.hit, index);
     let group = match record.map(|record| pipeline.groups[record.group as usize]) {
         Some(Group::Hit(group)) => group,
@@ -225,8 +241,8 @@ pub(super) fn hit_group_at(pipeline: &Pipeline, index: u64) -> (Option<&SbtRecor
 }
 
 /// The record of a table at an index; `None` for a null handle and beyond the end.
-pub(super) fn record_at(table: &[Option<SbtRecord>], index: u64) -> Option<&SbtRecord> {
-    usize::try_from(index).ok().and_then(|at| table.get(at)).and_then(Option::as_ref)
+pub(super) fn record_at(table: &[Option<SbtRecord>], index: RecordIndex) -> Option<&SbtRecord> {
+    index.get(table).and_then(Option::as_ref)
 }
 
 /// The shader of a record's general group; `None` for a hit group.

@@ -196,12 +196,11 @@ where
         let Some(ShaderCallFrame::Shader(below)) = self.frames.last_mut() else { return Some(trace) };
         for lane in trace.trapped_lanes().lanes() {
             let op = below.batch.stopped_at();
-            let code = trace.trap_code(lane).unwrap_or(TrapCode::Callee);
-            let has_fault_value =
-                [TrapCode::HitRecordMissing, TrapCode::MissRecordMissing, TrapCode::PayloadMismatch];
-            if has_fault_value.contains(&code) {
-                below.batch.fault_value[lane] = trace.record_indices[lane];
+            let trap = trace.ray_trap(lane);
+            if let Some(fault_value) = trap.and_then(|trap| trap.fault_value) {
+                below.batch.fault_value[lane] = fault_value;
             }
+            let code = trap.map_or(TrapCode::Callee, |trap| trap.code);
             below.batch.trap(Mask::lane(lane), code, op);
         }
         if let Some(object) = object {

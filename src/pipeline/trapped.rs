@@ -13,7 +13,7 @@ use crate::pipeline::observer::PipelineObserver;
 use crate::pipeline::payload;
 use crate::pipeline::sbt::Sbt;
 use crate::pipeline::stack::{RunningShader, ShaderCallFrame, Stack};
-use crate::pipeline::trace::Trace;
+use crate::pipeline::trace::{RayTrap, Trace};
 use crate::program::Program;
 
 /// A trap, where it happened, and its error message.
@@ -272,13 +272,12 @@ pub(super) fn ended_without_shader(code: TrapCode, fuel: u64, dog: &Watchdog) ->
 
 /// The trap of a ray from the host at which no shader trapped: its table has no record for it, say.
 pub(super) fn host_ray_trap<const W: usize>(pipeline: &Pipeline, trace: &Trace<W>) -> Option<Trapped> {
-    let (code, found) = (trace.trap_code(0)?, trace.record_indices[0]);
-    let record = missing_record(&pipeline.sbt, code, found);
-    let is_mismatch = code == TrapCode::PayloadMismatch;
-    let fault_value = if record.is_some() || is_mismatch { found } else { 0 };
+    let RayTrap { code, fault_value, .. } = trace.ray_trap(0)?;
+    let fault_value = fault_value.unwrap_or(0);
+    let record = missing_record(&pipeline.sbt, code, fault_value);
     let error = Error::trapped(Trap { fault_value, ..Trap::new(code) });
     let mut error = record.into_iter().fold(error, |error, cause| cause.tell(error));
-    if is_mismatch {
+    if code == TrapCode::PayloadMismatch {
         error = with_callee(error, pipeline, fault_value);
     }
     Some(Trapped { launch_id: [0; 3], code, fault_value, shader: ShaderIndex(0), offset: 0, error })

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::accel::GeometryKind;
+use crate::accel::{GeometryKind, RecordIndex};
 use crate::debug::names::{Names, flags};
 use crate::geometry::Surface;
 use crate::machine::{Exit, RayQueryStep, ShaderIndex};
@@ -36,8 +36,8 @@ pub struct RayCounts {
     /// are 0 where there are queries.
     pub query_commits: Use,
     /// By record, until they get their names.
-    hit_records: BTreeMap<u64, u64>,
-    miss_records: BTreeMap<u64, u64>,
+    hit_records: BTreeMap<RecordIndex, u64>,
+    miss_records: BTreeMap<RecordIndex, u64>,
     callables: BTreeMap<ShaderIndex, u64>,
 }
 
@@ -101,19 +101,19 @@ impl RayCounts {
             if label.entry == "main" { path } else { format!("{path}:{}", label.entry) }
         };
         let records = std::mem::take(&mut self.hit_records);
-        for (at, record) in pipeline.sbt.hit.iter().enumerate() {
+        for (at, record) in (0..).map(RecordIndex).zip(&pipeline.sbt.hit) {
             let Some(record) = record else { continue };
             let Group::Hit(group) = pipeline.groups[record.group as usize] else { continue };
             let shaders = [group.closest_hit, group.any_hit, group.intersection];
             let shaders: Vec<_> = shaders.into_iter().flatten().map(label).collect();
-            let count = records.get(&(at as u64)).copied().unwrap_or(0);
+            let count = records.get(&at).copied().unwrap_or(0);
             *self.hit_groups.entry(shaders.join(" + ")).or_default() += count;
         }
         let records = std::mem::take(&mut self.miss_records);
-        for (at, record) in pipeline.sbt.miss.iter().enumerate() {
+        for (at, record) in (0..).map(RecordIndex).zip(&pipeline.sbt.miss) {
             let Some(record) = record else { continue };
             let Group::General(shader) = pipeline.groups[record.group as usize] else { continue };
-            *self.miss.entry(label(shader)).or_default() += records.get(&(at as u64)).copied().unwrap_or(0);
+            *self.miss.entry(label(shader)).or_default() += records.get(&at).copied().unwrap_or(0);
         }
         let callables = std::mem::take(&mut self.callables);
         for (shader, program) in (0..).map(ShaderIndex).zip(&pipeline.programs) {

@@ -56,7 +56,7 @@ getters! {
         |from, to| write_floats(to, &[from.encoded()?.trace.time]);
     GetShaderBindingTableRecordIndex
         [HitObjectGetShaderBindingTableRecordIndexEXT HitObjectGetShaderBindingTableRecordIndexNV] Int
-        |from, to| write_word(to, from.encoded()?.record as u32);
+        |from, to| write_word(to, from.encoded()?.record.0 as u32);
     GetInstanceCustomIndex [HitObjectGetInstanceCustomIndexEXT HitObjectGetInstanceCustomIndexNV] Int
         |from, to| view(from)?.custom_index(to);
     GetInstanceId [HitObjectGetInstanceIdEXT HitObjectGetInstanceIdNV] Int

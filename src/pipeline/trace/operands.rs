@@ -3,13 +3,13 @@
 
 use std::sync::Arc;
 
-use crate::accel::{Tlas, TraceRay};
+use crate::accel::{RecordIndex, Tlas, TraceRay};
 use crate::machine::hit_object::EncodedHit;
 use crate::machine::invocation::Invocations;
 use crate::machine::{Lanes, Mask, ShaderIndex, TrapCode};
 use crate::pipeline::observer::Caller;
 use crate::pipeline::stats::Stats;
-use crate::pipeline::trace::{Trace, Words};
+use crate::pipeline::trace::{RayTrap, Trace, Words};
 use crate::pipeline::{Pipeline, payload};
 
 impl<const W: usize> Trace<W> {
@@ -22,7 +22,7 @@ impl<const W: usize> Trace<W> {
         self.structures.clear();
         self.host_payload = None;
         self.from_hit_objects = false;
-        self.trap_codes.clear();
+        self.traps.clear();
         self.trapped_lanes = Mask::NONE;
         self.pending.clear();
         (self.started, self.finished) = (false, false);
@@ -49,8 +49,8 @@ impl<const W: usize> Trace<W> {
 
     /// Traps a lane whose payload does not match the one that the called shader declares.
     pub(super) fn trap_payload_mismatch(&mut self, lane: usize, shader: ShaderIndex) {
-        self.record_indices[lane] = shader.0.into();
-        self.trap(lane, TrapCode::PayloadMismatch);
+        let fault_value = Some(shader.0.into());
+        self.add_trap(RayTrap { lane, code: TrapCode::PayloadMismatch, fault_value });
     }
 
     /// Sets the launch index of a ray from the host: 0, in a launch of one invocation.
@@ -70,7 +70,7 @@ impl<const W: usize> Trace<W> {
         lane: usize,
         tlas: &Arc<Tlas>,
         trace: &TraceRay,
-        record: u64,
+        record: RecordIndex,
         hit: Option<&EncodedHit>,
     ) {
         self.structures.set(Mask::lane(lane), tlas);

@@ -4,7 +4,7 @@
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Committed, HitKind, RayFlags, hit_record_index};
+use crate::accel::{Candidate, Committed, HitKind, RayFlags, RecordIndex};
 use crate::machine::invocation::Invocations;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Exit, Lanes, Mask, Registers, ShaderIndex, TrapCode};
@@ -22,7 +22,7 @@ impl<const W: usize> Trace<W> {
         mut payload: Option<(&mut Registers<W>, RegSpan)>,
         observer: &mut T,
     ) {
-        let mut groups: SmallVec<[(Role, u64, Mask<W>); 4]> = SmallVec::new();
+        let mut groups: SmallVec<[(Role, RecordIndex, Mask<W>); 4]> = SmallVec::new();
         for lane in self.lanes.without(self.trapped_lanes).lanes() {
             let (role, index) = match &self.committed[lane] {
                 Some(_) if self.from_hit_objects => (Role::ClosestHit, self.record_indices[lane]),
@@ -95,7 +95,7 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The closest-hit or miss shader of a record, and what is known of it.
-    fn hit_or_miss_shader(&self, pipeline: &Pipeline, role: Role, index: u64) -> HitOrMissShader {
+    fn hit_or_miss_shader(&self, pipeline: &Pipeline, role: Role, index: RecordIndex) -> HitOrMissShader {
         let (shader, has_any_hit) = match role {
             Role::Miss => (
                 record_at(&pipeline.sbt.miss, index).and_then(|record| general_shader(pipeline, record)),
@@ -112,15 +112,15 @@ impl<const W: usize> Trace<W> {
     }
 
     /// The index of the record of a lane's miss shader.
-    pub(crate) fn miss_record_index(&self, lane: usize) -> u64 {
-        u64::from(self.miss_index.0[lane] & 0xFFFF)
+    pub(crate) fn miss_record_index(&self, lane: usize) -> RecordIndex {
+        RecordIndex::of_miss(self.miss_index.0[lane])
     }
 
     /// The index of the hit record of a lane's candidate.
-    pub(crate) fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> u64 {
+    pub(crate) fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> RecordIndex {
         let instance = candidate.instance_in(self.tlas(lane));
         let (stride, offset) = (self.sbt_stride.0[lane], self.sbt_offset.0[lane]);
-        hit_record_index(instance.sbt_record_offset, candidate.geometry, stride, offset)
+        RecordIndex::of_hit(instance.sbt_record_offset, candidate.geometry, stride, offset)
     }
 
     /// Applies the exits of a shader that the lanes' rays called.
