@@ -147,6 +147,11 @@ impl Pipeline {
         check_callable_depth(self.max_callable_depth)
     }
 
+    /// The group of a record.
+    pub(crate) fn group_of(&self, record: &SbtRecord) -> Group {
+        self.groups[record.group as usize]
+    }
+
     /// Whether a shader has no effect, whatever its inputs are.
     fn is_empty(&self, shader: ShaderIndex) -> bool {
         self.programs[shader.index()].is_empty()

@@ -233,7 +233,7 @@ impl<const W: usize> Trace<W> {
 /// The record at an index of the hit table, with its hit group.
 pub(super) fn hit_group_at(pipeline: &Pipeline, index: RecordIndex) -> (Option<&SbtRecord>, HitGroup) {
     let record = record_at(&pipeline.sbt.hit, index);
-    let group = match record.map(|record| pipeline.groups[record.group as usize]) {
+    let group = match record.map(|record| pipeline.group_of(record)) {
         Some(Group::Hit(group)) => group,
         _ => HitGroup::default(),
     };
@@ -247,7 +247,7 @@ pub(super) fn record_at(table: &[Option<SbtRecord>], index: RecordIndex) -> Opti
 
 /// The shader of a record's general group; `None` for a hit group.
 pub(super) fn general_shader(pipeline: &Pipeline, record: &SbtRecord) -> Option<ShaderIndex> {
-    match pipeline.groups[record.group as usize] {
+    match pipeline.group_of(record) {
         Group::General(shader) => Some(shader),
         Group::Hit(_) => None,
     }

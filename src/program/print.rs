@@ -22,7 +22,7 @@ impl fmt::Display for Program {
             for op in &self.ops[block.ops()] {
                 writeln!(f, "    {op:?}")?;
             }
-            writeln!(f, "    {:?}", block.terminator)?;
+            writeln!(f, "    {:?}", block.terminator.clone().map(|block| block.0))?;
         }
         Ok(())
     }

@@ -12,8 +12,8 @@ impl Program {
         self.place_at(self.origins.get(op.index())?.offset)
     }
 
-    /// This program as a frame of a stack of shader calls: it is this shader of its
-    /// pipeline, and is at an operation.
+    /// This program as a frame of a stack of shader calls: it is this shader of its pipeline,
+    /// and is at an operation.
     pub(crate) fn frame(&self, shader: ShaderIndex, op: OpIndex) -> ShaderFrame {
         let word = self.origins.get(op.index()).map(|origin| origin.offset);
         let debug = &self.module.debug_info;

@@ -103,7 +103,7 @@ impl RayCounts {
         let records = std::mem::take(&mut self.hit_records);
         for (at, record) in (0..).map(RecordIndex).zip(&pipeline.sbt.hit) {
             let Some(record) = record else { continue };
-            let Group::Hit(group) = pipeline.groups[record.group as usize] else { continue };
+            let Group::Hit(group) = pipeline.group_of(record) else { continue };
             let shaders = [group.closest_hit, group.any_hit, group.intersection];
             let shaders: Vec<_> = shaders.into_iter().flatten().map(label).collect();
             let count = records.get(&at).copied().unwrap_or(0);
@@ -112,7 +112,7 @@ impl RayCounts {
         let records = std::mem::take(&mut self.miss_records);
         for (at, record) in (0..).map(RecordIndex).zip(&pipeline.sbt.miss) {
             let Some(record) = record else { continue };
-            let Group::General(shader) = pipeline.groups[record.group as usize] else { continue };
+            let Group::General(shader) = pipeline.group_of(record) else { continue };
             *self.miss.entry(label(shader)).or_default() += records.get(&at).copied().unwrap_or(0);
         }
         let callables = std::mem::take(&mut self.callables);
