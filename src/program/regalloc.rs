@@ -106,11 +106,11 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
     let mut expired: SmallVec<[Reg; 4]> = SmallVec::new();
     // By value: its assigned register, and the last operation that uses it.
     let mut assigned = vec![Reg(0); program.register_count as usize];
-    let mut last_use = vec![0u32; program.register_count as usize];
+    let mut last_use = vec![OpIndex(0); program.register_count as usize];
     for &(start, superblock) in &superblock_starts {
         let superblock = ops_of(program, start, superblock);
         for at in superblock.clone() {
-            for_each_renameable(&mut ops[at], |reg, _| last_use[reg.0 as usize] = at as u32);
+            for_each_renameable(&mut ops[at], |reg, _| last_use[reg.0 as usize] = OpIndex::new(at));
         }
         for at in superblock {
             let op = &mut ops[at];
@@ -121,7 +121,7 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
                 let value = reg.0 as usize;
                 if kind == OperandKind::Use && values.is_local(*reg) {
                     *reg = assigned[value];
-                    if last_use[value] == at as u32 && !expired.contains(reg) {
+                    if last_use[value] == OpIndex::new(at) && !expired.contains(reg) {
                         expired.push(*reg);
                     }
                 }
@@ -136,7 +136,7 @@ pub(super) fn allocate_registers(program: &mut Program, addressed: &[(Reg, u32)]
                 if kind == OperandKind::Def && values.is_local(*reg) {
                     *reg = pool.take();
                     assigned[value] = *reg;
-                    if last_use[value] == at as u32 {
+                    if last_use[value] == OpIndex::new(at) {
                         expired.push(*reg);
                     }
                 }
@@ -200,7 +200,7 @@ fn result_uses(
     superblock_starts: &[(BlockIndex, Superblock)],
     pool: &RegisterPool,
 ) -> Vec<ResultUse> {
-    const NO_DEFINITION: u32 = u32::MAX;
+    const NO_DEFINITION: OpIndex = OpIndex(u32::MAX);
     let mut result_uses = vec![ResultUse::UNKNOWN; ops.len()];
     // By register: the operation that defines its value.
     let mut definition = vec![NO_DEFINITION; pool.next as usize];
@@ -217,7 +217,7 @@ fn result_uses(
             let mut operand = 0;
             for_each_renameable(op, |reg, kind| {
                 if kind == OperandKind::Use {
-                    if let Some(result_use) = result_uses.get_mut(definition[reg.0 as usize] as usize) {
+                    if let Some(result_use) = result_uses.get_mut(definition[reg.0 as usize].index()) {
                         result_use.reads = result_use.reads.map(|reads| reads + 1);
                         result_use.nan_payload_observed |=
                             !kernel.is_some_and(|kernel| takes_float(kernel, operand));
@@ -228,7 +228,7 @@ fn result_uses(
             let defines = matches!(op, Op::LaneKernel { .. } | Op::Memory(memory::MemoryOp::Move { .. }));
             for_each_renameable(op, |reg, kind| {
                 if kind == OperandKind::Def && pool.is_pooled(*reg) {
-                    definition[reg.0 as usize] = if defines { at as u32 } else { NO_DEFINITION };
+                    definition[reg.0 as usize] = if defines { OpIndex::new(at) } else { NO_DEFINITION };
                     if defines {
                         result_uses[at] = ResultUse { reads: Some(0), nan_payload_observed: false };
                     }
