@@ -101,7 +101,12 @@ pub fn source_line_at(program: &Program, offset: u32) -> Option<TranscriptLine> 
 /// What a scene calls its modules, records and structures.
 pub trait SceneNames: Debug {
     /// The module that a shader of a pipeline comes from.
-    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: ShaderIndex) -> Option<NamedModule<'_>>;
+    fn module(
+        &self,
+        origin: PipelineOrigin,
+        pipeline: &Pipeline,
+        shader: ShaderIndex,
+    ) -> Option<NamedModule<'_>>;
 
     /// The name of a record of the miss table.
     fn miss_record(&self, origin: PipelineOrigin, index: RecordIndex) -> Option<&str>;

@@ -10,7 +10,12 @@ use crate::scene::ResolvedScene;
 use crate::scene::resolved::{ResolvedGroup, ResolvedPipeline, ResolvedRecord};
 
 impl SceneNames for ResolvedScene {
-    fn module(&self, origin: PipelineOrigin, pipeline: &Pipeline, shader: ShaderIndex) -> Option<NamedModule<'_>> {
+    fn module(
+        &self,
+        origin: PipelineOrigin,
+        pipeline: &Pipeline,
+        shader: ShaderIndex,
+    ) -> Option<NamedModule<'_>> {
         let module = match origin {
             PipelineOrigin::Dispatch(module) => module,
             PipelineOrigin::Pipeline(index) => module_of(self.pipeline_at(index), pipeline, shader)?,
