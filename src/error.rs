@@ -59,6 +59,8 @@ pub enum ErrorKind {
     UnsupportedTool,
     /// A shader misbehaved while it ran.
     Trap,
+    /// The sanitizer denies what a shader does.
+    Finding,
     /// An expectation did not hold.
     Expectation,
     /// The operating system refused.
@@ -80,6 +82,7 @@ impl ErrorKind {
             | Self::InvalidSource
             | Self::UnsupportedTool
             | Self::Trap
+            | Self::Finding
             | Self::Expectation
             | Self::Io => return None,
         })
@@ -131,6 +134,8 @@ struct ErrorData {
     is_limit: bool,
     /// What happened, of an error that tells of a trap.
     trap: Option<Box<Trap>>,
+    /// The rule of the sanitizer that it is about, and whether it is only a warning.
+    rule: Option<(&'static str, bool)>,
     /// What the operating system said.
     io: Option<Arc<io::Error>>,
 }
@@ -159,6 +164,7 @@ impl Error {
             not_shown: 0,
             is_limit: false,
             trap: None,
+            rule: None,
             io: None,
         }))
     }
@@ -239,6 +245,13 @@ impl Error {
         self
     }
 
+    /// Says which rule of the sanitizer it is about, and whether it is only a warning.
+    #[must_use]
+    pub(crate) fn with_rule(mut self, rule: &'static str, is_warning: bool) -> Self {
+        self.0.rule = Some((rule, is_warning));
+        self
+    }
+
     /// Changes the trap that it tells of; does nothing where it tells of none.
     #[must_use]
     pub(crate) fn with_trap(mut self, change: impl FnOnce(&mut Trap)) -> Self {
@@ -282,6 +295,7 @@ impl Error {
             _ if self.0.is_limit => ErrorClass::Limit,
             ErrorKind::Expectation => ErrorClass::Expectation,
             ErrorKind::Trap => ErrorClass::Trap,
+            ErrorKind::Finding => ErrorClass::Finding,
             ErrorKind::UnsupportedModule | ErrorKind::UnsupportedFile | ErrorKind::UnsupportedTool => {
                 ErrorClass::Unsupported
             }
@@ -372,10 +386,15 @@ impl Error {
         }
         notes.extend(self.0.notes.iter().cloned());
         notes.extend(self.0.kind.help().map(|help| format!("help: {help}")));
-        let diagnostic = Diagnostic::new(Severity::Error)
-            .with_message(&self.0.message)
-            .with_labels(labels)
-            .with_notes(notes);
+        let (code, severity) = match self.0.rule {
+            Some((rule, is_warning)) => (rule, if is_warning { Severity::Warning } else { Severity::Error }),
+            None => ("", Severity::Error),
+        };
+        let mut diagnostic = Diagnostic::new(severity);
+        if !code.is_empty() {
+            diagnostic = diagnostic.with_code(code);
+        }
+        let diagnostic = diagnostic.with_message(&self.0.message).with_labels(labels).with_notes(notes);
         let config = term::Config::default();
         if term::emit_to_write_style(writer, &config, &file, &diagnostic).is_err() {
             let _ = writeln!(writer, "error: {}", self.0.message);
@@ -478,6 +497,7 @@ mod tests {
             (class(ErrorKind::InvalidScene), "error", 2),
             (class(ErrorKind::Io), "error", 2),
             (class(ErrorKind::Trap), "trap", 3),
+            (class(ErrorKind::Finding), "finding", 6),
             (class(ErrorKind::UnsupportedModule), "unsupported", 4),
             (class(ErrorKind::UnsupportedFile), "unsupported", 4),
             (class(ErrorKind::UnsupportedTool), "unsupported", 4),

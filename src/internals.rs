@@ -32,6 +32,7 @@ rooms! {
     pipeline
     program
     #[cfg(feature = "recordings")] recording
+    sanitize
     #[cfg(feature = "scenes")] scene
     #[cfg(feature = "stress")] stress
 }

@@ -100,6 +100,7 @@ mod pipeline;
 mod program;
 #[cfg(feature = "recordings")]
 mod recording;
+mod sanitize;
 #[cfg(feature = "scenes")]
 mod scene;
 #[cfg(feature = "stress")]

@@ -1,8 +1,8 @@
 //! The modules of `src/` import one way only.
 //!
-//! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {pipeline, compile} ->
-//! interp -> program -> ops -> {module, machine -> accel} -> geometry -> math -> {input,
-//! atomic_file} -> error`: a folder may import what stands to its right. A few crates are named in
+//! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {sanitize, compile} ->
+//! pipeline -> interp -> program -> ops -> {module, machine -> accel} -> geometry -> math ->
+//! {input, atomic_file} -> error`: a folder may import what stands to its right. A few crates are named in
 //! one place only, readers of files in one file, files are written in one place, and only the
 //! command line prints.
 
@@ -17,7 +17,8 @@ const LAYERS: &[&[&str]] = &[
     &["harness"],
     &["debug", "recording", "stress", "check_math"],
     &["scene"],
-    &["pipeline", "compile"],
+    &["sanitize", "compile"],
+    &["pipeline"],
     &["interp"],
     &["program"],
     &["ops"],
@@ -31,7 +32,8 @@ const LAYERS: &[&[&str]] = &[
 
 /// Crates, and the modules that may name them.
 const CRATES: &[(&str, &[&str])] = &[
-    ("rspirv", &["module", "ops"]),
+    // The sanitizer reads which instruction an operation comes from.
+    ("rspirv", &["module", "ops", "sanitize"]),
     ("codespan_reporting", &["error"]),
     ("naga", &["compile"]),
     ("glslang", &["compile"]),

@@ -17,6 +17,7 @@ mod output;
 mod precision;
 pub mod render;
 pub mod run;
+mod sanitize;
 pub mod scene;
 pub mod smoke;
 mod source;

@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
+use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::debug::shell;
@@ -16,7 +17,7 @@ use crate::geometry::Precision;
 use crate::harness::stability::deep_copy;
 use crate::machine::LaunchLimits;
 use crate::machine::image::ImageShape;
-use crate::pipeline::{Band, BandedLaunch, StreamedImage};
+use crate::pipeline::{Band, BandedLaunch, Stats, StreamedImage};
 use crate::scene::image::{PictureKind, stream_png, write_picture};
 use crate::scene::image_entry::ImageContent;
 use crate::scene::resources::{Output, Resource};
@@ -62,6 +63,9 @@ pub struct RenderArgs {
     variant: VariantArgs,
     #[command(flatten)]
     stability: StabilityArgs,
+
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
 
     #[command(flatten)]
     limits: LimitArgs,
@@ -136,7 +140,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
+    let sanitized = match args.sanitize.is_requested() {
+        true => Some(args.sanitize.run(&resolved, &assembled, &assembled.resources)?),
+        false => None,
+    };
     let outcome = match &bands {
+        _ if sanitized.is_some() => Ok(Stats::default()),
         None if assembled.is_frame() => match args.lanes.as_str() {
             "1" => assembled.run::<1>(&assembled.resources, &on_progress),
             "128" => assembled.run::<128>(&assembled.resources, &on_progress),
@@ -161,6 +170,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
     output::printed(&printed)?;
     let launch_stats = outcome?;
 
+    if let Some(run) = sanitized {
+        if let Some(image) = &whole_image {
+            write_picture(&file, image, to_srgb)?;
+        }
+        return args.sanitize.finish(run).map(|_| ());
+    }
     if let Some(image) = &whole_image {
         write_picture(&file, image, to_srgb)?;
     }
@@ -227,6 +242,8 @@ fn split_into_bands<'a>(
         "only a PNG is written in bands"
     } else if assembled.is_frame() {
         "the scene has passes"
+    } else if args.sanitize.is_requested() {
+        "the sanitizer runs the whole launch"
     } else if args.stability.is_requested() {
         "--shadow and --perturb run the launch again on it"
     } else if image.shape != ImageShape::plane(width, height) {

@@ -12,12 +12,14 @@ use clap::Args;
 use crate::atomic_file;
 use crate::cli::input::{SceneFileArgs, VariantArgs, name_of};
 use crate::cli::limits::LimitArgs;
+use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::error::Result;
 use crate::geometry::Precision;
 use crate::input::{InputLimit, is_stream, read_argument};
 use crate::machine::{LaunchLimits, MemoryPolicy};
+use crate::pipeline::Stats;
 use crate::scene::image::{PictureKind, write_picture};
 use crate::scene::{self, LoadOptions};
 
@@ -60,6 +62,8 @@ pub struct RunArgs {
     variant: VariantArgs,
     #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// With --shadow or --perturb: print JSON
@@ -132,7 +136,12 @@ pub fn run(args: RunArgs) -> Result<()> {
     let load_time = begin.elapsed();
     let launched = Instant::now();
     let on_progress = |_| ();
+    let sanitized = match args.sanitize.is_requested() {
+        true => Some(args.sanitize.run(&scene, &assembled, &assembled.resources)?),
+        false => None,
+    };
     let outcome = match args.lanes.as_str() {
+        _ if sanitized.is_some() => Ok(Stats::default()),
         "1" => assembled.run::<1>(&assembled.resources, &on_progress),
         "128" => assembled.run::<128>(&assembled.resources, &on_progress),
         _ => assembled.run::<64>(&assembled.resources, &on_progress),
@@ -151,7 +160,10 @@ pub fn run(args: RunArgs) -> Result<()> {
     for (path, image) in saved {
         write_picture(&path, &image, false)?;
     }
-    let launch_stats = outcome?;
+    let launch_stats = match sanitized {
+        Some(run) => args.sanitize.finish(run)?,
+        None => outcome?,
+    };
     if args.stats {
         output::print(stats::table(&launch_stats, load_time, launch_time))?;
         output::print(stats::elided(&launch_stats, &assembled))?;

@@ -52,6 +52,10 @@ pub struct SmokeArgs {
     seconds: Option<Duration>,
     #[command(flatten)]
     launch_limits: LaunchLimitArgs,
+    /// Run every set of values under the sanitizer, too, and tell what it finds; as the inputs are
+    /// made up, nothing is denied
+    #[arg(long)]
+    sanitize: bool,
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
@@ -84,6 +88,7 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         total_fuel: args.total_fuel,
         launch_limits: args.launch_limits.limits(LaunchLimits::SMOKE),
         time_limit: args.seconds,
+        sanitize: args.sanitize,
     };
     let report = SmokeReport::of(&module, options);
     let verdict = verdict(&report, args.min_coverage.unwrap_or(0.0));

@@ -9,6 +9,7 @@ use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
+use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
@@ -65,6 +66,8 @@ pub struct TestArgs {
     files: SceneFileArgs,
     #[command(flatten)]
     stability: StabilityArgs,
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
@@ -153,6 +156,9 @@ pub fn run(args: TestArgs) -> Result<()> {
                 );
                 output::print(format_args!("\n{text}\n"))?;
             }
+            if args.sanitize.is_requested() {
+                args.sanitize.print_warnings(&report.findings)?;
+            }
             output::print(report::summary(&report))?;
         }
     }
@@ -172,6 +178,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         coverage: args.coverage.is_some(),
         shadow: args.stability.shadow(),
         perturb: args.stability.perturbation(),
+        sanitize: args.sanitize.is_requested().then(|| args.sanitize.given_levels()).transpose()?,
         no_explanation: args.no_explanation,
         colour,
         limits: args.limits.limits(LaunchLimits::TESTS),

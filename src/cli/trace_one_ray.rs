@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
+use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision};
 use crate::debug::command;
@@ -57,6 +58,9 @@ pub struct TraceOneRayArgs {
     variant: VariantArgs,
     #[command(flatten)]
     stability: StabilityArgs,
+
+    #[command(flatten)]
+    sanitize: SanitizeArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// Show every instance and every primitive tested
@@ -122,6 +126,10 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         let (_, resolved) = session.resolve(&request)?;
         let found = args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
         return Ok(found.err());
+    }
+    if args.sanitize.is_requested() {
+        let (_, resolved) = session.resolve(&request)?;
+        return Ok(args.sanitize.run_one(session.scene(), session.assembled(), &resolved).err());
     }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {

@@ -142,7 +142,7 @@ impl<'a> EventReader<'a> {
                         shader,
                     });
                 }
-                Event::Traversed { committed, record, shader, to_hit_object } => {
+                Event::Traversed { committed, record, shader, to_hit_object, .. } => {
                     trace.hit = committed.map(|committed| self.names.hit(&tlas, &operands, &committed));
                     trace.record = Some(match &committed {
                         Some(committed) => self.hit_record(&tlas, &committed.candidate, sbt, record),

@@ -12,6 +12,8 @@ pub enum ErrorClass {
     Expectation,
     /// A shader trapped, running out of fuel or time included.
     Trap,
+    /// The sanitizer denies what a shader does.
+    Finding,
     /// A gap of this crate, this build or this machine.
     Unsupported,
     /// What was read exceeds a limit of [`InputLimits`](crate::input::InputLimits).
@@ -26,6 +28,7 @@ impl ErrorClass {
         match self {
             Self::Expectation => "expectation",
             Self::Trap => "trap",
+            Self::Finding => "finding",
             Self::Unsupported => "unsupported",
             Self::Limit => "limit",
             Self::Other => "error",
@@ -40,6 +43,7 @@ impl ErrorClass {
             Self::Trap => 3,
             Self::Unsupported => 4,
             Self::Limit => 5,
+            Self::Finding => 6,
         }
     }
 }

@@ -194,7 +194,7 @@ impl Observer<1> for WriteFinder<'_> {
         self.last = self.value(batch);
     }
 
-    fn before(&mut self, batch: &Batch<1>, op: OpIndex) -> bool {
+    fn before(&mut self, batch: &mut Batch<1>, op: OpIndex) -> bool {
         self.look(batch);
         self.op = op;
         false

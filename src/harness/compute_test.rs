@@ -13,6 +13,7 @@ use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::pipeline::{Compute, Stats};
 use crate::program::Program;
+use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
 
 /// A compute shader with what it has bound, and how many workgroups of it run.
 ///
@@ -112,6 +113,38 @@ impl ComputeTest {
         let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
         let bound = Bound { programs: vec![program.clone()], resources, roots: Vec::new() };
         Ok(ComputeOutcome { stats, printed, bound })
+    }
+
+    /// Runs all workgroups as [`ComputeTest::run`] does, under the sanitizer: it checks what no
+    /// driver tells, such as reads of what nobody has written. Returns what it only warns of.
+    ///
+    /// ```
+    /// use anyhit::{ComputeTest, ErrorKind, Module};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// // The time of a clip is taken modulo its length, which is 0 for the second of four.
+    /// let module = Module::open("spirv-fixtures/sanitize/frem-zero/broken.comp.spv")?;
+    /// let lengths = [2.0f32, 0.0, 0.5, 10.0];
+    /// let clips = lengths.iter().flat_map(|&seconds| [seconds, 24.0, 0.0, 1.0]);
+    /// let clips: Vec<f32> = [7.5, 0.0, 0.0, 0.0].into_iter().chain(clips).collect();
+    /// let test = ComputeTest::new(&module, "main")?.buffer(0, 1, &[0.0f32; 4]).buffer(0, 2, &clips);
+    /// let error = test.sanitize().unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Finding);
+    /// assert!(error.message().starts_with("the remainder of 7.5 divided by zero"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// `Finding` for what it denies, all in one error; else as [`ComputeTest::run`].
+    pub fn sanitize(&self) -> Result<Vec<Error>> {
+        let compute = self.compute.unoptimized()?;
+        self.given.check(&compute.program)?;
+        let resources = memory::copied(&self.given.resources);
+        let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
+        let mut sanitizer = Sanitizer::new(&plans, &levels);
+        let outcome = compute.run_observed(&resources, self.groups, &mut |_| (), &mut sanitizer);
+        sanitizer.into_findings().into_warnings(outcome.map(|_| ()))
     }
 }
 

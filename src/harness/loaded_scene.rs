@@ -15,6 +15,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
 use crate::harness::memory::copied;
 use crate::harness::observe::fresh_resources;
+use crate::harness::sanitize_table::scene_levels;
+use crate::harness::sanitized::run_sanitized;
 use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
 use crate::harness::typed_scene;
@@ -298,6 +300,30 @@ impl LoadedScene {
         let resources = fresh_resources(&assembled.resources);
         let stats = assembled.run::<64>(&resources, &|_| ())?;
         Ok(self.outcome(&assembled, None, stats, resources))
+    }
+
+    /// Runs the passes of the scene as [`LoadedScene::launch`] does, under the sanitizer: it checks
+    /// what no driver tells, such as reads of what nobody has written. Returns what it only warns
+    /// of. The table `[sanitize]` of the scene sets the levels of rules.
+    ///
+    /// ```
+    /// use anyhit::{ErrorKind, LoadedScene};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let scene = LoadedScene::open("shaders/sanitize/pow-domain/scene.toml")?;
+    /// let error = scene.sanitize().unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Finding);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// `Finding` for what it denies, all in one error; else as [`LoadedScene::launch`].
+    pub fn sanitize(&self) -> Result<Vec<Error>> {
+        let assembled = assemble(&self.scene)?;
+        let resources = fresh_resources(&assembled.resources);
+        let run = run_sanitized(&self.scene, &assembled, &resources, &scene_levels(&self.scene.document)?)?;
+        run.findings.into_warnings(run.outcome.map(|_| ()))
     }
 
     /// Runs one pass alone, by its name or its number from 0: on buffers and images as the scene

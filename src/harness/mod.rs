@@ -66,7 +66,13 @@ pub mod rendering;
 #[cfg(feature = "scenes")]
 pub mod run;
 #[cfg(feature = "scenes")]
+pub mod sanitize_table;
+#[cfg(feature = "scenes")]
+pub mod sanitized;
+#[cfg(feature = "scenes")]
 pub mod stability;
+#[cfg(feature = "scenes")]
+mod structure_names;
 #[cfg(feature = "scenes")]
 pub mod suite;
 #[cfg(feature = "scenes")]

@@ -87,6 +87,9 @@ where
             batch.op = batch.op.plus(1);
         }
         batch.block = superblock.last;
+        if O::is_active() && !batch.mask.is_empty() {
+            observer.terminator(batch);
+        }
         if !execute_terminator(batch, program, &program.blocks[superblock.last.index()].terminator, observer)
         {
             return Stop::Done;

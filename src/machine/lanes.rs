@@ -1,6 +1,7 @@
 //! Lanes and masks: the only loops over the invocations of a batch that compute values.
 
 mod mask;
+mod shadow;
 
 use std::ops::{Index, IndexMut};
 
@@ -11,6 +12,7 @@ use crate::math::lane_ops::CpuTier;
 #[cfg(target_arch = "x86_64")]
 use mask::BooleanMask;
 pub use mask::Mask;
+pub use shadow::{LaneIdentity, NO_CAUSE, ShadowRegisters};
 
 /// A register of the register file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -57,6 +59,8 @@ impl<const W: usize> Lanes<W> {
 pub struct Registers<const W: usize> {
     registers: AVec<Lanes<W>, ConstAlign<CACHE_LINE>>,
     cpu_tier: CpuTier,
+    /// What a sanitizer knows of the values; `None` without one.
+    pub shadow: Option<Box<ShadowRegisters<W>>>,
 }
 
 /// Bytes of a cache line, and of the processor's widest vectors.
@@ -67,7 +71,7 @@ impl<const W: usize> Registers<W> {
     pub fn new(registers: usize) -> Self {
         let mut zeros = AVec::with_capacity(CACHE_LINE, registers);
         zeros.resize(registers, Lanes::splat(0));
-        Self { registers: zeros, cpu_tier: CpuTier::new() }
+        Self { registers: zeros, cpu_tier: CpuTier::new(), shadow: None }
     }
 
     /// The tier of vector extensions that the processor has.
@@ -142,6 +146,9 @@ impl<const W: usize> Registers<W> {
 
     /// Copies consecutive registers of other registers, for the lanes of a mask.
     pub fn copy_span(&mut self, to: Reg, from: &Self, first: Reg, count: u32, mask: Mask<W>) {
+        if let Some(shadow) = &mut self.shadow {
+            shadow.copy_span(to, from.shadow.as_deref(), first, count, mask);
+        }
         let sources = &from.registers[first.0 as usize..(first.0 + count) as usize];
         let registers = self.span_mut(to, count);
         if mask.is_all() {
@@ -154,6 +161,14 @@ impl<const W: usize> Registers<W> {
                 let selected = words.0[lane];
                 register.0[lane] = source.0[lane] & selected | register.0[lane] & !selected;
             }
+        }
+    }
+
+    /// Says that somebody has written consecutive registers, in the lanes of a mask, where a
+    /// sanitizer keeps shadows of them.
+    pub fn define(&mut self, first: Reg, count: u32, lanes: Mask<W>) {
+        if let Some(shadow) = &mut self.shadow {
+            (0..count).for_each(|word| shadow.define_lanes(first.plus(word), lanes));
         }
     }
 

@@ -33,11 +33,13 @@ pub use device_memory::DeviceMemory;
 pub use hit_object::{HitObject, HitObjects};
 pub use index::{BlockIndex, OpIndex, ShaderIndex};
 pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
-pub use lanes::{Lanes, Mask, REGISTER_POINTER, Reg, Registers, Scalar};
+pub use lanes::{
+    LaneIdentity, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
+};
 pub use observe::Observer;
 pub use out_of_bounds::OutOfBoundsIndices;
 pub use printed::{Printed, PrintedBytes};
-pub use ray_query::{RayQuery, RayQueryEvent, RayQueryStep};
+pub use ray_query::{QueryNotes, RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, BindingSummary, Bindings, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
 pub use trap::{AccessFault, Exit, LaneTrap, TrapCode};

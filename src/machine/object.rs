@@ -79,6 +79,11 @@ impl<T: Default> ObjectPool<T> {
         self.all[..self.used].get_mut((handle as usize).wrapping_sub(1))
     }
 
+    /// All objects.
+    pub fn iter(&self) -> std::slice::Iter<'_, T> {
+        self.all[..self.used].iter()
+    }
+
     /// The object with a handle.
     #[inline]
     pub fn get(&self, handle: u32) -> Option<&T> {

@@ -15,6 +15,12 @@ pub trait Observer<const W: usize> {
         true
     }
 
+    /// The lanes of a batch of a pipeline's shader are about to begin: constants and
+    /// builtins are in their registers, variables are zero. Payload and hit attributes follow.
+    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        let _ = (shader, batch);
+    }
+
     /// A batch of a pipeline's shader begins to run, or goes on.
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         let _ = (shader, batch);
@@ -30,8 +36,9 @@ pub trait Observer<const W: usize> {
         let _ = batch;
     }
 
-    /// Called before each operation; `true` pauses the batch there.
-    fn before(&mut self, batch: &Batch<W>, op: OpIndex) -> bool {
+    /// Called before each operation; `true` pauses the batch there. Of one that hands the batch to
+    /// the pipeline, this is all that is told.
+    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
         let _ = (batch, op);
         false
     }
@@ -40,6 +47,11 @@ pub trait Observer<const W: usize> {
     /// lie in the registers, and may be changed there.
     fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
         let _ = (batch, bindings, op);
+    }
+
+    /// The running lanes are about to leave the batch's block by its terminator.
+    fn terminator(&mut self, batch: &mut Batch<W>) {
+        let _ = batch;
     }
 
     /// A number of lanes take an edge of the conditional branch or switch that ends a block. Edge 0
@@ -59,6 +71,10 @@ impl<const W: usize> Observer<W> for () {
 /// Any observer, as a trait object: of all observers, the interpreter is compiled for this one
 /// only.
 impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
+    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        (**self).began(shader, batch);
+    }
+
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         (**self).resumed(shader, batch);
     }
@@ -71,12 +87,16 @@ impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
         (**self).block(batch);
     }
 
-    fn before(&mut self, batch: &Batch<W>, op: OpIndex) -> bool {
+    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
         (**self).before(batch, op)
     }
 
     fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
         (**self).after(batch, bindings, op);
+    }
+
+    fn terminator(&mut self, batch: &mut Batch<W>) {
+        (**self).terminator(batch);
     }
 
     fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {

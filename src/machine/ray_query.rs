@@ -40,6 +40,22 @@ pub struct RayQuery {
     candidate: Option<Candidate>,
     /// The lane that initialised it last.
     lane: u32,
+    /// What an observer noted of it.
+    pub notes: QueryNotes,
+}
+
+/// What an observer of a shader notes of a query; nothing else reads or writes it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct QueryNotes {
+    /// The first use of the committed hit since the last `OpRayQueryProceedKHR`, where that was not
+    /// final.
+    pub early_use: Option<OpIndex>,
+    /// The `OpRayQueryProceedKHR` whose result is ignored, while nothing looked at its candidate.
+    pub ignored: Option<OpIndex>,
+    /// The first use of the committed hit, its t apart, while there is a candidate.
+    pub committed_use: Option<OpIndex>,
+    /// Whether that candidate was looked at.
+    pub candidate_used: bool,
 }
 
 /// A query that is not initialised.
@@ -49,7 +65,14 @@ impl Default for RayQuery {
         let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0, time: 0.0 };
         let tlas = Tlas::empty().clone();
         let cursor = Cursor::new(&tlas, trace);
-        Self { cursor, tlas, phase: Phase::Uninitialized, candidate: None, lane: 0 }
+        Self {
+            cursor,
+            tlas,
+            phase: Phase::Uninitialized,
+            candidate: None,
+            lane: 0,
+            notes: QueryNotes::default(),
+        }
     }
 }
 
@@ -129,6 +152,21 @@ impl RayQuery {
     #[inline]
     pub fn candidate(&self) -> Result<&Candidate, TrapCode> {
         self.candidate.as_ref().ok_or(TrapCode::RayQueryNoCandidate)
+    }
+
+    /// Whether `OpRayQueryProceedKHR` returned false.
+    pub fn is_complete(&self) -> bool {
+        self.phase == Phase::Complete
+    }
+
+    /// Whether `OpRayQueryProceedKHR` may come to further candidates.
+    pub fn is_underway(&self) -> bool {
+        self.phase == Phase::Underway
+    }
+
+    /// The lane that initialised it last.
+    pub fn lane(&self) -> usize {
+        self.lane as usize
     }
 
     /// The committed hit, where there is one.
@@ -264,6 +302,9 @@ impl RayQueries {
         self.zero_directions += u64::from(trace.ray.goes_nowhere());
         let (query, object) = self.all.get_or_insert(handle);
         object.initialize(tlas, trace);
+        if handle == 0 {
+            object.notes = QueryNotes::default();
+        }
         object.lane = lane;
         if let Some(events) = &mut self.events {
             let step = RayQueryStep::Initialize(tlas.clone(), trace);
@@ -287,6 +328,11 @@ impl RayQueries {
     pub fn query(&mut self, handle: u32) -> Result<&mut RayQuery, TrapCode> {
         let query = self.all.get_mut(handle).filter(|query| query.phase != Phase::Uninitialized);
         query.ok_or(TrapCode::RayQueryUninitialized)
+    }
+
+    /// All queries that were initialised.
+    pub fn iter(&self) -> impl Iterator<Item = &RayQuery> {
+        self.all.iter()
     }
 
     /// [`RayQuery::proceed`]

@@ -93,11 +93,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             }
             let mut components = translator.components(a)?;
             components.extend(translator.components(b)?);
-            let undefined = translator.wide_constant(0)?;
             let mut chosen = Words::new();
             for &literal in &translator.operands(instruction)[2..] {
                 let component = match literal {
-                    u32::MAX => undefined,
+                    u32::MAX => translator.undefined_component()?,
                     _ => *components
                         .get(literal as usize)
                         .ok_or_else(|| translator.invalid(format!("component {literal} of a shuffle")))?,
@@ -173,7 +172,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         }
         Opcode::Undef => {
             let ty = translator.result_type(instruction)?;
-            let words = translator.zero(ty)?;
+            let words = translator.undefined(ty)?;
             translator.define_result(instruction, words);
         }
         Opcode::Select => {

@@ -64,6 +64,18 @@ pub const GLSL: &[GlslStd450Op] = &[
     GlslStd450Op::UnpackDouble2x32,
 ];
 
+/// Kernels of programs that are not optimised, which a sanitizer looks at.
+pub mod observed {
+    use crate::ops::lane_kernel::lane_kernels;
+
+    lane_kernels! {
+        /// The condition of `OpAssumeTrueKHR`.
+        Assumption Internal [bool] (a: bool) -> bool { a }
+        /// The double that two words make.
+        PackedDouble Internal [u32] (low: u32, high: u32) -> u64 { u64::from(high) << 32 | u64::from(low) }
+    }
+}
+
 /// Translates the instructions of this file; `false` for any other.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
     let conversion = match opcode {
@@ -132,7 +144,14 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             let words = translator.operand(instruction, 0)?;
             translator.define_result(instruction, words);
         }
-        Opcode::AssumeTrueKHR => {}
+        Opcode::AssumeTrueKHR if translator.optimizes => {}
+        Opcode::AssumeTrueKHR => {
+            let words = translator.operand(instruction, 0)?;
+            let &[condition] = &words[..] else {
+                return Err(translator.invalid("an assumption is a bool"));
+            };
+            translator.emit_family(&observed::Assumption, 0, &[condition])?;
+        }
         Opcode::ReadClockKHR => {
             let words = translator.read_clock()?;
             translator.define_result(instruction, words);
@@ -299,7 +318,10 @@ fn translate_glsl(
             let &[low, high] = &words[..] else {
                 return Err(translator.invalid("a vector of two is needed here"));
             };
-            let first = translator.pair(low, high)?;
+            let first = match translator.optimizes {
+                true => translator.pair(low, high)?,
+                false => translator.emit_family(&observed::PackedDouble, 32, &[low, high])?,
+            };
             translator.define_result(instruction, SmallVec::from_slice(&[first, first.plus(1)]));
         }
         G::UnpackDouble2x32 => {

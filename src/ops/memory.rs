@@ -98,6 +98,10 @@ pub enum MemoryOp {
     BufferLoad { to: Reg, chunk: Chunk },
     /// Writes scalars of consecutive registers to a buffer.
     BufferStore { from: Reg, chunk: Chunk },
+    /// Says that registers are undefined from here on: those of a variable that begins to live
+    /// without an initializer, or of `OpUndef`. It does nothing by itself, and only programs that
+    /// are not optimised have it.
+    Undefine { first: Reg, count: u32 },
     /// The number of elements of a runtime array at an offset of a buffer.
     ArrayLength { to: Reg, buffer: BufferRef, offset: u32, stride: u32 },
 }
@@ -144,6 +148,7 @@ impl MemoryOp {
                 visit(Access::Read(*from, chunk.count));
                 visit(Access::Effect);
             }
+            Self::Undefine { .. } => visit(Access::Effect),
             Self::ArrayLength { to, buffer: which, .. } => {
                 which.accesses(visit);
                 visit(Access::Write(*to, 1));
@@ -231,6 +236,7 @@ impl MemoryOp {
                     |registers, lane, outside| outside.store(registers, lane, from, &chunk),
                 );
             }
+            Self::Undefine { .. } => {}
             Self::ArrayLength { to, buffer, offset, stride } => {
                 for lane in batch.mask.lanes() {
                     match resolve_buffer(&batch.registers, lane, &batch.invocations, bindings, buffer) {
@@ -565,7 +571,9 @@ pub fn for_each_access<const W: usize>(
     }
 }
 
-fn is_workgroup<const W: usize>(registers: &Registers<W>, lane: usize, buffer: BufferRef) -> bool {
+/// Whether a lane's access is to the memory of its workgroup.
+#[inline]
+pub fn is_workgroup<const W: usize>(registers: &Registers<W>, lane: usize, buffer: BufferRef) -> bool {
     match buffer {
         BufferRef::Workgroup => true,
         BufferRef::Computed(reg) => registers[reg].0[lane] == WORKGROUP_HANDLE,

@@ -13,7 +13,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::translate::Translator;
 
-pub use rules::{Rule, core, glsl};
+pub use rules::{OperandTypeRule, core, glsl};
 
 /// Sets of scalar types.
 pub mod kinds {

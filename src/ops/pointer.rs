@@ -14,7 +14,7 @@ use crate::ops::memory::{self, BufferRef, Length};
 use crate::ops::object::check_copyable;
 use crate::ops::op::Op;
 use crate::ops::translate::budget::WORDS_OF_A_STEP;
-use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator};
+use crate::ops::translate::{InputRegisters, InterfaceRegisters, Slot, Translator, WorkgroupVariable};
 use crate::ops::value_registers::Words;
 use crate::ops::{address, builtin};
 
@@ -222,7 +222,14 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
             Ok(pointer(PointerBase::Registers { first, count, constant: false }))
         }
         storage::WORKGROUP => {
-            let offset = translator.allocate_workgroup(pointee)?;
+            let bytes = translator.allocate_workgroup(pointee)?;
+            let offset = bytes.start;
+            translator.workgroup_variables.push(WorkgroupVariable {
+                id,
+                bytes,
+                is_initialized: variable.initializer.is_some(),
+                is_block: translator.workgroup_blocks,
+            });
             Ok(Pointer { offset, ..pointer(PointerBase::Buffer(BufferRef::Workgroup)) })
         }
         storage::PUSH_CONSTANT => Ok(pointer(PointerBase::Buffer(BufferRef::PushConstants))),

@@ -92,6 +92,13 @@ impl RayGetter {
     }
 }
 
+impl RayQueryGetter {
+    /// Whether it reads the t of a hit.
+    pub fn reads_t(&self) -> bool {
+        self.opcode == Opcode::RayQueryGetIntersectionTKHR
+    }
+}
+
 macro_rules! impl_by_opcode {
     ($($ty:ty)*) => {$(
         impl std::fmt::Debug for $ty {

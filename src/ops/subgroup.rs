@@ -75,7 +75,7 @@ pub const OPCODES: &[Opcode] = &[
 ];
 
 /// The active lanes of a subgroup, each with its `SubgroupLocalInvocationId`, ascending.
-type Members = SmallVec<[(usize, u32); 32]>;
+pub type Members = SmallVec<[(usize, u32); 32]>;
 
 /// The invocation whose value is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,22 +195,42 @@ impl SubgroupOp {
         visit(Access::Write(self.to, self.results));
     }
 
+    /// Whether every active lane's value counts for the result of each.
+    pub fn reads_every_lane(&self) -> bool {
+        match self.kind {
+            SubgroupKind::All(_)
+            | SubgroupKind::Any(_)
+            | SubgroupKind::AllEqual
+            | SubgroupKind::Ballot
+            | SubgroupKind::Partition
+            | SubgroupKind::Reduce { .. } => true,
+            SubgroupKind::Elect
+            | SubgroupKind::Read(_)
+            | SubgroupKind::BallotCount(_)
+            | SubgroupKind::BallotBit { .. } => false,
+        }
+    }
+
+    /// Of an instruction that reads another lane's value: by running lane, the lane that it reads;
+    /// `None` where that one is not active. Empty for any other instruction.
+    pub fn read_lanes<const W: usize>(&self, batch: &Batch<W>) -> Vec<(usize, Option<usize>)> {
+        let SubgroupKind::Read(from) = self.kind else { return Vec::new() };
+        let size = batch.invocations.subgroup_size();
+        let mut all = Vec::new();
+        for members in subgroups(batch) {
+            for &(lane, id) in &members {
+                let operand = batch.registers[self.operand].0[lane];
+                let source = source_id(from, id, operand, size).unwrap_or(members[0].1);
+                all.push((lane, members.iter().find(|peer| peer.1 == source).map(|peer| peer.0)));
+            }
+        }
+        all
+    }
+
     /// Runs the operation for the running lanes.
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>) {
         let size = batch.invocations.subgroup_size();
-        let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
-        for lane in batch.mask.lanes() {
-            let invocation = batch.invocations.lane(lane);
-            let workgroup = invocation.workgroup.map_or(0, |group| group.index());
-            let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane].0];
-            let member = (lane, invocation.subgroup_local_invocation_id());
-            match groups.iter_mut().find(|(found, _)| *found == key) {
-                Some((_, members)) => members.push(member),
-                None => groups.push((key, SmallVec::from_slice(&[member]))),
-            }
-        }
-        for (_, mut members) in groups {
-            members.sort_unstable_by_key(|&(_, id)| id);
+        for members in subgroups(batch) {
             self.eval_subgroup(batch, &members, size);
         }
     }
@@ -293,6 +313,26 @@ impl SubgroupOp {
         let words = |lane| registers.lane_words(self.value, self.values, lane);
         members.iter().all(|peer| words(peer.0).eq(words(members[0].0)))
     }
+}
+
+/// The active lanes of a batch by subgroup.
+pub fn subgroups<const W: usize>(batch: &Batch<W>) -> SmallVec<[Members; 4]> {
+    let mut groups: SmallVec<[([u64; 3], Members); 4]> = SmallVec::new();
+    for lane in batch.mask.lanes() {
+        let invocation = batch.invocations.lane(lane);
+        let workgroup = invocation.workgroup.map_or(0, |group| group.index());
+        let key = [workgroup, invocation.subgroup_id(), batch.invocations.record_indices[lane].0];
+        let member = (lane, invocation.subgroup_local_invocation_id());
+        match groups.iter_mut().find(|(found, _)| *found == key) {
+            Some((_, members)) => members.push(member),
+            None => groups.push((key, SmallVec::from_slice(&[member]))),
+        }
+    }
+    let sorted = groups.into_iter().map(|(_, mut members)| {
+        members.sort_unstable_by_key(|&(_, id)| id);
+        members
+    });
+    sorted.collect()
 }
 
 /// The id of the invocation that a value is read from; `None` for the lowest active one.

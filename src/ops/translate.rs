@@ -11,6 +11,7 @@ mod values;
 mod words;
 
 use std::cell::OnceCell;
+use std::ops::Range;
 
 use rustc_hash::FxHashMap;
 
@@ -43,6 +44,19 @@ pub struct Slot {
     pub binding: Binding,
     /// The variable's name, for messages.
     pub name: String,
+}
+
+/// The bytes that a variable of the Workgroup storage class occupies.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WorkgroupVariable {
+    /// The variable.
+    pub id: Id,
+    /// Where it lies in the workgroup's memory.
+    pub bytes: Range<u32>,
+    /// Whether it has an initializer, which is null.
+    pub is_initialized: bool,
+    /// Whether it is a block with a layout of its own; else it lies there as in registers.
+    pub is_block: bool,
 }
 
 /// Registers that a variable of the entry point's interface occupies.
@@ -118,6 +132,8 @@ pub struct Translator<'m> {
     /// Whether the variables in workgroup memory are blocks, which all begin at its first byte and
     /// have a layout (`SPV_KHR_workgroup_memory_explicit_layout`).
     pub workgroup_blocks: bool,
+    /// The variables in workgroup memory so far.
+    pub workgroup_variables: Vec<WorkgroupVariable>,
     /// Whether the entry point is a compute shader with a derivative group.
     pub derivatives: bool,
     /// Whether stores are forwarded to loads, and operations on constants are folded. Constants of
@@ -176,6 +192,7 @@ impl<'m> Translator<'m> {
             addressed: Vec::new(),
             workgroup_size: 0,
             workgroup_blocks: false,
+            workgroup_variables: Vec::new(),
             derivatives: false,
             optimizes: true,
             micromap_mode: None,
@@ -438,12 +455,12 @@ impl<'m> Translator<'m> {
         calls.get(&function).map_or(&[], Vec::as_slice)
     }
 
-    /// Allocates a variable of the Workgroup storage class; returns its byte offset.
+    /// Allocates a variable of the Workgroup storage class; returns its bytes.
     ///
     /// # Errors
     /// `InvalidModule` where variables with and without a layout of their own are mixed,
     /// `UnsupportedModule` for more memory than a workgroup gets.
-    pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<u32> {
+    pub fn allocate_workgroup(&mut self, ty: TypeId) -> Result<Range<u32>> {
         let block = matches!(self.module.ty(ty), Type::Struct { block: true, .. });
         if block != self.workgroup_blocks && (self.workgroup_size > 0 || !block) {
             let message = "variables in workgroup memory are either all blocks or none of them is";
@@ -460,7 +477,7 @@ impl<'m> Translator<'m> {
             return Err(self.beyond(InputLimit::WorkgroupBytes, Some(end)));
         }
         self.workgroup_size = self.workgroup_size.max(end as u32);
-        Ok(start)
+        Ok(start..end as u32)
     }
 
     /// Records, until the block ends, that a variable's register has the value of another register.

@@ -25,6 +25,10 @@ pub struct PipelineFlags {
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_ALLOW_MOTION_BIT_NV`, which Vulkan requires if
     /// something moves or a ray has a time. It is on by default, too.
     pub allow_motion: bool,
+    /// `VK_PIPELINE_CREATE_2_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR`, which Vulkan requires if a
+    /// ray's acceleration structure has opacity micromaps. It is on by default; without it such a
+    /// ray goes on, and only the sanitizer tells.
+    pub opacity_micromap: bool,
     /// `VK_PIPELINE_CREATE_2_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR`: a candidate whose
     /// any-hit shader is null traps.
     pub no_null_any_hit_shaders: bool,
@@ -46,6 +50,7 @@ impl Default for PipelineFlags {
             skip_aabbs: false,
             allow_spheres_and_linear_swept_spheres: true,
             allow_motion: true,
+            opacity_micromap: true,
             no_null_any_hit_shaders: false,
             no_null_closest_hit_shaders: false,
             no_null_miss_shaders: false,

@@ -44,8 +44,10 @@ pub trait PipelineObserver {
 
     /// Announces that the last announced invocation selects a null shader, so that none runs. The
     /// observer may write the words that a shader would have left in the payload or callable data
-    /// of `caller`.
-    fn null_shader(&mut self, _caller: Caller, _words: &mut [u32]) {}
+    /// of `caller`; it returns whether it has.
+    fn null_shader(&mut self, _caller: Caller, _words: &mut [u32]) -> bool {
+        false
+    }
 }
 
 impl PipelineObserver for () {
@@ -99,8 +101,8 @@ impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
         }
     }
 
-    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) {
-        self.pipeline_observer.null_shader(caller, words);
+    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) -> bool {
+        self.pipeline_observer.null_shader(caller, words)
     }
 }
 
@@ -160,6 +162,8 @@ pub enum Event {
     /// Traversal found a candidate that a shader decides on. Without a shader (`None`) a triangle,
     /// sphere or linear swept sphere is accepted, and a box is dropped.
     Candidate {
+        /// `LaunchIdKHR` of the ray.
+        launch_id: [u32; 3],
         /// The candidate.
         candidate: Candidate,
         /// The hit record's index.
@@ -208,6 +212,8 @@ pub enum Event {
     RayQuery(RayQueryEvent),
     /// Traversal is over; the closest-hit or miss shader has not run yet.
     Traversed {
+        /// `LaunchIdKHR` of the ray.
+        launch_id: [u32; 3],
         /// The closest hit.
         committed: Option<Committed>,
         /// The index of the hit or miss record.

@@ -190,7 +190,7 @@ where
             lane += run;
         }
         (0..count).for_each(|lane| invocations.set_record(lane, record.as_ref()));
-        begin(self.pipeline, &mut running, Mask::first(count));
+        begin(self.pipeline, self.observer, &mut running, Mask::first(count));
         self.push_shader(running);
         self.run();
     }
@@ -212,7 +212,7 @@ where
         };
         let mut running = self.acquire_batch(shader, role);
         running.batch.invocations.set(0, invocation);
-        begin(self.pipeline, &mut running, Mask::lane(0));
+        begin(self.pipeline, self.observer, &mut running, Mask::lane(0));
         for (span, words) in [(running.data, payload), (running.attributes, attributes)] {
             if let Some(span) = span {
                 let words = words.into_iter().take(span.count as usize);
@@ -303,7 +303,7 @@ where
             unreachable!("bug in anyhit: a shader outside a trace");
         };
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
-        begin(self.pipeline, &mut running, lanes);
+        begin(self.pipeline, self.observer, &mut running, lanes);
         running.copy_data_in(trace.payload(below), *payload);
         if let Some(attributes) = running.attributes() {
             trace.write_hit_attributes(role, lanes, attributes);
@@ -480,8 +480,10 @@ where
                     let registers = &mut running.batch.registers;
                     let mut words: Words = registers.lane_words(data.first, data.count, lane).collect();
                     self.pipeline_observer.invocation(running.batch.invocations.launch_id(lane));
-                    self.pipeline_observer.null_shader(caller, &mut words);
-                    registers.set_lane_words(data.first, lane, words);
+                    if self.pipeline_observer.null_shader(caller, &mut words) {
+                        registers.set_lane_words(data.first, lane, words);
+                        registers.define(data.first, data.count, Mask::lane(lane));
+                    }
                 }
                 continue;
             };
@@ -546,7 +548,7 @@ where
             let record = record_at(&self.pipeline.sbt.callable, index).and_then(SbtRecord::shader_record);
             to.set_record(lane, record.as_ref());
         }
-        begin(self.pipeline, &mut running, lanes);
+        begin(self.pipeline, self.observer, &mut running, lanes);
         running.copy_data_in(&below.batch.registers, data);
         self.push_shader(running);
     }
@@ -601,7 +603,7 @@ where
         };
         trace.write_builtins(self.pipeline, role, lanes, &mut running.batch.invocations);
         report.write_builtins(lanes, &mut running.batch);
-        begin(self.pipeline, &mut running, lanes);
+        begin(self.pipeline, self.observer, &mut running, lanes);
         running.copy_data_in(trace.payload(below), *payload);
         if let Some(attributes) = running.attributes() {
             report.write_hit_attributes(lanes, attributes);
@@ -611,8 +613,16 @@ where
 }
 
 /// Begins the lanes of a batch. Their invocations must be set.
-fn begin<const W: usize>(pipeline: &Pipeline, running: &mut RunningShader<W>, lanes: Mask<W>) {
+fn begin<const W: usize, O: Observer<W>>(
+    pipeline: &Pipeline,
+    observer: &mut O,
+    running: &mut RunningShader<W>,
+    lanes: Mask<W>,
+) {
     let program = &pipeline.programs[running.shader.index()];
     running.lanes = lanes;
     program.begin(&mut running.batch, lanes, pipeline.fuel);
+    if O::is_active() {
+        observer.began(running.shader, &mut running.batch);
+    }
 }

@@ -339,7 +339,7 @@ pub(crate) fn trap_error<const W: usize>(
 
 /// Adds the location of an operation to an error: its word offset, its source line and the inlined
 /// calls.
-fn with_location(program: &Program, op: OpIndex, error: Error, label: &str) -> Error {
+pub(crate) fn with_location(program: &Program, op: OpIndex, error: Error, label: &str) -> Error {
     let Some(origin) = program.origins.get(op.index()) else { return error };
     let mut error = match program.place_at(origin.offset) {
         Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
@@ -372,7 +372,8 @@ fn file_and_line(place: &Place) -> String {
     }
 }
 
-pub(super) fn source_line(program: &Program, op: OpIndex) -> String {
+/// ` at FILE:LINE` or ` near FILE:LINE`, for an operation.
+pub(crate) fn source_line(program: &Program, op: OpIndex) -> String {
     program.origins.get(op.index()).map_or_else(String::new, |origin| source_line_of(program, origin.offset))
 }
 

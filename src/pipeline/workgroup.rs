@@ -146,7 +146,7 @@ where
                 break;
             }
             self.watch.begin_batch();
-            self.begin(&running);
+            self.begin(&running, observers);
             while self.advance(&running, observers) {}
             let charged = self.batches.iter_mut().map(|member| member.batch.take_charged());
             self.watch.charge(charged.sum());
@@ -164,7 +164,7 @@ where
         group * self.group_size..(group + 1) * self.group_size
     }
 
-    fn begin(&mut self, groups: &[Arc<Workgroup>]) {
+    fn begin<O: Observer<W>>(&mut self, groups: &[Arc<Workgroup>], observers: &mut Observers<'_, O>) {
         let used = groups.len() * self.group_size;
         for (at, member) in self.batches.iter_mut().enumerate() {
             member.waiting.clear();
@@ -190,6 +190,9 @@ where
             }
             let mask = Mask::first(lanes);
             self.program.begin(&mut member.batch, mask, self.limits.fuel);
+            if O::is_active() {
+                observers.observer.began(ShaderIndex(0), &mut member.batch);
+            }
             self.watch.charge(u64::from(self.program.entry_cost()) * u64::from(mask.count()));
             member.waiting.push(WaitingLanes { block: member.batch.block, op: member.batch.op, mask });
             self.stats.count(self.program.stage, mask.count());

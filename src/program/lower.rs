@@ -527,6 +527,8 @@ impl<'m> Lowering<'m> {
             }
             let words = self.translator.words(initializer)?;
             load_store::store(&mut self.translator, &pointer, &words)?;
+        } else if !self.translator.optimizes {
+            self.translator.emit(Op::Memory(memory::MemoryOp::Undefine { first, count }));
         }
         if let Some(id) = instruction.result {
             self.translator.define(id, IdValue::Pointer(pointer.into()));
@@ -597,6 +599,7 @@ impl<'m> Lowering<'m> {
             accesses: Vec::new(),
             uses_subgroups: false,
             workgroup,
+            workgroup_variables: self.translator.workgroup_variables,
             addresses_records: false,
             eliminated: Eliminated::default(),
             payloads: Payloads::default(),

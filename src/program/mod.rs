@@ -39,7 +39,7 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
-use crate::ops::translate::{InputRegisters, InterfaceRegisters, Origin, Slot};
+use crate::ops::translate::{InputRegisters, InterfaceRegisters, Origin, Slot, WorkgroupVariable};
 use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
@@ -226,6 +226,9 @@ pub struct Program {
     /// The workgroups of a compute entry point.
     #[doc(hidden)]
     pub workgroup: Option<WorkgroupLayout>,
+    /// The variables in workgroup memory.
+    #[doc(hidden)]
+    pub workgroup_variables: Vec<WorkgroupVariable>,
     /// Whether it queries device addresses of shader records.
     #[doc(hidden)]
     pub addresses_records: bool,
@@ -480,7 +483,7 @@ impl Program {
     }
 
     /// Describes a handle: name, set, binding and array element.
-    fn describe_descriptor(&self, handle: u32) -> Option<String> {
+    pub(crate) fn describe_descriptor(&self, handle: u32) -> Option<String> {
         let Some((slot, element)) = Bindings::slot_of(handle) else {
             return Some("a null descriptor".to_owned());
         };

@@ -49,6 +49,7 @@ pub(crate) enum PipelineFlag {
     SkipAabbs,
     AllowSpheresAndLinearSweptSpheres,
     AllowMotion,
+    OpacityMicromap,
     NoNullAnyHitShaders,
     NoNullClosestHitShaders,
     NoNullMissShaders,
@@ -64,6 +65,7 @@ impl Named for PipelineFlag {
         ("skip_aabbs", Self::SkipAabbs),
         ("allow_spheres_and_linear_swept_spheres", Self::AllowSpheresAndLinearSweptSpheres),
         ("allow_motion", Self::AllowMotion),
+        ("opacity_micromap", Self::OpacityMicromap),
         ("no_null_any_hit_shaders", Self::NoNullAnyHitShaders),
         ("no_null_closest_hit_shaders", Self::NoNullClosestHitShaders),
         ("no_null_miss_shaders", Self::NoNullMissShaders),
@@ -79,6 +81,7 @@ pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
     let mut flags = PipelineFlags {
         allow_spheres_and_linear_swept_spheres: false,
         allow_motion: false,
+        opacity_micromap: false,
         ..PipelineFlags::default()
     };
     for flag in list {
@@ -89,6 +92,7 @@ pub(super) fn flags(table: &Table<'_>) -> PipelineFlags {
                 flags.allow_spheres_and_linear_swept_spheres = true;
             }
             PipelineFlag::AllowMotion => flags.allow_motion = true,
+            PipelineFlag::OpacityMicromap => flags.opacity_micromap = true,
             PipelineFlag::NoNullAnyHitShaders => flags.no_null_any_hit_shaders = true,
             PipelineFlag::NoNullClosestHitShaders => flags.no_null_closest_hit_shaders = true,
             PipelineFlag::NoNullMissShaders => flags.no_null_miss_shaders = true,

@@ -86,8 +86,8 @@ impl SceneFile {
         let root = document.root(report);
         let _: Option<u32> = root.optional("version");
         let _: Option<String> = root.optional("title");
-        // The harness reads this table; here it may hold anything.
-        let _ = root.value("expect");
+        // The harness reads these tables; here they may hold anything.
+        let _ = (root.value("expect"), root.value("sanitize"));
         let file = Self {
             include: root.optional::<OneOrMore<_>>("include").map_or(Vec::new(), |paths| paths.0),
             geometry: entries(&root, "geometry"),

@@ -27,9 +27,9 @@ pub struct Recorder {
 
 /// Takes the events for a [`Recorder`].
 #[derive(Debug)]
-pub struct Sink<'a>(&'a mut RayCounts);
+pub struct RayEventSink<'a>(&'a mut RayCounts);
 
-impl Sink<'_> {
+impl RayEventSink<'_> {
     /// Counts an event.
     pub fn event(&mut self, event: &Event) {
         self.0.event(event);
@@ -39,21 +39,21 @@ impl Sink<'_> {
 impl Recorder {
     /// The parts that events and the interpreter are handed to, of the named pipeline with an index
     /// or of `[pipeline]`.
-    pub fn parts(&mut self, pipeline: Option<usize>) -> (Sink<'_>, &mut BlockCounts) {
+    pub fn parts(&mut self, pipeline: Option<usize>) -> (RayEventSink<'_>, &mut BlockCounts) {
         let at = pipeline.map_or(0, |index| index + 1);
         if self.pipelines.len() <= at {
             self.pipelines.resize_with(at + 1, Default::default);
         }
         let (counts, rays) = &mut self.pipelines[at];
-        (Sink(rays), counts)
+        (RayEventSink(rays), counts)
     }
 
     /// The recorder of a scene's dispatch, by its index.
-    pub fn dispatch(&mut self, at: usize) -> (Sink<'_>, &mut BlockCounts) {
+    pub fn dispatch(&mut self, at: usize) -> (RayEventSink<'_>, &mut BlockCounts) {
         if self.dispatches.len() <= at {
             self.dispatches.resize(at + 1, BlockCounts::default());
         }
-        (Sink(&mut self.rays), &mut self.dispatches[at])
+        (RayEventSink(&mut self.rays), &mut self.dispatches[at])
     }
 
     /// What was covered of a scene, whose shaders everything was recorded of.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::harness::bound::Bound;
 use crate::harness::data::TypedBytes;
 use crate::harness::explain::{Explanation, What};
@@ -13,11 +13,12 @@ use crate::harness::shader_test::ShaderTest;
 use crate::harness::value::Value;
 use crate::interp;
 use crate::machine::stop::Stop;
-use crate::machine::{Batch, Exit, Mask, Reg, ShaderIndex};
+use crate::machine::{Batch, Exit, Mask, Observer, Reg, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
+use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
 
 impl ShaderTest {
     /// Runs the shader once. Buffers and images are copied first: a test can be run again.
@@ -27,6 +28,38 @@ impl ShaderTest {
     /// a layout that does not fit, with both layouts, where the ray misses, and where the shader
     /// traces or calls and nothing answers; what an answer returns.
     pub fn run(&self) -> Result<ShaderOutcome> {
+        self.run_observed(&mut ())
+    }
+
+    /// Runs the shader as [`ShaderTest::run`] does, under the sanitizer: it checks what no driver
+    /// tells, such as reads of what nobody has written. Returns what it only warns of. What the
+    /// test gives, and what answers write, counts as written.
+    ///
+    /// ```
+    /// use anyhit::{Module, ShaderTest};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let module = Module::open("spirv-fixtures/fail/memory/array-index/main.rgen.spv")?;
+    /// let test = ShaderTest::new(&module, "main")?.buffer(0, 1, &[0.0f32; 6]);
+    /// assert!(test.launch([3, 0, 0], [6, 1, 1]).sanitize()?.is_empty());
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// `Finding` for what it denies, all in one error; else as [`ShaderTest::run`].
+    pub fn sanitize(&self) -> Result<Vec<Error>> {
+        let test = Self { program: Arc::new(self.program.unoptimized()?), ..self.clone() };
+        let (plans, levels) = ([ProgramPlan::new(&test.program)], Levels::default());
+        let mut sanitizer = Sanitizer::new(&plans, &levels);
+        let outcome = {
+            let mut observer: &mut dyn Observer<1> = &mut sanitizer;
+            test.run_observed(&mut observer)
+        };
+        sanitizer.into_findings().into_warnings(outcome.map(|_| ()))
+    }
+
+    fn run_observed<O: Observer<1>>(&self, observer: &mut O) -> Result<ShaderOutcome> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
         }
@@ -44,6 +77,9 @@ impl ShaderTest {
         let mut batch: Batch<1> = program.batch();
         batch.invocations.set(0, invocation);
         program.begin(&mut batch, Mask::ALL, self.fuel);
+        if O::is_active() {
+            observer.began(ShaderIndex(0), &mut batch);
+        }
         self.override_builtins(&mut batch);
         self.fill_payload(&mut batch)?;
         let attribute_rows = program.interface_registers(storage::HIT_ATTRIBUTE);
@@ -59,7 +95,21 @@ impl ShaderTest {
         let (mut traces, mut calls, mut reports) = (Vec::new(), Vec::new(), Vec::new());
         let mut executes = Vec::new();
         loop {
-            match interp::run(&mut batch, program, &bindings, &mut ()) {
+            if O::is_active() {
+                observer.resumed(ShaderIndex(0), &mut batch);
+            }
+            let stop = interp::run(&mut batch, program, &bindings, observer);
+            if O::is_active() {
+                observer.stopped(ShaderIndex(0), &batch);
+            }
+            let answered = match stop {
+                Stop::TraceRay { payload: span, .. }
+                | Stop::ExecuteCallable { data: span, .. }
+                | Stop::HitObjectTrace { payload: span, .. }
+                | Stop::HitObjectExecute { payload: span, .. } => Some(span),
+                _ => None,
+            };
+            match stop {
                 Stop::Done => break,
                 Stop::Paused => {}
                 Stop::Barrier { .. } => {
@@ -88,6 +138,9 @@ impl ShaderTest {
                 Stop::HitObjectRecordHandle { object, to, .. } => {
                     self.record_handle(&mut batch, object, to, &bindings.memory)?;
                 }
+            }
+            if let Some(span) = answered {
+                batch.registers.define(span.first, span.count, Mask::ALL);
             }
         }
         let exit = batch.exits[0];

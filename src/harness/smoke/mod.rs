@@ -46,6 +46,7 @@ use crate::machine::LaunchLimits;
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
+use crate::sanitize::Findings;
 
 pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, SmokeVerdict};
 
@@ -65,6 +66,8 @@ pub struct SmokeOptions {
     /// Time after which no further set of values is tried. What is reported then depends on the
     /// machine, and says so.
     pub time_limit: Option<Duration>,
+    /// Whether every set of values is run under the sanitizer, too.
+    pub sanitize: bool,
 }
 
 impl SmokeOptions {
@@ -98,6 +101,12 @@ impl SmokeOptions {
     pub fn time_limit(self, limit: Duration) -> Self {
         Self { time_limit: Some(limit), ..self }
     }
+
+    /// Runs every set of values under the sanitizer, too.
+    #[must_use]
+    pub fn sanitize(self) -> Self {
+        Self { sanitize: true, ..self }
+    }
 }
 
 impl Default for SmokeOptions {
@@ -105,7 +114,7 @@ impl Default for SmokeOptions {
         // A call costs all instructions of the function called, of which a module is known to have
         // 164,798 once it is inlined.
         let (fuel, launch_limits) = (1 << 21, LaunchLimits::SMOKE);
-        Self { seed: 1, fuel, launch_limits, total_fuel: 1 << 27, time_limit: None }
+        Self { seed: 1, fuel, launch_limits, total_fuel: 1 << 27, time_limit: None, sanitize: false }
     }
 }
 
@@ -151,6 +160,7 @@ fn entry_point(
         errors: Vec::new(),
         coverage: None,
         runs: Vec::new(),
+        findings: Findings::default(),
     };
     let lowered = guarded(|| program::lower(module, entry));
     let program = match lowered {
@@ -183,6 +193,7 @@ fn entry_point(
         deadline,
         launch_limits: options.launch_limits,
         cut_short: None,
+        findings: Findings::default(),
     };
     let mut explored: Vec<(Way, Vec<Try>)> = Vec::new();
     for way in subject.ways() {
@@ -209,6 +220,7 @@ fn entry_point(
     let counted = report.runs.iter().filter(|run| !run.is_note());
     report.result = counted.map(|run| run.result).max().unwrap_or(SmokeVerdict::Ok);
     report.coverage = Some(reached(&subject.program, &progress));
+    report.findings = progress.findings;
     report
 }
 

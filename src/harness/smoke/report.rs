@@ -6,6 +6,7 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use crate::error::{Error, ErrorReport, Place};
+use crate::sanitize::Findings;
 
 /// Places of blocks that the text shows.
 const SHOWN: usize = 8;
@@ -58,6 +59,9 @@ pub struct EntryReport {
     pub coverage: Option<BlockCoverage>,
     /// Its runs; none where it cannot run.
     pub runs: Vec<RunReport>,
+    /// What the sanitizer found, if it was asked: on made-up inputs, so that it only warns.
+    #[serde(skip_serializing_if = "Findings::is_empty")]
+    pub findings: Findings,
 }
 
 /// What all runs of an entry point reached.
@@ -235,6 +239,11 @@ impl EntryReport {
         }
         if let Some(reached) = &self.coverage {
             reached.write(out);
+        }
+        for finding in &self.findings {
+            for line in finding.render().trim_end().lines() {
+                let _ = writeln!(out, "  {line}");
+            }
         }
         let mut written = vec![false; self.runs.len()];
         for (at, run) in self.runs.iter().enumerate() {

@@ -24,6 +24,7 @@ use crate::ops::pointer::storage;
 use crate::pipeline::group::{Group, HitGroup};
 use crate::pipeline::{Compute, Launch, Pipeline, PipelineObserver, RayOperands, SbtRecord, Trapped};
 use crate::program::Program;
+use crate::sanitize::{Findings, Level, Levels, ProgramPlan, Sanitizer};
 
 /// Workgroups of a compute shader.
 const GROUPS: [u32; 3] = [2, 2, 1];
@@ -112,6 +113,8 @@ pub(super) struct Progress {
     pub launch_limits: LaunchLimits,
     /// What kept further sets from being tried.
     pub cut_short: Option<&'static str>,
+    /// What the sanitizer found.
+    pub findings: Findings,
 }
 
 impl Progress {
@@ -231,6 +234,10 @@ impl EntryUnderTest<'_> {
             let (one, values) = self.settle(way, program, set, &mut learned, progress)?;
             if at == 0 {
                 self.check_unwatched(way, &one, values, &learned)?;
+            }
+            if self.options.sanitize {
+                let found = self.sanitized(way, program, &one, values, &learned)?;
+                progress.findings.extend(found);
             }
             dry = if reached(progress) > before || at < Set::fixed(specialized.len()) { 0 } else { dry + 1 };
             progress.sets += 1;
@@ -443,6 +450,36 @@ impl EntryUnderTest<'_> {
             "bug in anyhit: optimised, the shader does not end as it does otherwise"
         );
         Ok(())
+    }
+}
+
+impl EntryUnderTest<'_> {
+    /// What the sanitizer finds in a run on a set of values that was tried.
+    fn sanitized(
+        &self,
+        way: Way,
+        program: &Arc<Program>,
+        tried: &Try,
+        values: MadeUpValues,
+        learned: &Learned,
+    ) -> Result<Findings> {
+        // What ends for want of fuel takes long enough.
+        if learned.is_spent {
+            return Ok(Findings::default());
+        }
+        let program = &Arc::new(program.unoptimized()?);
+        let scene = || hits::scene(learned.geometry);
+        let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
+        let mut stand_in = StandIn::new(program, tried.set.numbers);
+        let (fuel, limits) = (self.options.fuel, self.options.launch_limits);
+        let run = Once { way, program, given: &given, set: tried.set, fuel, limits };
+        // The inputs may be such that the shader never gets: nothing is denied.
+        let mut levels = Levels::default();
+        levels.set_all(Level::Warn);
+        let plans = [ProgramPlan::new(program)];
+        let mut sanitizer = Sanitizer::new(&plans, &levels);
+        run.run(&mut stand_in, &mut sanitizer)?;
+        Ok(sanitizer.into_findings().with_note("on made-up inputs"))
     }
 }
 

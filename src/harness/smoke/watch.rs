@@ -64,7 +64,7 @@ impl<const W: usize> Observer<W> for BlockRecorder<'_> {
         self.counts.block(batch);
     }
 
-    fn before(&mut self, batch: &Batch<W>, op: OpIndex) -> bool {
+    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
         if !batch.mask.is_empty() {
             self.executed[op.index()] = true;
         }
@@ -154,16 +154,17 @@ impl PipelineObserver for StandIn<'_> {
 
     /// The answer depends on the invocation and on how many it was given before: not on the order
     /// in which invocations run.
-    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) {
+    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) -> bool {
         let before = self.answers.entry(self.launch_id).or_default();
         let [x, y, z] = self.launch_id.map(u64::from);
         let before = std::mem::replace(before, *before + 1);
         let root = mix(mix(x | y << 32, z), before);
         let registers = self.program.interface.iter().find(|registers| registers.first == caller.payload);
-        let Some(registers) = registers.filter(|_| caller.shader == ShaderIndex(0)) else { return };
+        let Some(registers) = registers.filter(|_| caller.shader == ShaderIndex(0)) else { return false };
         // Loops that wait for a sum end, too.
         let far = FAR.saturating_mul(1 + (before / 16) as u32);
         let answer = resources::answer(&self.program.module, registers, self.numbers, root, far);
         words.iter_mut().zip(answer).for_each(|(to, word)| *to = word);
+        true
     }
 }

@@ -241,6 +241,7 @@ impl<'a> ShadowInterpreter<'a> {
             memory::MemoryOp::Index { to, .. } | memory::MemoryOp::ArrayLength { to, .. } => {
                 frame.invalidate(to, 1)
             }
+            memory::MemoryOp::Undefine { .. } => {}
         }
     }
 

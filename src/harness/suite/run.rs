@@ -15,8 +15,11 @@ use crate::harness::bless::bless;
 use crate::harness::case::Loaded;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::{Difference, Fix, Subject};
+use crate::harness::observe::fresh_resources;
 use crate::harness::rendering;
 use crate::harness::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
+use crate::harness::sanitize_table::scene_levels;
+use crate::harness::sanitized::{SanitizedRun, run_sanitized, sanitize_one};
 use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::perturb::{perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
@@ -24,6 +27,7 @@ use crate::harness::stability::{Instability, Perturbation};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFailure, pictures};
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::LaunchLimits;
+use crate::sanitize::{Findings, Levels};
 use crate::scene::RunLimits;
 use crate::scene::file::{GivenRay, RayEntry};
 
@@ -47,6 +51,9 @@ pub struct SuiteOptions {
     /// How every test is run again with its float results moved: one that passes fails where an
     /// output is not stable, unless it says itself what must be.
     pub perturb: Option<Perturbation>,
+    /// The levels of the sanitizer's rules over those of each scene, if every test that passes runs
+    /// under it, too, and fails where a finding is denied.
+    pub sanitize: Option<Levels>,
     /// Whether the explanation of the ray is left out of failures.
     pub no_explanation: bool,
     /// Whether explanations are in colour.
@@ -68,6 +75,7 @@ impl Default for SuiteOptions {
             coverage: false,
             shadow: false,
             perturb: None,
+            sanitize: None,
             no_explanation: false,
             colour: false,
             limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },
@@ -89,6 +97,8 @@ pub struct SuiteReport {
     pub shadow: ShadowFindings,
     /// How many tests passed and were held to stable outputs, where that was asked for.
     pub perturbed: usize,
+    /// What the sanitizer found, where it was asked for.
+    pub findings: Findings,
     /// Files that were written anew.
     pub renewed: Vec<PathBuf>,
     /// Notes for the authors of the tests, a line each, each once: old names that files use.
@@ -127,6 +137,7 @@ impl Suite {
                     stop.store(true, Ordering::Relaxed);
                 }
             }
+            report.findings.extend(done.findings);
             report.coverage.add(done.coverage);
             report.shadow.add(&done.shadow);
             report.perturbed += done.perturbed;
@@ -222,6 +233,7 @@ impl Suite {
         let mut finished = Vec::new();
         let mut shadow = ShadowFindings::default();
         let mut perturbed = 0;
+        let mut findings = Findings::default();
         for test in tests {
             let begin = Instant::now();
             let tester = Tester { loaded: &loaded, test, options, is_variant: case.variant.is_some() };
@@ -239,6 +251,16 @@ impl Suite {
                     outcome = tester.outcome(differences, None, tester.part());
                 }
             }
+            if let (Outcome::Passed, Some(levels)) = (&outcome, &options.sanitize) {
+                match tester.sanitized(levels) {
+                    Ok(run) => {
+                        let denied = run.findings.denied().map(|one| Difference::of(one.report()));
+                        outcome = tester.outcome(denied.collect(), None, tester.part());
+                        findings.extend(run.findings);
+                    }
+                    Err(error) => outcome = Outcome::Broken(error),
+                }
+            }
             if options.shadow {
                 // What cannot run one by one is left out, as is what the trap of a test cut off.
                 if let Ok((found, _)) = tester.shadow() {
@@ -250,7 +272,7 @@ impl Suite {
         }
         let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
-        Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed, notes }
+        Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed, findings, notes }
     }
 }
 
@@ -260,6 +282,7 @@ struct Done {
     coverage: Coverage,
     shadow: ShadowFindings,
     perturbed: usize,
+    findings: Findings,
     notes: Vec<String>,
 }
 
@@ -278,7 +301,14 @@ impl Done {
             took: Duration::ZERO,
         });
         let (coverage, shadow) = (Coverage::default(), ShadowFindings::default());
-        Self { finished: finished.collect(), coverage, shadow, perturbed: 0, notes: Vec::new() }
+        Self {
+            finished: finished.collect(),
+            coverage,
+            shadow,
+            perturbed: 0,
+            findings: Findings::default(),
+            notes: Vec::new(),
+        }
     }
 }
 
@@ -333,6 +363,20 @@ impl Tester<'_> {
         match self.part() {
             None => perturb(scene, assembled, perturbation),
             Some(at) => perturb_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?, perturbation),
+        }
+    }
+
+    /// What the sanitizer finds in the test.
+    fn sanitized(&self, levels: &Levels) -> Result<SanitizedRun> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        let levels = &scene_levels(&scene.document)?.overridden_by(levels);
+        let resources = fresh_resources(&assembled.resources);
+        match self.part() {
+            None => run_sanitized(scene, assembled, &resources, levels),
+            Some(at) => {
+                let which = ResolvedRequest::of(&scene.rays[at])?;
+                sanitize_one(scene, assembled, &which, &resources, levels)
+            }
         }
     }
 
@@ -416,7 +460,8 @@ impl Tester<'_> {
             (false, _) => {
                 // A mistake in what is expected is not a failed expectation.
                 let mistake = |one: &&Difference| {
-                    !matches!(one.error.kind(), ErrorKind::Expectation | ErrorKind::Trap) && one.fix.is_none()
+                    let told = [ErrorKind::Expectation, ErrorKind::Trap, ErrorKind::Finding];
+                    !told.contains(&one.error.kind()) && one.fix.is_none()
                 };
                 let mistakes: Vec<Error> =
                     differences.iter().filter(mistake).map(|one| one.error.clone()).collect();

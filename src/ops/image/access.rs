@@ -64,6 +64,11 @@ pub struct TexelWrite {
 }
 
 impl TexelWrite {
+    /// Whether its components are floats.
+    pub fn is_float(&self) -> bool {
+        self.class == Class::Float
+    }
+
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let registers = if self.texel.view.wide { 2 } else { 1 };

@@ -10,28 +10,29 @@ use crate::ops::operand_types::kinds::{BOOL, FLOAT, INT, SCALAR, UINT};
 
 /// The types of an instruction's result and operands.
 #[derive(Debug)]
-pub struct Rule {
+pub struct OperandTypeRule {
     /// The constraint on the result.
     pub result: TypeConstraint,
     /// The constraints on the operands; any further operands have none.
     pub operands: &'static [TypeConstraint],
 }
 
-const fn rule(result: TypeConstraint, operands: &'static [TypeConstraint]) -> Rule {
-    Rule { result, operands }
+const fn rule(result: TypeConstraint, operands: &'static [TypeConstraint]) -> OperandTypeRule {
+    OperandTypeRule { result, operands }
 }
 
-static FLOAT_UNARY: Rule = rule(OfKind(FLOAT), &[SameAs(0)]);
-static FLOAT_BINARY: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0)]);
-static FLOAT_TERNARY: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), SameAs(0)]);
-static INT_UNARY: Rule = rule(OfKind(INT), &[SameShape(INT, 0)]);
-static INT_BINARY: Rule = rule(OfKind(INT), &[SameShape(INT, 0), SameShape(INT, 0)]);
-static INT_TERNARY: Rule = rule(OfKind(INT), &[SameShape(INT, 0), SameShape(INT, 0), SameShape(INT, 0)]);
-static UINT_BINARY: Rule = rule(OfKind(UINT), &[SameAs(0), SameAs(0)]);
-static BOOL_BINARY: Rule = rule(OfKind(BOOL), &[SameAs(0), SameAs(0)]);
+static FLOAT_UNARY: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0)]);
+static FLOAT_BINARY: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0)]);
+static FLOAT_TERNARY: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), SameAs(0)]);
+static INT_UNARY: OperandTypeRule = rule(OfKind(INT), &[SameShape(INT, 0)]);
+static INT_BINARY: OperandTypeRule = rule(OfKind(INT), &[SameShape(INT, 0), SameShape(INT, 0)]);
+static INT_TERNARY: OperandTypeRule =
+    rule(OfKind(INT), &[SameShape(INT, 0), SameShape(INT, 0), SameShape(INT, 0)]);
+static UINT_BINARY: OperandTypeRule = rule(OfKind(UINT), &[SameAs(0), SameAs(0)]);
+static BOOL_BINARY: OperandTypeRule = rule(OfKind(BOOL), &[SameAs(0), SameAs(0)]);
 
 /// The rule of an opcode; `None` where its translator checks for itself.
-pub fn core(number: u16) -> Option<&'static Rule> {
+pub fn core(number: u16) -> Option<&'static OperandTypeRule> {
     Some(match Op::from_u32(number.into())? {
         Op::FNegate => &FLOAT_UNARY,
         Op::FAdd | Op::FSub | Op::FMul | Op::FDiv | Op::FRem | Op::FMod => &FLOAT_BINARY,
@@ -41,51 +42,52 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         Op::IAdd | Op::ISub | Op::IMul | Op::SDiv | Op::SMod | Op::SRem => &INT_BINARY,
         Op::BitwiseOr | Op::BitwiseXor | Op::BitwiseAnd => &INT_BINARY,
         Op::IAddCarry | Op::ISubBorrow | Op::UMulExtended => {
-            static RULE: Rule = rule(Pair(UINT), &[MemberOf(0), MemberOf(0)]);
+            static RULE: OperandTypeRule = rule(Pair(UINT), &[MemberOf(0), MemberOf(0)]);
             &RULE
         }
         Op::SMulExtended => {
-            static RULE: Rule = rule(Pair(INT), &[MemberOf(0), MemberOf(0)]);
+            static RULE: OperandTypeRule = rule(Pair(INT), &[MemberOf(0), MemberOf(0)]);
             &RULE
         }
         Op::Dot => {
-            static RULE: Rule = rule(Scalar(FLOAT), &[VectorOf(0), SameAs(1)]);
+            static RULE: OperandTypeRule = rule(Scalar(FLOAT), &[VectorOf(0), SameAs(1)]);
             &RULE
         }
         Op::VectorTimesScalar => {
-            static RULE: Rule = rule(Vector(FLOAT), &[SameAs(0), ComponentOf(0)]);
+            static RULE: OperandTypeRule = rule(Vector(FLOAT), &[SameAs(0), ComponentOf(0)]);
             &RULE
         }
         Op::MatrixTimesScalar => {
-            static RULE: Rule = rule(Any, &[SameAs(0), ComponentOf(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[SameAs(0), ComponentOf(0)]);
             &RULE
         }
         Op::ShiftLeftLogical | Op::ShiftRightLogical | Op::ShiftRightArithmetic => {
-            static RULE: Rule = rule(OfKind(INT), &[SameShape(INT, 0), SameCount(INT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[SameShape(INT, 0), SameCount(INT, 0)]);
             &RULE
         }
         Op::BitFieldInsert => {
-            static RULE: Rule = rule(OfKind(INT), &[SameAs(0), SameAs(0), Scalar(INT), Scalar(INT)]);
+            static RULE: OperandTypeRule =
+                rule(OfKind(INT), &[SameAs(0), SameAs(0), Scalar(INT), Scalar(INT)]);
             &RULE
         }
         Op::BitFieldSExtract | Op::BitFieldUExtract => {
-            static RULE: Rule = rule(OfKind(INT), &[SameAs(0), Scalar(INT), Scalar(INT)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[SameAs(0), Scalar(INT), Scalar(INT)]);
             &RULE
         }
         Op::BitReverse => {
-            static RULE: Rule = rule(OfKind(INT), &[SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[SameAs(0)]);
             &RULE
         }
         Op::BitCount => {
-            static RULE: Rule = rule(OfKind(INT), &[SameCount(INT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[SameCount(INT, 0)]);
             &RULE
         }
         Op::Any | Op::All => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Vector(BOOL)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Vector(BOOL)]);
             &RULE
         }
         Op::IsNan | Op::IsInf => {
-            static RULE: Rule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0)]);
             &RULE
         }
         Op::FOrdEqual
@@ -103,12 +105,12 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::LessOrGreater
         | Op::Ordered
         | Op::Unordered => {
-            static RULE: Rule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0), SameAs(1)]);
+            static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameCount(FLOAT, 0), SameAs(1)]);
             &RULE
         }
         Op::LogicalEqual | Op::LogicalNotEqual | Op::LogicalOr | Op::LogicalAnd => &BOOL_BINARY,
         Op::LogicalNot => {
-            static RULE: Rule = rule(OfKind(BOOL), &[SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameAs(0)]);
             &RULE
         }
         Op::IEqual
@@ -121,64 +123,64 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::SGreaterThanEqual
         | Op::SLessThan
         | Op::SLessThanEqual => {
-            static RULE: Rule = rule(OfKind(BOOL), &[SameCount(INT, 0), SameShape(INT, 1)]);
+            static RULE: OperandTypeRule = rule(OfKind(BOOL), &[SameCount(INT, 0), SameShape(INT, 1)]);
             &RULE
         }
         Op::Select => {
-            static RULE: Rule = rule(Any, &[Condition(0), SameAs(0), SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[Condition(0), SameAs(0), SameAs(0)]);
             &RULE
         }
         Op::ConvertFToU => {
-            static RULE: Rule = rule(OfKind(UINT), &[SameCount(FLOAT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(UINT), &[SameCount(FLOAT, 0)]);
             &RULE
         }
         Op::ConvertFToS => {
-            static RULE: Rule = rule(OfKind(INT), &[SameCount(FLOAT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[SameCount(FLOAT, 0)]);
             &RULE
         }
         Op::ConvertSToF | Op::ConvertUToF => {
-            static RULE: Rule = rule(OfKind(FLOAT), &[SameCount(INT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[SameCount(INT, 0)]);
             &RULE
         }
         Op::UConvert => {
-            static RULE: Rule = rule(OfKind(UINT), &[OtherWidth(INT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(UINT), &[OtherWidth(INT, 0)]);
             &RULE
         }
         Op::SConvert => {
-            static RULE: Rule = rule(OfKind(INT), &[OtherWidth(INT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[OtherWidth(INT, 0)]);
             &RULE
         }
         Op::FConvert => {
-            static RULE: Rule = rule(OfKind(FLOAT), &[OtherWidth(FLOAT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[OtherWidth(FLOAT, 0)]);
             &RULE
         }
         Op::QuantizeToF16 => {
-            static RULE: Rule = rule(Bits(FLOAT, 32), &[SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Bits(FLOAT, 32), &[SameAs(0)]);
             &RULE
         }
         Op::SatConvertSToU => &INT_UNARY,
         Op::ArrayLength => {
-            static RULE: Rule = rule(ScalarBits(UINT, 32), &[]);
+            static RULE: OperandTypeRule = rule(ScalarBits(UINT, 32), &[]);
             &RULE
         }
         Op::PtrEqual | Op::PtrNotEqual => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, SameAs(1)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, SameAs(1)]);
             &RULE
         }
         Op::PtrDiff => {
-            static RULE: Rule = rule(Scalar(INT), &[Any, SameAs(1)]);
+            static RULE: OperandTypeRule = rule(Scalar(INT), &[Any, SameAs(1)]);
             &RULE
         }
         Op::ConvertPtrToU => {
-            static RULE: Rule = rule(Scalar(UINT), &[]);
+            static RULE: OperandTypeRule = rule(Scalar(UINT), &[]);
             &RULE
         }
         Op::ConvertUToPtr => {
-            static RULE: Rule = rule(Any, &[Scalar(INT)]);
+            static RULE: OperandTypeRule = rule(Any, &[Scalar(INT)]);
             &RULE
         }
         Op::ImageGather | Op::ImageSparseGather => {
-            static RULE: Rule = rule(Any, &[Any, Any, ScalarBits(INT, 32)]);
+            static RULE: OperandTypeRule = rule(Any, &[Any, Any, ScalarBits(INT, 32)]);
             &RULE
         }
         Op::ImageSampleDrefImplicitLod
@@ -189,31 +191,31 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::ImageSparseSampleDrefExplicitLod
         | Op::ImageDrefGather
         | Op::ImageSparseDrefGather => {
-            static RULE: Rule = rule(Any, &[Any, Any, ScalarBits(FLOAT, 32)]);
+            static RULE: OperandTypeRule = rule(Any, &[Any, Any, ScalarBits(FLOAT, 32)]);
             &RULE
         }
         Op::CopyObject => {
-            static RULE: Rule = rule(Any, &[SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[SameAs(0)]);
             &RULE
         }
         Op::VectorExtractDynamic => {
-            static RULE: Rule = rule(OfKind(SCALAR), &[VectorOf(0), Scalar(INT)]);
+            static RULE: OperandTypeRule = rule(OfKind(SCALAR), &[VectorOf(0), Scalar(INT)]);
             &RULE
         }
         Op::VectorInsertDynamic => {
-            static RULE: Rule = rule(Vector(SCALAR), &[SameAs(0), ComponentOf(0), Scalar(INT)]);
+            static RULE: OperandTypeRule = rule(Vector(SCALAR), &[SameAs(0), ComponentOf(0), Scalar(INT)]);
             &RULE
         }
         Op::ExpectKHR => {
-            static RULE: Rule = rule(OfKind(INT | BOOL), &[SameAs(0), SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT | BOOL), &[SameAs(0), SameAs(0)]);
             &RULE
         }
         Op::Switch => {
-            static RULE: Rule = rule(Any, &[Scalar(INT)]);
+            static RULE: OperandTypeRule = rule(Any, &[Scalar(INT)]);
             &RULE
         }
         Op::AssumeTrueKHR | Op::BranchConditional => {
-            static RULE: Rule = rule(Any, &[Scalar(BOOL)]);
+            static RULE: OperandTypeRule = rule(Any, &[Scalar(BOOL)]);
             &RULE
         }
         Op::UCountLeadingZerosINTEL | Op::UCountTrailingZerosINTEL => &INT_UNARY,
@@ -228,7 +230,7 @@ pub fn core(number: u16) -> Option<&'static Rule> {
         | Op::IAverageRoundedINTEL
         | Op::UAverageRoundedINTEL => &INT_BINARY,
         Op::IMul32x16INTEL | Op::UMul32x16INTEL => {
-            static RULE: Rule = rule(Bits(INT, 32), &[SameShape(INT, 0), SameShape(INT, 0)]);
+            static RULE: OperandTypeRule = rule(Bits(INT, 32), &[SameShape(INT, 0), SameShape(INT, 0)]);
             &RULE
         }
         op => return subgroup(op).or_else(|| ray(op)).or_else(|| atomic(op)),
@@ -236,18 +238,18 @@ pub fn core(number: u16) -> Option<&'static Rule> {
 }
 
 /// The rule of a subgroup instruction, whose first operand is a scope.
-fn subgroup(op: Op) -> Option<&'static Rule> {
+fn subgroup(op: Op) -> Option<&'static OperandTypeRule> {
     Some(match op {
         Op::GroupNonUniformAll | Op::GroupNonUniformAny => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, Scalar(BOOL)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, Scalar(BOOL)]);
             &RULE
         }
         Op::GroupNonUniformAllEqual => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, OfKind(SCALAR)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, OfKind(SCALAR)]);
             &RULE
         }
         Op::GroupNonUniformBroadcastFirst => {
-            static RULE: Rule = rule(OfKind(SCALAR), &[Any, SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(SCALAR), &[Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformBroadcast
@@ -258,27 +260,27 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
         | Op::GroupNonUniformRotateKHR
         | Op::GroupNonUniformQuadBroadcast
         | Op::GroupNonUniformQuadSwap => {
-            static RULE: Rule = rule(OfKind(SCALAR), &[Any, SameAs(0), Scalar(UINT)]);
+            static RULE: OperandTypeRule = rule(OfKind(SCALAR), &[Any, SameAs(0), Scalar(UINT)]);
             &RULE
         }
         Op::GroupNonUniformBallot => {
-            static RULE: Rule = rule(VectorBits(UINT, 32, 4), &[Any, Scalar(BOOL)]);
+            static RULE: OperandTypeRule = rule(VectorBits(UINT, 32, 4), &[Any, Scalar(BOOL)]);
             &RULE
         }
         Op::GroupNonUniformInverseBallot => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4)]);
             &RULE
         }
         Op::GroupNonUniformBallotBitExtract => {
-            static RULE: Rule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4), Scalar(UINT)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[Any, VectorBits(UINT, 32, 4), Scalar(UINT)]);
             &RULE
         }
         Op::GroupNonUniformBallotBitCount => {
-            static RULE: Rule = rule(Scalar(UINT), &[Any, Any, VectorBits(UINT, 32, 4)]);
+            static RULE: OperandTypeRule = rule(Scalar(UINT), &[Any, Any, VectorBits(UINT, 32, 4)]);
             &RULE
         }
         Op::GroupNonUniformBallotFindLSB | Op::GroupNonUniformBallotFindMSB => {
-            static RULE: Rule = rule(Scalar(UINT), &[Any, VectorBits(UINT, 32, 4)]);
+            static RULE: OperandTypeRule = rule(Scalar(UINT), &[Any, VectorBits(UINT, 32, 4)]);
             &RULE
         }
         Op::GroupNonUniformIAdd
@@ -288,22 +290,22 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
         | Op::GroupNonUniformBitwiseAnd
         | Op::GroupNonUniformBitwiseOr
         | Op::GroupNonUniformBitwiseXor => {
-            static RULE: Rule = rule(OfKind(INT), &[Any, Any, SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(INT), &[Any, Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformUMin | Op::GroupNonUniformUMax => {
-            static RULE: Rule = rule(OfKind(UINT), &[Any, Any, SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(UINT), &[Any, Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformFAdd
         | Op::GroupNonUniformFMul
         | Op::GroupNonUniformFMin
         | Op::GroupNonUniformFMax => {
-            static RULE: Rule = rule(OfKind(FLOAT), &[Any, Any, SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[Any, Any, SameAs(0)]);
             &RULE
         }
         Op::GroupNonUniformLogicalAnd | Op::GroupNonUniformLogicalOr | Op::GroupNonUniformLogicalXor => {
-            static RULE: Rule = rule(OfKind(BOOL), &[Any, Any, SameAs(0)]);
+            static RULE: OperandTypeRule = rule(OfKind(BOOL), &[Any, Any, SameAs(0)]);
             &RULE
         }
         _ => return None,
@@ -312,18 +314,18 @@ fn subgroup(op: Op) -> Option<&'static Rule> {
 
 /// The rule of an atomic instruction: the pointer is followed by scope and semantics, two for a
 /// comparison.
-fn atomic(op: Op) -> Option<&'static Rule> {
+fn atomic(op: Op) -> Option<&'static OperandTypeRule> {
     Some(match op {
         Op::AtomicLoad | Op::AtomicIIncrement | Op::AtomicIDecrement => {
-            static RULE: Rule = rule(Any, &[PointerTo(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[PointerTo(0)]);
             &RULE
         }
         Op::AtomicStore => {
-            static RULE: Rule = rule(Any, &[Any, Any, Any, Pointee(1)]);
+            static RULE: OperandTypeRule = rule(Any, &[Any, Any, Any, Pointee(1)]);
             &RULE
         }
         Op::AtomicCompareExchange => {
-            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, Any, SameAs(0), SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[PointerTo(0), Any, Any, Any, SameAs(0), SameAs(0)]);
             &RULE
         }
         Op::AtomicExchange
@@ -339,7 +341,7 @@ fn atomic(op: Op) -> Option<&'static Rule> {
         | Op::AtomicFAddEXT
         | Op::AtomicFMinEXT
         | Op::AtomicFMaxEXT => {
-            static RULE: Rule = rule(Any, &[PointerTo(0), Any, Any, SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[PointerTo(0), Any, Any, SameAs(0)]);
             &RULE
         }
         _ => return None,
@@ -347,26 +349,27 @@ fn atomic(op: Op) -> Option<&'static Rule> {
 }
 
 /// The rule of an instruction that traces, whose operands have 32 bits.
-fn ray(op: Op) -> Option<&'static Rule> {
+fn ray(op: Op) -> Option<&'static OperandTypeRule> {
     const WORD: TypeConstraint = ScalarBits(INT, 32);
     const FLOAT32: TypeConstraint = ScalarBits(FLOAT, 32);
     const VECTOR: TypeConstraint = VectorBits(FLOAT, 32, 3);
     Some(match op {
         Op::TraceRayKHR => {
-            static RULE: Rule =
+            static RULE: OperandTypeRule =
                 rule(Any, &[Any, WORD, WORD, WORD, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
             &RULE
         }
         Op::ExecuteCallableKHR => {
-            static RULE: Rule = rule(Any, &[WORD]);
+            static RULE: OperandTypeRule = rule(Any, &[WORD]);
             &RULE
         }
         Op::ReportIntersectionKHR => {
-            static RULE: Rule = rule(Scalar(BOOL), &[FLOAT32, ScalarBits(UINT, 32)]);
+            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[FLOAT32, ScalarBits(UINT, 32)]);
             &RULE
         }
         Op::RayQueryInitializeKHR => {
-            static RULE: Rule = rule(Any, &[Any, Any, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
+            static RULE: OperandTypeRule =
+                rule(Any, &[Any, Any, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
             &RULE
         }
         _ => return None,
@@ -374,7 +377,7 @@ fn ray(op: Op) -> Option<&'static Rule> {
 }
 
 /// The rule of an instruction of `GLSL.std.450`.
-pub fn glsl(number: u32) -> Option<&'static Rule> {
+pub fn glsl(number: u32) -> Option<&'static OperandTypeRule> {
     Some(match G::from_u32(number)? {
         G::Round
         | G::RoundEven
@@ -411,67 +414,67 @@ pub fn glsl(number: u32) -> Option<&'static Rule> {
         G::UMin | G::SMin | G::UMax | G::SMax => &INT_BINARY,
         G::UClamp | G::SClamp => &INT_TERNARY,
         G::Ldexp => {
-            static RULE: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameCount(INT, 0)]);
+            static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), SameCount(INT, 0)]);
             &RULE
         }
         G::FindILsb | G::FindSMsb | G::FindUMsb => {
-            static RULE: Rule = rule(Bits(INT, 32), &[SameShape(INT, 0)]);
+            static RULE: OperandTypeRule = rule(Bits(INT, 32), &[SameShape(INT, 0)]);
             &RULE
         }
         G::Length => {
-            static RULE: Rule = rule(Scalar(FLOAT), &[ScalarOrVectorOf(0)]);
+            static RULE: OperandTypeRule = rule(Scalar(FLOAT), &[ScalarOrVectorOf(0)]);
             &RULE
         }
         G::Distance => {
-            static RULE: Rule = rule(Scalar(FLOAT), &[ScalarOrVectorOf(0), SameAs(1)]);
+            static RULE: OperandTypeRule = rule(Scalar(FLOAT), &[ScalarOrVectorOf(0), SameAs(1)]);
             &RULE
         }
         G::Cross => {
-            static RULE: Rule = rule(Vector(FLOAT), &[SameAs(0), SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Vector(FLOAT), &[SameAs(0), SameAs(0)]);
             &RULE
         }
         G::Refract => {
-            static RULE: Rule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), Scalar(FLOAT)]);
+            static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), SameAs(0), Scalar(FLOAT)]);
             &RULE
         }
         G::MatrixInverse => {
-            static RULE: Rule = rule(Any, &[SameAs(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[SameAs(0)]);
             &RULE
         }
         G::Modf | G::Frexp => {
-            static RULE: Rule = rule(OfKind(FLOAT), &[SameAs(0), Any]);
+            static RULE: OperandTypeRule = rule(OfKind(FLOAT), &[SameAs(0), Any]);
             &RULE
         }
         G::ModfStruct => {
-            static RULE: Rule = rule(Pair(FLOAT), &[MemberOf(0)]);
+            static RULE: OperandTypeRule = rule(Pair(FLOAT), &[MemberOf(0)]);
             &RULE
         }
         G::FrexpStruct => {
-            static RULE: Rule = rule(Any, &[MemberOf(0)]);
+            static RULE: OperandTypeRule = rule(Any, &[MemberOf(0)]);
             &RULE
         }
         G::PackSnorm4x8 | G::PackUnorm4x8 => {
-            static RULE: Rule = rule(ScalarBits(INT, 32), &[VectorBits(FLOAT, 32, 4)]);
+            static RULE: OperandTypeRule = rule(ScalarBits(INT, 32), &[VectorBits(FLOAT, 32, 4)]);
             &RULE
         }
         G::PackSnorm2x16 | G::PackUnorm2x16 | G::PackHalf2x16 => {
-            static RULE: Rule = rule(ScalarBits(INT, 32), &[VectorBits(FLOAT, 32, 2)]);
+            static RULE: OperandTypeRule = rule(ScalarBits(INT, 32), &[VectorBits(FLOAT, 32, 2)]);
             &RULE
         }
         G::PackDouble2x32 => {
-            static RULE: Rule = rule(ScalarBits(FLOAT, 64), &[VectorBits(INT, 32, 2)]);
+            static RULE: OperandTypeRule = rule(ScalarBits(FLOAT, 64), &[VectorBits(INT, 32, 2)]);
             &RULE
         }
         G::UnpackSnorm4x8 | G::UnpackUnorm4x8 => {
-            static RULE: Rule = rule(VectorBits(FLOAT, 32, 4), &[ScalarBits(INT, 32)]);
+            static RULE: OperandTypeRule = rule(VectorBits(FLOAT, 32, 4), &[ScalarBits(INT, 32)]);
             &RULE
         }
         G::UnpackSnorm2x16 | G::UnpackUnorm2x16 | G::UnpackHalf2x16 => {
-            static RULE: Rule = rule(VectorBits(FLOAT, 32, 2), &[ScalarBits(INT, 32)]);
+            static RULE: OperandTypeRule = rule(VectorBits(FLOAT, 32, 2), &[ScalarBits(INT, 32)]);
             &RULE
         }
         G::UnpackDouble2x32 => {
-            static RULE: Rule = rule(VectorBits(INT, 32, 2), &[ScalarBits(FLOAT, 64)]);
+            static RULE: OperandTypeRule = rule(VectorBits(INT, 32, 2), &[ScalarBits(FLOAT, 64)]);
             &RULE
         }
         _ => return None,

@@ -9,9 +9,11 @@ use crate::math::float_format::FloatFormat;
 use crate::module::Id;
 use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
+use crate::ops::memory::MemoryOp;
+use crate::ops::op::Op;
 use crate::ops::pointer;
 use crate::ops::translate::{Origin, Translator};
-use crate::ops::value_registers::Words;
+use crate::ops::value_registers::{Words, registers_from};
 
 impl Translator<'_> {
     /// How many words a value of a type takes in registers.
@@ -175,6 +177,29 @@ impl Translator<'_> {
         let mut words = Words::new();
         self.zero_words(ty, zero, &mut words)?;
         Ok(words)
+    }
+
+    /// The words of an undefined value of a type: zeros, which without optimization have registers
+    /// of their own, so that a sanitizer tells them from the number 0.
+    pub fn undefined(&mut self, ty: TypeId) -> Result<Words> {
+        if self.optimizes || self.in_constant {
+            return self.zero(ty);
+        }
+        let count = self.word_count(ty)?;
+        let first = self.undefined_registers(count)?;
+        Ok(registers_from(first, count))
+    }
+
+    /// The register of an undefined component of a vector, and the next one; see
+    /// [`Translator::undefined`].
+    pub fn undefined_component(&mut self) -> Result<Reg> {
+        if self.optimizes || self.in_constant { self.wide_constant(0) } else { self.undefined_registers(2) }
+    }
+
+    fn undefined_registers(&mut self, count: u32) -> Result<Reg> {
+        let first = self.fresh(count)?;
+        self.emit(Op::Memory(MemoryOp::Undefine { first, count }));
+        Ok(first)
     }
 
     fn zero_words(&mut self, ty: TypeId, zero: Reg, words: &mut Words) -> Result<()> {

@@ -56,8 +56,10 @@ impl<const W: usize> Trace<W> {
                 for lane in lanes.lanes() {
                     let shader = shader.filter(|_| called.contains(lane));
                     let (committed, to_hit_object) = (self.committed[lane], !self.invokes_hit_or_miss);
-                    observer.invocation(self.launch_id(lane));
-                    observer.event(Event::Traversed { committed, record: index, shader, to_hit_object });
+                    let launch_id = self.launch_id(lane);
+                    observer.invocation(launch_id);
+                    let record = index;
+                    observer.event(Event::Traversed { launch_id, committed, record, shader, to_hit_object });
                 }
             }
             let missing_trap = match role {
@@ -85,8 +87,10 @@ impl<const W: usize> Trace<W> {
                     for lane in called.lanes() {
                         let mut words: Words = registers.lane_words(span.first, span.count, lane).collect();
                         observer.invocation(self.launch_id(lane));
-                        observer.null_shader(caller, &mut words);
-                        registers.set_lane_words(span.first, lane, words);
+                        if observer.null_shader(caller, &mut words) {
+                            registers.set_lane_words(span.first, lane, words);
+                            registers.define(span.first, span.count, Mask::lane(lane));
+                        }
                     }
                 }
                 (None, None) => {}

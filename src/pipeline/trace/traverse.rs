@@ -99,7 +99,8 @@ impl<const W: usize> Trace<W> {
                         self.sbt_stride.0[lane] & 0xF,
                         self.sbt_offset.0[lane] & 0xF,
                     ];
-                    observer.event(Event::Candidate { candidate, record: index, arithmetic, shader });
+                    let (launch_id, record) = (self.launch_id(lane), index);
+                    observer.event(Event::Candidate { launch_id, candidate, record, arithmetic, shader });
                 }
                 if let Some(shader) = shader.filter(|shader| !self.payload_matches(pipeline, *shader)) {
                     self.trap_payload_mismatch(lane, shader);

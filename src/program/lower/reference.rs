@@ -61,7 +61,12 @@ fn may_trap(op: &Op) -> bool {
     !matches!(
         op,
         Op::LaneKernel { .. }
-            | Op::Memory(Memory::Move { .. } | Memory::MoveMasked { .. } | Memory::Index { .. })
+            | Op::Memory(
+                Memory::Move { .. }
+                    | Memory::MoveMasked { .. }
+                    | Memory::Index { .. }
+                    | Memory::Undefine { .. }
+            )
     )
 }
 

@@ -1,0 +1,94 @@
+//! What the sanitizer costs: a launch with the optimizer, as it was translated, and under the
+//! sanitizer, each on one thread.
+//!
+//! `cargo bench --bench sanitize` prints the table of `docs/sanitize.md`: medians of runs in turn,
+//! and their ratios. Without `--bench` (`cargo test --benches`) every row runs once.
+
+#![allow(clippy::print_stdout, reason = "a table is printed")]
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhit::internals::harness::sanitized::run_sanitized;
+use anyhit::internals::machine::Resources;
+use anyhit::internals::sanitize::Levels;
+use anyhit::internals::scene::{Assembled, DiskFiles, LoadOptions, assemble, load, load_text};
+
+/// Scenes, each with the size of its launch.
+const SCENES: [(&str, [u32; 2]); 3] = [
+    ("scenes/swept-spheres.toml", [160, 90]),
+    ("examples/renderer/scene.toml", [64, 36]),
+    (ARITHMETIC, [64, 64]),
+];
+
+/// The scene of a shader that only computes.
+const ARITHMETIC: &str = "arithmetic";
+const ARITHMETIC_SCENE: &str = r#"
+version = 1
+launch = [64, 64]
+[shaders]
+raygen = "spirv-fixtures/bench/arithmetic.rgen.spv"
+[pipeline]
+raygen = "raygen"
+[resources.pixels]
+type = "storage_buffer"
+binding = 1
+size = 65536
+"#;
+
+fn main() {
+    let full = std::env::args().any(|argument| argument == "--bench");
+    println!(
+        "{:44} {:>10} {:>10} {:>10}  to optimised, to translated",
+        "", "optimised", "translated", "sanitized"
+    );
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    for (path, size) in SCENES {
+        pool.install(|| row(path, size, if full { 9 } else { 1 }));
+    }
+}
+
+fn row(path: &str, size: [u32; 2], runs: usize) {
+    let options = LoadOptions { size: Some(size), ..LoadOptions::default() };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scene = match path {
+        ARITHMETIC => load_text(&root.join("scene.toml"), ARITHMETIC_SCENE, &DiskFiles, &options),
+        path => load(&root.join(path), &DiskFiles, &options),
+    };
+    let scene = scene.expect("a scene");
+    let assembled = assemble(&scene).expect("valid shaders");
+    let reference = assembled.unoptimized().expect("valid shaders");
+    let levels = Levels::default();
+    let launch = |assembled: &Assembled, resources: &Resources| {
+        assembled.run::<64>(resources, &|_| ()).expect("no trap");
+    };
+    let mut times = [const { Vec::new() }; 3];
+    for _ in 0..runs {
+        times[0].push(timed(|| launch(&assembled, &assembled.resources)));
+        times[1].push(timed(|| launch(&reference, &assembled.resources)));
+        times[2].push(timed(|| {
+            let run =
+                run_sanitized(&scene, &assembled, &assembled.resources, &levels).expect("valid shaders");
+            run.outcome.expect("no trap");
+        }));
+    }
+    let [optimized, translated, sanitized] = times.map(|mut times| {
+        times.sort_unstable();
+        times[times.len() / 2]
+    });
+    let ratio = |one: Duration| sanitized.as_secs_f64() / one.as_secs_f64();
+    println!(
+        "{path:44} {:>7.2} ms {:>7.2} ms {:>7.2} ms  {:.1}, {:.1}",
+        optimized.as_secs_f64() * 1e3,
+        translated.as_secs_f64() * 1e3,
+        sanitized.as_secs_f64() * 1e3,
+        ratio(optimized),
+        ratio(translated)
+    );
+}
+
+fn timed(work: impl FnOnce()) -> Duration {
+    let begin = Instant::now();
+    work();
+    begin.elapsed()
+}

@@ -1,0 +1,158 @@
+//! `--sanitize` and the flags that go with it: which rules are checked, and how findings are told.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::atomic_file;
+use crate::cli::output;
+use crate::debug::session::ResolvedRequest;
+use crate::error::Result;
+use crate::harness::sanitize_table::scene_levels;
+use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
+use crate::input::{InputLimit, InputLimits, read_argument};
+use crate::machine::Resources;
+use crate::pipeline::Stats;
+use crate::sanitize::{Findings, Level, Levels};
+use crate::scene::{Assembled, ResolvedScene};
+
+/// The sanitizer.
+#[derive(Args, Clone, Debug)]
+pub(super) struct SanitizeArgs {
+    /// Check the shaders while they run: undefined behaviour, undefined values that something
+    /// depends on, NaNs; exit code 6 if a finding is denied
+    #[arg(long)]
+    sanitize: bool,
+    /// With --sanitize: do not tell of this rule (`all` for every rule)
+    #[arg(long, value_name = "RULE", requires = "sanitize")]
+    allow: Vec<String>,
+    /// With --sanitize: tell of this rule, but do not fail
+    #[arg(long, value_name = "RULE", requires = "sanitize")]
+    warn: Vec<String>,
+    /// With --sanitize: fail where this rule is broken
+    #[arg(long, value_name = "RULE", requires = "sanitize")]
+    deny: Vec<String>,
+    /// With --sanitize: how findings are printed
+    #[arg(long, value_name = "FORMAT", default_value = "text", requires = "sanitize")]
+    findings: FindingFormat,
+    /// With --sanitize: findings that this file lists are not told; `--write-baseline` makes one
+    #[arg(long, value_name = "FILE", requires = "sanitize")]
+    baseline: Option<PathBuf>,
+    /// With --sanitize: write all findings to this file, as those that are known
+    #[arg(long, value_name = "FILE", requires = "sanitize", conflicts_with = "baseline")]
+    write_baseline: Option<PathBuf>,
+}
+
+/// How findings are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum FindingFormat {
+    /// For people: source lines with what is wrong.
+    Text,
+    /// A list of objects.
+    Json,
+    /// SARIF 2.1.0, for code scanning.
+    Sarif,
+    /// Annotations of GitHub Actions.
+    Github,
+}
+
+impl SanitizeArgs {
+    /// Whether `--sanitize` is given.
+    pub(super) fn is_requested(&self) -> bool {
+        self.sanitize
+    }
+
+    /// The levels of rules that the flags set.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a rule that does not exist.
+    pub(super) fn given_levels(&self) -> Result<Levels> {
+        let mut levels = Levels::default();
+        let given = [(&self.allow, Level::Allow), (&self.warn, Level::Warn), (&self.deny, Level::Deny)];
+        for (ids, level) in given {
+            for id in ids {
+                match id.as_str() {
+                    "all" => levels.set_all(level),
+                    id => levels.set(id, level)?,
+                }
+            }
+        }
+        Ok(levels)
+    }
+
+    /// The levels of rules: those of the scene, and over them those that the flags set.
+    fn levels(&self, scene: &ResolvedScene) -> Result<Levels> {
+        Ok(scene_levels(&scene.document)?.overridden_by(&self.given_levels()?))
+    }
+
+    /// Runs a scene's launches and dispatches.
+    ///
+    /// # Errors
+    /// Of the arguments, and of lowering.
+    pub(super) fn run(
+        &self,
+        scene: &ResolvedScene,
+        assembled: &Assembled,
+        resources: &Resources,
+    ) -> Result<SanitizedRun> {
+        run_sanitized(scene, assembled, resources, &self.levels(scene)?)
+    }
+
+    /// Runs one ray of a scene, or one invocation, and prints the findings.
+    ///
+    /// # Errors
+    /// Of the arguments and the ray, and of lowering; then as [`SanitizeArgs::finish`].
+    pub(super) fn run_one(
+        &self,
+        scene: &ResolvedScene,
+        assembled: &Assembled,
+        which: &ResolvedRequest,
+    ) -> Result<()> {
+        let run = sanitize_one(scene, assembled, which, &assembled.resources, &self.levels(scene)?)?;
+        self.finish(run).map(|_| ())
+    }
+
+    /// Prints the findings, and returns the statistics of the run.
+    ///
+    /// # Errors
+    /// The trap; else `Finding` if one is denied; `Io` of the baseline's file.
+    pub(super) fn finish(&self, run: SanitizedRun) -> Result<Stats> {
+        let mut findings = run.findings;
+        if let Some(path) = &self.write_baseline {
+            atomic_file::write(path, findings.baseline())?;
+            return run.outcome;
+        }
+        if let Some(path) = &self.baseline {
+            let bytes = read_argument(path, InputLimit::FileBytes, &InputLimits::default())?;
+            findings.forget_known(&String::from_utf8_lossy(&bytes));
+        }
+        self.print(&findings)?;
+        let stats = run.outcome?;
+        deny(&findings)?;
+        Ok(stats)
+    }
+
+    /// Prints the findings that deny nothing, of tests whose failures tell the others.
+    ///
+    /// # Errors
+    /// `Io`.
+    pub(super) fn print_warnings(&self, findings: &Findings) -> Result<()> {
+        let mut warnings = findings.clone();
+        warnings.forget_denied();
+        self.print(&warnings)
+    }
+
+    fn print(&self, findings: &Findings) -> Result<()> {
+        match self.findings {
+            FindingFormat::Text => {
+                for finding in findings {
+                    output::print(finding.render())?;
+                }
+                Ok(())
+            }
+            FindingFormat::Json => output::print(format_args!("{}\n", findings.json())),
+            FindingFormat::Sarif => output::print(format_args!("{}\n", findings.sarif())),
+            FindingFormat::Github => output::print(findings.github()),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Causes: why a value is undefined or a NaN, from where it was made.
+
+use rustc_hash::FxHashMap;
+
+use crate::machine::{OpIndex, ShaderIndex};
+use crate::module::Id;
+use crate::sanitize::rule::Rule;
+
+/// Where an instruction stands: its shader in the pipeline, and the operation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct OpPlace {
+    /// The shader.
+    pub shader: ShaderIndex,
+    /// The operation.
+    pub op: OpIndex,
+}
+
+/// Why a value is undefined, or a NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// A part of a variable that nobody wrote.
+    Unwritten {
+        /// The shader that declares the variable.
+        shader: ShaderIndex,
+        /// The variable.
+        variable: Id,
+        /// Its storage class.
+        storage_class: u32,
+        /// Which of the variable's words.
+        word: u32,
+    },
+    /// A byte of Workgroup memory that no invocation wrote.
+    UnwrittenShared {
+        /// The shader.
+        shader: ShaderIndex,
+        /// The byte's offset in the memory.
+        byte: u32,
+    },
+    /// `OpUndef`, or a component of a shuffle without a source.
+    Undef(OpPlace),
+    /// An instruction whose result is undefined for its operands.
+    Broken {
+        /// The instruction.
+        place: OpPlace,
+        /// The rule that it breaks.
+        rule: &'static str,
+    },
+    /// A builtin that the hit does not have.
+    Builtin {
+        /// The shader that reads it.
+        shader: ShaderIndex,
+        /// Its number.
+        builtin: u32,
+        /// The rule that says so.
+        rule: &'static str,
+    },
+    /// An instruction that made a NaN of numbers.
+    Nan(OpPlace),
+}
+
+/// What the first report of a cause tells beside its place.
+#[derive(Clone, Debug)]
+pub struct CauseDetails {
+    /// The rule that was broken.
+    pub rule: &'static Rule,
+    /// What the instruction did, such as `pow(-0.5, 2.0)`.
+    pub message: String,
+}
+
+/// All causes so far, by number.
+#[derive(Debug)]
+pub struct Causes {
+    causes: Vec<(Cause, Option<CauseDetails>)>,
+    numbers: FxHashMap<Cause, u32>,
+}
+
+impl Default for Causes {
+    fn default() -> Self {
+        // Number 0 is no cause.
+        let nothing = Cause::Undef(OpPlace { shader: ShaderIndex(u32::MAX), op: OpIndex(u32::MAX) });
+        Self { causes: vec![(nothing, None)], numbers: FxHashMap::default() }
+    }
+}
+
+impl Causes {
+    /// The number of a cause; `details` are taken from where it is met first.
+    pub fn number(&mut self, cause: Cause, details: impl FnOnce() -> Option<CauseDetails>) -> u32 {
+        *self.numbers.entry(cause).or_insert_with(|| {
+            self.causes.push((cause, details()));
+            self.causes.len() as u32 - 1
+        })
+    }
+
+    /// The cause of a number, and its details; `None` where none is known.
+    pub fn get(&self, number: u32) -> Option<(Cause, Option<&CauseDetails>)> {
+        let (cause, details) = self.causes.get(number as usize).filter(|_| number > 0)?;
+        Some((*cause, details.as_ref()))
+    }
+}

@@ -1,0 +1,240 @@
+//! Rules about the shaders of a pipeline that are known before anything runs: what its groups
+//! declare together, and what variables must be decorated with.
+
+use crate::error::{Error, ErrorKind, Place};
+use crate::machine::ShaderIndex;
+use crate::module::interface::{InterfaceVariable, Stage};
+use crate::module::names::builtin_name;
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Id, Module};
+use crate::ops::pointer::storage;
+use crate::pipeline::{Group, HitGroup, Pipeline};
+use crate::program::Program;
+use crate::sanitize::finding::{Finding, FindingKey, Findings};
+use crate::sanitize::levels::Levels;
+use crate::sanitize::module_checks::check_module;
+use crate::sanitize::rule::{Level, Rule, contract};
+
+/// `Volatile`
+const VOLATILE: u32 = 21;
+/// `RayTmaxKHR`
+const RAY_T_MAX: u32 = 5326;
+/// Builtins that may change wherever lanes are repacked: `SubgroupSize`,
+/// `SubgroupLocalInvocationId`, `SubgroupEqMask` and its siblings, `WarpIDNV`, `SMIDNV`.
+const SUBGROUP_BUILTINS: [u32; 9] = [36, 41, 4416, 4417, 4418, 4419, 4420, 5376, 5377];
+
+/// Checks the shaders of a pipeline.
+pub fn check_pipeline(pipeline: &Pipeline, levels: &Levels) -> Findings {
+    let mut contract = Contract { pipeline, levels, findings: Findings::default() };
+    contract.payloads();
+    for group in &pipeline.groups {
+        if let Group::Hit(group) = group {
+            contract.attributes(group);
+        }
+    }
+    (0..pipeline.programs.len() as u32).for_each(|shader| contract.volatile(ShaderIndex(shader)));
+    for (shader, program) in contract.programs() {
+        contract.findings.extend(check_module(program, shader, levels));
+    }
+    contract.findings
+}
+
+/// A pipeline that is checked.
+struct Contract<'a> {
+    pipeline: &'a Pipeline,
+    levels: &'a Levels,
+    findings: Findings,
+}
+
+impl<'a> Contract<'a> {
+    fn program(&self, shader: ShaderIndex) -> &'a Program {
+        &self.pipeline.programs[shader.index()]
+    }
+
+    fn programs(&self) -> impl Iterator<Item = (ShaderIndex, &'a Program)> + use<'a> {
+        (0..).map(ShaderIndex).zip(self.pipeline.programs.iter().map(|program| &**program))
+    }
+
+    /// Hit, miss and callable shaders that declare no payload or data although one is passed.
+    fn payloads(&mut self) {
+        let pairs: [(&[Stage], [u32; 2], &Rule, &str); 2] = [
+            (
+                &[Stage::AnyHit, Stage::ClosestHit, Stage::Miss],
+                [storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD],
+                &contract::PAYLOAD_UNDECLARED,
+                "payload",
+            ),
+            (
+                &[Stage::Callable],
+                [storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA],
+                &contract::CALLABLE_UNDECLARED,
+                "callable data",
+            ),
+        ];
+        for (stages, [outgoing, incoming], rule, what) in pairs {
+            let passes = |program: &Program| {
+                variables(program).into_iter().find(|variable| {
+                    variable.storage_class == outgoing
+                        && variable.ty.is_some_and(|ty| scalars(&program.module, ty).iter().any(|_| true))
+                })
+            };
+            let Some((caller, passed)) =
+                self.programs().find_map(|(_, program)| Some((program, passes(program)?)))
+            else {
+                continue;
+            };
+            for (shader, program) in self.programs() {
+                let declares = program.module.variables.iter().any(|one| one.storage_class == incoming);
+                if declares || !stages.contains(&program.stage) {
+                    continue;
+                }
+                let ty = passed.ty.map(|ty| caller.module.describe_type(ty)).unwrap_or_default();
+                let (stage, name) = (program.stage.name(), &program.name);
+                let message = format!("the {stage} shader `{name}` declares no {what}");
+                let note = format!("the {} shader `{}` passes {ty}", caller.stage.name(), caller.name);
+                self.add(rule, shader, None, message, vec![note]);
+            }
+        }
+    }
+
+    /// What the shaders of a hit group declare as hit attributes.
+    fn attributes(&mut self, group: &HitGroup) {
+        let hit_shaders = [group.any_hit, group.closest_hit].into_iter().flatten();
+        match group.intersection {
+            None => {
+                for shader in hit_shaders {
+                    let Some(variable) = attribute(self.program(shader)) else { continue };
+                    let module = &self.program(shader).module;
+                    let Some(ty) = variable.ty else { continue };
+                    if scalars(module, ty).len() <= 2 {
+                        continue;
+                    }
+                    let ty = module.describe_type(ty);
+                    let message = format!(
+                        "`{}` is {ty}, and the attributes of a triangle are two floats",
+                        variable.name
+                    );
+                    self.add(&contract::ATTR_TRIANGLE_TYPE, shader, Some(variable.id), message, Vec::new());
+                }
+            }
+            Some(intersection) => {
+                let Some(reported) = attribute(self.program(intersection)) else { return };
+                let module = &self.program(intersection).module;
+                let Some(expected) = reported.ty.map(|ty| (scalars(module, ty), module.describe_type(ty)))
+                else {
+                    return;
+                };
+                for shader in hit_shaders {
+                    let Some(variable) = attribute(self.program(shader)) else { continue };
+                    let module = &self.program(shader).module;
+                    let Some(ty) = variable.ty else { continue };
+                    if scalars(module, ty) == expected.0 {
+                        continue;
+                    }
+                    let ty = module.describe_type(ty);
+                    let message = format!(
+                        "`{}` is {ty}, and the intersection shader reports {}",
+                        variable.name, expected.1
+                    );
+                    self.add(&contract::ATTR_GROUP_TYPE, shader, Some(variable.id), message, Vec::new());
+                }
+            }
+        }
+    }
+
+    /// Builtins that change while a shader runs, and are not decorated `Volatile`.
+    fn volatile(&mut self, shader: ShaderIndex) {
+        let program = self.program(shader);
+        // With the Vulkan memory model each load is volatile by itself.
+        const VULKAN_MEMORY_MODEL: u32 = 5345;
+        if program.module.capabilities.contains(&VULKAN_MEMORY_MODEL) {
+            return;
+        }
+        for variable in variables(program) {
+            let Some(number) = variable.builtin else { continue };
+            let Some(rule) = volatile_rule(program.stage, number) else { continue };
+            if program.module.decorations.find(variable.id, VOLATILE).is_none() {
+                let name = builtin_name(number);
+                let message = format!(
+                    "{name} of the {} shader `{}` is not Volatile",
+                    program.stage.name(),
+                    program.name
+                );
+                self.add(rule, shader, Some(variable.id), message, Vec::new());
+            }
+        }
+    }
+
+    fn add(
+        &mut self,
+        rule: &'static Rule,
+        shader: ShaderIndex,
+        variable: Option<Id>,
+        message: String,
+        notes: Vec<String>,
+    ) {
+        let level = self.levels.of(rule);
+        if level == Level::Allow {
+            return;
+        }
+        let module = &self.program(shader).module;
+        let error = Error::new(ErrorKind::Finding, message);
+        let error = match module.debug_info.files.first().filter(|file| !file.name.is_empty()) {
+            Some(file) => error.at(Place::File(file.name.clone().into())),
+            None => error.note(format!("it is shader {shader} of the pipeline, from 0")),
+        };
+        let error = notes.into_iter().fold(error, Error::note);
+        let key =
+            FindingKey { rule: rule.id, places: [(shader, variable.map_or(0, |id| id.0)), (shader, 0)] };
+        let finding = Finding { rule, level, count: 0, launch_id: [0; 3], stack: Vec::new(), error };
+        self.findings.add(key, 1, Some(finding));
+    }
+}
+
+/// The rule of a builtin that changes while a shader of a stage runs.
+pub(super) fn volatile_rule(stage: Stage, builtin: u32) -> Option<&'static Rule> {
+    match stage {
+        Stage::Intersection if builtin == RAY_T_MAX => Some(&contract::VOLATILE_RAYTMAX),
+        Stage::AnyHit | Stage::Compute | Stage::Other(_) => None,
+        _ => SUBGROUP_BUILTINS.contains(&builtin).then_some(&contract::VOLATILE_SUBGROUP),
+    }
+}
+
+/// The variables that a program's entry point uses.
+fn variables(program: &Program) -> Vec<InterfaceVariable> {
+    let mut entries = program.module.entry_points.iter();
+    let entry = entries.find(|entry| entry.stage == program.stage && entry.name == program.name);
+    entry.map_or_else(Vec::new, |entry| program.module.interface_of(entry))
+}
+
+/// The hit attributes that a program uses.
+fn attribute(program: &Program) -> Option<InterfaceVariable> {
+    variables(program).into_iter().find(|variable| variable.storage_class == storage::HIT_ATTRIBUTE)
+}
+
+/// The scalars of a type, in order; two types are the same to a group if theirs are.
+fn scalars(module: &Module, ty: TypeId) -> Vec<Type> {
+    let mut all = Vec::new();
+    add_scalars(module, ty, &mut all);
+    all
+}
+
+fn add_scalars(module: &Module, ty: TypeId, all: &mut Vec<Type>) {
+    /// More scalars are no attributes.
+    const MOST: usize = 4096;
+    match module.ty(ty) {
+        &Type::Vector { component: part, count } | &Type::Matrix { column: part, count } => {
+            (0..count).for_each(|_| add_scalars(module, part, all));
+        }
+        &Type::Array { element, length, .. } => {
+            let count = module.scalar_value(length).unwrap_or(0);
+            (0..count).take_while(|_| all.len() < MOST).collect::<Vec<_>>().iter().for_each(|_| {
+                add_scalars(module, element, all);
+            });
+        }
+        Type::Struct { members, .. } => {
+            members.iter().for_each(|member| add_scalars(module, member.ty, all));
+        }
+        scalar => all.push(scalar.clone()),
+    }
+}

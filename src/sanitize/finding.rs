@@ -1,0 +1,210 @@
+//! Findings: each rule that was broken, once for each place and cause, with how often.
+
+use rustc_hash::FxHashMap;
+use serde::{Serialize, Serializer};
+
+use crate::error::{Error, Place, Result, ShaderFrame};
+use crate::machine::ShaderIndex;
+use crate::sanitize::rule::{Level, Rule};
+
+/// A rule that a shader broke while it ran.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// The rule.
+    pub rule: &'static Rule,
+    /// What happens to it.
+    pub level: Level,
+    /// How many invocations broke it here, each counted as often as it did.
+    pub count: u64,
+    /// `LaunchIdKHR` of the first, in compute shaders `GlobalInvocationId`.
+    pub launch_id: [u32; 3],
+    /// The stack of shader calls where it was found, innermost first.
+    pub stack: Vec<ShaderFrame>,
+    /// The report: message, places and notes.
+    pub error: Error,
+}
+
+impl Finding {
+    /// The whole report as the terminal shows it.
+    pub fn render(&self) -> String {
+        self.report().render()
+    }
+
+    /// The file and line that the report points to, where the module has debug information.
+    pub fn place(&self) -> Option<(&str, usize)> {
+        self.error.places().find_map(|(place, _)| match place {
+            Place::Text { file, text, span } => {
+                let before = text.get(..span.start).unwrap_or_default();
+                Some((file.as_str(), before.matches('\n').count() + 1))
+            }
+            Place::Line { file, line, .. } => Some((file.as_str(), *line as usize)),
+            Place::File(path) => Some((path.to_str()?, 1)),
+            Place::Word(_) => None,
+        })
+    }
+
+    /// The report with its count, its source and its help.
+    pub fn report(&self) -> Error {
+        let mut error = self.error.clone().with_rule(self.rule.id, self.level == Level::Warn);
+        if self.count > 1 {
+            error = error.note(format!("and {} more times", self.count - 1));
+        }
+        error.note(format!("rule: {}", self.rule.source)).note(format!("help: {}", self.rule.help))
+    }
+}
+
+impl Serialize for Finding {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Fields<'a> {
+            rule: &'static str,
+            level: Level,
+            kind: &'static str,
+            message: &'a str,
+            file: Option<&'a str>,
+            line: Option<usize>,
+            count: u64,
+            launch_id: [u32; 3],
+            stack: &'a [ShaderFrame],
+            notes: &'a [String],
+            source: &'static str,
+            help: &'static str,
+        }
+        let (file, line) = self.place().unzip();
+        let fields = Fields {
+            file,
+            line,
+            rule: self.rule.id,
+            level: self.level,
+            kind: self.rule.kind.name(),
+            message: self.error.message(),
+            count: self.count,
+            launch_id: self.launch_id,
+            stack: &self.stack,
+            notes: self.error.notes(),
+            source: self.rule.source,
+            help: self.rule.help,
+        };
+        fields.serialize(serializer)
+    }
+}
+
+/// Findings, in the order in which they were met.
+#[derive(Clone, Debug, Default, Serialize)]
+#[serde(transparent)]
+pub struct Findings {
+    list: Vec<Finding>,
+    #[serde(skip)]
+    by_key: FxHashMap<FindingKey, usize>,
+}
+
+/// What makes two occurrences one finding.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct FindingKey {
+    /// The id of the rule.
+    pub rule: &'static str,
+    /// The shader and the word of the instruction, and of the instruction or variable that is the
+    /// cause.
+    pub places: [(ShaderIndex, u32); 2],
+}
+
+impl Findings {
+    /// All findings.
+    pub fn iter(&self) -> std::slice::Iter<'_, Finding> {
+        self.list.iter()
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// The findings whose level is [`Level::Deny`].
+    pub fn denied(&self) -> impl Iterator<Item = &Finding> {
+        self.list.iter().filter(|finding| finding.level == Level::Deny)
+    }
+
+    /// Drops the findings for which a condition does not hold.
+    pub(super) fn retain(&mut self, keep: impl Fn(&Finding) -> bool) {
+        let kept: Vec<bool> = self.list.iter().map(&keep).collect();
+        let mut places = kept.iter().scan(0, |next, &kept| {
+            *next += usize::from(kept);
+            Some(kept.then(|| *next - 1))
+        });
+        let places: Vec<Option<usize>> = places.by_ref().collect();
+        self.by_key.retain(|_, at| places[*at].map(|place| *at = place).is_some());
+        self.list.retain(keep);
+    }
+
+    /// The findings with a note more on each.
+    #[must_use]
+    pub fn with_note(mut self, note: &str) -> Self {
+        for finding in &mut self.list {
+            finding.error = finding.error.clone().note(note);
+        }
+        self
+    }
+
+    /// Drops what is denied.
+    pub fn forget_denied(&mut self) {
+        self.retain(|finding| finding.level != Level::Deny);
+    }
+
+    /// The reports of what is only warned of.
+    ///
+    /// # Errors
+    /// What is denied, all in one error; else the error of the run.
+    pub fn into_warnings(self, outcome: Result<()>) -> Result<Vec<Error>> {
+        let denied: Vec<Error> = self.denied().map(Finding::report).collect();
+        if !denied.is_empty() {
+            return Err(Error::several(denied));
+        }
+        outcome?;
+        Ok(self.iter().map(Finding::report).collect())
+    }
+
+    /// Whether there is a finding of a key.
+    pub(super) fn knows(&self, key: &FindingKey) -> bool {
+        self.by_key.contains_key(key)
+    }
+
+    /// Counts an occurrence in so many lanes; a new finding has its report.
+    pub(super) fn add(&mut self, key: FindingKey, lanes: u32, new: Option<Finding>) {
+        if let Some(&at) = self.by_key.get(&key) {
+            self.list[at].count += u64::from(lanes);
+        } else if let Some(finding) = new {
+            self.by_key.insert(key, self.list.len());
+            self.list.push(Finding { count: lanes.into(), ..finding });
+        }
+    }
+
+    /// Adds the findings of another run.
+    pub fn extend(&mut self, other: Self) {
+        let keys: FxHashMap<usize, FindingKey> =
+            other.by_key.into_iter().map(|(key, at)| (at, key)).collect();
+        for (at, finding) in other.list.into_iter().enumerate() {
+            let Some(key) = keys.get(&at) else { continue };
+            match self.by_key.get(key) {
+                Some(&known) => self.list[known].count += finding.count,
+                None => {
+                    self.by_key.insert(key.clone(), self.list.len());
+                    self.list.push(finding);
+                }
+            }
+        }
+    }
+}
+
+impl<'a> IntoIterator for &'a Findings {
+    type Item = &'a Finding;
+    type IntoIter = std::slice::Iter<'a, Finding>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}

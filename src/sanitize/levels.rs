@@ -1,0 +1,67 @@
+//! Which level each rule has: its default, or what the user said.
+
+use std::collections::BTreeMap;
+
+use crate::error::names::{list_of, nearest};
+use crate::error::{Error, ErrorKind, Result};
+use crate::sanitize::rule::{self, Level, Rule};
+
+/// The levels of rules.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Levels {
+    by_id: BTreeMap<&'static str, Level>,
+}
+
+impl Levels {
+    /// Sets the level of the rule with an id.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where no rule has the id, with those that are like it.
+    pub fn set(&mut self, id: &str, level: Level) -> Result<()> {
+        let rule = rule::find(id).ok_or_else(|| unknown(id))?;
+        self.by_id.insert(rule.id, level);
+        Ok(())
+    }
+
+    /// Sets the level of all rules that deny by default, or warn.
+    pub fn set_all(&mut self, level: Level) {
+        self.by_id.extend(rule::all().map(|rule| (rule.id, level)));
+    }
+
+    /// These levels, and over them those that others set.
+    #[must_use]
+    pub fn overridden_by(mut self, others: &Self) -> Self {
+        self.by_id.extend(&others.by_id);
+        self
+    }
+
+    /// The level of a rule.
+    pub fn of(&self, rule: &Rule) -> Level {
+        self.by_id.get(rule.id).copied().unwrap_or_else(|| rule.kind.default_level())
+    }
+}
+
+fn unknown(id: &str) -> Error {
+    let ids = || rule::all().map(|rule| rule.id);
+    let error = Error::new(ErrorKind::InvalidArgument, format!("the sanitizer has no rule `{id}`"));
+    match nearest(id, ids()) {
+        Some(near) => error.note(format!("did you mean `{near}`?")),
+        None => error.note(format!("rules: {}", list_of(ids()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_is_the_default_unless_it_is_set() {
+        let mut levels = Levels::default();
+        assert_eq!(levels.of(&rule::arithmetic::NAN_OUTPUT), Level::Warn);
+        levels.set("nan-output", Level::Deny).expect("a rule");
+        assert_eq!(levels.of(&rule::arithmetic::NAN_OUTPUT), Level::Deny);
+        let error = levels.set("nan-outputs", Level::Allow).expect_err("no rule");
+        assert_eq!(error.message(), "the sanitizer has no rule `nan-outputs`");
+        assert_eq!(error.notes(), ["did you mean `nan-output`?"]);
+    }
+}

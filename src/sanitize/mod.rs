@@ -1,0 +1,40 @@
+//! The sanitizer: which rules of Vulkan and SPIR-V a shader breaks while it runs, that no driver
+//! tells.
+//!
+//! A [`Sanitizer`] observes a launch, a dispatch or a ray as an
+//! [`Observer`](crate::machine::Observer): programs that are not optimised, 64 lanes at a time.
+//! [`rule`] lists the rules, [`operand_check`] has those about operands of single instructions, a
+//! row each; `sanitizer` spreads what is undefined from registers to registers; `report` says why.
+
+pub mod cause;
+pub mod contract;
+mod decorated;
+pub mod finding;
+#[cfg(feature = "cli")]
+mod formats;
+pub mod levels;
+mod memory_shadow;
+pub mod module_checks;
+mod names;
+pub mod operand_check;
+pub mod plan;
+mod query_checks;
+mod races;
+mod ray_checks;
+pub mod report;
+pub mod rule;
+pub mod sanitizer;
+mod shared_checks;
+mod stale;
+pub mod structures;
+mod subgroup_checks;
+pub mod traced_rays;
+pub mod uniformity;
+
+pub use finding::{Finding, Findings};
+pub use levels::Levels;
+pub use plan::ProgramPlan;
+pub use rule::{Level, Rule, RuleKind};
+pub use sanitizer::Sanitizer;
+pub use structures::StructureNames;
+pub use traced_rays::{RayWatch, SeenRays};

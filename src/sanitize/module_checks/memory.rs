@@ -1,0 +1,191 @@
+//! Rules about single accesses to memory: what may be read and written, and how.
+
+use rspirv::spirv::{MemoryAccess as AccessMask, Op};
+
+use crate::module::interface::Stage;
+use crate::module::names::{builtin_name, opcode_name};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Id, Module};
+use crate::ops::pointer::storage;
+use crate::sanitize::contract::volatile_rule;
+use crate::sanitize::module_checks::Fault;
+use crate::sanitize::module_checks::code::{EntryCode, MemoryAccess, Part};
+
+/// `BuiltIn`
+const BUILT_IN: u32 = 11;
+/// `NonWritable`
+const NON_WRITABLE: u32 = 24;
+/// `NonReadable`
+const NON_READABLE: u32 = 25;
+/// `VulkanMemoryModel`
+const VULKAN_MEMORY_MODEL: u32 = 5345;
+/// `PhysicalStorageBuffer64`
+const PHYSICAL_ADDRESSING: u32 = 5348;
+
+pub(super) fn uniform_store(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    for access in code.accesses().filter(|access| access.writes) {
+        let uniform = code.reached(&access).find(|&variable| {
+            let block = code.pointee(variable).map(|ty| code.module.ty(block_of(code.module, ty)));
+            code.storage_class(variable) == Some(storage::UNIFORM)
+                && matches!(block, Some(Type::Struct { block: true, buffer_block: false, .. }))
+        });
+        if let Some(variable) = uniform {
+            let name = code.describe(Part::Variable(variable));
+            let message = format!("{} writes to the uniform buffer {name}", named(&access));
+            faults.push(Fault { offset: access.offset, message });
+        }
+    }
+}
+
+pub(super) fn non_writable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    for access in code.accesses().filter(|access| access.writes) {
+        decorated(code, &access, NON_WRITABLE, "writes to", "NonWritable", faults);
+    }
+}
+
+pub(super) fn non_readable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    for access in code.accesses().filter(|access| access.reads) {
+        decorated(code, &access, NON_READABLE, "reads", "NonReadable", faults);
+    }
+}
+
+/// Tells of an access to something that has a decoration.
+fn decorated(
+    code: &EntryCode<'_>,
+    access: &MemoryAccess,
+    number: u32,
+    does: &str,
+    decoration: &str,
+    faults: &mut Vec<Fault>,
+) {
+    let decorations = &code.module.decorations;
+    let part = code.parts(access.pointer).into_iter().find(|&part| match part {
+        Part::Variable(id) | Part::Parameter(id) => decorations.find(id, number).is_some(),
+        Part::Member(id, member) => decorations.find_member(id, member, number).is_some(),
+    });
+    if let Some(part) = part {
+        let message = format!("{} {does} {}, which is {decoration}", named(access), code.describe(part));
+        faults.push(Fault { offset: access.offset, message });
+    }
+}
+
+/// Writes to hit attributes that lowering does not refuse: copies, and those through parameters.
+pub(super) fn attr_readonly(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    if code.entry.stage == Stage::Intersection {
+        return;
+    }
+    for access in code.accesses().filter(|access| access.writes) {
+        if code.storage_class(access.pointer) == Some(storage::HIT_ATTRIBUTE) {
+            let message =
+                format!("{} writes to hit attributes in {}", named(&access), code.entry.stage.name());
+            faults.push(Fault { offset: access.offset, message });
+        }
+    }
+}
+
+pub(super) fn record_block(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    let is_record = |class: u32| class == storage::SHADER_RECORD_BUFFER;
+    for variable in code.variables.iter().filter(|variable| is_record(variable.storage_class)) {
+        let Some(ty) = variable.ty else { continue };
+        if !matches!(code.module.ty(ty), Type::Struct { block: true, .. }) {
+            let name = code.describe(Part::Variable(variable.id));
+            let ty = code.module.describe_type(ty);
+            let message = format!("the shader record {name} is {ty}, which is no Block");
+            faults.push(Fault { offset: offset_of(code.module, variable.id), message });
+        }
+    }
+    for access in code.accesses().filter(|access| access.writes) {
+        if code.storage_class(access.pointer).is_some_and(is_record) {
+            let message = format!("{} writes to the shader record", named(&access));
+            faults.push(Fault { offset: access.offset, message });
+        }
+    }
+}
+
+pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    if code.module.memory_model.0 != PHYSICAL_ADDRESSING {
+        return;
+    }
+    for (opcode, instruction, operands) in code.known() {
+        let (pointers, mask_at) = match opcode {
+            Op::Load => (&operands[..1], 1),
+            Op::Store => (&operands[..1], 2),
+            // With operands for the source alone, only the target's are read.
+            Op::CopyMemory if operands.len() > 4 => (&operands[..1], 2),
+            Op::CopyMemory => (&operands[..2], 2),
+            _ => continue,
+        };
+        let physical = pointers
+            .iter()
+            .map(|&id| Id(id))
+            .filter(|&id| code.storage_class(id) == Some(storage::PHYSICAL_STORAGE_BUFFER));
+        for pointer in physical {
+            let aligned = operands.get(mask_at).filter(|&mask| mask & AccessMask::ALIGNED.bits() != 0);
+            let alignment = aligned.and_then(|_| operands.get(mask_at + 1)).copied();
+            let scalar = code.pointee(pointer).map_or(0, |ty| largest_scalar(code.module, ty));
+            let name = opcode_name(opcode as u16);
+            let message = match alignment {
+                None => format!("{name} through a physical pointer says nothing about its alignment"),
+                Some(alignment) if scalar != 0 && alignment % scalar != 0 => format!(
+                    "{name} through a physical pointer is Aligned {alignment}, and its largest scalar has \
+                     {scalar} bytes"
+                ),
+                Some(_) => continue,
+            };
+            faults.push(Fault { offset: instruction.offset, message });
+        }
+    }
+}
+
+pub(super) fn volatile_load(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    if !code.module.capabilities.contains(&VULKAN_MEMORY_MODEL) {
+        return;
+    }
+    for (opcode, instruction, operands) in code.known() {
+        if opcode != Op::Load || operands.get(1).is_some_and(|mask| mask & AccessMask::VOLATILE.bits() != 0) {
+            continue;
+        }
+        let builtin = code.parts(Id(operands[0])).into_iter().find_map(|part| match part {
+            Part::Variable(id) => code.module.decorations.literal(id, BUILT_IN),
+            _ => None,
+        });
+        if let Some(number) = builtin.filter(|&number| volatile_rule(code.entry.stage, number).is_some()) {
+            let message = format!("the load of {} is not Volatile", builtin_name(number));
+            faults.push(Fault { offset: instruction.offset, message });
+        }
+    }
+}
+
+/// The name of an access's instruction.
+fn named(access: &MemoryAccess) -> impl std::fmt::Display + use<> {
+    opcode_name(access.opcode as u16)
+}
+
+/// The offset of a variable's declaration.
+pub(super) fn offset_of(module: &Module, variable: Id) -> u32 {
+    module.variables.iter().find(|one| one.id == variable).map_or(0, |one| one.offset)
+}
+
+/// The type behind all arrays.
+fn block_of(module: &Module, ty: TypeId) -> TypeId {
+    match *module.ty(ty) {
+        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => block_of(module, element),
+        _ => ty,
+    }
+}
+
+/// The bytes of the largest scalar of a type; 0 where it has none.
+fn largest_scalar(module: &Module, ty: TypeId) -> u32 {
+    match *module.ty(ty) {
+        Type::Int { width, .. } | Type::Float { width, .. } => width / 8,
+        Type::Pointer { storage_class: storage::PHYSICAL_STORAGE_BUFFER, .. } => 8,
+        Type::Vector { component: part, .. }
+        | Type::Matrix { column: part, .. }
+        | Type::Array { element: part, .. }
+        | Type::RuntimeArray { element: part, .. } => largest_scalar(module, part),
+        Type::Struct { ref members, .. } => {
+            members.iter().map(|member| largest_scalar(module, member.ty)).max().unwrap_or(0)
+        }
+        _ => 0,
+    }
+}

@@ -1,0 +1,131 @@
+//! Rules about the states of ray queries that are no traps.
+//!
+//! Each query carries what was noted of it. Whether a use was too early is known when the query
+//! goes on, is initialized again, or its shader ends.
+
+use smallvec::SmallVec;
+
+use crate::accel::RayFlags;
+use crate::machine::{Batch, Exit, Mask, OpIndex, QueryNotes, RayQuery};
+use crate::ops::ray_query::RayQueryOp;
+use crate::sanitize::rule::{Rule, query};
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// Rules that a query breaks, each with the operation that is to be shown.
+type Broken = SmallVec<[(&'static Rule, OpIndex); 2]>;
+
+/// Notes what an operation did to the queries of the running lanes, and reports what is wrong.
+pub(super) fn check<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &mut Batch<W>,
+    op: OpIndex,
+    query_op: &RayQueryOp,
+    ignores_result: bool,
+) {
+    let Some(object) = query_op.query() else { return };
+    for lane in batch.mask.lanes() {
+        let Ok(register) = object.register(&batch.registers, lane) else { continue };
+        let handle = batch.registers[register].0[lane];
+        let Ok(query) = batch.queries.query(handle) else { continue };
+        for (rule, at) in note(query, op, query_op, ignores_result) {
+            tell(sanitizer, batch, rule, at, lane);
+        }
+    }
+}
+
+/// Reports what is wrong with the queries of a batch whose shader has ended.
+pub(super) fn ended<const W: usize>(sanitizer: &mut Sanitizer<'_>, batch: &Batch<W>) {
+    let trapped = |lane: usize| matches!(batch.exits.get(lane), Some(Exit::Trapped(_)));
+    for query in batch.queries.iter().filter(|query| !trapped(query.lane())) {
+        for (rule, at) in pending(&query.notes) {
+            tell(sanitizer, batch, rule, at, query.lane());
+        }
+    }
+}
+
+fn tell<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    rule: &'static Rule,
+    at: OpIndex,
+    lane: usize,
+) {
+    let message = match () {
+        () if rule == &query::RQ_TERMINATE_LATE => {
+            "a ray query is terminated after rayQueryProceedEXT has returned false"
+        }
+        () if rule == &query::RQ_NOT_FINISHED => {
+            "the committed hit of a ray query is used, though rayQueryProceedEXT has not returned false, and is \
+             not called again"
+        }
+        () if rule == &query::RQ_IGNORED_RESULT => {
+            "rayQueryProceedEXT comes to a candidate, at which the shader does not look"
+        }
+        () => "a candidate is confirmed by what is read of the committed hit, which is another one",
+    };
+    sanitizer.tell(batch, rule, at, Mask::lane(lane), |_| message.to_owned());
+}
+
+/// Notes what an operation did to a query.
+fn note(query: &mut RayQuery, op: OpIndex, query_op: &RayQueryOp, ignores_result: bool) -> Broken {
+    let mut broken = Broken::new();
+    let has_candidate = query.candidate().is_ok();
+    let is_open = query.is_underway() && !ends_at_first_hit(query);
+    let has_committed = query.committed().is_some();
+    let is_complete = query.is_complete();
+    let notes = &mut query.notes;
+    match *query_op {
+        RayQueryOp::Initialize { .. } => {
+            broken = pending(notes);
+            *notes = QueryNotes::default();
+        }
+        RayQueryOp::Proceed { .. } => {
+            broken.extend(notes.ignored.map(|at| (&query::RQ_IGNORED_RESULT, at)));
+            *notes =
+                QueryNotes { ignored: (ignores_result && has_candidate).then_some(op), ..Default::default() };
+        }
+        RayQueryOp::Terminate { .. } => {
+            broken.extend(is_complete.then_some((&query::RQ_TERMINATE_LATE, op)));
+            notes.ignored = None;
+        }
+        RayQueryOp::Confirm { .. } | RayQueryOp::Generate { .. } => {
+            let wrong = notes.committed_use.take().filter(|_| !notes.candidate_used);
+            broken.extend(wrong.map(|at| (&query::RQ_WRONG_SELECTOR, at)));
+            notes.ignored = None;
+        }
+        RayQueryOp::Type { committed: false, .. } => notes.ignored = None,
+        RayQueryOp::Get { committed: false, .. } => {
+            notes.ignored = None;
+            notes.candidate_used = true;
+        }
+        RayQueryOp::Type { committed: true, .. } | RayQueryOp::Get { committed: true, .. } => {
+            if let RayQueryOp::Get { getter, .. } = query_op
+                && has_candidate
+                && !getter.reads_t()
+            {
+                notes.committed_use.get_or_insert(op);
+            }
+            // That there is a hit remains true, whichever follows.
+            let is_final = matches!(query_op, RayQueryOp::Type { .. }) && has_committed;
+            if let Some(at) = notes.ignored.take() {
+                broken.push((&query::RQ_IGNORED_RESULT, at));
+            } else if is_open && !is_final {
+                notes.early_use.get_or_insert(op);
+            }
+        }
+        RayQueryOp::GetRay { .. } | RayQueryOp::Uninitialize { .. } => {}
+    }
+    broken
+}
+
+/// What is wrong with a query that does not go on.
+fn pending(notes: &QueryNotes) -> Broken {
+    let early = notes.early_use.map(|at| (&query::RQ_NOT_FINISHED, at));
+    let ignored = notes.ignored.map(|at| (&query::RQ_IGNORED_RESULT, at));
+    early.into_iter().chain(ignored).map(|(rule, at)| (rule as &'static Rule, at)).collect()
+}
+
+/// Whether the committed hit of a query is the last one, as its ray ends at the first.
+fn ends_at_first_hit(query: &RayQuery) -> bool {
+    query.trace().flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT) && query.committed().is_some()
+}

@@ -1,0 +1,390 @@
+//! Reports: what is told of a finding, from the batch in which it was met.
+
+use crate::error::{Error, ErrorKind};
+use crate::machine::{Batch, Lanes, Mask, OpIndex, Reg, ShaderIndex, ShadowRegisters};
+use crate::module::Id;
+use crate::module::names::builtin_name;
+use crate::module::ty::{Type, TypeId};
+use crate::ops::pointer::storage;
+use crate::pipeline::{source_line, with_location};
+use crate::program::Program;
+use crate::sanitize::cause::{Cause, Causes, OpPlace};
+use crate::sanitize::finding::{Finding, FindingKey, Findings};
+use crate::sanitize::levels::Levels;
+use crate::sanitize::names::{word_path, workgroup_path};
+use crate::sanitize::plan::ProgramPlan;
+use crate::sanitize::races::{self, Location, Race};
+use crate::sanitize::rule::{self, Level, Rule, arithmetic, contract, memory, trace};
+use crate::sanitize::sanitizer::CallFrame;
+
+/// What depends on a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sink {
+    /// A conditional branch.
+    Branch,
+    /// A switch.
+    Switch,
+    /// An index of an array, or a part of a byte offset.
+    Index,
+    /// Which of several resources is used.
+    Resource,
+    /// A device address.
+    Address,
+    /// A buffer.
+    Buffer,
+    /// An atomic instruction.
+    Atomic,
+    /// The texel, level or resource of an image access.
+    Coordinate,
+    /// A texel that is written.
+    Image,
+    /// `debugPrintfEXT`.
+    Print,
+    /// An operand of a trace, by its name.
+    Ray(&'static str),
+    /// The index of a callable record.
+    Record,
+    /// The t of a reported intersection.
+    ReportedT,
+    /// The hit kind of a reported intersection.
+    HitKind,
+    /// The hit attributes of a reported intersection.
+    Report,
+    /// Other lanes of the subgroup.
+    Subgroup,
+}
+
+impl Sink {
+    /// What is said of a value, or of what is computed from it.
+    fn says(self) -> String {
+        match self {
+            Self::Branch => "reaches a branch".into(),
+            Self::Switch => "reaches a switch".into(),
+            Self::Index => "reaches an index".into(),
+            Self::Resource => "reaches the choice of a resource".into(),
+            Self::Address => "reaches a device address".into(),
+            Self::Buffer => "reaches a buffer".into(),
+            Self::Atomic => "reaches an atomic instruction".into(),
+            Self::Coordinate => "reaches the coordinates of an image access".into(),
+            Self::Image => "reaches an image".into(),
+            Self::Print => "reaches printed text".into(),
+            Self::Ray(operand) => format!("reaches the {operand} of a ray"),
+            Self::Record => "reaches the index of a callable record".into(),
+            Self::ReportedT => "reaches the t of a reported intersection".into(),
+            Self::HitKind => "reaches the hit kind of a reported intersection".into(),
+            Self::Report => "reaches the hit attributes of a reported intersection".into(),
+            Self::Subgroup => "reaches other lanes of the subgroup".into(),
+        }
+    }
+}
+
+/// Makes findings of what a batch does.
+pub(super) struct Reporter<'a, const W: usize> {
+    pub plans: &'a [ProgramPlan],
+    pub levels: &'a Levels,
+    pub causes: &'a Causes,
+    pub findings: &'a mut Findings,
+    pub frames: &'a [CallFrame],
+    pub batch: &'a Batch<W>,
+}
+
+/// What a report says, before it is given place and stack.
+struct Told {
+    rule: &'static Rule,
+    message: String,
+    /// Where the report points to.
+    place: OpPlace,
+    label: String,
+    /// What else is to be told.
+    notes: Vec<String>,
+    /// What tells causes at one place apart.
+    cause: (ShaderIndex, u32),
+    /// What tells it apart instead of place and cause.
+    key: Option<[(ShaderIndex, u32); 2]>,
+}
+
+impl Told {
+    /// A report at a place, of a cause there.
+    fn at(rule: &'static Rule, place: OpPlace, message: String) -> Self {
+        let (label, notes, cause) = (String::new(), Vec::new(), (place.shader, 0));
+        Self { rule, message, place, label, notes, cause, key: None }
+    }
+}
+
+impl<const W: usize> Reporter<'_, W> {
+    fn shader(&self) -> ShaderIndex {
+        self.frames.last().map_or(ShaderIndex(0), |frame| frame.shader)
+    }
+
+    fn program(&self, shader: ShaderIndex) -> Option<&Program> {
+        self.plans.get(shader.index()).map(|plan| &*plan.program)
+    }
+
+    /// Reports that an instruction broke a rule in some lanes.
+    pub(super) fn broken(&mut self, rule: &'static Rule, op: OpIndex, lanes: Mask<W>, message: String) {
+        let place = OpPlace { shader: self.shader(), op };
+        self.add(Told::at(rule, place, message), op, lanes);
+    }
+
+    /// Reports that something depends on an undefined register.
+    pub(super) fn undefined(
+        &mut self,
+        shadow: &ShadowRegisters<W>,
+        op: OpIndex,
+        register: Reg,
+        lanes: Mask<W>,
+        sink: Sink,
+    ) {
+        self.each_cause(shadow.causes(register), lanes, |reporter, cause, lanes| {
+            if let Some(told) = reporter.tell_undefined(cause, op, sink) {
+                reporter.add(told, op, lanes);
+            }
+        });
+    }
+
+    /// Reports that a register holds NaNs where it should not, if an instruction made them.
+    pub(super) fn nan(
+        &mut self,
+        rule: &'static Rule,
+        shadow: &ShadowRegisters<W>,
+        op: OpIndex,
+        register: Reg,
+        lanes: Mask<W>,
+    ) {
+        if lanes.is_empty() {
+            return;
+        }
+        let lanes = lanes.without(shadow.undefined(register));
+        self.each_cause(shadow.causes(register), lanes, |reporter, cause, lanes| {
+            let Some((Cause::Nan(place), _)) = reporter.causes.get(cause) else { return };
+            let Some(program) = reporter.program(place.shader) else { return };
+            let here = OpPlace { shader: reporter.shader(), op };
+            let reached = match () {
+                () if rule == &arithmetic::NAN_BRANCH => "is compared",
+                () if rule == &trace::REPORT_NAN_T => "is the t of a reported intersection",
+                () => "is written to memory",
+            };
+            let told = Told {
+                rule,
+                message: format!("a NaN {reached}"),
+                place,
+                label: "this instruction makes it of numbers".into(),
+                notes: vec![format!("it {reached}{}", reporter.line(here))],
+                cause: (here.shader, offset(program, op)),
+                key: None,
+            };
+            reporter.add(told, op, lanes);
+        });
+    }
+
+    /// Reports two accesses that race, the later of which is that of an operation.
+    pub(super) fn race(&mut self, op: OpIndex, race: &Race) {
+        let here = OpPlace { shader: self.shader(), op };
+        let (Some(program), Some(other)) = (self.program(here.shader), self.program(race.other.shader))
+        else {
+            return;
+        };
+        let [x, y, z] = races::launch_id(self.batch, race.lane, program, race.other_invocation);
+        let location = match race.location {
+            Location::Buffer { handle, offset, bytes } => {
+                let name = handle.and_then(|handle| program.describe_descriptor(handle));
+                let name = name.unwrap_or_else(|| "the buffer at a device address".to_owned());
+                format!("{} at offset {offset} of {name}", byte_count(bytes))
+            }
+            Location::Workgroup { offset, bytes } => match workgroup_path(program, offset) {
+                Some((_, path)) => format!("{} of `{path}`", byte_count(bytes)),
+                None => format!("{} at offset {offset} of the workgroup's memory", byte_count(bytes)),
+            },
+            Location::Texel { handle } => {
+                let name = program.describe_descriptor(handle);
+                format!("a texel of {}", name.unwrap_or_else(|| "an image".to_owned()))
+            }
+        };
+        // A line that loads and stores is told once, whichever of the two comes first.
+        let mut key = [
+            (here.shader, line_or_offset(program, op)),
+            (race.other.shader, line_or_offset(other, race.other.op)),
+        ];
+        key.sort_unstable();
+        let (says, other_says) = (race.kind.says(), race.other_kind.says());
+        let told = Told {
+            rule: race.rule,
+            message: format!(
+                "an invocation {says} {location}, which invocation ({x}, {y}, {z}) {other_says}; nothing \
+                 orders the two"
+            ),
+            place: here,
+            label: format!("it {says} here"),
+            notes: vec![format!("invocation ({x}, {y}, {z}) {other_says}{}", self.line(race.other))],
+            cause: (race.other.shader, offset(other, race.other.op)),
+            key: Some(key),
+        };
+        self.add(told, op, Mask::lane(race.lane));
+    }
+
+    /// Calls a function for each cause, with the lanes that have it.
+    fn each_cause(
+        &mut self,
+        causes: &Lanes<W>,
+        lanes: Mask<W>,
+        mut visit: impl FnMut(&mut Self, u32, Mask<W>),
+    ) {
+        let mut rest = lanes;
+        while let Some(lane) = rest.lowest() {
+            let cause = causes.0[lane];
+            let same = rest & Mask::equal(causes, cause);
+            rest = rest.without(same);
+            visit(self, cause, same);
+        }
+    }
+
+    fn tell_undefined(&self, cause: u32, op: OpIndex, sink: Sink) -> Option<Told> {
+        let here = OpPlace { shader: self.shader(), op };
+        let (cause, details) = self.causes.get(cause)?;
+        let says = sink.says();
+        Some(match cause {
+            Cause::Unwritten { shader, variable, storage_class, word } => {
+                let program = self.program(shader)?;
+                let path = word_path(&program.module, variable, pointee(program, variable)?, word);
+                let mut notes = Vec::new();
+                if shader != here.shader {
+                    let stage = program.stage.name();
+                    notes.push(format!("`{path}` is a variable of the {stage} shader `{}`", program.name));
+                }
+                Told {
+                    rule: self.rule_of_variable(shader, storage_class, sink)?,
+                    message: format!("`{path}` was never written, and {says}"),
+                    place: here,
+                    label: format!("it {says} here"),
+                    notes,
+                    cause: (shader, variable.0),
+                    key: None,
+                }
+            }
+            Cause::UnwrittenShared { shader, byte } => {
+                let (variable, path) = workgroup_path(self.program(shader)?, byte)?;
+                Told {
+                    rule: &memory::UNINIT_WORKGROUP,
+                    message: format!("`{path}` was never written, and {says}"),
+                    place: here,
+                    label: format!("it {says} here"),
+                    notes: Vec::new(),
+                    cause: (shader, variable.0),
+                    key: None,
+                }
+            }
+            Cause::Builtin { shader, builtin, rule } => {
+                let program = self.program(shader)?;
+                let (stage, name) = (program.stage.name(), &program.name);
+                Told {
+                    rule: rule::find(rule)?,
+                    message: format!("{}, which this hit does not have, {says}", builtin_name(builtin)),
+                    place: here,
+                    label: format!("it {says} here"),
+                    notes: vec![format!("it is read in the {stage} shader `{name}`")],
+                    cause: (shader, builtin),
+                    key: None,
+                }
+            }
+            Cause::Undef(place) => Told {
+                rule: &memory::UNDEF_USE,
+                message: format!("a value that the shader leaves undefined {says}"),
+                place,
+                label: "this value is undefined (OpUndef)".into(),
+                notes: vec![format!("it {says}{}", self.line(here))],
+                cause: (place.shader, offset(self.program(place.shader)?, place.op)),
+                key: None,
+            },
+            Cause::Broken { place, .. } => {
+                let details = details?;
+                Told {
+                    rule: details.rule,
+                    message: format!("{}, whose result is undefined, {says}", details.message),
+                    place,
+                    label: "its result is undefined".into(),
+                    notes: vec![format!("it {says}{}", self.line(here))],
+                    cause: (place.shader, offset(self.program(place.shader)?, place.op)),
+                    key: None,
+                }
+            }
+            Cause::Nan(_) => return None,
+        })
+    }
+
+    /// The rule about a variable of a shader that is not written.
+    fn rule_of_variable(&self, shader: ShaderIndex, storage_class: u32, sink: Sink) -> Option<&'static Rule> {
+        Some(match storage_class {
+            storage::FUNCTION => &memory::UNINIT_FUNCTION,
+            storage::PRIVATE => &memory::UNINIT_PRIVATE,
+            storage::RAY_PAYLOAD if shader == self.shader() => &contract::PAYLOAD_RESULT_UNSET,
+            storage::RAY_PAYLOAD => &contract::PAYLOAD_UNSET_READ,
+            storage::CALLABLE_DATA => &contract::CALLABLE_UNSET_READ,
+            storage::HIT_ATTRIBUTE if sink == Sink::Report => &contract::REPORT_ATTRIBUTES_UNSET,
+            storage::HIT_ATTRIBUTE | storage::HIT_OBJECT_ATTRIBUTE_NV | storage::HIT_OBJECT_ATTRIBUTE_EXT => {
+                &contract::ATTR_UNSET_READ
+            }
+            _ => return None,
+        })
+    }
+
+    /// ` at FILE:LINE`, or nothing.
+    fn line(&self, place: OpPlace) -> String {
+        self.program(place.shader).map_or_else(String::new, |program| source_line(program, place.op))
+    }
+
+    /// Adds what is told about an operation of the shader that runs.
+    fn add(&mut self, told: Told, op: OpIndex, lanes: Mask<W>) {
+        let level = self.levels.of(told.rule);
+        let Some(lane) = lanes.lowest().filter(|_| level != Level::Allow) else { return };
+        let (Some(program), Some(at)) = (self.program(self.shader()), self.program(told.place.shader)) else {
+            return;
+        };
+        let places = told.key.unwrap_or([(told.place.shader, offset(at, told.place.op)), told.cause]);
+        let key = FindingKey { rule: told.rule.id, places };
+        let launch_id = self.batch.invocations.launch_id(lane);
+        let make = || {
+            let error = Error::new(ErrorKind::Finding, told.message);
+            let error = with_location(at, told.place.op, error, &told.label);
+            let error = told.notes.into_iter().fold(error, Error::note);
+            let [x, y, z] = launch_id;
+            let (stage, name) = (program.stage.name(), &program.name);
+            let mut error = error.note(format!("in {stage} `{name}`, launch id ({x}, {y}, {z})"));
+            let mut stack = vec![program.frame(self.shader(), op)];
+            for frame in self.frames.iter().rev().skip(1) {
+                let Some(caller) = self.program(frame.shader) else { continue };
+                let (stage, line) = (caller.stage.name(), source_line(caller, frame.op));
+                error = error.note(format!("called by {stage} `{}`{line}", caller.name));
+                stack.push(caller.frame(frame.shader, frame.op));
+            }
+            Finding { rule: told.rule, level, count: 0, launch_id, stack, error }
+        };
+        // Made before it is added, as both look at the same frames.
+        let new = (!self.findings.knows(&key)).then(make);
+        self.findings.add(key, lanes.count(), new);
+    }
+}
+
+/// `1 byte`, `4 bytes`
+fn byte_count(bytes: u32) -> String {
+    if bytes == 1 { "1 byte".to_owned() } else { format!("{bytes} bytes") }
+}
+
+/// The word of the instruction that an operation comes from.
+fn offset(program: &Program, op: OpIndex) -> u32 {
+    program.origins.get(op.index()).map_or(0, |origin| origin.offset)
+}
+
+/// What tells operations of different source lines apart; without lines, their instructions.
+fn line_or_offset(program: &Program, op: OpIndex) -> u32 {
+    let offset = offset(program, op);
+    let line = program.module.debug_info.line_at(offset);
+    line.map_or(offset, |line| 1 << 31 | line.file << 20 ^ line.line)
+}
+
+/// The type of a variable's value.
+fn pointee(program: &Program, variable: Id) -> Option<TypeId> {
+    match *program.module.ty(program.module.type_of(variable)?) {
+        Type::Pointer { pointee, .. } => pointee,
+        _ => None,
+    }
+}

@@ -1,0 +1,78 @@
+//! Rules about instructions and declarations that are known from a module alone.
+
+rules! {
+    UNIFORM_STORE "uniform-store" UndefinedBehavior
+        "A uniform buffer is not written."
+        "VUID-StandaloneSpirv-Uniform-06925"
+        "write to a storage buffer, or to a copy in a local variable"
+    NON_WRITABLE "non-writable" UndefinedBehavior
+        "Nothing is written through a variable, parameter or member that is decorated NonWritable."
+        "SPIR-V 3.20, NonWritable: the memory object or member is not writable"
+        "drop `readonly` from the declaration, or do not write"
+    NON_READABLE "non-readable" UndefinedBehavior
+        "Nothing is read through a variable, parameter or member that is decorated NonReadable."
+        "SPIR-V 3.20, NonReadable: the memory object or member is not readable"
+        "drop `writeonly` from the declaration: an atomic instruction reads, too"
+    BARRIER_SEMANTICS "barrier-semantics" UndefinedBehavior
+        "Memory semantics have one order and a class of memory, or neither, as their instruction allows."
+        "VUID-StandaloneSpirv-MemorySemantics-10865 to -UnequalMemorySemantics-10879"
+        "use AcquireRelease together with the classes of memory that are ordered: UniformMemory, WorkgroupMemory, \
+         ImageMemory"
+    BARRIER_CLASS "barrier-class" Lint
+        "The barriers of a shader name the class of the memory that it both writes and reads."
+        "a barrier orders only accesses to the classes of memory that its semantics name; GLSL's barrier() names \
+         shared memory alone"
+        "add memoryBarrierBuffer() or memoryBarrierImage() before barrier()"
+    MEMORY_SCOPE "memory-scope" UndefinedBehavior
+        "The memory scope of a barrier or atomic instruction is one that the stage and the memory model have."
+        "VUID-StandaloneSpirv-None-04638, -04640, -07321, VUID-RuntimeSpirv-vulkanMemoryModel-06265, -06266"
+        "use Device, or ShaderCallKHR between shaders of one ray-tracing call; Workgroup is for compute shaders"
+    INVOCATION_SCOPE "invocation-scope" UndefinedBehavior
+        "An instruction of memory scope Invocation orders nothing: its semantics are Relaxed."
+        "VUID-StandaloneSpirv-None-04641"
+        "use the scope of the invocations that share the memory, as gl_ScopeDevice"
+    BITOP_WIDTH "bitop-width" Lint
+        "Bits are counted, reversed, inserted and extracted of 32-bit integers alone."
+        "VUID-RuntimeSpirv-None-10824: without maintenance9, other widths are not allowed"
+        "treat the halves of a 64-bit integer by themselves, or convert a narrow one to 32 bits first"
+    PAYLOAD_ALIASING "payload-aliasing" Lint
+        "A shader that has a payload of its own does not pass that of its caller to a trace in its place."
+        "the called shaders overwrite what the shader was to return"
+        "give traceRayEXT the location of the rayPayloadEXT variable, another than that of rayPayloadInEXT"
+    ALIGNED_OPERAND "aligned-operand" UndefinedBehavior
+        "Each access through a physical pointer names an alignment that is a multiple of the largest scalar."
+        "VUID-StandaloneSpirv-PhysicalStorageBuffer64-04708, -06314"
+        "raise buffer_reference_align to the size of the largest scalar of the block"
+    INTERFACE_INITIALIZER "interface-initializer" UndefinedBehavior
+        "Only variables of storage class Private, Function, Output or Workgroup have an initializer."
+        "VUID-StandaloneSpirv-OpVariable-04651"
+        "assign to the variable at the start of the shader"
+    GATHER_COMPONENT "gather-component" UndefinedBehavior
+        "The component of a gather is a constant from 0 to 3."
+        "SPIR-V 3.3.10, OpImageGather; VUID-StandaloneSpirv-OpImageGather-04664"
+        "branch over the four components"
+    RECORD_BLOCK "record-block" UndefinedBehavior
+        "The variable of the shader record is a Block, and is only read."
+        "SPV_KHR_ray_tracing, ShaderRecordBufferKHR; VUID-StandaloneSpirv-None-10684"
+        "declare it with `layout(shaderRecordEXT) buffer`, and write elsewhere"
+    VOLATILE_LOAD "volatile-load" UndefinedValue
+        "With the Vulkan memory model, each load of a builtin that changes while a shader runs is Volatile."
+        "VUID-StandaloneSpirv-VulkanMemoryModel-04679"
+        "update the compiler"
+    ATTR_READONLY "attr-readonly" UndefinedBehavior
+        "Hit attributes are written by intersection shaders alone."
+        "VUID-StandaloneSpirv-HitAttributeKHR-04703"
+        "copy them to a local variable first"
+    PAYLOAD_LOCATION "payload-location" UndefinedBehavior
+        "Location stands on payloads, callable data, attributes and records, and on no builtin."
+        "VUID-StandaloneSpirv-Location-04915, -06672"
+        "drop the Location of the variable"
+    NO_REPACK_MODE "no-repack-mode" UndefinedBehavior
+        "An entry point that reconverges as its source says traces no rays and calls no shader."
+        "VUID-RuntimeSpirv-SubgroupUniformControlFlowKHR-06379; of MaximallyReconvergesKHR, 09565"
+        "drop the attribute of main(): lanes are repacked at each trace, report, call and reordering"
+    FASTMATH_MODES "fastmath-modes" UndefinedBehavior
+        "FPFastMathDefault stands alone, and AllowTransform together with AllowContract and AllowReassoc."
+        "SPV_KHR_float_controls2"
+        "drop ContractionOff and SignedZeroInfNanPreserve, or FPFastMathDefault"
+}

@@ -1,0 +1,40 @@
+//! Rules about the instructions of a subgroup, by which lanes read each other's values.
+
+rules! {
+    BROADCAST_UNIFORM "broadcast-uniform" UndefinedBehavior
+        "All active lanes of a subgroup broadcast from the same lane."
+        "SPIR-V 3.3.24, OpGroupNonUniformBroadcast: behavior is undefined when Id is not dynamically uniform"
+        "use subgroupShuffle where each lane reads from a lane of its own"
+    BROADCAST_INACTIVE "broadcast-inactive" UndefinedValue
+        "A broadcast is from an active lane of the subgroup."
+        "SPIR-V 3.3.24, OpGroupNonUniformBroadcast: the value of an inactive invocation is undefined"
+        "use subgroupBroadcastFirst, which reads the lowest active lane, or broadcast before the branch"
+    SHUFFLE_INACTIVE "shuffle-inactive" UndefinedValue
+        "A lane reads the value of an active lane of its subgroup."
+        "SPIR-V 3.3.24, OpGroupNonUniformShuffle*: the value of an inactive invocation is undefined"
+        "read only from lanes whose bit is set in subgroupBallot(true)"
+    ROTATE_INACTIVE "rotate-inactive" UndefinedValue
+        "A rotation within a subgroup or cluster reads from active lanes."
+        "SPIR-V 3.3.24, OpGroupNonUniformRotateKHR: the value of an inactive invocation is undefined"
+        "rotate before lanes branch apart, or only where the subgroup is full"
+    QUAD_INDEX "quad-index" UndefinedValue
+        "A quad operation reads from an active lane of the quad, by an index below 4 that is the same in it."
+        "SPIR-V 3.3.24, OpGroupNonUniformQuadBroadcast, QuadSwap: the value of an inactive invocation is undefined"
+        "exchange values before lanes branch apart, and launch whole quads"
+    BALLOT_INDEX "ballot-index" UndefinedValue
+        "The index of a bit of a ballot is below the size of the subgroup."
+        "SPIR-V 3.3.24, OpGroupNonUniformBallotBitExtract: the result is undefined for a greater Index"
+        "compare the index with gl_SubgroupSize first"
+    BALLOT_FIND_NONE "ballot-find-none" UndefinedValue
+        "A ballot in which a bit is sought has one that is set."
+        "SPIR-V 3.3.24, OpGroupNonUniformBallotFindLSB and FindMSB: the result is undefined if no bit is set"
+        "test the ballot, or subgroupAny, before subgroupBallotFindLSB"
+    INVERSE_BALLOT_UNIFORM "inverse-ballot-uniform" UndefinedBehavior
+        "All active lanes of a subgroup give the same ballot to an inverse ballot."
+        "SPIR-V 3.3.24, OpGroupNonUniformInverseBallot: behavior is undefined unless Value is the same in all"
+        "use subgroupBallotBitExtract(mask, gl_SubgroupInvocationID) for a mask of each lane's own"
+    STALE_SUBGROUP "stale-subgroup" Lint
+        "A lane's index, a mask or a ballot is not kept over a trace, a report or a reordering."
+        "Vulkan, \"Shader Call Instructions\": they may repack invocations, whose subgroups change"
+        "take the ballot, and load the builtin, behind the instruction again"
+}

@@ -1,0 +1,16 @@
+//! Rules about what must be the same in all lanes of a subgroup, or be decorated `NonUniform`.
+
+rules! {
+    NONUNIFORM_RESOURCE "nonuniform-resource" UndefinedBehavior
+        "Where the lanes of a subgroup use different descriptors, the operand of the access is NonUniform."
+        "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149 (before: VUID-RuntimeSpirv-NonUniform-06274)"
+        "write textures[nonuniformEXT(index)], in HLSL and Slang NonUniformResourceIndex(index)"
+    NONUNIFORM_PLACEMENT "nonuniform-placement" UndefinedBehavior
+        "NonUniform decorates the operand of the access, not only the index that it is made of."
+        "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149; GL_EXT_nonuniform_qualifier"
+        "write nonuniformEXT in the brackets of the array: a variable or parameter does not keep it"
+    PUSH_ARRAY_UNIFORM "push-array-uniform" UndefinedBehavior
+        "An array in the push constants is indexed alike in all lanes."
+        "Vulkan, \"Runtime SPIR-V Validation\", 04745: such indices are dynamically uniform"
+        "keep tables that lanes index each for itself in a uniform or storage buffer"
+}

@@ -1,0 +1,384 @@
+//! Rules about what must be the same in all lanes of a subgroup: the resource of an access whose
+//! operand is not decorated `NonUniform`, and indices into push constants.
+
+use std::cell::OnceCell;
+
+use rspirv::spirv::Op as Opcode;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use crate::machine::device_memory::STRUCTURE_HANDLE;
+use crate::machine::stop::RegSpan;
+use crate::machine::{Batch, Bindings, Mask, OpIndex, Reg};
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Module};
+use crate::ops::atomic::AtomicTarget;
+use crate::ops::image::ImageOp;
+use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
+use crate::ops::op::Op;
+use crate::ops::ray_query::RayQueryOp;
+use crate::ops::ray_tracing::RayTracingOp;
+use crate::program::Program;
+use crate::sanitize::plan::InstructionWords;
+use crate::sanitize::rule::uniformity;
+use crate::sanitize::sanitizer::Sanitizer;
+use crate::sanitize::subgroup_checks::differing_lanes;
+
+/// `NonUniform`
+const NON_UNIFORM: u32 = 5300;
+
+/// What must be the same in all lanes of a subgroup where an operation accesses memory.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Uniformity {
+    /// Which resources they are, as the operands that stand for them are not decorated.
+    Resources {
+        /// What the operation does with them.
+        does: &'static str,
+        /// The operands.
+        operands: Box<[ResourceOperand]>,
+    },
+    /// The byte offset into the push constants.
+    PushConstants(Reg),
+}
+
+/// An operand that stands for a resource, and is not decorated `NonUniform`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResourceOperand {
+    /// The operand.
+    id: Id,
+    /// An id that the operand is made of, and that is decorated.
+    decorated: Option<Id>,
+    /// The first register that says which resource it is.
+    register: Reg,
+    /// One register for a handle, two for an acceleration structure.
+    words: u32,
+}
+
+/// Finds out what must be uniform at the operations of a program.
+#[derive(Debug)]
+pub(super) struct UniformityPlan<'a> {
+    program: &'a Program,
+    constants: &'a FxHashMap<Reg, u32>,
+    uses: OnceCell<Uses>,
+}
+
+impl<'a> UniformityPlan<'a> {
+    /// Of a program and the values of its constant registers.
+    pub(super) fn new(program: &'a Program, constants: &'a FxHashMap<Reg, u32>) -> Self {
+        Self { program, constants, uses: OnceCell::new() }
+    }
+
+    /// What must be uniform at an operation; `None` where nothing need be, or constants see to it.
+    pub(super) fn of(&self, op: &Op, instruction: InstructionWords<'a>) -> Option<Uniformity> {
+        if let Op::Memory(MemoryOp::BufferLoad {
+            chunk: Chunk { buffer: BufferRef::PushConstants, index: Some(index), .. },
+            ..
+        }) = *op
+        {
+            let pointer = access_operand(&self.program.module, op, instruction)?;
+            return self.indexes_arrays_alone(pointer).then_some(Uniformity::PushConstants(index));
+        }
+        let (does, registers) = resource_registers(op)?;
+        if registers.iter().flatten().all(|(register, _)| self.constants.contains_key(register)) {
+            return None;
+        }
+        let access = access_operand(&self.program.module, op, instruction)?;
+        if self.is_non_uniform(access) {
+            return None;
+        }
+        let mut operands: Vec<ResourceOperand> = Vec::new();
+        for (half, (register, words)) in registers.into_iter().flatten().enumerate() {
+            let id = if words == 1 { self.half_of_sampled_image(access, half) } else { access };
+            let is_new = operands.iter().all(|operand| operand.register != register);
+            if is_new && !self.constants.contains_key(&register) && !self.is_non_uniform(id) {
+                operands.push(ResourceOperand { id, decorated: self.decorated_source(id), register, words });
+            }
+        }
+        (!operands.is_empty()).then(|| Uniformity::Resources { does, operands: operands.into() })
+    }
+
+    /// The image or sampler that `OpSampledImage` makes an operand of; any other operand itself.
+    fn half_of_sampled_image(&self, operand: Id, half: usize) -> Id {
+        let definition = self.definition(operand);
+        let made = definition.filter(|made| made.opcode == Some(Opcode::SampledImage));
+        made.and_then(|made| made.words.get(3 + half)).map_or(operand, |&id| Id(id))
+    }
+
+    fn is_non_uniform(&self, id: Id) -> bool {
+        self.program.module.decorations.find(id, NON_UNIFORM).is_some()
+    }
+
+    fn uses(&self) -> &Uses {
+        self.uses.get_or_init(|| Uses::of(&self.program.module))
+    }
+
+    fn definition(&self, id: Id) -> Option<InstructionWords<'a>> {
+        let offset = self.uses().definitions.get(&id)?;
+        Some(InstructionWords::at(&self.program.module, *offset))
+    }
+
+    /// An id decorated `NonUniform` that another is made of: an index, a pointer, the argument of a
+    /// call.
+    fn decorated_source(&self, id: Id) -> Option<Id> {
+        let mut seen = FxHashSet::default();
+        let mut open = vec![id];
+        while let Some(id) = open.pop() {
+            if self.is_non_uniform(id) {
+                return Some(id);
+            }
+            if seen.insert(id) {
+                self.add_sources(id, &mut open);
+            }
+        }
+        None
+    }
+
+    fn add_sources(&self, id: Id, sources: &mut Vec<Id>) {
+        let module = &self.program.module;
+        // What variables hold, if they have no access chains.
+        sources.extend(self.uses().stored.get(&id).into_iter().flatten());
+        if let Some(Definition::Parameter(function, index)) = module.definition(id) {
+            let calls = self.uses().calls.get(&module.functions[function as usize].id);
+            for &call in calls.into_iter().flatten() {
+                let argument = InstructionWords::at(module, call).words.get(4 + index as usize).copied();
+                sources.extend(argument.map(Id));
+            }
+        }
+        let Some(instruction) = self.definition(id) else { return };
+        let Some(opcode) = instruction.opcode else { return };
+        use Opcode as O;
+        let operands = instruction.words.get(3..).unwrap_or_default();
+        let ids = match opcode {
+            O::Load | O::Image | O::CompositeExtract | O::ImageTexelPointer => {
+                operands.get(..1).unwrap_or_default()
+            }
+            O::AccessChain
+            | O::InBoundsAccessChain
+            | O::PtrAccessChain
+            | O::SampledImage
+            | O::CopyObject
+            | O::Bitcast
+            | O::UConvert
+            | O::SConvert
+            | O::IAdd
+            | O::ISub
+            | O::IMul
+            | O::UDiv
+            | O::UMod
+            | O::BitwiseAnd
+            | O::BitwiseOr
+            | O::ShiftLeftLogical
+            | O::ShiftRightLogical
+            | O::Select
+            | O::Phi => operands,
+            _ => &[],
+        };
+        sources.extend(ids.iter().map(|&id| Id(id)));
+    }
+
+    /// Whether all indices of a pointer that are not constant are those of arrays, and there is
+    /// one.
+    fn indexes_arrays_alone(&self, pointer: Id) -> bool {
+        let mut arrays = false;
+        let mut at = pointer;
+        while let Some(chain) = self.definition(at) {
+            let (Some(Opcode::AccessChain | Opcode::InBoundsAccessChain), Some((&base, indices))) =
+                (chain.opcode, chain.words.get(3..).and_then(<[u32]>::split_first))
+            else {
+                return false;
+            };
+            let module = &self.program.module;
+            let Some(mut ty) = pointee(module, Id(base)) else { return false };
+            for &index in indices {
+                let constant = module.constant_scalar(Id(index));
+                let is_array = matches!(module.ty(ty), Type::Array { .. } | Type::RuntimeArray { .. });
+                if constant.is_none() && !is_array {
+                    return false;
+                }
+                arrays |= constant.is_none();
+                let Some(part) = part_of(module, ty, constant) else { return false };
+                ty = part;
+            }
+            at = Id(base);
+        }
+        arrays
+    }
+}
+
+/// How the ids of a module are made of each other.
+#[derive(Debug, Default)]
+struct Uses {
+    /// The offset of the instruction that an id is the result of.
+    definitions: FxHashMap<Id, u32>,
+    /// By pointer: what is stored through it.
+    stored: FxHashMap<Id, Vec<Id>>,
+    /// By function: the offsets of its calls.
+    calls: FxHashMap<Id, Vec<u32>>,
+}
+
+impl Uses {
+    fn of(module: &Module) -> Self {
+        /// Words of a module's header.
+        const HEADER: u32 = 5;
+        let mut uses = Self::default();
+        let mut offset = HEADER;
+        while (offset as usize) < module.words.len() {
+            let instruction = InstructionWords::at(module, offset);
+            match (instruction.opcode, instruction.words) {
+                (Some(Opcode::Store), &[_, pointer, object, ..]) => {
+                    uses.stored.entry(Id(pointer)).or_default().push(Id(object));
+                }
+                (Some(Opcode::FunctionCall), &[_, _, _, function, ..]) => {
+                    uses.calls.entry(Id(function)).or_default().push(offset);
+                }
+                _ => {}
+            }
+            // Variables are no more than what is stored to them.
+            if let Some(result) = instruction.result(module)
+                && instruction.opcode != Some(Opcode::Variable)
+            {
+                uses.definitions.insert(result, offset);
+            }
+            offset += (instruction.words.len() as u32).max(1);
+        }
+        uses
+    }
+}
+
+/// What an operation does with a resource, and the registers that say which it is.
+#[allow(clippy::type_complexity, reason = "one register or two, as there are images with samplers")]
+fn resource_registers(op: &Op) -> Option<(&'static str, [Option<(Reg, u32)>; 2])> {
+    let handle = |register: Reg| [Some((register, 1)), None];
+    Some(match op {
+        Op::Memory(MemoryOp::BufferLoad { chunk, .. }) => ("read", handle(computed(chunk)?)),
+        Op::Memory(MemoryOp::BufferStore { chunk, .. }) => ("write", handle(computed(chunk)?)),
+        Op::Atomic(atomic) => match &atomic.target {
+            AtomicTarget::Buffer(chunk) => ("update", handle(computed(chunk)?)),
+            AtomicTarget::Texel(texel) => ("update", handle(texel.image)),
+            AtomicTarget::Registers { .. } => return None,
+        },
+        Op::Image(ImageOp::Sample(sample)) => {
+            ("sample", [Some((sample.image, 1)), Some((sample.sampler, 1))])
+        }
+        Op::Image(ImageOp::Read(read)) => ("read", handle(read.texel.image)),
+        Op::Image(ImageOp::Write(write)) => ("write", handle(write.texel.image)),
+        Op::RayQuery(RayQueryOp::Initialize { operands, .. })
+        | Op::Stop(RayTracingOp::TraceRay { operands, .. } | RayTracingOp::HitObjectTrace { operands, .. }) => {
+            ("trace rays in", [Some((*operands, 2)), None])
+        }
+        _ => return None,
+    })
+}
+
+/// The register of a buffer's handle, where a shader computes it.
+fn computed(chunk: &Chunk) -> Option<Reg> {
+    match chunk.buffer {
+        BufferRef::Computed(handle) => Some(handle),
+        _ => None,
+    }
+}
+
+/// The operand of an instruction that stands for the resource.
+fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -> Option<Id> {
+    use Opcode as O;
+    let words = instruction.words;
+    if matches!(op, Op::RayQuery(_) | Op::Stop(_)) {
+        let is_structure = |id: &Id| {
+            module.type_of(*id).is_some_and(|ty| matches!(module.ty(ty), Type::AccelerationStructure))
+        };
+        return words.get(1..)?.iter().map(|&word| Id(word)).find(is_structure);
+    }
+    let at = match instruction.opcode? {
+        O::Store | O::AtomicStore | O::ImageWrite => 1,
+        O::CopyMemory if matches!(op, Op::Memory(MemoryOp::BufferStore { .. })) => 1,
+        O::CopyMemory => 2,
+        // `Frexp` and the like write through a pointer, too.
+        O::ExtInst => return None,
+        _ => 3,
+    };
+    words.get(at).map(|&word| Id(word))
+}
+
+fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
+    match *module.ty(module.type_of(pointer)?) {
+        Type::Pointer { pointee, .. } => pointee,
+        _ => None,
+    }
+}
+
+/// The type of a part of a composite, by its index where that is known.
+fn part_of(module: &Module, ty: TypeId, index: Option<u64>) -> Option<TypeId> {
+    Some(match *module.ty(ty) {
+        Type::Struct { ref members, .. } => members.get(usize::try_from(index?).ok()?)?.ty,
+        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => element,
+        Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => part,
+        _ => return None,
+    })
+}
+
+/// Checks that what must be uniform is.
+pub(super) fn check<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    uniformity: &Uniformity,
+) {
+    match uniformity {
+        Uniformity::PushConstants(index) => {
+            let differing = differing_lanes(batch, RegSpan { first: *index, count: 1 }, 0);
+            sanitizer.tell(batch, &uniformity::PUSH_ARRAY_UNIFORM, op, differing, |_| {
+                "lanes of a subgroup read different elements of an array in the push constants".to_owned()
+            });
+        }
+        Uniformity::Resources { does, operands } => {
+            operands.iter().for_each(|operand| check_resource(sanitizer, batch, op, does, operand));
+        }
+    }
+}
+
+fn check_resource<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    does: &str,
+    operand: &ResourceOperand,
+) {
+    let &ResourceOperand { id, decorated, register, words } = operand;
+    let mut differing = differing_lanes(batch, RegSpan { first: register, count: words }, 0);
+    if words == 2 && !differing.is_empty() {
+        // A structure by its device address needs no descriptor.
+        differing = differing & Mask::equal(&batch.registers[register.plus(1)], STRUCTURE_HANDLE);
+    }
+    let handle = |lane: usize| batch.registers[register].0[lane];
+    let Some(one) = differing.lowest().map(handle) else { return };
+    let Some(other) = differing.lanes().map(handle).find(|other| *other != one) else { return };
+    let rule = match decorated {
+        Some(_) => &uniformity::NONUNIFORM_PLACEMENT,
+        None => &uniformity::NONUNIFORM_RESOURCE,
+    };
+    sanitizer.tell_of_program(batch, rule, op, differing, |program| {
+        let [one, other] = [one, other].map(|handle| describe(program, handle));
+        let id = id_name(&program.module, id);
+        let but = decorated
+            .map_or_else(String::new, |decorated| format!(", though {} is", id_name(&program.module, decorated)));
+        format!(
+            "lanes of a subgroup {does} {one} and {other}, and {id}, the operand of the access, is not NonUniform{but}"
+        )
+    });
+}
+
+/// A descriptor as a report names it.
+fn describe(program: &Program, handle: u32) -> String {
+    let slot = Bindings::slot_of(handle);
+    match slot.and_then(|(slot, element)| Some((program.slots.get(slot)?, element))) {
+        Some((slot, element)) => format!("`{}[{element}]`", slot.name),
+        None => "no descriptor".to_owned(),
+    }
+}
+
+/// An id by number, and by name where it has one.
+fn id_name(module: &Module, id: Id) -> String {
+    match module.name(id).filter(|name| !name.is_empty()) {
+        Some(name) => format!("%{} (`{name}`)", id.0),
+        None => format!("%{}", id.0),
+    }
+}
