@@ -10,6 +10,11 @@ use std::path::{Path, PathBuf};
 
 use anyhit::internals::harness::case::Case;
 use anyhit::internals::harness::expect::Expectations;
+use anyhit::internals::harness::sanitize_table::scene_levels;
+use anyhit::internals::harness::sanitized::run_sanitized;
+use anyhit::internals::sanitize::rule;
+use anyhit::internals::sanitize::{Findings, Levels};
+use anyhit::internals::scene::{LoadOptions, SceneFiles, assemble, load_text};
 use libtest_mimic::{Arguments, Failed, Trial};
 use pretty_assertions::StrComparison;
 
@@ -29,6 +34,15 @@ fn main() {
         let (case, root) = (case.clone(), root.to_path_buf());
         trials.push(Trial::test(name, move || check(&case, &root)));
     }
+    let rules = sanitized_folders(root);
+    for folder in rules.clone() {
+        let name =
+            folder.strip_prefix(root.join("shaders")).expect("a folder of cases").display().to_string();
+        trials.push(Trial::test(name, move || sanitized(&folder)));
+    }
+    trials.push(Trial::test("every rule of the sanitizer has a case", move || every_rule(&rules)));
+    let page = root.join("docs/sanitize.md");
+    trials.push(Trial::test("sanitize: every rule stands in docs/sanitize.md", move || documented(&page)));
     let (all, root) = (cases, root.to_path_buf());
     trials.push(Trial::test("every fixture is run by a case", move || every_fixture(&all, &root)));
     libtest_mimic::run(&arguments, trials).exit();
@@ -45,6 +59,9 @@ fn demo(root: &Path) -> Vec<Case> {
 fn check(case: &Case, root: &Path) -> Result<(), Failed> {
     let run = case.run().map_err(|error| Failed::from(error.render()))?;
     case.check_optimizer().map_err(|error| Failed::from(error.render()))?;
+    if run.observed.trap.is_none() {
+        no_alarm(case)?;
+    }
     if case.scene.starts_with(root.join("shaders")) {
         let expectations = scene(case).and_then(|scene| Expectations::read(&scene.document));
         if let Ok(expectations) = expectations {
@@ -87,14 +104,104 @@ fn scene(case: &Case) -> anyhit::internals::error::Result<anyhit::internals::sce
     anyhit::internals::scene::load(&case.scene, &anyhit::internals::scene::DiskFiles, &options)
 }
 
+/// `shaders/sanitize/RULE`: a scene whose shader breaks the rule, and the shader that does not.
+fn sanitized_folders(root: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(root.join("shaders/sanitize")).expect("the sanitizer's cases");
+    let mut folders: Vec<PathBuf> = entries.map(|entry| entry.expect("a readable folder").path()).collect();
+    folders.sort();
+    folders
+}
+
+/// The broken shader breaks the rule of its folder and no other, and its report is
+/// `broken.findings`; the mended one breaks none.
+fn sanitized(folder: &Path) -> Result<(), Failed> {
+    let broken = sanitize(folder, "broken.")?;
+    let ids: BTreeSet<&str> = broken.iter().map(|finding| finding.rule.id).collect();
+    let rule = folder.file_name().and_then(std::ffi::OsStr::to_str).unwrap_or_default();
+    let text: String = broken.iter().map(|finding| finding.render() + "\n").collect();
+    if ids != BTreeSet::from([rule]) {
+        return Err(format!("the broken shader breaks {ids:?}:\n{text}").into());
+    }
+    rendering(&folder.join("broken.findings"), &text)?;
+    let mended = sanitize(folder, "mended.")?;
+    let text: String = mended.iter().map(|finding| finding.render() + "\n").collect();
+    if mended.is_empty() { Ok(()) } else { Err(format!("the mended shader is not:\n{text}").into()) }
+}
+
+/// What the sanitizer finds in a scene with another of its shaders.
+fn sanitize(folder: &Path, shader: &str) -> Result<Findings, Failed> {
+    let failed = |error: anyhit::Error| Failed::from(error.render());
+    let path = folder.join("scene.toml");
+    let text = std::fs::read_to_string(&path)?.replace("broken.", shader);
+    let options = LoadOptions::default();
+    let scene = load_text(&path, &text, &SceneFiles::default(), &options).map_err(failed)?;
+    let assembled = assemble(&scene).map_err(failed)?;
+    let run = run_sanitized(&scene, &assembled, &assembled.resources, &Levels::default()).map_err(failed)?;
+    run.outcome.map_err(failed)?;
+    Ok(run.findings)
+}
+
+/// Under the sanitizer nothing is denied but what the scene allows, as it tests this crate's choice
+/// where the specification leaves one.
+fn no_alarm(case: &Case) -> Result<(), Failed> {
+    let failed = |error: anyhit::Error| Failed::from(error.render());
+    let scene = scene(case).map_err(failed)?;
+    let assembled = assemble(&scene).map_err(failed)?;
+    let levels = scene_levels(&scene.document).map_err(failed)?;
+    let run = run_sanitized(&scene, &assembled, &assembled.resources, &levels).map_err(failed)?;
+    let denied: String = run.findings.denied().map(|finding| finding.render() + "\n").collect();
+    if denied.is_empty() { Ok(()) } else { Err(format!("the sanitizer denies:\n{denied}").into()) }
+}
+
+/// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
+/// assembled module in `src/sanitize/module_checks/tests.rs`.
+const WITHOUT_CASE: [&str; 9] = [
+    "attr-readonly",
+    "fastmath-modes",
+    "gather-component",
+    "interface-initializer",
+    "non-writable",
+    "payload-location",
+    "record-block",
+    "uniform-store",
+    "volatile-load",
+];
+
+/// A rule without a case would be told in words that nobody has read.
+fn every_rule(folders: &[PathBuf]) -> Result<(), Failed> {
+    let names: BTreeSet<&str> =
+        folders.iter().filter_map(|folder| folder.file_name().and_then(std::ffi::OsStr::to_str)).collect();
+    let mut rules: BTreeSet<&str> = rule::all().map(|rule| rule.id).collect();
+    for rule in WITHOUT_CASE {
+        if !rules.remove(rule) {
+            return Err(format!("{rule} is no rule").into());
+        }
+    }
+    if names == rules { Ok(()) } else { Err(format!("{:?}", names.symmetric_difference(&rules)).into()) }
+}
+
+/// The table of rules in a page is that of the code.
+fn documented(page: &Path) -> Result<(), Failed> {
+    const BEGIN: &str = "cases sanitize` -->\n";
+    const END: &str = "<!-- end of rules -->";
+    let text = std::fs::read_to_string(page)?.replace("\r\n", "\n");
+    let (begin, end) = (text.find(BEGIN).ok_or("no table")? + BEGIN.len(), text.find(END).ok_or("no table")?);
+    let mut table = String::from("| rule | kind | what must hold |\n|---|---|---|\n");
+    for rule in rule::all() {
+        table += &format!("| `{}` | {} | {} |\n", rule.id, rule.kind.name(), rule.holds);
+    }
+    rendering(page, &format!("{}{table}{}", &text[..begin], &text[end..]))
+}
+
 /// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run
-/// by `cargo test --benches`.)
+/// by `cargo test --benches`, those of `sanitize/` have both of their shaders run above.)
 fn every_fixture(cases: &[Case], root: &Path) -> Result<(), Failed> {
     let mut left = BTreeSet::new();
     collect(&root.join("spirv-fixtures"), &mut left);
-    let bench = root.join("spirv-fixtures/bench").canonicalize()?;
+    let others = ["bench", "sanitize"].map(|folder| root.join("spirv-fixtures").join(folder));
+    let others = others.map(|folder| folder.canonicalize().expect("a folder of fixtures"));
     assert!(!left.is_empty(), "no fixtures found");
-    left.retain(|path| !path.starts_with(&bench));
+    left.retain(|path| !others.iter().any(|folder| path.starts_with(folder)));
     for case in cases {
         let scene = scene(case).map_err(|error| Failed::from(error.render()))?;
         for module in &scene.shaders {

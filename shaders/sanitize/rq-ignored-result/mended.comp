@@ -1,0 +1,21 @@
+#version 460
+#extension GL_EXT_ray_query : require
+//@ flags: -g
+
+// Which points see the sky, past leaves that are not opaque and a roof that is.
+
+layout(local_size_x = 4) in;
+
+layout(set = 0, binding = 0) uniform accelerationStructureEXT scene;
+layout(set = 0, binding = 1, std430) writeonly buffer Sky { uint sees_sky[]; };
+layout(set = 0, binding = 2, std430) readonly buffer Points { vec4 points[]; };
+
+void main() {
+    vec3 point = points[gl_GlobalInvocationID.x].xyz;
+    uint flags = gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsOpaqueEXT;
+    rayQueryEXT query;
+    rayQueryInitializeEXT(query, scene, flags, 0xff, point, 0.0, vec3(0, 0, 1), 99.0);
+    rayQueryProceedEXT(query);
+    uint hit = rayQueryGetIntersectionTypeEXT(query, true);
+    sees_sky[gl_GlobalInvocationID.x] = hit == gl_RayQueryCommittedIntersectionNoneEXT ? 1u : 0u;
+}

@@ -1,0 +1,18 @@
+#version 460
+#extension GL_EXT_ray_tracing : require
+#extension GL_NV_linear_swept_spheres : require
+//@ flags: -g
+
+// Beads and the thread between them, in the colours of their normals.
+
+layout(location = 0) rayPayloadInEXT vec3 color;
+hitAttributeEXT float along; // of a linear swept sphere
+
+vec3 hit_point() {
+    return gl_ObjectRayOriginEXT + gl_HitTEXT * gl_ObjectRayDirectionEXT;
+}
+
+void main() {
+    vec3 middle = gl_HitSpherePositionNV;
+    color = 0.5 + 0.5 * normalize(hit_point() - middle);
+}
