@@ -128,6 +128,9 @@ impl SanitizeArgs {
         }
         self.print(&findings)?;
         let stats = run.outcome?;
+        if findings.is_empty() && self.findings == FindingFormat::Text {
+            output::hint("the sanitizer found nothing");
+        }
         deny(&findings)?;
         Ok(stats)
     }
