@@ -168,7 +168,7 @@ impl<const W: usize> Registers<W> {
     /// sanitizer keeps shadows of them.
     pub fn define(&mut self, first: Reg, count: u32, lanes: Mask<W>) {
         if let Some(shadow) = &mut self.shadow {
-            (0..count).for_each(|word| shadow.define_lanes(first.plus(word), lanes));
+            shadow.define_span(first, count, lanes);
         }
     }
 

@@ -44,6 +44,15 @@ impl Module {
         }
     }
 
+    /// The type that a pointer points to; `None` where an id is no pointer, or an untyped one.
+    #[doc(hidden)]
+    pub fn pointee(&self, pointer: Id) -> Option<TypeId> {
+        match *self.ty(self.type_of(pointer)?) {
+            Type::Pointer { pointee, .. } => pointee,
+            _ => None,
+        }
+    }
+
     /// The type that an id declares.
     #[doc(hidden)]
     pub fn type_with_id(&self, id: Id) -> Option<TypeId> {

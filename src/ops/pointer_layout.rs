@@ -152,11 +152,7 @@ impl LayoutSearch<'_, '_> {
         // base.
         let mut known: Option<PointeeLayout> = None;
         let mut steps = Selection::Whole;
-        let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
-            Type::Pointer { pointee, .. } => pointee,
-            _ => None,
-        });
-        let mut ty = pointee;
+        let mut ty = module.pointee(base);
         for &index in indices {
             ty = match ty.map(|ty| module.ty(ty)) {
                 Some(Type::Struct { members, .. }) => {

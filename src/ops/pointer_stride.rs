@@ -41,7 +41,7 @@ pub fn array_stride(translator: &Translator<'_>, pointers: &[Id]) -> (Stride, us
             return (Stride::Unique(*stride), steps);
         }
         if !search.complete
-            && let Some(ty) = pointee(module, pointer)
+            && let Some(ty) = module.pointee(pointer)
         {
             steps += module.types.len();
             add_strides_of_arrays_of(module, ty, &mut search.found);
@@ -69,13 +69,6 @@ impl Strides {
 
     fn all(&self) -> &[u32] {
         &self.0
-    }
-}
-
-fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
-    match *module.ty(module.type_of(pointer)?) {
-        Type::Pointer { pointee, .. } => pointee,
-        _ => None,
     }
 }
 
@@ -166,7 +159,7 @@ impl StrideSearch<'_, '_> {
     /// The stride of the array that indices reach.
     fn stride(&self, base: u32, indices: &[u32]) -> Option<u32> {
         let module = self.translator.module;
-        let mut ty = pointee(module, Id(base))?;
+        let mut ty = module.pointee(Id(base))?;
         for &index in indices {
             ty = match module.ty(ty) {
                 Type::Struct { members, .. } => {

@@ -226,11 +226,7 @@ impl Program {
         let module = &self.module;
         let mut path = self.path(base).unwrap_or_default();
         let mut chain_indices = Vec::new();
-        let pointee = module.type_of(base).and_then(|ty| match *module.ty(ty) {
-            Type::Pointer { pointee, .. } => pointee,
-            _ => None,
-        });
-        let Some(mut ty) = pointee else { return (chain_indices, path) };
+        let Some(mut ty) = module.pointee(base) else { return (chain_indices, path) };
         let is_variable = matches!(module.definition(base), Some(Definition::Variable(_)));
         let mut offset = is_variable.then_some(0u64);
         for &index in indices {
@@ -291,8 +287,7 @@ impl Program {
             }
             Definition::Variable(_) => {
                 // A block without an instance name has the name of its type.
-                let Type::Pointer { pointee, .. } = *module.ty(module.type_of(id)?) else { return None };
-                module.name(module.id_of_type(pointee?)?).map(str::to_owned)
+                module.name(module.id_of_type(module.pointee(id)?)?).map(str::to_owned)
             }
             _ => None,
         }

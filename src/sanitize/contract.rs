@@ -32,7 +32,9 @@ pub fn check_pipeline(pipeline: &Pipeline, levels: &Levels) -> Findings {
             contract.attributes(group);
         }
     }
-    (0..pipeline.programs.len() as u32).for_each(|shader| contract.volatile(ShaderIndex(shader)));
+    for (shader, program) in contract.programs() {
+        contract.volatile(shader, program);
+    }
     for (shader, program) in contract.programs() {
         contract.findings.extend(check_module(program, shader, levels));
     }
@@ -75,7 +77,7 @@ impl<'a> Contract<'a> {
             let passes = |program: &Program| {
                 variables(program).into_iter().find(|variable| {
                     variable.storage_class == outgoing
-                        && variable.ty.is_some_and(|ty| scalars(&program.module, ty).iter().any(|_| true))
+                        && variable.ty.is_some_and(|ty| !scalars(&program.module, ty).is_empty())
                 })
             };
             let Some((caller, passed)) =
@@ -99,52 +101,36 @@ impl<'a> Contract<'a> {
 
     /// What the shaders of a hit group declare as hit attributes.
     fn attributes(&mut self, group: &HitGroup) {
-        let hit_shaders = [group.any_hit, group.closest_hit].into_iter().flatten();
-        match group.intersection {
-            None => {
-                for shader in hit_shaders {
-                    let Some(variable) = attribute(self.program(shader)) else { continue };
-                    let module = &self.program(shader).module;
-                    let Some(ty) = variable.ty else { continue };
-                    if scalars(module, ty).len() <= 2 {
-                        continue;
-                    }
-                    let ty = module.describe_type(ty);
-                    let message = format!(
-                        "`{}` is {ty}, and the attributes of a triangle are two floats",
-                        variable.name
-                    );
-                    self.add(&contract::ATTR_TRIANGLE_TYPE, shader, Some(variable.id), message, Vec::new());
+        let reported = match group.intersection {
+            None => None,
+            Some(intersection) => match attribute(self.program(intersection)) {
+                Some((_, ty)) => Some((&self.program(intersection).module, ty)),
+                None => return,
+            },
+        };
+        for shader in [group.any_hit, group.closest_hit].into_iter().flatten() {
+            let Some((variable, ty)) = attribute(self.program(shader)) else { continue };
+            let module = &self.program(shader).module;
+            let declared = format!("`{}` is {}", variable.name, module.describe_type(ty));
+            let own = scalars(module, ty);
+            let (rule, message) = match reported {
+                None if own.len() > 2 => {
+                    let message = format!("{declared}, and the attributes of a triangle are two floats");
+                    (&contract::ATTR_TRIANGLE_TYPE, message)
                 }
-            }
-            Some(intersection) => {
-                let Some(reported) = attribute(self.program(intersection)) else { return };
-                let module = &self.program(intersection).module;
-                let Some(expected) = reported.ty.map(|ty| (scalars(module, ty), module.describe_type(ty)))
-                else {
-                    return;
-                };
-                for shader in hit_shaders {
-                    let Some(variable) = attribute(self.program(shader)) else { continue };
-                    let module = &self.program(shader).module;
-                    let Some(ty) = variable.ty else { continue };
-                    if scalars(module, ty) == expected.0 {
-                        continue;
-                    }
+                Some((module, ty)) if own != scalars(module, ty) => {
                     let ty = module.describe_type(ty);
-                    let message = format!(
-                        "`{}` is {ty}, and the intersection shader reports {}",
-                        variable.name, expected.1
-                    );
-                    self.add(&contract::ATTR_GROUP_TYPE, shader, Some(variable.id), message, Vec::new());
+                    let message = format!("{declared}, and the intersection shader reports {ty}");
+                    (&contract::ATTR_GROUP_TYPE, message)
                 }
-            }
+                _ => continue,
+            };
+            self.add(rule, shader, Some(variable.id), message, Vec::new());
         }
     }
 
     /// Builtins that change while a shader runs, and are not decorated `Volatile`.
-    fn volatile(&mut self, shader: ShaderIndex) {
-        let program = self.program(shader);
+    fn volatile(&mut self, shader: ShaderIndex, program: &Program) {
         // With the Vulkan memory model each load is volatile by itself.
         const VULKAN_MEMORY_MODEL: u32 = 5345;
         if program.module.capabilities.contains(&VULKAN_MEMORY_MODEL) {
@@ -207,9 +193,12 @@ fn variables(program: &Program) -> Vec<InterfaceVariable> {
     entry.map_or_else(Vec::new, |entry| program.module.interface_of(entry))
 }
 
-/// The hit attributes that a program uses.
-fn attribute(program: &Program) -> Option<InterfaceVariable> {
-    variables(program).into_iter().find(|variable| variable.storage_class == storage::HIT_ATTRIBUTE)
+/// The hit attributes that a program uses, and their type.
+fn attribute(program: &Program) -> Option<(InterfaceVariable, TypeId)> {
+    let mut variables = variables(program).into_iter();
+    let variable = variables.find(|variable| variable.storage_class == storage::HIT_ATTRIBUTE)?;
+    let ty = variable.ty?;
+    Some((variable, ty))
 }
 
 /// The scalars of a type, in order; two types are the same to a group if theirs are.
@@ -228,9 +217,14 @@ fn add_scalars(module: &Module, ty: TypeId, all: &mut Vec<Type>) {
         }
         &Type::Array { element, length, .. } => {
             let count = module.scalar_value(length).unwrap_or(0);
-            (0..count).take_while(|_| all.len() < MOST).collect::<Vec<_>>().iter().for_each(|_| {
+            for _ in 0..count {
+                let before = all.len();
                 add_scalars(module, element, all);
-            });
+                // Empty elements add nothing, however many there are.
+                if all.len() == before || all.len() >= MOST {
+                    break;
+                }
+            }
         }
         Type::Struct { members, .. } => {
             members.iter().for_each(|member| add_scalars(module, member.ty, all));

@@ -7,6 +7,9 @@ use crate::sanitize::plan::Executed;
 use crate::sanitize::rule::arithmetic;
 use crate::sanitize::sanitizer::{Sanitizer, nan_lanes};
 
+/// Finds the lanes in which a float, given by its first register and its width, is of some kind.
+type FloatLanes<const W: usize> = fn(&Registers<W>, Reg, u32) -> Mask<W>;
+
 /// Makes the result of an operation undefined where an operand or the result is a NaN or infinite
 /// although `FPFastMathMode` says that it is not.
 pub(super) fn check_fast_math<const W: usize>(
@@ -24,17 +27,12 @@ pub(super) fn check_fast_math<const W: usize>(
     let floats = operands.chain([(to, kernel.float_result)]).filter(|(_, width)| *width > 0);
     let suspects = batch.mask.without(shadow.undefined(to));
     for (register, width) in floats {
-        let promises = [
-            (step.fast_math.not_nan, "a NaN", "NotNaN"),
-            (step.fast_math.not_infinite, "an infinity", "NotInf"),
+        let promises: [(bool, FloatLanes<W>, &str, &str); 2] = [
+            (step.fast_math.not_nan, nan_lanes, "a NaN", "NotNaN"),
+            (step.fast_math.not_infinite, infinite_lanes, "an infinity", "NotInf"),
         ];
-        for (promised, what, flag) in promises {
-            let lanes = match flag {
-                _ if !promised => continue,
-                "NotNaN" => nan_lanes(registers, register, width),
-                _ => infinite_lanes(registers, register, width),
-            };
-            let lanes = lanes & suspects;
+        for (_, find, what, flag) in promises.into_iter().filter(|(promised, ..)| *promised) {
+            let lanes = find(registers, register, width) & suspects;
             if lanes.is_empty() {
                 continue;
             }
@@ -44,7 +42,7 @@ pub(super) fn check_fast_math<const W: usize>(
                 let message = format!("{what} as {role} of an operation decorated {flag}");
                 Some(CauseDetails { rule, message })
             });
-            (0..kernel.words).for_each(|word| shadow.undefine(to.plus(word), lanes, number));
+            shadow.undefine_span(to, kernel.words, lanes, number);
         }
     }
 }

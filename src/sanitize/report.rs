@@ -2,9 +2,7 @@
 
 use crate::error::{Error, ErrorKind};
 use crate::machine::{Batch, Lanes, Mask, OpIndex, Reg, ShaderIndex, ShadowRegisters};
-use crate::module::Id;
 use crate::module::names::builtin_name;
-use crate::module::ty::{Type, TypeId};
 use crate::ops::pointer::storage;
 use crate::pipeline::{source_line, with_location};
 use crate::program::Program;
@@ -245,7 +243,7 @@ impl<const W: usize> Reporter<'_, W> {
         Some(match cause {
             Cause::Unwritten { shader, variable, storage_class, word } => {
                 let program = self.program(shader)?;
-                let path = word_path(&program.module, variable, pointee(program, variable)?, word);
+                let path = word_path(&program.module, variable, program.module.pointee(variable)?, word);
                 let mut notes = Vec::new();
                 if shader != here.shader {
                     let stage = program.stage.name();
@@ -379,12 +377,4 @@ fn line_or_offset(program: &Program, op: OpIndex) -> u32 {
     let offset = offset(program, op);
     let line = program.module.debug_info.line_at(offset);
     line.map_or(offset, |line| 1 << 31 | line.file << 20 ^ line.line)
-}
-
-/// The type of a variable's value.
-fn pointee(program: &Program, variable: Id) -> Option<TypeId> {
-    match *program.module.ty(program.module.type_of(variable)?) {
-        Type::Pointer { pointee, .. } => pointee,
-        _ => None,
-    }
 }

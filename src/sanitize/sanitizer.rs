@@ -177,9 +177,7 @@ impl<'a> Sanitizer<'a> {
             Access::Write(first, count) => written.push((first, count)),
             Access::Effect => {}
         });
-        for (first, count) in written {
-            (0..count).for_each(|word| shadow.define_lanes(first.plus(word), batch.mask));
-        }
+        written.into_iter().for_each(|(first, count)| shadow.define_span(first, count, batch.mask));
     }
 
     fn ray_query<const W: usize>(
@@ -196,11 +194,7 @@ impl<'a> Sanitizer<'a> {
             RayQueryOp::Generate { t, .. } => self.depend(batch, shadow, op, t, Sink::ReportedT),
             _ => {}
         }
-        query.accesses(&mut |access| {
-            if let Access::Write(first, count) = access {
-                (0..count).for_each(|word| shadow.define_lanes(first.plus(word), batch.mask));
-            }
-        });
+        define_writes(shadow, batch.mask, &mut |visit| query.accesses(visit));
     }
 
     /// A shader hands its batch to the pipeline.
@@ -306,14 +300,13 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
     }
 
-    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
         if let Some(frame) = self.frames.last_mut() {
             frame.shader = shader;
         }
         if let Some(races) = &mut self.races {
             races.resumed();
         }
-        let _ = batch;
     }
 
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
@@ -384,11 +377,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 }
             }
             Op::HitObject(object) => {
-                object.accesses(&mut |access| {
-                    if let Access::Write(first, count) = access {
-                        (0..count).for_each(|word| shadow.define_lanes(first.plus(word), batch.mask));
-                    }
-                });
+                define_writes(&mut shadow, batch.mask, &mut |visit| object.accesses(visit));
             }
             Op::Stop(_) | Op::Barrier => {}
         }
@@ -410,4 +399,17 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         self.depend_on_all(batch, &mut shadow, op, register, words, sink);
         batch.registers.shadow = Some(shadow);
     }
+}
+
+/// Makes defined what an operation has written.
+fn define_writes<const W: usize>(
+    shadow: &mut ShadowRegisters<W>,
+    lanes: Mask<W>,
+    accesses: &mut AccessesOf<'_>,
+) {
+    accesses(&mut |access| {
+        if let Access::Write(first, count) = access {
+            shadow.define_span(first, count, lanes);
+        }
+    });
 }

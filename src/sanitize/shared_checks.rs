@@ -79,7 +79,7 @@ pub(super) fn atomic<const W: usize>(
         let Some((_, first)) = access_location(batch, lane, bindings, chunk) else { continue };
         let first = first as usize;
         if let Some(cause) = undefined_at(sanitizer, batch, lane, place, first, width) {
-            (0..op.words()).for_each(|word| shadow.undefine(op.to.plus(word), Mask::lane(lane), cause));
+            shadow.undefine_span(op.to, op.words(), Mask::lane(lane), cause);
         }
         if op.kind == AtomicKind::Load {
             continue;

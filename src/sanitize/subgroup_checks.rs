@@ -25,7 +25,7 @@ pub(super) fn check<const W: usize>(
         sanitizer.depend_on_all(batch, shadow, place.op, op.value, op.values, Sink::Subgroup);
     }
     sanitizer.depend_on_all(batch, shadow, place.op, op.operand, op.operands, Sink::Subgroup);
-    (0..op.results).for_each(|word| shadow.define_lanes(op.to.plus(word), batch.mask));
+    shadow.define_span(op.to, op.results, batch.mask);
     match op.kind {
         SubgroupKind::Read(source) => read(sanitizer, batch, shadow, place, step.inactive, op, source),
         SubgroupKind::BallotBit { own } => {
@@ -78,7 +78,7 @@ fn undefine<const W: usize>(
     let Some(lane) = lanes.lowest() else { return };
     let cause = Cause::Broken { place, rule: rule.id };
     let number = sanitizer.cause(cause, || Some(CauseDetails { rule, message: message(lane) }));
-    (0..op.results).for_each(|word| shadow.undefine(op.to.plus(word), lanes, number));
+    shadow.undefine_span(op.to, op.results, lanes, number);
 }
 
 /// What is read from a ballot is undefined where the ballot is.

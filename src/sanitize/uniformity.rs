@@ -187,7 +187,7 @@ impl<'a> UniformityPlan<'a> {
                 return false;
             };
             let module = &self.program.module;
-            let Some(mut ty) = pointee(module, Id(base)) else { return false };
+            let Some(mut ty) = module.pointee(Id(base)) else { return false };
             for &index in indices {
                 let constant = module.constant_scalar(Id(index));
                 let is_array = matches!(module.ty(ty), Type::Array { .. } | Type::RuntimeArray { .. });
@@ -296,13 +296,6 @@ fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -
         _ => 3,
     };
     words.get(at).map(|&word| Id(word))
-}
-
-fn pointee(module: &Module, pointer: Id) -> Option<TypeId> {
-    match *module.ty(module.type_of(pointer)?) {
-        Type::Pointer { pointee, .. } => pointee,
-        _ => None,
-    }
 }
 
 /// The type of a part of a composite, by its index where that is known.

@@ -4,9 +4,9 @@
 /// those for the functions of the list; what stands behind `else` is the arm of other opcodes.
 /// Called through [`for_each_superop!`](crate::ops::superop::table::for_each_superop).
 ///
-/// A function has two arms for each place that the accumulator may have among its operands, and for
-/// none: one that stores the result, too. Where its uniform operands are read as such, the
-/// accumulator can be its first operand alone.
+/// A function has two arms for each place of the accumulator among its operands, and two for calls
+/// that do not read it: the second of the two also stores the result in a register. Where uniform
+/// operands are read as such, only the first operand may be the accumulator.
 macro_rules! match_opcode {
     // Which arms the functions of each group have, besides those of all.
     (

@@ -113,11 +113,21 @@ impl<const W: usize> ShadowRegisters<W> {
         self.set_cause(register, lanes, NO_CAUSE);
     }
 
+    /// Makes consecutive registers defined in some lanes.
+    pub fn define_span(&mut self, first: Reg, count: u32, lanes: Mask<W>) {
+        (0..count).for_each(|word| self.define_lanes(first.plus(word), lanes));
+    }
+
     /// Makes a register undefined in some lanes, by a cause.
     pub fn undefine(&mut self, register: Reg, lanes: Mask<W>, cause: u32) {
         let undefined = &mut self.undefined[register.0 as usize];
         *undefined = *undefined | lanes;
         self.set_cause(register, lanes, cause);
+    }
+
+    /// Makes consecutive registers undefined in some lanes, by a cause.
+    pub fn undefine_span(&mut self, first: Reg, count: u32, lanes: Mask<W>, cause: u32) {
+        (0..count).for_each(|word| self.undefine(first.plus(word), lanes, cause));
     }
 
     /// Sets which lanes of a register are undefined; their causes are set apart from it.

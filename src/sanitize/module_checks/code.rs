@@ -5,8 +5,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use smallvec::SmallVec;
 
 use crate::module::interface::{EntryPoint, InterfaceVariable};
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::Type;
 use crate::module::{Definition, Id, Instruction, Module};
+use crate::ops::atomic;
 
 /// The instructions of an entry point's call tree, and the variables that they use.
 pub(super) struct EntryCode<'a> {
@@ -84,7 +85,7 @@ impl<'a> EntryCode<'a> {
                     add(0, false, true);
                     add(1, true, false);
                 }
-                _ if is_atomic_update(opcode) => add(0, true, true),
+                _ if atomic::OPCODES.contains(&opcode) => add(0, true, true),
                 _ => {}
             }
             all
@@ -153,7 +154,7 @@ impl<'a> EntryCode<'a> {
 
     /// Adds the members that the indices of an access chain select.
     fn members(&self, base: Id, indices: &[u32], parts: &mut Vec<Part>) {
-        let Some(mut ty) = self.pointee(base) else { return };
+        let Some(mut ty) = self.module.pointee(base) else { return };
         for &index in indices {
             ty = match *self.module.ty(ty) {
                 Type::Struct { ref members, .. } => {
@@ -169,14 +170,6 @@ impl<'a> EntryCode<'a> {
                 | Type::Matrix { column: part, .. } => part,
                 _ => return,
             };
-        }
-    }
-
-    /// The type that a pointer points to.
-    pub(super) fn pointee(&self, pointer: Id) -> Option<TypeId> {
-        match *self.module.ty(self.module.type_of(pointer)?) {
-            Type::Pointer { pointee, .. } => pointee,
-            _ => None,
         }
     }
 
@@ -202,7 +195,7 @@ impl<'a> EntryCode<'a> {
         match part {
             Part::Variable(id) | Part::Parameter(id) => {
                 // A block without an instance name is named after its type.
-                let block = || self.module.name(self.module.id_of_type(self.pointee(id)?)?);
+                let block = || self.module.name(self.module.id_of_type(self.module.pointee(id)?)?);
                 let known = self.module.name(id).or_else(block);
                 format!("`{}`", known.map_or_else(|| name(id), str::to_owned))
             }
@@ -213,27 +206,4 @@ impl<'a> EntryCode<'a> {
             }
         }
     }
-}
-
-/// Whether an instruction reads and writes memory at once.
-pub(super) fn is_atomic_update(opcode: Op) -> bool {
-    matches!(
-        opcode,
-        Op::AtomicExchange
-            | Op::AtomicCompareExchange
-            | Op::AtomicIIncrement
-            | Op::AtomicIDecrement
-            | Op::AtomicIAdd
-            | Op::AtomicISub
-            | Op::AtomicSMin
-            | Op::AtomicUMin
-            | Op::AtomicSMax
-            | Op::AtomicUMax
-            | Op::AtomicAnd
-            | Op::AtomicOr
-            | Op::AtomicXor
-            | Op::AtomicFAddEXT
-            | Op::AtomicFMinEXT
-            | Op::AtomicFMaxEXT
-    )
 }

@@ -25,7 +25,7 @@ const PHYSICAL_ADDRESSING: u32 = 5348;
 pub(super) fn uniform_store(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for access in code.accesses().filter(|access| access.writes) {
         let uniform = code.reached(&access).find(|&variable| {
-            let block = code.pointee(variable).map(|ty| code.module.ty(block_of(code.module, ty)));
+            let block = code.module.pointee(variable).map(|ty| code.module.ty(block_of(code.module, ty)));
             code.storage_class(variable) == Some(storage::UNIFORM)
                 && matches!(block, Some(Type::Struct { block: true, buffer_block: false, .. }))
         });
@@ -122,7 +122,7 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
         for pointer in physical {
             let aligned = operands.get(mask_at).filter(|&mask| mask & AccessMask::ALIGNED.bits() != 0);
             let alignment = aligned.and_then(|_| operands.get(mask_at + 1)).copied();
-            let scalar = code.pointee(pointer).map_or(0, |ty| largest_scalar(code.module, ty));
+            let scalar = code.module.pointee(pointer).map_or(0, |ty| largest_scalar(code.module, ty));
             let name = opcode_name(opcode as u16);
             let message = match alignment {
                 None => format!("{name} through a physical pointer says nothing about its alignment"),

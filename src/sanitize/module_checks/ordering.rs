@@ -6,9 +6,10 @@ use rustc_hash::FxHashMap;
 use crate::module::Id;
 use crate::module::interface::Stage;
 use crate::module::names::opcode_name;
+use crate::ops::atomic;
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
-use crate::sanitize::module_checks::code::{EntryCode, Part, is_atomic_update};
+use crate::sanitize::module_checks::code::{EntryCode, Part};
 
 /// `VulkanMemoryModel`
 const VULKAN_MEMORY_MODEL: u32 = 5345;
@@ -40,8 +41,8 @@ fn orderings(code: &EntryCode<'_>) -> impl Iterator<Item = Ordering> {
     code.known().filter_map(|(opcode, instruction, operands)| {
         let scope_at = match opcode {
             Op::MemoryBarrier => 0,
-            Op::ControlBarrier | Op::AtomicLoad | Op::AtomicStore => 1,
-            _ if is_atomic_update(opcode) => 1,
+            Op::ControlBarrier => 1,
+            _ if atomic::OPCODES.contains(&opcode) => 1,
             _ => return None,
         };
         let constant = |at: usize| {

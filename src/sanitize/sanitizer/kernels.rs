@@ -47,7 +47,7 @@ impl Sanitizer<'_> {
                     let details =
                         || Some(CauseDetails { rule: check.rule, message: (check.message)(&operands()) });
                     let number = self.causes.number(cause, details);
-                    (0..kernel.words).for_each(|word| shadow.undefine(to.plus(word), broken, number));
+                    shadow.undefine_span(to, kernel.words, broken, number);
                 }
                 RuleKind::UndefinedBehavior | RuleKind::Lint => {
                     self.reporter(batch).broken(check.rule, place.op, broken, (check.message)(&operands()));
@@ -134,20 +134,17 @@ fn undefined_result<const W: usize>(
     if any.is_empty() {
         return any;
     }
-    let decided = |by: Option<u32>| {
+    let decided = |by: u32| {
         let lanes = |at: usize| {
-            let all = |word: u32| {
-                let register = &registers[from[at].plus(word)];
-                by.map_or(Mask::NONE, |bits| Mask::equal(register, bits))
-            };
+            let all = |word: u32| Mask::equal(&registers[from[at].plus(word)], by);
             (0..kernel.operands[at]).fold(Mask::ALL, |lanes, word| lanes & all(word)).without(each[at])
         };
         lanes(0) | lanes(1)
     };
     match flow {
         Flow::Any => any,
-        Flow::And => any.without(decided(Some(0))),
-        Flow::Or { ones } => any.without(decided(Some(ones))),
+        Flow::And => any.without(decided(0)),
+        Flow::Or { ones } => any.without(decided(ones)),
         Flow::Select => {
             let first = registers.mask(from[0]);
             each[0] | (each[1] & first) | each[2].without(first)
