@@ -4,11 +4,12 @@
 //! A [`Sanitizer`] observes a launch, a dispatch or a ray as an
 //! [`Observer`](crate::machine::Observer): programs that are not optimised, 64 lanes at a time.
 //! [`rule`] lists the rules, [`operand_check`] has those about operands of single instructions, a
-//! row each; `sanitizer` spreads what is undefined from registers to registers; `report` says why.
+//! row each; `checks` looks at operations that have run, and spreads what is undefined from
+//! registers to registers; `sanitizer` is what they know together; `report` says why.
 
 pub mod cause;
+mod checks;
 pub mod contract;
-mod decorated;
 pub mod finding;
 #[cfg(feature = "cli")]
 mod formats;
@@ -16,20 +17,15 @@ pub mod levels;
 mod memory_shadow;
 pub mod module_checks;
 mod names;
+mod observer;
 pub mod operand_check;
 pub mod plan;
-mod query_checks;
 mod races;
-mod ray_checks;
 pub mod report;
 pub mod rule;
 pub mod sanitizer;
-mod shared_checks;
-mod stale;
 pub mod structures;
-mod subgroup_checks;
 pub mod traced_rays;
-pub mod uniformity;
 
 pub use finding::{Finding, Findings};
 pub use levels::Levels;

@@ -1,13 +1,16 @@
 //! What the sanitizer does at each operation of a program, prepared before it runs.
 
+mod instruction;
+pub(super) mod lane_inputs;
+mod uniformity;
+
 use std::sync::Arc;
 
-use rspirv::spirv::{ExecutionMode, FPFastMathMode, GlslStd450Op, Op as Opcode};
+use rspirv::spirv::{ExecutionMode, FPFastMathMode, Op as Opcode};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::{OpIndex, Reg, Registers};
-use crate::module::ty::{Type, TypeId};
-use crate::module::{Definition, Id, Module};
+use crate::module::{Id, Module};
 use crate::ops::lane_kernel::{InstructionSet, LaneKernel, family};
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
@@ -16,8 +19,11 @@ use crate::program::Program;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::operand_check::{CheckedInstruction, LaneOperands, OperandCheck, checks_of};
 use crate::sanitize::rule::{Rule, arithmetic, subgroup};
-use crate::sanitize::stale::tracked_inputs;
-use crate::sanitize::uniformity::{Uniformity, UniformityPlan};
+pub(super) use instruction::InstructionWords;
+use instruction::scalar_width;
+use lane_inputs::tracked_inputs;
+use uniformity::UniformityPlan;
+pub(super) use uniformity::{ResourceOperand, Uniformity};
 
 /// How a lane kernel's result depends on undefined operands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -153,7 +159,7 @@ fn step(
                 checks: checks.filter(is_open).collect(),
                 result_width,
                 watches_nan: compares && kernel.float_operands[0] > 0 && kernel.float_result == 0,
-                fast_math: instruction.fast_math(module, kernel),
+                fast_math: fast_math(instruction, module, kernel),
                 ..OpPlan::default()
             }
         }
@@ -267,6 +273,27 @@ fn passes(
     !(check.breaks)(&LaneOperands::read(&registers, kernel, &own, result_width, 0))
 }
 
+/// What `FPFastMathMode` promises of a kernel's operands and result, where they are those of
+/// the instruction, or are NaN or infinite only if its own are.
+fn fast_math(instruction: InstructionWords<'_>, module: &Module, kernel: &LaneKernel) -> FastMath {
+    const FP_FAST_MATH_MODE: u32 = 40;
+    const NOT_NAN: u32 = 1;
+    const NOT_INF: u32 = 2;
+    let Some(mode) =
+        instruction.result(module).and_then(|id| module.decorations.literal(id, FP_FAST_MATH_MODE))
+    else {
+        return FastMath::default();
+    };
+    let own = match instruction.known(module) {
+        Some(CheckedInstruction::Core(opcode)) => {
+            is_sum_of_products(opcode) || is_family_of(InstructionSet::Core, opcode as u32, kernel)
+        }
+        Some(CheckedInstruction::Glsl(number)) => is_family_of(InstructionSet::Glsl, number as u32, kernel),
+        None => false,
+    };
+    FastMath { not_nan: own && mode & NOT_NAN != 0, not_infinite: own && mode & NOT_INF != 0 }
+}
+
 /// Whether a kernel is all that an instruction does, component by component.
 fn is_family_of(set: InstructionSet, number: u32, kernel: &LaneKernel) -> bool {
     family(set, number).is_some_and(|family| family.kernels.iter().any(|own| std::ptr::eq(own, kernel)))
@@ -304,104 +331,4 @@ fn is_comparison(opcode: Opcode) -> bool {
             | O::FOrdGreaterThanEqual
             | O::FUnordGreaterThanEqual
     )
-}
-
-/// The words of an instruction of a module.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct InstructionWords<'m> {
-    /// The opcode, if it is known.
-    pub opcode: Option<Opcode>,
-    /// All words, the first of which has the opcode.
-    pub words: &'m [u32],
-}
-
-impl<'m> InstructionWords<'m> {
-    /// The instruction at a word offset.
-    pub(super) fn at(module: &'m Module, offset: u32) -> Self {
-        let words = module.words.get(offset as usize..).unwrap_or_default();
-        let count = words.first().map_or(0, |head| (head >> 16) as usize);
-        let opcode = words.first().and_then(|head| Opcode::from_u32(head & 0xFFFF));
-        Self { opcode, words: words.get(..count).unwrap_or_default() }
-    }
-
-    /// The instruction, where checks can be about it.
-    fn known(&self, module: &Module) -> Option<CheckedInstruction> {
-        match (self.opcode?, self.words) {
-            (Opcode::ExtInst, &[_, _, _, set, number, ..]) => match module.definition(Id(set))? {
-                Definition::InstructionSet(at) if module.instruction_sets[at as usize] == "GLSL.std.450" => {
-                    GlslStd450Op::from_u32(number).map(CheckedInstruction::Glsl)
-                }
-                _ => None,
-            },
-            (opcode, _) => Some(CheckedInstruction::Core(opcode)),
-        }
-    }
-
-    /// The id of the result, of an instruction that has one and a type.
-    pub(super) fn result(&self, module: &Module) -> Option<Id> {
-        let id = Id(*self.words.get(2)?);
-        module.type_of(id).is_some_and(|ty| module.type_with_id(Id(self.words[1])) == Some(ty)).then_some(id)
-    }
-
-    /// Whether the result has a decoration.
-    fn is_decorated(&self, module: &Module, number: u32) -> bool {
-        self.result(module).is_some_and(|id| module.decorations.find(id, number).is_some())
-    }
-
-    /// What `FPFastMathMode` promises of a kernel's operands and result, where they are those of
-    /// the instruction, or are NaN or infinite only if its own are.
-    fn fast_math(&self, module: &Module, kernel: &LaneKernel) -> FastMath {
-        const FP_FAST_MATH_MODE: u32 = 40;
-        const NOT_NAN: u32 = 1;
-        const NOT_INF: u32 = 2;
-        let Some(mode) = self.result(module).and_then(|id| module.decorations.literal(id, FP_FAST_MATH_MODE))
-        else {
-            return FastMath::default();
-        };
-        let own = match self.known(module) {
-            Some(CheckedInstruction::Core(opcode)) => {
-                is_sum_of_products(opcode) || is_family_of(InstructionSet::Core, opcode as u32, kernel)
-            }
-            Some(CheckedInstruction::Glsl(number)) => {
-                is_family_of(InstructionSet::Glsl, number as u32, kernel)
-            }
-            None => false,
-        };
-        FastMath { not_nan: own && mode & NOT_NAN != 0, not_infinite: own && mode & NOT_INF != 0 }
-    }
-
-    /// Bits of a scalar of the result; 0 where it has none.
-    fn result_width(&self, module: &Module) -> u32 {
-        let ty = self.words.get(1).and_then(|&ty| module.type_with_id(Id(ty)));
-        ty.map_or(0, |ty| scalar_width(module, ty))
-    }
-
-    /// Whether it is a store of floats alone.
-    fn stores_floats(&self, module: &Module) -> bool {
-        match (self.opcode, self.words) {
-            (Some(Opcode::Store), &[_, _, object, ..]) => {
-                module.type_of(Id(object)).is_some_and(|ty| is_float(module, ty))
-            }
-            _ => false,
-        }
-    }
-}
-
-fn scalar_width(module: &Module, ty: TypeId) -> u32 {
-    match *module.ty(ty) {
-        Type::Int { width, .. } | Type::Float { width, .. } => width,
-        Type::Vector { component, .. } => scalar_width(module, component),
-        _ => 0,
-    }
-}
-
-/// Whether a type holds floats of 32 bits alone.
-fn is_float(module: &Module, ty: TypeId) -> bool {
-    match *module.ty(ty) {
-        Type::Float { width, encoding } => width == 32 && encoding.is_none(),
-        Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => is_float(module, part),
-        Type::Array { element, .. } => is_float(module, element),
-        Type::Struct { ref members, .. } => members.iter().all(|member| is_float(module, member.ty)),
-        _ => false,
-    }
 }

@@ -13,7 +13,6 @@ use crate::sanitize::names::{word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
 use crate::sanitize::rule::{self, Level, Rule, arithmetic, contract, memory, trace};
-use crate::sanitize::sanitizer::CallFrame;
 
 /// What depends on a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +73,13 @@ impl Sink {
             Self::Subgroup => "reaches other lanes of the subgroup".into(),
         }
     }
+}
+
+/// A shader that runs or waits, and the operation at which it waits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CallFrame {
+    pub shader: ShaderIndex,
+    pub op: OpIndex,
 }
 
 /// Makes findings of what a batch does.

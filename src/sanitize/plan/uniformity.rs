@@ -1,14 +1,13 @@
-//! Rules about what must be the same in all lanes of a subgroup: the resource of an access whose
-//! operand is not decorated `NonUniform`, and indices into push constants.
+//! What must be the same in all lanes of a subgroup where an operation accesses memory: the
+//! resource of an access whose operand is not decorated `NonUniform`, and indices into push
+//! constants.
 
 use std::cell::OnceCell;
 
 use rspirv::spirv::Op as Opcode;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::machine::device_memory::STRUCTURE_HANDLE;
-use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Bindings, Mask, OpIndex, Reg};
+use crate::machine::Reg;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::atomic::AtomicTarget;
@@ -18,10 +17,7 @@ use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Program;
-use crate::sanitize::plan::InstructionWords;
-use crate::sanitize::rule::uniformity;
-use crate::sanitize::sanitizer::Sanitizer;
-use crate::sanitize::subgroup_checks::differing_lanes;
+use crate::sanitize::plan::instruction::InstructionWords;
 
 /// `NonUniform`
 const NON_UNIFORM: u32 = 5300;
@@ -44,13 +40,13 @@ pub enum Uniformity {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResourceOperand {
     /// The operand.
-    id: Id,
+    pub id: Id,
     /// An id that the operand is made of, and that is decorated.
-    decorated: Option<Id>,
+    pub decorated: Option<Id>,
     /// The first register that says which resource it is.
-    register: Reg,
+    pub register: Reg,
     /// One register for a handle, two for an acceleration structure.
-    words: u32,
+    pub words: u32,
 }
 
 /// Finds out what must be uniform at the operations of a program.
@@ -306,72 +302,4 @@ fn part_of(module: &Module, ty: TypeId, index: Option<u64>) -> Option<TypeId> {
         Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => part,
         _ => return None,
     })
-}
-
-/// Checks that what must be uniform is.
-pub(super) fn check<const W: usize>(
-    sanitizer: &mut Sanitizer<'_>,
-    batch: &Batch<W>,
-    op: OpIndex,
-    uniformity: &Uniformity,
-) {
-    match uniformity {
-        Uniformity::PushConstants(index) => {
-            let differing = differing_lanes(batch, RegSpan { first: *index, count: 1 }, 0);
-            sanitizer.tell(batch, &uniformity::PUSH_ARRAY_UNIFORM, op, differing, |_| {
-                "lanes of a subgroup read different elements of an array in the push constants".to_owned()
-            });
-        }
-        Uniformity::Resources { does, operands } => {
-            operands.iter().for_each(|operand| check_resource(sanitizer, batch, op, does, operand));
-        }
-    }
-}
-
-fn check_resource<const W: usize>(
-    sanitizer: &mut Sanitizer<'_>,
-    batch: &Batch<W>,
-    op: OpIndex,
-    does: &str,
-    operand: &ResourceOperand,
-) {
-    let &ResourceOperand { id, decorated, register, words } = operand;
-    let mut differing = differing_lanes(batch, RegSpan { first: register, count: words }, 0);
-    if words == 2 && !differing.is_empty() {
-        // A structure by its device address needs no descriptor.
-        differing = differing & Mask::equal(&batch.registers[register.plus(1)], STRUCTURE_HANDLE);
-    }
-    let handle = |lane: usize| batch.registers[register].0[lane];
-    let Some(one) = differing.lowest().map(handle) else { return };
-    let Some(other) = differing.lanes().map(handle).find(|other| *other != one) else { return };
-    let rule = match decorated {
-        Some(_) => &uniformity::NONUNIFORM_PLACEMENT,
-        None => &uniformity::NONUNIFORM_RESOURCE,
-    };
-    sanitizer.tell_of_program(batch, rule, op, differing, |program| {
-        let [one, other] = [one, other].map(|handle| describe(program, handle));
-        let id = id_name(&program.module, id);
-        let but = decorated
-            .map_or_else(String::new, |decorated| format!(", though {} is", id_name(&program.module, decorated)));
-        format!(
-            "lanes of a subgroup {does} {one} and {other}, and {id}, the operand of the access, is not NonUniform{but}"
-        )
-    });
-}
-
-/// A descriptor as a report names it.
-fn describe(program: &Program, handle: u32) -> String {
-    let slot = Bindings::slot_of(handle);
-    match slot.and_then(|(slot, element)| Some((program.slots.get(slot)?, element))) {
-        Some((slot, element)) => format!("`{}[{element}]`", slot.name),
-        None => "no descriptor".to_owned(),
-    }
-}
-
-/// An id by number, and by name where it has one.
-fn id_name(module: &Module, id: Id) -> String {
-    match module.name(id).filter(|name| !name.is_empty()) {
-        Some(name) => format!("%{} (`{name}`)", id.0),
-        None => format!("%{}", id.0),
-    }
 }

@@ -12,7 +12,7 @@ use crate::sanitize::rule::{Rule, subgroup};
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// Checks a subgroup operation that has run.
-pub(super) fn check<const W: usize>(
+pub(in crate::sanitize) fn check<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,
@@ -168,7 +168,11 @@ fn inverse_ballot<const W: usize>(
 
 /// The lanes of subgroups, or of their clusters of a size other than 0, in which consecutive
 /// registers are not the same in all active lanes.
-pub(super) fn differing_lanes<const W: usize>(batch: &Batch<W>, registers: RegSpan, cluster: u32) -> Mask<W> {
+pub(in crate::sanitize) fn differing_lanes<const W: usize>(
+    batch: &Batch<W>,
+    registers: RegSpan,
+    cluster: u32,
+) -> Mask<W> {
     let RegSpan { first, count } = registers;
     let Some(lane) = batch.mask.lowest() else { return Mask::NONE };
     let is_uniform = (0..count).all(|word| {

@@ -3,16 +3,17 @@
 use crate::machine::{Batch, Mask, Reg, Registers, ShadowRegisters};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::cause::{Cause, CauseDetails};
+use crate::sanitize::checks::lanes::nan_lanes;
 use crate::sanitize::plan::Executed;
 use crate::sanitize::rule::arithmetic;
-use crate::sanitize::sanitizer::{Sanitizer, nan_lanes};
+use crate::sanitize::sanitizer::Sanitizer;
 
 /// Finds the lanes in which a float, given by its first register and its width, is of some kind.
 type FloatLanes<const W: usize> = fn(&Registers<W>, Reg, u32) -> Mask<W>;
 
 /// Makes the result of an operation undefined where an operand or the result is a NaN or infinite
 /// although `FPFastMathMode` says that it is not.
-pub(super) fn check_fast_math<const W: usize>(
+pub(in crate::sanitize) fn check<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,

@@ -15,7 +15,7 @@ use crate::sanitize::sanitizer::Sanitizer;
 type Broken = SmallVec<[(&'static Rule, OpIndex); 2]>;
 
 /// Notes what an operation did to the queries of the running lanes, and reports what is wrong.
-pub(super) fn check<const W: usize>(
+pub(in crate::sanitize) fn check<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &mut Batch<W>,
     op: OpIndex,
@@ -34,7 +34,7 @@ pub(super) fn check<const W: usize>(
 }
 
 /// Reports what is wrong with the queries of a batch whose shader has ended.
-pub(super) fn ended<const W: usize>(sanitizer: &mut Sanitizer<'_>, batch: &Batch<W>) {
+pub(in crate::sanitize) fn ended<const W: usize>(sanitizer: &mut Sanitizer<'_>, batch: &Batch<W>) {
     let trapped = |lane: usize| matches!(batch.exits.get(lane), Some(Exit::Trapped(_)));
     for query in batch.queries.iter().filter(|query| !trapped(query.lane())) {
         for (rule, at) in pending(&query.notes) {

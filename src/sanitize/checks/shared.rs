@@ -5,20 +5,21 @@ use crate::machine::{Batch, Bindings, Mask, NO_CAUSE, Reg, ShadowRegisters};
 use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
 use crate::ops::memory::{Chunk, access_location};
 use crate::sanitize::cause::{Cause, OpPlace};
+use crate::sanitize::checks::lanes::workgroup_lanes;
 use crate::sanitize::memory_shadow::{WorkgroupShadow, undefined_byte};
 use crate::sanitize::report::Sink;
-use crate::sanitize::sanitizer::{Sanitizer, workgroup_lanes};
+use crate::sanitize::sanitizer::Sanitizer;
 
 /// A load or store of consecutive registers, and the lanes in which it is one of workgroup memory.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SharedAccess<'a, const W: usize> {
+pub(in crate::sanitize) struct SharedAccess<'a, const W: usize> {
     pub chunk: &'a Chunk,
     pub registers: Reg,
     pub lanes: Mask<W>,
 }
 
 /// A load into consecutive registers has run.
-pub(super) fn load<const W: usize>(
+pub(in crate::sanitize) fn load<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     bindings: &Bindings,
@@ -40,7 +41,7 @@ pub(super) fn load<const W: usize>(
 }
 
 /// A store of consecutive registers has run.
-pub(super) fn store<const W: usize>(
+pub(in crate::sanitize) fn store<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     bindings: &Bindings,
@@ -65,7 +66,7 @@ pub(super) fn store<const W: usize>(
 
 /// An atomic instruction has run: one that changes what is undefined depends on it, and a load or
 /// an exchange returns it.
-pub(super) fn atomic<const W: usize>(
+pub(in crate::sanitize) fn atomic<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     bindings: &Bindings,

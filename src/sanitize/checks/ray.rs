@@ -31,7 +31,7 @@ const OPERANDS: [&str; TRACE_OPERANDS as usize] = [
 ];
 
 /// Checks the operands of a trace, which lie in consecutive registers.
-pub(super) fn check_trace<const W: usize>(
+pub(in crate::sanitize) fn check_trace<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,
@@ -61,7 +61,7 @@ pub(super) fn check_trace<const W: usize>(
 }
 
 /// Checks the operands of `OpRayQueryInitializeKHR`, which lie in consecutive registers.
-pub(super) fn check_query<const W: usize>(
+pub(in crate::sanitize) fn check_query<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,

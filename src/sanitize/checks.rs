@@ -1,0 +1,15 @@
+//! What is checked while shaders run: a file for each kind of operation, or for each matter that
+//! several kinds have.
+
+pub(super) mod begin;
+mod fast_math;
+pub(super) mod kernel;
+mod lanes;
+pub(super) mod memory;
+pub(super) mod query;
+pub(super) mod ray;
+pub(super) mod shared;
+pub(super) mod stale;
+pub(super) mod stop;
+pub(super) mod subgroup;
+pub(super) mod uniformity;

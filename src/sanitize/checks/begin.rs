@@ -1,0 +1,94 @@
+//! What is undefined when a shader begins: its variables, and builtins that its hit does not have.
+
+use crate::accel::HitKind;
+use crate::machine::{Batch, Mask, ShaderIndex, ShadowRegisters};
+use crate::module::interface::Stage;
+use crate::ops::builtin::Builtin;
+use crate::ops::pointer::storage;
+use crate::sanitize::cause::Cause;
+use crate::sanitize::rule::{Rule, contract};
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// A shader begins.
+pub(in crate::sanitize) fn begin<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    shader: ShaderIndex,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+) {
+    shadow.clear();
+    let Some(plan) = sanitizer.plans.get(shader.index()) else { return };
+    let program = &plan.program;
+    if plan.lane_inputs.is_some() {
+        shadow.track_lane_identities();
+    }
+    let is_hit_shader = matches!(program.stage, Stage::AnyHit | Stage::ClosestHit);
+    for registers in &program.interface {
+        let cause = |word| Cause::Unwritten {
+            shader,
+            variable: registers.variable,
+            storage_class: registers.storage_class,
+            word,
+        };
+        let (first, skipped, lanes) = match registers.storage_class {
+            storage::INCOMING_RAY_PAYLOAD | storage::INCOMING_CALLABLE_DATA => continue,
+            // The attributes of primitives that are built in are two floats.
+            storage::HIT_ATTRIBUTE if is_hit_shader => {
+                let lanes = batch.mask & Mask::from_fn(|lane| is_built_in(hit_kind(batch, lane)));
+                (registers.first.plus(2.min(registers.count)), 2.min(registers.count), lanes)
+            }
+            _ => (registers.first, 0, batch.mask),
+        };
+        let count = registers.count - skipped;
+        sanitizer.undefine_variable(shadow, lanes, first, count, |word| cause(skipped + word));
+    }
+    for input in &program.inputs {
+        let Some((rule, has)) = needs_primitive(input.builtin) else { continue };
+        let lacking = batch.mask & Mask::from_fn(|lane| !has(hit_kind(batch, lane)));
+        if !lacking.is_empty() {
+            let builtin = input.builtin.number;
+            let cause = Cause::Builtin { shader, builtin, rule: rule.id };
+            sanitizer.undefine_variable(shadow, lacking, input.first, input.count, |_| cause);
+        }
+    }
+}
+
+/// Workgroups begin to run, unless they have begun with another batch.
+pub(in crate::sanitize) fn begin_workgroups<const W: usize>(sanitizer: &mut Sanitizer<'_>, batch: &Batch<W>) {
+    let first = batch.mask.lowest().and_then(|lane| batch.invocations.workgroup(lane));
+    let Some(first) = first.map(|group| group.index() as u32) else { return };
+    if sanitizer.first_workgroup == Some(first) {
+        return;
+    }
+    sanitizer.first_workgroup = Some(first);
+    sanitizer.shared.begin(first);
+    if let Some(races) = &mut sanitizer.races {
+        races.begin_workgroups(first, batch.invocations.subgroup_size());
+    }
+}
+
+fn hit_kind<const W: usize>(batch: &Batch<W>, lane: usize) -> HitKind {
+    HitKind(batch.invocations.hits.kind.0[lane])
+}
+
+fn is_triangle(kind: HitKind) -> bool {
+    matches!(kind, HitKind::FRONT_FACING_TRIANGLE | HitKind::BACK_FACING_TRIANGLE)
+}
+
+/// Whether a hit is of a triangle, sphere or linear swept sphere.
+fn is_built_in(kind: HitKind) -> bool {
+    is_triangle(kind) || matches!(kind, HitKind::SPHERE | HitKind::LINEAR_SWEPT_SPHERE)
+}
+
+/// Whether a hit is of a primitive that has a builtin.
+type HasBuiltin = fn(HitKind) -> bool;
+
+/// The rule of a builtin that only hits of some primitives have, and which those are.
+fn needs_primitive(builtin: &Builtin) -> Option<(&'static Rule, HasBuiltin)> {
+    Some(match builtin.number {
+        5335 => (&contract::POSITIONS_KIND, is_triangle),
+        5361 | 5420 => (&contract::SPHERE_LSS_BUILTIN, |kind| kind == HitKind::SPHERE),
+        5396 | 5421 => (&contract::SPHERE_LSS_BUILTIN, |kind| kind == HitKind::LINEAR_SWEPT_SPHERE),
+        _ => return None,
+    })
+}

@@ -1,0 +1,154 @@
+//! Memory operations under the sanitizer: variables, buffers, shared memory and images.
+
+use crate::machine::{Batch, Bindings, OpIndex, Reg, ShadowRegisters};
+use crate::ops::image::ImageOp;
+use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
+use crate::ops::pointer::storage;
+use crate::sanitize::cause::{Cause, OpPlace};
+use crate::sanitize::checks::lanes::{each_element, nan_lanes, workgroup_lanes};
+use crate::sanitize::checks::shared::{self, SharedAccess};
+use crate::sanitize::plan::Executed;
+use crate::sanitize::races::AccessKind;
+use crate::sanitize::report::Sink;
+use crate::sanitize::rule::arithmetic;
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// A memory operation has run.
+pub(in crate::sanitize) fn check<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    executed: Executed<'_>,
+    op: &MemoryOp,
+) {
+    let Executed { place, step } = executed;
+    let mask = batch.mask;
+    match *op {
+        MemoryOp::Move { to, from } => shadow.copy(to, from),
+        MemoryOp::MoveMasked { to, from } => shadow.copy_lanes(to, from, mask),
+        MemoryOp::Undefine { first, count } => undefine(sanitizer, batch, shadow, place, first, count),
+        MemoryOp::Index { to, base, index, .. } => {
+            shadow.copy(to, index);
+            if let Some(base) = base {
+                let lanes = shadow.undefined(base) & mask;
+                shadow.set_undefined(to, shadow.undefined(to) | lanes);
+                shadow.copy_causes(to, base, lanes);
+            }
+        }
+        MemoryOp::Gather { to, count, first, index } => {
+            sanitizer.depend(batch, shadow, place.op, index, Sink::Index);
+            each_element(batch, first, index, count, |lane, word, element| {
+                shadow.copy_lane(to.plus(word), element, lane);
+            });
+        }
+        MemoryOp::Scatter { from, count, first, index } => {
+            sanitizer.depend(batch, shadow, place.op, index, Sink::Index);
+            each_element(batch, first, index, count, |lane, word, element| {
+                shadow.copy_lane(element, from.plus(word), lane);
+            });
+        }
+        MemoryOp::BufferLoad { to, chunk } => {
+            depend_on_location(sanitizer, batch, shadow, place.op, &chunk);
+            (0..chunk.count).for_each(|word| shadow.define(to.plus(word)));
+            let lanes = workgroup_lanes(batch, &chunk);
+            let load = SharedAccess { chunk: &chunk, registers: to, lanes };
+            shared::load(sanitizer, batch, bindings, shadow, place, load);
+            access_buffer(sanitizer, batch, bindings, place, &chunk, AccessKind::Load, None);
+        }
+        MemoryOp::BufferStore { from, chunk } => {
+            depend_on_location(sanitizer, batch, shadow, place.op, &chunk);
+            let lanes = workgroup_lanes(batch, &chunk);
+            let store = SharedAccess { chunk: &chunk, registers: from, lanes };
+            shared::store(sanitizer, batch, bindings, shadow, place, store);
+            access_buffer(sanitizer, batch, bindings, place, &chunk, AccessKind::Store, Some(from));
+            let lanes = mask.without(lanes);
+            if lanes.is_empty() {
+                return;
+            }
+            for word in 0..chunk.count {
+                let register = from.plus(word);
+                sanitizer.depend_in(batch, shadow, place.op, register, Sink::Buffer, lanes);
+                if step.watches_nan {
+                    let nans = nan_lanes(&batch.registers, register, 32) & lanes;
+                    sanitizer.reporter(batch).nan(&arithmetic::NAN_OUTPUT, shadow, place.op, register, nans);
+                }
+            }
+        }
+        MemoryOp::ArrayLength { to, .. } => shadow.define(to),
+    }
+}
+
+/// Looks for races of a load or store.
+fn access_buffer<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    place: OpPlace,
+    chunk: &Chunk,
+    kind: AccessKind,
+    values: Option<Reg>,
+) {
+    let Some(races) = sanitizer.races.as_mut().filter(|races| races.watches(place)) else { return };
+    let found = races.access_buffer(batch, bindings, place, chunk, kind, values);
+    sanitizer.tell_races(batch, place.op, &found);
+}
+
+/// The location of an access must not be undefined.
+fn depend_on_location<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    op: OpIndex,
+    chunk: &Chunk,
+) {
+    match chunk.buffer {
+        BufferRef::Computed(handle) => sanitizer.depend(batch, shadow, op, handle, Sink::Resource),
+        BufferRef::Address(first) => sanitizer.depend_on_all(batch, shadow, op, first, 2, Sink::Address),
+        _ => {}
+    }
+    if let Some(index) = chunk.index {
+        sanitizer.depend(batch, shadow, op, index, Sink::Index);
+    }
+}
+
+/// A variable begins to live, or `OpUndef` is executed.
+fn undefine<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    first: Reg,
+    count: u32,
+) {
+    let Some((shader, plan)) = sanitizer.plan() else { return };
+    let variable = plan.variable_at(place.op);
+    sanitizer.undefine_variable(shadow, batch.mask, first, count, |word| match variable {
+        Some(variable) => Cause::Unwritten { shader, variable, storage_class: storage::FUNCTION, word },
+        None => Cause::Undef(place),
+    });
+}
+
+/// An image operation has run.
+pub(in crate::sanitize) fn check_image<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    op: OpIndex,
+    image: &ImageOp,
+) {
+    if let ImageOp::Write(write) = image {
+        for register in write.texel.registers() {
+            sanitizer.depend(batch, shadow, op, register, Sink::Coordinate);
+        }
+        for register in write.from {
+            sanitizer.depend(batch, shadow, op, register, Sink::Image);
+            if write.is_float() {
+                let nans = nan_lanes(&batch.registers, register, 32) & batch.mask;
+                sanitizer.reporter(batch).nan(&arithmetic::NAN_OUTPUT, shadow, op, register, nans);
+            }
+        }
+        return;
+    }
+    sanitizer.depend_on_reads(batch, shadow, op, Sink::Coordinate, &mut |visit| image.accesses(visit));
+}

@@ -1,0 +1,80 @@
+//! Rules about what must be the same in all lanes of a subgroup: the resource of an access whose
+//! operand is not decorated `NonUniform`, and indices into push constants.
+
+use crate::machine::device_memory::STRUCTURE_HANDLE;
+use crate::machine::stop::RegSpan;
+use crate::machine::{Batch, Bindings, Mask, OpIndex};
+use crate::module::{Id, Module};
+use crate::program::Program;
+use crate::sanitize::checks::subgroup::differing_lanes;
+use crate::sanitize::plan::{ResourceOperand, Uniformity};
+use crate::sanitize::rule::uniformity;
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// Checks that what must be uniform is.
+pub(in crate::sanitize) fn check<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    uniformity: &Uniformity,
+) {
+    match uniformity {
+        Uniformity::PushConstants(index) => {
+            let differing = differing_lanes(batch, RegSpan { first: *index, count: 1 }, 0);
+            sanitizer.tell(batch, &uniformity::PUSH_ARRAY_UNIFORM, op, differing, |_| {
+                "lanes of a subgroup read different elements of an array in the push constants".to_owned()
+            });
+        }
+        Uniformity::Resources { does, operands } => {
+            operands.iter().for_each(|operand| check_resource(sanitizer, batch, op, does, operand));
+        }
+    }
+}
+
+fn check_resource<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    does: &str,
+    operand: &ResourceOperand,
+) {
+    let &ResourceOperand { id, decorated, register, words } = operand;
+    let mut differing = differing_lanes(batch, RegSpan { first: register, count: words }, 0);
+    if words == 2 && !differing.is_empty() {
+        // A structure by its device address needs no descriptor.
+        differing = differing & Mask::equal(&batch.registers[register.plus(1)], STRUCTURE_HANDLE);
+    }
+    let handle = |lane: usize| batch.registers[register].0[lane];
+    let Some(one) = differing.lowest().map(handle) else { return };
+    let Some(other) = differing.lanes().map(handle).find(|other| *other != one) else { return };
+    let rule = match decorated {
+        Some(_) => &uniformity::NONUNIFORM_PLACEMENT,
+        None => &uniformity::NONUNIFORM_RESOURCE,
+    };
+    sanitizer.tell_of_program(batch, rule, op, differing, |program| {
+        let [one, other] = [one, other].map(|handle| describe(program, handle));
+        let id = id_name(&program.module, id);
+        let but = decorated
+            .map_or_else(String::new, |decorated| format!(", though {} is", id_name(&program.module, decorated)));
+        format!(
+            "lanes of a subgroup {does} {one} and {other}, and {id}, the operand of the access, is not NonUniform{but}"
+        )
+    });
+}
+
+/// A descriptor as a report names it.
+fn describe(program: &Program, handle: u32) -> String {
+    let slot = Bindings::slot_of(handle);
+    match slot.and_then(|(slot, element)| Some((program.slots.get(slot)?, element))) {
+        Some((slot, element)) => format!("`{}[{element}]`", slot.name),
+        None => "no descriptor".to_owned(),
+    }
+}
+
+/// An id by number, and by name where it has one.
+fn id_name(module: &Module, id: Id) -> String {
+    match module.name(id).filter(|name| !name.is_empty()) {
+        Some(name) => format!("%{} (`{name}`)", id.0),
+        None => format!("%{}", id.0),
+    }
+}

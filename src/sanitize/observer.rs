@@ -1,0 +1,178 @@
+//! The sanitizer as an observer: an operation has run, and the checks of its kind look at it.
+
+use crate::machine::{Batch, Bindings, Mask, Observer, OpIndex, ShaderIndex, ShadowRegisters};
+use crate::module::interface::Stage;
+use crate::ops::access::Access;
+use crate::ops::debug_printf::Argument;
+use crate::ops::op::Op;
+use crate::ops::ray_query::RayQueryOp;
+use crate::program::Terminator;
+use crate::sanitize::cause::OpPlace;
+use crate::sanitize::checks::{begin, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity};
+use crate::sanitize::plan::{Executed, lane_inputs};
+use crate::sanitize::report::{CallFrame, Sink};
+use crate::sanitize::sanitizer::{Accesses, Sanitizer};
+
+impl<const W: usize> Observer<W> for Sanitizer<'_> {
+    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        let registers = batch.registers.len();
+        let mut shadow = match batch.registers.shadow.take() {
+            Some(shadow) => shadow,
+            None => Box::new(ShadowRegisters::new(registers)),
+        };
+        let first = self.plans.get(shader.index()).map(|plan| plan.program.stage);
+        if matches!(first, Some(Stage::RayGeneration | Stage::Compute)) {
+            self.frames.clear();
+        }
+        if first == Some(Stage::Compute) {
+            begin::begin_workgroups(self, batch);
+        }
+        self.frames.push(CallFrame { shader, op: OpIndex(0) });
+        begin::begin(self, shader, batch, &mut shadow);
+        batch.registers.shadow = Some(shadow);
+    }
+
+    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+        let is_compute =
+            self.plans.get(shader.index()).is_some_and(|plan| plan.program.stage == Stage::Compute);
+        if batch.live().is_empty() {
+            query::ended(self, batch);
+        }
+        if batch.live().is_empty() && !is_compute {
+            self.frames.pop();
+        } else if let Some(frame) = self.frames.last_mut() {
+            frame.op = batch.op.previous().unwrap_or(batch.op);
+        }
+    }
+
+    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
+        if let Some(frame) = self.frames.last_mut() {
+            frame.shader = shader;
+        }
+        if let Some(races) = &mut self.races {
+            races.resumed();
+        }
+    }
+
+    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
+        let Some((shader, plan)) = self.plan() else { return false };
+        match plan.program.ops.get(op.index()) {
+            Some(Op::Stop(stopped)) => {
+                let Some(mut shadow) = batch.registers.shadow.take() else { return false };
+                stop::check(self, batch, &mut shadow, op, stopped);
+                if let Some(uniform) = &plan.steps[op.index()].uniformity {
+                    uniformity::check(self, batch, op, uniform);
+                }
+                if plan.lane_inputs.is_some() && lane_inputs::may_repack(stopped) {
+                    shadow.repack(batch.mask);
+                }
+                batch.registers.shadow = Some(shadow);
+            }
+            Some(Op::Barrier) => {
+                if let Some(races) = &mut self.races {
+                    races.barrier(batch, &plan.program, OpPlace { shader, op });
+                }
+            }
+            _ => {}
+        }
+        false
+    }
+
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+        let Some((shader, plan)) = self.plan() else { return };
+        let Some(mut shadow) = batch.registers.shadow.take() else { return };
+        let place = OpPlace { shader, op };
+        let step = &plan.steps[op.index()];
+        let executed = Executed { place, step };
+        if let Some(uniform) = &step.uniformity {
+            uniformity::check(self, batch, op, uniform);
+        }
+        match &plan.program.ops[op.index()] {
+            Op::LaneKernel { kernel: lane_kernel, to, from } => {
+                kernel::check(self, batch, &mut shadow, executed, lane_kernel, *to, from);
+            }
+            Op::Memory(op) => memory::check(self, batch, bindings, &mut shadow, executed, op),
+            Op::Image(image) => {
+                memory::check_image(self, batch, &mut shadow, op, image);
+                if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
+                    let found = races.access_image(batch, bindings, place, image);
+                    self.tell_races(batch, op, &found);
+                }
+            }
+            Op::RayQuery(ray_query) => {
+                check_ray_query(self, batch, &mut shadow, op, ray_query);
+                query::check(self, batch, op, ray_query, step.ignores_result);
+            }
+            Op::Subgroup(op) => subgroup::check(self, batch, &mut shadow, executed, op),
+            Op::Atomic(atomic) => {
+                let mut accesses = |visit: &mut dyn FnMut(Access)| atomic.accesses(visit);
+                self.depend_on_reads(batch, &mut shadow, op, Sink::Atomic, &mut accesses);
+                shared::atomic(self, batch, bindings, &mut shadow, place, atomic);
+                if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
+                    let found = races.access_atomic(batch, bindings, &plan.program, place, atomic);
+                    self.tell_races(batch, op, &found);
+                }
+            }
+            Op::Print(print) => {
+                for argument in &*print.arguments {
+                    let Argument::Numbers { components, .. } = argument else { continue };
+                    for &component in components {
+                        self.depend(batch, &mut shadow, op, component, Sink::Print);
+                    }
+                }
+            }
+            Op::HitObject(object) => {
+                define_writes(&mut shadow, batch.mask, &mut |visit| object.accesses(visit));
+            }
+            Op::Stop(_) | Op::Barrier => {}
+        }
+        if let Some(inputs) = &plan.lane_inputs {
+            stale::track(self, batch, &mut shadow, op, &plan.program.ops[op.index()], inputs);
+        }
+        batch.registers.shadow = Some(shadow);
+    }
+
+    fn terminator(&mut self, batch: &mut Batch<W>) {
+        let Some((_, plan)) = self.plan() else { return };
+        let (register, words, sink) = match plan.program.blocks[batch.block.index()].terminator {
+            Terminator::BranchConditional { condition, .. } => (condition, 1, Sink::Branch),
+            Terminator::Switch { selector, wide, .. } => (selector, 1 + u32::from(wide), Sink::Switch),
+            _ => return,
+        };
+        let Some(mut shadow) = batch.registers.shadow.take() else { return };
+        let op = plan.program.terminator_index(batch.block);
+        self.depend_on_all(batch, &mut shadow, op, register, words, sink);
+        batch.registers.shadow = Some(shadow);
+    }
+}
+
+/// Makes defined what an operation has written.
+fn define_writes<const W: usize>(
+    shadow: &mut ShadowRegisters<W>,
+    lanes: Mask<W>,
+    accesses: &mut Accesses<'_>,
+) {
+    accesses(&mut |access| {
+        if let Access::Write(first, count) = access {
+            shadow.define_span(first, count, lanes);
+        }
+    });
+}
+
+/// What a ray query is given, and what it writes.
+fn check_ray_query<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    op: OpIndex,
+    query: &RayQueryOp,
+) {
+    match *query {
+        RayQueryOp::Initialize { operands, .. } => {
+            ray::check_query(sanitizer, batch, shadow, op, operands);
+        }
+        RayQueryOp::Generate { t, .. } => sanitizer.depend(batch, shadow, op, t, Sink::ReportedT),
+        _ => {}
+    }
+    define_writes(shadow, batch.mask, &mut |visit| query.accesses(visit));
+}

@@ -1,0 +1,86 @@
+//! The instruction that an operation comes from, as its words stand in the module.
+
+use rspirv::spirv::{GlslStd450Op, Op as Opcode};
+
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Module};
+use crate::sanitize::operand_check::CheckedInstruction;
+
+/// The words of an instruction of a module.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::sanitize) struct InstructionWords<'m> {
+    /// The opcode, if it is known.
+    pub opcode: Option<Opcode>,
+    /// All words, the first of which has the opcode.
+    pub words: &'m [u32],
+}
+
+impl<'m> InstructionWords<'m> {
+    /// The instruction at a word offset.
+    pub(in crate::sanitize) fn at(module: &'m Module, offset: u32) -> Self {
+        let words = module.words.get(offset as usize..).unwrap_or_default();
+        let count = words.first().map_or(0, |head| (head >> 16) as usize);
+        let opcode = words.first().and_then(|head| Opcode::from_u32(head & 0xFFFF));
+        Self { opcode, words: words.get(..count).unwrap_or_default() }
+    }
+
+    /// The instruction, where checks can be about it.
+    pub(super) fn known(&self, module: &Module) -> Option<CheckedInstruction> {
+        match (self.opcode?, self.words) {
+            (Opcode::ExtInst, &[_, _, _, set, number, ..]) => match module.definition(Id(set))? {
+                Definition::InstructionSet(at) if module.instruction_sets[at as usize] == "GLSL.std.450" => {
+                    GlslStd450Op::from_u32(number).map(CheckedInstruction::Glsl)
+                }
+                _ => None,
+            },
+            (opcode, _) => Some(CheckedInstruction::Core(opcode)),
+        }
+    }
+
+    /// The id of the result, of an instruction that has one and a type.
+    pub(in crate::sanitize) fn result(&self, module: &Module) -> Option<Id> {
+        let id = Id(*self.words.get(2)?);
+        module.type_of(id).is_some_and(|ty| module.type_with_id(Id(self.words[1])) == Some(ty)).then_some(id)
+    }
+
+    /// Whether the result has a decoration.
+    pub(super) fn is_decorated(&self, module: &Module, number: u32) -> bool {
+        self.result(module).is_some_and(|id| module.decorations.find(id, number).is_some())
+    }
+
+    /// Bits of a scalar of the result; 0 where it has none.
+    pub(super) fn result_width(&self, module: &Module) -> u32 {
+        let ty = self.words.get(1).and_then(|&ty| module.type_with_id(Id(ty)));
+        ty.map_or(0, |ty| scalar_width(module, ty))
+    }
+
+    /// Whether it is a store of floats alone.
+    pub(super) fn stores_floats(&self, module: &Module) -> bool {
+        match (self.opcode, self.words) {
+            (Some(Opcode::Store), &[_, _, object, ..]) => {
+                module.type_of(Id(object)).is_some_and(|ty| is_float(module, ty))
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Bits of a scalar of a type; 0 where it has none.
+pub(super) fn scalar_width(module: &Module, ty: TypeId) -> u32 {
+    match *module.ty(ty) {
+        Type::Int { width, .. } | Type::Float { width, .. } => width,
+        Type::Vector { component, .. } => scalar_width(module, component),
+        _ => 0,
+    }
+}
+
+/// Whether a type holds floats of 32 bits alone.
+fn is_float(module: &Module, ty: TypeId) -> bool {
+    match *module.ty(ty) {
+        Type::Float { width, encoding } => width == 32 && encoding.is_none(),
+        Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => is_float(module, part),
+        Type::Array { element, .. } => is_float(module, element),
+        Type::Struct { ref members, .. } => members.iter().all(|member| is_float(module, member.ty)),
+        _ => false,
+    }
+}
