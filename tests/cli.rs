@@ -94,6 +94,56 @@ fn inspect_tells_everything_that_would_not_run() {
     );
 }
 
+/// VUID-StandaloneSpirv-VulkanMemoryModel-04678: RayTmaxKHR of an intersection shader is Volatile
+/// there. Slang leaves it out.
+#[test]
+fn what_is_undefined_in_any_run_is_told_without_being_asked() {
+    const BALL: &str = "spirv-fixtures/sanitize/volatile-raytmax/broken.slang.spv";
+    let (code, out, _) = run(&["inspect", "--json", BALL]);
+    let report: Value = serde_json::from_str(&out).expect("JSON");
+    let finding = &report["entry_points"][0]["findings"][0];
+    assert_eq!(
+        (code, &finding["rule"], &finding["level"]),
+        (Some(0), &json!("volatile-raytmax"), &json!("deny"))
+    );
+    let (_, out, _) = run(&["inspect", BALL]);
+    assert!(
+        out.contains("\n  error[volatile-raytmax]: the variable of RayTmaxKHR is not Volatile\n"),
+        "{out}"
+    );
+
+    // A test passes all the same, unless the sanitizer is asked.
+    let case = "shaders/sanitize/volatile-raytmax";
+    let (code, out, _) = run(&["test", case]);
+    assert_eq!(code, Some(0), "{out}");
+    assert!(out.contains("warning[volatile-raytmax]: "), "{out}");
+    let (code, out, _) = run(&["test", case, "--format", "json"]);
+    let report: Value = serde_json::from_str(&out).expect("JSON");
+    assert_eq!((code, &report["findings"][0]["level"]), (Some(0), &json!("warn")));
+    let (code, out, _) = run(&["test", case, "--sanitize"]);
+    assert_eq!(code, Some(1), "{out}");
+
+    // It depends on no input that `smoke` makes up.
+    let (code, out, _) = run(&["smoke", BALL]);
+    assert_eq!((code, out.contains("error[")), (Some(0), false), "{out}");
+    let (code, out, err) = run(&["smoke", BALL, "--sanitize"]);
+    assert_eq!((code, err.as_str()), (Some(6), "error: the sanitizer denies 1 finding\n"), "{out}");
+}
+
+/// For machines a trap and a limit stand among the findings; in text they are the error at the end.
+#[test]
+fn what_ends_a_sanitized_run_is_a_finding_with_a_class() {
+    let found = |case: &str| {
+        let scene = format!("shaders/fail/{case}/scene.toml");
+        let (code, out, _) = run(&["run", &scene, "--sanitize", "--findings", "json"]);
+        let findings: Value = serde_json::from_str(&out).expect("JSON");
+        let last = findings.as_array().and_then(|all| all.last()).expect("a finding").clone();
+        (code, last["rule"].clone(), last["class"].clone())
+    };
+    assert_eq!(found("trace/invalid-ray"), (Some(3), json!("ray-nan"), json!("bug")));
+    assert_eq!(found("control-flow/endless-loop"), (Some(3), json!("loop-endless"), json!("stop")));
+}
+
 #[test]
 #[cfg(feature = "wgsl")]
 fn inspect_compiles_a_source() {

@@ -11,6 +11,7 @@ use crate::cli::input::InputLimitArgs;
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::machine::ShaderIndex;
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, InterfaceVariable};
 use crate::module::names::{
@@ -18,8 +19,11 @@ use crate::module::names::{
 };
 use crate::program::struct_lookup::{StructTable, find};
 use crate::program::{self, obstacles};
+use crate::sanitize::module_checks::check_module;
+use crate::sanitize::{Findings, Levels};
 
-/// Lists a module's entry points, interface and requirements, and what in it is unsupported.
+/// Lists a module's entry points, interface and requirements, what in it is unsupported, and which
+/// rules it breaks whatever its inputs are
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
@@ -136,6 +140,9 @@ struct EntryReport {
     reasons: Vec<String>,
     errors: Vec<ErrorReport>,
     interface: Vec<VariableReport>,
+    /// The rules that it breaks whatever its inputs are.
+    #[serde(skip_serializing_if = "Findings::is_empty")]
+    findings: Findings,
 }
 
 #[derive(Debug, Serialize)]
@@ -237,9 +244,12 @@ impl ModuleReport {
 
 impl EntryReport {
     fn of(module: &Arc<Module>, entry: &EntryPoint) -> Self {
-        let error = program::lower(module, entry).err();
-        let errors = error.as_ref().map_or_else(Vec::new, ErrorReport::all);
-        let reasons = error.map_or_else(Vec::new, |error| obstacles(module, entry, &error));
+        let (errors, reasons, findings) = match program::lower(module, entry) {
+            Ok(program) => {
+                (Vec::new(), Vec::new(), check_module(&program, ShaderIndex(0), &Levels::default()))
+            }
+            Err(error) => (ErrorReport::all(&error), obstacles(module, entry, &error), Findings::default()),
+        };
         let variables = module.interface_of(entry);
         Self {
             name: entry.name.clone(),
@@ -248,6 +258,7 @@ impl EntryReport {
             reasons,
             errors,
             interface: variables.iter().map(|variable| VariableReport::of(module, variable)).collect(),
+            findings,
         }
     }
 
@@ -270,6 +281,12 @@ impl EntryReport {
                 let _ = write!(line, "  {cell:<width$}");
             }
             let _ = writeln!(out, "{}", line.trim_end());
+        }
+        for finding in &self.findings {
+            out.push('\n');
+            for line in finding.render().trim_end().lines() {
+                let _ = writeln!(out, "  {}", line.trim_end());
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use crate::atomic_file;
 use crate::cli::output;
 use crate::debug::session::ResolvedRequest;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::harness::sanitize_table::scene_levels;
 use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
 use crate::input::{InputLimit, InputLimits, read_argument};
@@ -95,7 +95,8 @@ impl SanitizeArgs {
         assembled: &Assembled,
         resources: &Resources,
     ) -> Result<SanitizedRun> {
-        run_sanitized(scene, assembled, resources, &self.levels(scene)?)
+        let run = run_sanitized(scene, assembled, resources, &self.levels(scene)?);
+        run.or_else(|error| self.refuse(error))
     }
 
     /// Runs one ray of a scene, or one invocation, and prints the findings.
@@ -108,7 +109,8 @@ impl SanitizeArgs {
         assembled: &Assembled,
         which: &ResolvedRequest,
     ) -> Result<()> {
-        let run = sanitize_one(scene, assembled, which, &assembled.resources, &self.levels(scene)?)?;
+        let run = sanitize_one(scene, assembled, which, &assembled.resources, &self.levels(scene)?);
+        let run = run.or_else(|error| self.refuse(error))?;
         self.finish(run).map(|_| ())
     }
 
@@ -126,13 +128,31 @@ impl SanitizeArgs {
             let bytes = read_argument(path, InputLimit::FileBytes, &InputLimits::default())?;
             findings.forget_known(&String::from_utf8_lossy(&bytes));
         }
+        let stats = match run.outcome {
+            Ok(stats) => stats,
+            Err(error) => return self.stop(findings, error),
+        };
         self.print(&findings)?;
-        let stats = run.outcome?;
         if findings.is_empty() && self.findings == FindingFormat::Text {
             output::hint("the sanitizer found nothing");
         }
         deny(&findings)?;
         Ok(stats)
+    }
+
+    /// Prints findings and the error that ended the run: in text it is printed at the end of the
+    /// command, and for machines it is one of the findings.
+    fn stop<T>(&self, mut findings: Findings, error: Error) -> Result<T> {
+        if self.findings != FindingFormat::Text {
+            findings.add_stop(&error);
+        }
+        self.print(&findings)?;
+        Err(error)
+    }
+
+    /// As [`SanitizeArgs::stop`], of what cannot run.
+    fn refuse<T>(&self, error: Error) -> Result<T> {
+        self.stop(Findings::default(), error)
     }
 
     /// Prints the findings that deny nothing, of tests whose failures tell the others.

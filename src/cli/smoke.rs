@@ -12,6 +12,7 @@ use crate::cli::limits::LaunchLimitArgs;
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::harness::sanitized::deny;
 use crate::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
 use crate::machine::LaunchLimits;
 
@@ -21,7 +22,8 @@ use crate::machine::LaunchLimits;
 /// acceleration structures are made up from what the module declares: integers 0 to 3, floats in
 /// [0, 1), identity matrices. New sets of values are tried until every basic block was entered or
 /// new sets enter no further block. Exit codes: 0 all ran to their end, 1 one trapped or entered
-/// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid.
+/// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid, 6 the sanitizer denies
+/// what is in the module.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
@@ -75,7 +77,8 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 ///
 /// # Errors
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
-/// traps; `UnsupportedModule` or `InvalidModule` where one does not run.
+/// traps; `UnsupportedModule` or `InvalidModule` where one does not run; `Finding` where the
+/// sanitizer denies what is in the module.
 pub fn run(args: SmokeArgs) -> Result<()> {
     let module = module_file::read_or_compile(&args.module, &args.limits.limits(), &args.how.words());
     let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
@@ -116,7 +119,10 @@ struct JsonReport<'a> {
 fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
     let worst = report.worst();
     let kind = match worst {
-        SmokeVerdict::Ok | SmokeVerdict::OutOfScope => return covered(report, min_coverage),
+        SmokeVerdict::Ok | SmokeVerdict::OutOfScope => {
+            report.entry_points.iter().try_for_each(|entry| deny(&entry.findings))?;
+            return covered(report, min_coverage);
+        }
         SmokeVerdict::Trap => ErrorKind::Expectation,
         SmokeVerdict::Unsupported | SmokeVerdict::Bug => ErrorKind::UnsupportedModule,
         SmokeVerdict::Invalid => ErrorKind::InvalidModule,

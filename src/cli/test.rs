@@ -138,6 +138,9 @@ pub fn run(args: TestArgs) -> Result<()> {
             if args.stability.perturbation().is_some() {
                 json["perturbed"] = report.perturbed.into();
             }
+            if !report.findings.is_empty() {
+                json["findings"] = serde_json::to_value(&report.findings).unwrap_or_default();
+            }
             output::print(format_args!("{json:#}\n"))?;
         }
         Format::Plain | Format::Github => {
@@ -156,9 +159,7 @@ pub fn run(args: TestArgs) -> Result<()> {
                 );
                 output::print(format_args!("\n{text}\n"))?;
             }
-            if args.sanitize.is_requested() {
-                args.sanitize.print_warnings(&report.findings)?;
-            }
+            args.sanitize.print_warnings(&report.findings)?;
             output::print(report::summary(&report))?;
         }
     }

@@ -7,12 +7,13 @@ use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::given::{Given, gives_resources};
 use crate::harness::memory;
 use crate::harness::scene::Scene;
-use crate::machine::Descriptor;
 use crate::machine::printed::PrintedLine;
+use crate::machine::{Descriptor, ShaderIndex};
 use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::pipeline::{Compute, Stats};
 use crate::program::Program;
+use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
 
 /// A compute shader with what it has bound, and how many workgroups of it run.
@@ -144,7 +145,9 @@ impl ComputeTest {
         let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
         let mut sanitizer = Sanitizer::new(&plans, &levels);
         let outcome = compute.run_observed(&resources, self.groups, &mut |_| (), &mut sanitizer);
-        sanitizer.into_findings().into_warnings(outcome.map(|_| ()))
+        let mut findings = check_module(&compute.program, ShaderIndex(0), &levels);
+        findings.extend(sanitizer.into_findings());
+        findings.into_warnings(outcome.map(|_| ()))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Running a scene under the sanitizer.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
@@ -23,6 +24,23 @@ pub struct SanitizedRun {
     pub findings: Findings,
 }
 
+/// What is known before a scene runs: of its structures, of its pipelines, and of each module.
+pub fn check_scene(scene: &ResolvedScene, assembled: &Assembled, levels: &Levels) -> Findings {
+    let mut findings = check_structures(scene, levels);
+    for (index, pipeline) in assembled.all_pipelines() {
+        let found = check_pipeline(pipeline, levels);
+        findings.extend(found.of_shaders_from(assembled.first_program(index)));
+    }
+    // Shaders of several pipelines are told of once.
+    let mut seen = HashSet::new();
+    for (at, program) in assembled.programs().enumerate() {
+        if seen.insert((Arc::as_ptr(&program.module), program.stage, &program.name)) {
+            findings.extend(check_module(program, ShaderIndex::new(at), levels));
+        }
+    }
+    findings
+}
+
 /// Runs the launches and dispatches of a scene, as [`Assembled::run`] does.
 ///
 /// # Errors
@@ -34,7 +52,7 @@ pub fn run_sanitized(
     levels: &Levels,
 ) -> Result<SanitizedRun> {
     let reference = assembled.unoptimized()?;
-    let mut findings = check_structures(scene, levels);
+    let mut findings = check_scene(scene, &reference, levels);
     let mut stats = Stats::default();
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
     let mut traced: BTreeMap<Option<usize>, SeenRays> = BTreeMap::new();
@@ -44,27 +62,28 @@ pub fn run_sanitized(
         let outcome = match &pass.work {
             PassWork::Launch(launch) => {
                 let pipeline = reference.pass_pipeline(launch);
-                findings.extend(check_pipeline(&pipeline, levels));
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
                 let mut sanitizer = Sanitizer::new(&plans, levels);
-                let seen = traced.entry(launch.pipeline).or_default();
+                let pass_pipeline = launch.pipeline;
+                let seen = traced.entry(pass_pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
                 let size = launch.size;
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let outcome = launch.run_observed(size, &mut |event| watch.event(event), &mut sanitizer);
-                findings.extend(watch.into_findings());
-                findings.extend(sanitizer.into_findings());
+                let first = reference.first_program(pass_pipeline);
+                findings.extend(watch.into_findings().of_shaders_from(first));
+                findings.extend(sanitizer.into_findings().of_shaders_from(first));
                 outcome
             }
             PassWork::Dispatch(at) => {
                 let dispatch = &reference.dispatches[*at];
-                findings.extend(check_module(&dispatch.compute.program, ShaderIndex(0), levels));
                 let plans = [ProgramPlan::new(&dispatch.compute.program)];
                 let mut sanitizer = Sanitizer::new(&plans, levels);
                 let on_event = &mut |event| queried.add_event(&event);
                 let compute = &dispatch.compute;
                 let outcome = compute.run_observed(&resources, dispatch.groups, on_event, &mut sanitizer);
-                findings.extend(sanitizer.into_findings());
+                let first = reference.dispatch_program(*at);
+                findings.extend(sanitizer.into_findings().of_shaders_from(first));
                 outcome
             }
         };
@@ -104,8 +123,7 @@ pub fn sanitize_one(
     }
     single.run_before(resources)?;
     let resources = single.resources(resources);
-    let mut findings = check_structures(scene, levels);
-    findings.extend(check_pipeline(&single.pipeline, levels));
+    let mut findings = check_scene(scene, &reference, levels);
     let plans: Vec<_> = single.pipeline.programs.iter().map(ProgramPlan::new).collect();
     let mut sanitizer = Sanitizer::new(&plans, levels);
     // One ray says nothing of what no ray does.
@@ -125,8 +143,9 @@ pub fn sanitize_one(
             }
         }
     };
-    findings.extend(watch.into_findings());
-    findings.extend(sanitizer.into_findings());
+    let first = reference.first_program(single.index);
+    findings.extend(watch.into_findings().of_shaders_from(first));
+    findings.extend(sanitizer.into_findings().of_shaders_from(first));
     Ok(SanitizedRun { outcome, findings })
 }
 

@@ -1,10 +1,9 @@
 //! Rules about the shaders of a pipeline that are known before anything runs: what its groups
-//! declare together, and what variables must be decorated with.
+//! declare together.
 
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::ShaderIndex;
 use crate::module::interface::{InterfaceVariable, Stage};
-use crate::module::names::builtin_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
@@ -12,18 +11,9 @@ use crate::pipeline::{Group, HitGroup, Pipeline};
 use crate::program::Program;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
-use crate::sanitize::module_checks::check_module;
 use crate::sanitize::rule::{Level, Rule, contract};
 
-/// `Volatile`
-const VOLATILE: u32 = 21;
-/// `RayTmaxKHR`
-const RAY_T_MAX: u32 = 5326;
-/// Builtins that may change wherever lanes are repacked: `SubgroupSize`,
-/// `SubgroupLocalInvocationId`, `SubgroupEqMask` and its siblings, `WarpIDNV`, `SMIDNV`.
-const SUBGROUP_BUILTINS: [u32; 9] = [36, 41, 4416, 4417, 4418, 4419, 4420, 5376, 5377];
-
-/// Checks the shaders of a pipeline.
+/// Checks what the shaders of a pipeline declare together.
 pub fn check_pipeline(pipeline: &Pipeline, levels: &Levels) -> Findings {
     let mut contract = Contract { pipeline, levels, findings: Findings::default() };
     contract.payloads();
@@ -31,12 +21,6 @@ pub fn check_pipeline(pipeline: &Pipeline, levels: &Levels) -> Findings {
         if let Group::Hit(group) = group {
             contract.attributes(group);
         }
-    }
-    for (shader, program) in contract.programs() {
-        contract.volatile(shader, program);
-    }
-    for (shader, program) in contract.programs() {
-        contract.findings.extend(check_module(program, shader, levels));
     }
     contract.findings
 }
@@ -129,28 +113,6 @@ impl<'a> Contract<'a> {
         }
     }
 
-    /// Builtins that change while a shader runs, and are not decorated `Volatile`.
-    fn volatile(&mut self, shader: ShaderIndex, program: &Program) {
-        // With the Vulkan memory model each load is volatile by itself.
-        const VULKAN_MEMORY_MODEL: u32 = 5345;
-        if program.module.capabilities.contains(&VULKAN_MEMORY_MODEL) {
-            return;
-        }
-        for variable in variables(program) {
-            let Some(number) = variable.builtin else { continue };
-            let Some(rule) = volatile_rule(program.stage, number) else { continue };
-            if program.module.decorations.find(variable.id, VOLATILE).is_none() {
-                let name = builtin_name(number);
-                let message = format!(
-                    "{name} of the {} shader `{}` is not Volatile",
-                    program.stage.name(),
-                    program.name
-                );
-                self.add(rule, shader, Some(variable.id), message, Vec::new());
-            }
-        }
-    }
-
     fn add(
         &mut self,
         rule: &'static Rule,
@@ -174,15 +136,6 @@ impl<'a> Contract<'a> {
             FindingKey { rule: rule.id, places: [(shader, variable.map_or(0, |id| id.0)), (shader, 0)] };
         let finding = Finding { rule, level, count: 0, launch_id: [0; 3], stack: Vec::new(), error };
         self.findings.add(key, 1, Some(finding));
-    }
-}
-
-/// The rule of a builtin that changes while a shader of a stage runs.
-pub(super) fn volatile_rule(stage: Stage, builtin: u32) -> Option<&'static Rule> {
-    match stage {
-        Stage::Intersection if builtin == RAY_T_MAX => Some(&contract::VOLATILE_RAYTMAX),
-        Stage::AnyHit | Stage::Compute | Stage::Other(_) => None,
-        _ => SUBGROUP_BUILTINS.contains(&builtin).then_some(&contract::VOLATILE_SUBGROUP),
     }
 }
 

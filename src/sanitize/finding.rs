@@ -60,6 +60,7 @@ impl Serialize for Finding {
             rule: &'static str,
             level: Level,
             kind: &'static str,
+            class: &'static str,
             message: &'a str,
             file: Option<&'a str>,
             line: Option<usize>,
@@ -77,6 +78,7 @@ impl Serialize for Finding {
             rule: self.rule.id,
             level: self.level,
             kind: self.rule.kind.name(),
+            class: self.rule.kind.class(),
             message: self.error.message(),
             count: self.count,
             launch_id: self.launch_id,
@@ -129,6 +131,15 @@ impl Findings {
         self.list.iter().filter(|finding| finding.level == Level::Deny)
     }
 
+    /// The findings of a pipeline whose first shader has another index among all shaders of a scene.
+    #[must_use]
+    pub fn of_shaders_from(mut self, first: usize) -> Self {
+        let own = |(shader, word): (ShaderIndex, u32)| (ShaderIndex::new(shader.index() + first), word);
+        let keys = self.by_key.into_iter();
+        self.by_key = keys.map(|(key, at)| (FindingKey { places: key.places.map(own), ..key }, at)).collect();
+        self
+    }
+
     /// Drops the findings for which a condition does not hold.
     pub(super) fn retain(&mut self, keep: impl Fn(&Finding) -> bool) {
         let kept: Vec<bool> = self.list.iter().map(&keep).collect();
@@ -148,6 +159,15 @@ impl Findings {
             finding.error = finding.error.clone().note(note);
         }
         self
+    }
+
+    /// Keeps what is denied alone, and only warns of it, with a note.
+    pub fn warn_of_denied(&mut self, note: &str) {
+        self.retain(|finding| finding.level == Level::Deny);
+        for finding in &mut self.list {
+            finding.level = Level::Warn;
+            finding.error = finding.error.clone().note(note);
+        }
     }
 
     /// Drops what is denied.

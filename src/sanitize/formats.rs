@@ -9,8 +9,8 @@ use crate::sanitize::finding::{Finding, Findings};
 use crate::sanitize::rule::{self, Level};
 
 impl Findings {
-    /// The findings as a list of objects: `rule`, `level`, `kind`, `message`, `file`, `line`,
-    /// `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
+    /// The findings as a list of objects: `rule`, `level`, `kind`, `class`, `message`, `file`,
+    /// `line`, `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default()
     }
@@ -18,6 +18,7 @@ impl Findings {
     /// The findings as SARIF 2.1.0, one run of the tool `anyhit`.
     pub fn sarif(&self) -> String {
         let rules: Vec<Value> = rule::all()
+            .chain(rule::stop::RULES.iter().copied())
             .map(|rule| {
                 json!({
                     "id": rule.id,
@@ -93,7 +94,11 @@ fn sarif_result(finding: &Finding) -> Value {
         "ruleId": finding.rule.id,
         "level": sarif_level(finding.level),
         "message": { "text": finding.error.message() },
-        "properties": { "count": finding.count, "launchId": finding.launch_id },
+        "properties": {
+            "class": finding.rule.kind.class(),
+            "count": finding.count,
+            "launchId": finding.launch_id,
+        },
     });
     if let Some((file, line)) = finding.place() {
         result["locations"] = json!([{
@@ -166,7 +171,10 @@ mod tests {
         let sarif: Value = serde_json::from_str(&findings().sarif()).expect("JSON");
         let run = &sarif["runs"][0];
         assert_eq!(sarif["version"], "2.1.0");
-        assert_eq!(run["tool"]["driver"]["rules"].as_array().map(Vec::len), Some(rule::all().count()));
+        assert_eq!(
+            run["tool"]["driver"]["rules"].as_array().map(Vec::len),
+            Some(rule::all().count() + rule::stop::RULES.len())
+        );
         let result = &run["results"][0];
         assert_eq!((&result["ruleId"], &result["level"]), (&json!("pow-domain"), &json!("error")));
         let place = &result["locations"][0]["physicalLocation"];

@@ -24,6 +24,7 @@ mod races;
 pub mod report;
 pub mod rule;
 pub mod sanitizer;
+mod stopped;
 pub mod structures;
 pub mod traced_rays;
 

@@ -9,6 +9,7 @@ mod code;
 mod declarations;
 mod memory;
 mod ordering;
+mod volatile;
 
 #[cfg(test)]
 mod tests;
@@ -19,7 +20,7 @@ use crate::program::Program;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::module_checks::code::EntryCode;
-use crate::sanitize::rule::{Level, Rule, module};
+use crate::sanitize::rule::{Level, Rule, contract, module};
 
 /// A place that breaks a rule.
 #[derive(Debug)]
@@ -39,7 +40,9 @@ static CHECKS: &[Check] = &[
     (&module::ATTR_READONLY, memory::attr_readonly),
     (&module::RECORD_BLOCK, memory::record_block),
     (&module::ALIGNED_OPERAND, memory::aligned_operand),
-    (&module::VOLATILE_LOAD, memory::volatile_load),
+    (&contract::VOLATILE_SUBGROUP, volatile::volatile_subgroup),
+    (&contract::VOLATILE_RAYTMAX, volatile::volatile_raytmax),
+    (&module::VOLATILE_LOAD, volatile::volatile_load),
     (&module::BARRIER_SEMANTICS, ordering::barrier_semantics),
     (&module::MEMORY_SCOPE, ordering::memory_scope),
     (&module::INVOCATION_SCOPE, ordering::invocation_scope),
@@ -85,8 +88,7 @@ fn located(program: &Program, fault: Fault) -> Error {
     let first = program.module.functions.first().map_or(u32::MAX, |function| function.offset);
     let line = if offset < first {
         let files = program.module.debug_info.files.first();
-        let file = files.filter(|file| !file.name.is_empty());
-        file.map(|file| Place::Line { file: file.name.clone(), line: 1, column: 0 })
+        files.filter(|file| !file.name.is_empty()).map(|file| Place::File(file.name.clone().into()))
     } else {
         program.place_at(offset).or_else(|| program.place_near(offset))
     };

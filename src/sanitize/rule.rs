@@ -25,6 +25,7 @@ pub mod memory;
 pub mod module;
 pub mod query;
 pub mod race;
+pub mod stop;
 pub mod structure;
 pub mod subgroup;
 pub mod trace;
@@ -67,13 +68,17 @@ pub enum RuleKind {
     UndefinedValue,
     /// Legal, but rarely meant.
     Lint,
+    /// A limit of this crate or of the run: what is behind it nobody knows.
+    Limit,
+    /// What this crate does not run.
+    Gap,
 }
 
 impl RuleKind {
     /// The level of rules of this kind unless the user says otherwise.
     pub fn default_level(self) -> Level {
         match self {
-            Self::UndefinedBehavior | Self::UndefinedValue => Level::Deny,
+            Self::UndefinedBehavior | Self::UndefinedValue | Self::Limit | Self::Gap => Level::Deny,
             Self::Lint => Level::Warn,
         }
     }
@@ -84,6 +89,18 @@ impl RuleKind {
             Self::UndefinedBehavior => "undefined behaviour",
             Self::UndefinedValue => "undefined value",
             Self::Lint => "lint",
+            Self::Limit => "limit",
+            Self::Gap => "unsupported",
+        }
+    }
+
+    /// Whose matter a finding is: `bug` is the shader's or the scene's, `gap` is this crate's,
+    /// and `stop` is a run that ended before anybody knew.
+    pub fn class(self) -> &'static str {
+        match self {
+            Self::UndefinedBehavior | Self::UndefinedValue | Self::Lint => "bug",
+            Self::Limit => "stop",
+            Self::Gap => "gap",
         }
     }
 }

@@ -18,6 +18,7 @@ use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::{Event, Pipeline, trap_error, with_limit};
+use crate::sanitize::module_checks::check_module;
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
 
 impl ShaderTest {
@@ -56,7 +57,9 @@ impl ShaderTest {
             let mut observer: &mut dyn Observer<1> = &mut sanitizer;
             test.run_observed(&mut observer)
         };
-        sanitizer.into_findings().into_warnings(outcome.map(|_| ()))
+        let mut findings = check_module(&test.program, ShaderIndex(0), &levels);
+        findings.extend(sanitizer.into_findings());
+        findings.into_warnings(outcome.map(|_| ()))
     }
 
     fn run_observed<O: Observer<1>>(&self, observer: &mut O) -> Result<ShaderOutcome> {

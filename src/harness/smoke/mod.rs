@@ -42,11 +42,12 @@ use crate::harness::blocks::Blocks;
 use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::subject::{EntryUnderTest, Progress, Way};
 use crate::harness::smoke::watch::{Happened, tracing};
-use crate::machine::LaunchLimits;
+use crate::machine::{LaunchLimits, ShaderIndex};
 use crate::module::Module;
 use crate::module::interface::{EntryPoint, Stage};
 use crate::program::{self, Program, obstacles};
-use crate::sanitize::Findings;
+use crate::sanitize::module_checks::check_module;
+use crate::sanitize::{Findings, Levels};
 
 pub use report::{BlockCoverage, EntryReport, RunReport, SmokeReport, SmokeTrap, SmokeVerdict};
 
@@ -220,7 +221,11 @@ fn entry_point(
     let counted = report.runs.iter().filter(|run| !run.is_note());
     report.result = counted.map(|run| run.result).max().unwrap_or(SmokeVerdict::Ok);
     report.coverage = Some(reached(&subject.program, &progress));
-    report.findings = progress.findings;
+    if options.sanitize {
+        // What the module alone shows depends on no input.
+        report.findings = check_module(&subject.program, ShaderIndex(0), &Levels::default());
+    }
+    report.findings.extend(progress.findings);
     report
 }
 

@@ -59,7 +59,8 @@ pub struct EntryReport {
     pub coverage: Option<BlockCoverage>,
     /// Its runs; none where it cannot run.
     pub runs: Vec<RunReport>,
-    /// What the sanitizer found, if it was asked: on made-up inputs, so that it only warns.
+    /// What the sanitizer found, if it was asked: in the module alone, where it denies what is
+    /// undefined; then on made-up inputs, where it only warns, and says so.
     #[serde(skip_serializing_if = "Findings::is_empty")]
     pub findings: Findings,
 }

@@ -19,7 +19,7 @@ use crate::harness::observe::fresh_resources;
 use crate::harness::rendering;
 use crate::harness::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
 use crate::harness::sanitize_table::scene_levels;
-use crate::harness::sanitized::{SanitizedRun, run_sanitized, sanitize_one};
+use crate::harness::sanitized::{SanitizedRun, check_scene, run_sanitized, sanitize_one};
 use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::perturb::{perturb, perturb_one};
 use crate::harness::stability::shadow::{shadow, shadow_one};
@@ -28,8 +28,8 @@ use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, TestFa
 use crate::input::{InputLimit, InputLimits};
 use crate::machine::LaunchLimits;
 use crate::sanitize::{Findings, Levels};
-use crate::scene::RunLimits;
 use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::{Assembled, ResolvedScene, RunLimits};
 
 /// How a suite is run.
 #[derive(Clone, Debug)]
@@ -97,7 +97,8 @@ pub struct SuiteReport {
     pub shadow: ShadowFindings,
     /// How many tests passed and were held to stable outputs, where that was asked for.
     pub perturbed: usize,
-    /// What the sanitizer found, where it was asked for.
+    /// What the sanitizer found where it was asked for; else what is undefined before anything
+    /// runs, as warnings.
     pub findings: Findings,
     /// Files that were written anew.
     pub renewed: Vec<PathBuf>,
@@ -233,7 +234,14 @@ impl Suite {
         let mut finished = Vec::new();
         let mut shadow = ShadowFindings::default();
         let mut perturbed = 0;
-        let mut findings = Findings::default();
+        let known = match &options.sanitize {
+            Some(_) => Ok(Findings::default()),
+            None => known_before(&loaded.scene, &loaded.assembled),
+        };
+        let mut findings = match known {
+            Ok(findings) => findings,
+            Err(error) => return Done::broken(tests, &file, &error),
+        };
         for test in tests {
             let begin = Instant::now();
             let tester = Tester { loaded: &loaded, test, options, is_variant: case.variant.is_some() };
@@ -274,6 +282,13 @@ impl Suite {
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
         Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed, findings, notes }
     }
+}
+
+/// What is undefined in a scene before it runs; nobody need ask for it, so that it only warns.
+fn known_before(scene: &ResolvedScene, assembled: &Assembled) -> Result<Findings> {
+    let mut findings = check_scene(scene, assembled, &scene_levels(&scene.document)?);
+    findings.warn_of_denied("`--sanitize` fails here, and looks at what runs");
+    Ok(findings)
 }
 
 /// The tests of a case that have run.

@@ -50,7 +50,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
                 let number = sanitizer.cause(cause, details);
                 shadow.undefine_span(to, kernel.words, broken, number);
             }
-            RuleKind::UndefinedBehavior | RuleKind::Lint => {
+            _ => {
                 sanitizer.reporter(batch).broken(check.rule, place.op, broken, (check.message)(&operands()));
             }
         }

@@ -3,22 +3,17 @@
 use rspirv::spirv::{MemoryAccess as AccessMask, Op};
 
 use crate::module::interface::Stage;
-use crate::module::names::{builtin_name, opcode_name};
+use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
-use crate::sanitize::contract::volatile_rule;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, MemoryAccess, Part};
 
-/// `BuiltIn`
-const BUILT_IN: u32 = 11;
 /// `NonWritable`
 const NON_WRITABLE: u32 = 24;
 /// `NonReadable`
 const NON_READABLE: u32 = 25;
-/// `VulkanMemoryModel`
-const VULKAN_MEMORY_MODEL: u32 = 5345;
 /// `PhysicalStorageBuffer64`
 const PHYSICAL_ADDRESSING: u32 = 5348;
 
@@ -132,25 +127,6 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
                 ),
                 Some(_) => continue,
             };
-            faults.push(Fault { offset: instruction.offset, message });
-        }
-    }
-}
-
-pub(super) fn volatile_load(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    if !code.module.capabilities.contains(&VULKAN_MEMORY_MODEL) {
-        return;
-    }
-    for (opcode, instruction, operands) in code.known() {
-        if opcode != Op::Load || operands.get(1).is_some_and(|mask| mask & AccessMask::VOLATILE.bits() != 0) {
-            continue;
-        }
-        let builtin = code.parts(Id(operands[0])).into_iter().find_map(|part| match part {
-            Part::Variable(id) => code.module.decorations.literal(id, BUILT_IN),
-            _ => None,
-        });
-        if let Some(number) = builtin.filter(|&number| volatile_rule(code.entry.stage, number).is_some()) {
-            let message = format!("the load of {} is not Volatile", builtin_name(number));
             faults.push(Fault { offset: instruction.offset, message });
         }
     }
