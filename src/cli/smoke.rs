@@ -22,8 +22,8 @@ use crate::machine::LaunchLimits;
 /// acceleration structures are made up from what the module declares: integers 0 to 3, floats in
 /// [0, 1), identity matrices. New sets of values are tried until every basic block was entered or
 /// new sets enter no further block. Exit codes: 0 all ran to their end, 1 one trapped or entered
-/// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid, 6 the sanitizer denies
-/// what is in the module.
+/// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid, 6 the sanitizer
+/// denies what is in the module.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
     /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input

@@ -131,7 +131,8 @@ impl Findings {
         self.list.iter().filter(|finding| finding.level == Level::Deny)
     }
 
-    /// The findings of a pipeline whose first shader has another index among all shaders of a scene.
+    /// The findings of a pipeline whose first shader has another index among all shaders of a
+    /// scene.
     #[must_use]
     pub fn of_shaders_from(mut self, first: usize) -> Self {
         let own = |(shader, word): (ShaderIndex, u32)| (ShaderIndex::new(shader.index() + first), word);

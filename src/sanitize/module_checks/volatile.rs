@@ -1,4 +1,5 @@
-//! Rules about builtins that change while a shader runs: their variables are Volatile, or each load.
+//! Rules about builtins that change while a shader runs: their variables are Volatile, or each
+//! load.
 
 use rspirv::spirv::{MemoryAccess, Op};
 
