@@ -171,6 +171,30 @@ fn numbers_become_addresses_where_memory_is_reached_through_them() {
     assert!(report.entry_points[0].runs.iter().all(|run| run.note.is_none()), "{}", report.text());
 }
 
+/// Two structures by address, from one buffer: both numbers are the address of the one structure
+/// that there is.
+#[test]
+fn two_addresses_of_structures_lead_to_one() {
+    const TYPES: &str = "
+    %uvec2 = OpTypeVector %uint 2";
+    let address = |first: &str, second: &str, name: &str| {
+        format!(
+            "
+    %a{name} = OpAccessChain %uint_pointer %numbers %0 {first}
+    %b{name} = OpLoad %uint %a{name}
+    %c{name} = OpAccessChain %uint_pointer %numbers %0 {second}
+    %d{name} = OpLoad %uint %c{name}
+    %e{name} = OpCompositeConstruct %uvec2 %b{name} %d{name}
+    %f{name} = OpConvertUToAccelerationStructureKHR %acceleration %e{name}
+    OpTraceNV %f{name} %0 %100 %0 %0 %0 %up %zero %up %one %0
+"
+        )
+    };
+    let body = address("%0", "%1", "_first") + &address("%100", "%77", "_second");
+    let report = run(&ray_generation(TYPES, &body));
+    assert!(report.is_ok(), "{}", report.text());
+}
+
 /// What is said of the first values, with which the module traps; with others it does not.
 fn told(bytes: &[u8]) -> String {
     let report = run(bytes);

@@ -1,11 +1,11 @@
 //! Names of parts of variables, as a source writes them.
 
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Id, Module};
+use crate::module::{Definition, Id, Module};
 use crate::program::Program;
 
-/// The source expression of the member, element or vector of a variable of a type that one of its
-/// words in registers belongs to.
+/// The source expression of the scalar of a variable of a type that one of its words in registers
+/// belongs to.
 pub(super) fn word_path(module: &Module, variable: Id, ty: TypeId, word: u32) -> String {
     let name = module.name(variable).map_or_else(|| format!("%{}", variable.0), str::to_owned);
     let mut path = name;
@@ -35,6 +35,18 @@ pub(super) fn word_path(module: &Module, variable: Id, ty: TypeId, word: u32) ->
                 path += &format!("[{}]", word / count);
                 (ty, word) = (element, word % count);
             }
+            &Type::Matrix { column, .. } => {
+                let count = word_count(module, column).max(1);
+                path += &format!("[{}]", word / count);
+                (ty, word) = (column, word % count);
+            }
+            &Type::Vector { component, .. } => {
+                let at = word / word_count(module, component).max(1);
+                return path
+                    + &["x", "y", "z", "w"]
+                        .get(at as usize)
+                        .map_or_else(|| format!("[{at}]"), |name| format!(".{name}"));
+            }
             _ => return path,
         }
     }
@@ -54,10 +66,24 @@ pub(super) fn workgroup_path(program: &Program, byte: u32) -> Option<(Id, String
     Some((id, path))
 }
 
+/// The function that declares a local variable, as its source names it; `None` where that is an
+/// entry point, or has no name.
+pub(super) fn function_of(module: &Module, variable: Id) -> Option<&str> {
+    let Definition::Result(function, ..) = module.definition(variable)? else { return None };
+    let function = module.functions[function as usize].id;
+    let is_entry = module.entry_points.iter().any(|entry| entry.function == function);
+    // glslang writes the types of parameters behind the name.
+    let name = module.name(function).filter(|_| !is_entry)?;
+    name.split('(').next().filter(|name| !name.is_empty())
+}
+
 /// How many words a value of a type has in registers.
 fn word_count(module: &Module, ty: TypeId) -> u32 {
     match *module.ty(ty) {
-        Type::Int { width: 64, .. } | Type::Float { width: 64, .. } | Type::AccelerationStructure => 2,
+        Type::Int { width: 64, .. }
+        | Type::Float { width: 64, .. }
+        | Type::AccelerationStructure
+        | Type::SampledImage(_) => 2,
         Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
             count * word_count(module, part)
         }

@@ -9,7 +9,7 @@ use crate::program::Program;
 use crate::sanitize::cause::{Cause, Causes, OpPlace};
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
-use crate::sanitize::names::{word_path, workgroup_path};
+use crate::sanitize::names::{function_of, word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
 use crate::sanitize::rule::{self, Level, Rule, arithmetic, contract, memory, trace};
@@ -254,6 +254,8 @@ impl<const W: usize> Reporter<'_, W> {
                 if shader != here.shader {
                     let stage = program.stage.name();
                     notes.push(format!("`{path}` is a variable of the {stage} shader `{}`", program.name));
+                } else if let Some(function) = function_of(&program.module, variable) {
+                    notes.push(format!("`{path}` is a variable of the function `{function}`"));
                 }
                 Told {
                     rule: self.rule_of_variable(shader, storage_class, sink)?,

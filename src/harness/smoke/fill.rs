@@ -437,7 +437,10 @@ impl<'a> Filler<'a> {
 
     fn region(&mut self, place: PlaceId, content: FillContent, steps: Vec<TypeId>) -> u64 {
         let next = self.regions.len();
-        let index = *self.by_place.entry(place).or_insert(next);
+        // There is one structure, which has one address, wherever it is taken from.
+        let one = |region: &Region| content == FillContent::Structure && region.content == content;
+        let first = self.regions.iter().position(one).unwrap_or(next);
+        let index = *self.by_place.entry(place).or_insert(first);
         if index == next {
             self.regions.push(Region { place, content, steps });
         }

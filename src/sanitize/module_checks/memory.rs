@@ -5,7 +5,7 @@ use rspirv::spirv::{MemoryAccess as AccessMask, Op};
 use crate::module::interface::Stage;
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Id, Module};
+use crate::module::{Definition, Id, Module};
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, MemoryAccess, Part};
@@ -33,9 +33,20 @@ pub(super) fn uniform_store(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 }
 
 pub(super) fn non_writable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    for access in code.accesses().filter(|access| access.writes) {
+    for access in code.accesses().filter(|access| access.writes && !is_initializer(code, access)) {
         decorated(code, &access, NON_WRITABLE, "writes to", "NonWritable", faults);
     }
+}
+
+/// Whether an access stores a constant to a whole local variable. That is what spirv-opt makes of
+/// the initializer where it inlines a function, and the decoration stays (SPIRV-Tools, pass
+/// `inline-entry-points-exhaustive`).
+fn is_initializer(code: &EntryCode<'_>, access: &MemoryAccess) -> bool {
+    let stored = code.module.words.get(access.offset as usize + 2);
+    access.opcode == Op::Store
+        && code.storage_class(access.pointer) == Some(storage::FUNCTION)
+        && code.result(access.pointer).is_some_and(|made| made.opcode == Op::Variable as u16)
+        && stored.is_some_and(|&id| matches!(code.module.definition(Id(id)), Some(Definition::Constant(_))))
 }
 
 pub(super) fn non_readable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {

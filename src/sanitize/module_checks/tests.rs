@@ -129,6 +129,28 @@ fn what_is_not_writable_or_readable_is_neither_written_nor_read() {
     }
 }
 
+/// What spirv-opt makes of the initializer of a constant table, and another store to the same.
+#[test]
+fn a_constant_stored_to_a_local_variable_is_its_initializer() {
+    let decorate = |a: &mut Assembler| {
+        a.op(Op::Decorate, &[60, NON_WRITABLE]);
+    };
+    let declare = |a: &mut Assembler| {
+        a.op(Op::TypePointer, &[52, 7, 5]);
+    };
+    let constant = |a: &mut Assembler| {
+        a.op(Op::Variable, &[52, 60, 7]);
+        a.op(Op::Store, &[60, 8]);
+    };
+    assert_eq!(broken(&assembled(COMPUTE, decorate, declare, constant).loaded()), rules([]));
+    let computed = |a: &mut Assembler| {
+        a.op(Op::Variable, &[52, 60, 7]);
+        a.op(Op::IAdd, &[5, 61, 8, 8]);
+        a.op(Op::Store, &[60, 61]);
+    };
+    assert_eq!(broken(&assembled(COMPUTE, decorate, declare, computed).loaded()), rules(["non-writable"]));
+}
+
 #[test]
 fn an_atomic_instruction_reads_and_writes() {
     let add = |a: &mut Assembler| {
