@@ -3,7 +3,7 @@
 
 rules! {
     LOCAL_ARRAY_BOUNDS "local-array-bounds" UndefinedBehavior
-        "An index into an array, vector or matrix is inside it."
+        "An index into an array, vector or matrix is inside it, and an offset in a buffer fits in 32 bits."
         "SPIR-V, OpAccessChain; Vulkan, \"Robust Buffer Access\""
         "clamp the index, or test it against the length"
     BUFFER_BOUNDS "buffer-bounds" UndefinedBehavior
