@@ -71,6 +71,8 @@ fn a_feature_that_is_off_is_named() {
             assert!(found.contains(words), "{features} {limits} {pipeline}: no `{words}` in:\n{found}");
         }
     }
+    let promised = "flags = ['no_null_closest_hit_shaders', 'allow_spheres_and_linear_swept_spheres']";
+    assert_eq!(refused("", promised), None, "its only hit group has a closest-hit shader");
 }
 
 #[test]

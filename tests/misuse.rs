@@ -98,6 +98,8 @@ fn pipelines_that_were_changed_since_they_were_built() {
     assert!(trace(&|_| ()).is_ok());
     let group = |pipeline: &mut Pipeline| pipeline.sbt.hit[0] = Some(SbtRecord::new(9));
     refused(trace(&group), ErrorKind::InvalidScene, "names group 9");
+    let kind = |pipeline: &mut Pipeline| pipeline.sbt.miss = vec![Some(SbtRecord::new(0))];
+    refused(trace(&kind), ErrorKind::InvalidScene, "miss record 0 names group 0, which is a hit group");
     invalid(trace(&|pipeline| pipeline.groups[0] = Group::General(ShaderIndex(9))), "no shader 9");
     invalid(trace(&|pipeline| pipeline.programs.clear()), "no shader 0");
     invalid(trace(&|pipeline| pipeline.subgroup_size = 3), "a subgroup of 3");

@@ -337,12 +337,15 @@ fn mistakes_are_named_with_their_rule() {
         (placed(|i| i.custom_index = 1 << 24), "instance 0: custom index 16777216 has more than 24 bits"),
         (placed(|i| i.sbt_record_offset = 1 << 24), "SBT record offset 16777216 has more than 24 bits"),
         (placed(|i| i.flags = InstanceFlags(12)), "exclude each other"),
+        (placed(|i| i.flags = InstanceFlags(0x100)), "flags 0x100 have more than 8 bits"),
         (placed(|i| i.transform[1][3] = f32::INFINITY), "not finite"),
         (placed(|i| i.transform[2] = [0.0; 4]), "singular"),
     ] {
         assert!(wrong.expect_err(what).message().contains(what));
     }
     assert!(placed(|i| i.custom_index = (1 << 24) - 1).is_ok());
+    assert!(placed(|i| i.sbt_record_offset = (1 << 24) - 1).is_ok());
+    assert!(placed(|i| i.flags = InstanceFlags(8)).is_ok());
 }
 
 /// What moves is hit where still copies of it are, made of the keys between which it is at a ray's

@@ -373,7 +373,7 @@ mod tests {
     #[test]
     fn storage_classes_keep_to_their_stages() {
         for one in STORAGE_RULES {
-            for (model, letter) in STAGES {
+            for (model, letter) in STAGES.into_iter().chain([(5, 'G')]) {
                 let found = rule(using(model, &[one.class], false));
                 let wanted = (!one.stages.contains(letter)).then(|| one.vuid.to_owned());
                 assert_eq!(found, wanted, "{} in {letter}", storage_class_name(one.class));
@@ -406,16 +406,33 @@ mod tests {
             a.with_string(Opcode::EntryPoint, &[model, 40], "main", &[]);
             a.types();
             a.function(40, 41, |a| {
-                a.op(opcode, &[]);
+                let operands: &[u32] = match opcode {
+                    Opcode::TraceRayKHR => &[8; 11],
+                    Opcode::ExecuteCallableKHR => &[8; 2],
+                    Opcode::ReportIntersectionKHR => &[3, 50, 8, 8],
+                    _ => &[],
+                };
+                a.op(opcode, operands);
+                if !operands.is_empty() {
+                    a.op(Opcode::Return, &[]);
+                }
             });
             check_first(&Arc::new(a.loaded()))
         };
-        for opcode in [Opcode::IgnoreIntersectionKHR, Opcode::TerminateRayKHR] {
+        for (opcode, stages) in [
+            (Opcode::TraceRayKHR, "RCM"),
+            (Opcode::ExecuteCallableKHR, "RCMK"),
+            (Opcode::ReportIntersectionKHR, "I"),
+            (Opcode::IgnoreIntersectionKHR, "A"),
+            (Opcode::TerminateRayKHR, "A"),
+        ] {
             for (model, letter) in STAGES {
                 let found = with(model, opcode).err().map(|error| error.message().to_owned());
-                match letter {
-                    'A' => assert_eq!(found, None),
-                    _ => assert!(found.is_some_and(|text| text.starts_with(&format!("Op{opcode:?} cannot")))),
+                if stages.contains(letter) {
+                    assert_eq!(found, None, "{opcode:?} in {letter}");
+                } else {
+                    let wanted = format!("Op{opcode:?} cannot");
+                    assert!(found.is_some_and(|text| text.starts_with(&wanted)), "{opcode:?} in {letter}");
                 }
             }
         }

@@ -149,4 +149,19 @@ mod tests {
         let linear = WorkgroupLayout { derivatives: Some(DerivativeGroup::Linear), ..layout };
         assert_eq!(linear.index_of(5), 5);
     }
+
+    #[test]
+    fn workgroups_fall_into_quads() {
+        let rule = |group: DerivativeGroup, size| group.broken_rule(size);
+        assert_eq!(rule(DerivativeGroup::Quads, [2, 4, 3]), None);
+        for size in [[3, 2, 1], [4, 1, 1]] {
+            let wanted = Some("VUID-StandaloneSpirv-DerivativeGroupQuadsKHR-10151");
+            assert_eq!(rule(DerivativeGroup::Quads, size), wanted, "{size:?}");
+        }
+        for size in [[4, 1, 1], [1, 2, 6]] {
+            assert_eq!(rule(DerivativeGroup::Linear, size), None, "{size:?}");
+        }
+        let wanted = Some("VUID-StandaloneSpirv-DerivativeGroupLinearKHR-10152");
+        assert_eq!(rule(DerivativeGroup::Linear, [3, 2, 1]), wanted);
+    }
 }

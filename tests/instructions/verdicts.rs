@@ -2,6 +2,7 @@
 //! does not check it; what no rule forbids is this crate's gap.
 
 use anyhit::internals::error::ErrorKind;
+use anyhit::internals::machine::Resources;
 
 use crate::instructions::run::Shader;
 
@@ -36,6 +37,47 @@ fn ray_queries_are_not_loaded() {
     assert_eq!(kind, ErrorKind::InvalidModule);
     // Its change of OpLoad: "Pointer must not be OpTypeRayQueryKHR".
     assert!(note.is_some_and(|note| note.starts_with("SPV_KHR_ray_query")));
+}
+
+#[test]
+fn hit_objects_are_variables_that_are_not_loaded() {
+    let of = |class: &str, body: &str| {
+        let declarations = format!(
+            "%object_type = OpTypeHitObjectEXT
+             %ptr_object = OpTypePointer {class} %object_type
+             %object = OpVariable %ptr_object {class}"
+        );
+        let shader = Shader {
+            capabilities: "OpCapability ShaderInvocationReorderEXT",
+            declarations: &declarations,
+            body,
+            ..Shader::default()
+        };
+        shader.run_with(&mut Resources::default).map_err(|error| (error.kind(), error.message().to_owned()))
+    };
+    let record = "OpHitObjectRecordEmptyEXT %object";
+    assert!(of("Private", record).is_ok());
+    for (class, body, words) in [
+        ("Private", "%value = OpLoad %object_type %object", "cannot be loaded"),
+        ("Private", "OpCopyMemory %object %object", "cannot be loaded"),
+        ("Workgroup", record, "it must be Function or Private"),
+    ] {
+        let (kind, message) = of(class, body).unwrap_err();
+        assert_eq!(kind, ErrorKind::InvalidModule, "{class}: {body}: {message}");
+        assert!(message.contains(words), "{class}: {body}: {message}");
+    }
+}
+
+#[test]
+fn a_barrier_of_a_ray_tracing_shader_is_of_its_subgroup() {
+    let of_scope = |body| Shader { body, ..Shader::default() };
+    for (body, rule) in [
+        ("OpControlBarrier %u2 %u2 %u0", "VUID-StandaloneSpirv-None-04637"),
+        ("OpControlBarrier %u1 %u1 %u0", "VUID-StandaloneSpirv-None-04636"),
+    ] {
+        assert_eq!(verdict(&of_scope(body)), (ErrorKind::InvalidModule, Some(rule.to_owned())), "{body}");
+    }
+    assert!(of_scope("OpControlBarrier %u3 %u3 %u0").run_with(&mut Resources::default).is_ok());
 }
 
 #[test]

@@ -316,3 +316,51 @@ fn attributes(translator: &mut Translator<'_>, instruction: &Instruction, at: us
     let id = translator.id(instruction, at)?;
     variable_span(translator, id, &[storage::HIT_OBJECT_ATTRIBUTE_EXT, storage::HIT_OBJECT_ATTRIBUTE_NV])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorKind;
+    use crate::module::assemble::Assembler;
+
+    #[test]
+    fn hit_objects_and_reordering_keep_to_their_stages() {
+        const HIT_OBJECTS: &[Stage] = &[Stage::RayGeneration, Stage::ClosestHit, Stage::Miss];
+        const REORDERING: &[Stage] = &[Stage::RayGeneration];
+        let mut a = Assembler::new();
+        a.types();
+        let module = a.loaded();
+        for (opcode, allowed) in [
+            (Opcode::HitObjectTraceRayEXT, HIT_OBJECTS),
+            (Opcode::HitObjectTraceRayNV, HIT_OBJECTS),
+            (Opcode::HitObjectRecordEmptyEXT, HIT_OBJECTS),
+            (Opcode::HitObjectIsHitEXT, HIT_OBJECTS),
+            (Opcode::HitObjectExecuteShaderEXT, HIT_OBJECTS),
+            (Opcode::ReorderThreadWithHintEXT, REORDERING),
+            (Opcode::ReorderThreadWithHitObjectNV, REORDERING),
+            (Opcode::HitObjectReorderExecuteShaderEXT, REORDERING),
+            (Opcode::HitObjectTraceReorderExecuteEXT, REORDERING),
+        ] {
+            let instruction = Instruction {
+                opcode: opcode as u16,
+                offset: 0,
+                result_type: None,
+                result: None,
+                operands: 0..0,
+            };
+            for stage in [
+                Stage::RayGeneration,
+                Stage::Intersection,
+                Stage::AnyHit,
+                Stage::ClosestHit,
+                Stage::Miss,
+                Stage::Callable,
+                Stage::Compute,
+            ] {
+                let found = check_stage(&Translator::new(&module, stage), opcode, &instruction).err();
+                let kind = (!allowed.contains(&stage)).then_some(ErrorKind::InvalidModule);
+                assert_eq!(found.map(|error| error.kind()), kind, "Op{opcode:?} in {}", stage.name());
+            }
+        }
+    }
+}

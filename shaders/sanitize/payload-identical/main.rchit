@@ -1,0 +1,15 @@
+#version 460
+#extension GL_EXT_ray_tracing : require
+//@ flags: -g
+
+struct Payload {
+    vec3 color;
+    float distance;
+};
+
+layout(location = 0) rayPayloadInEXT Payload payload;
+
+void main() {
+    payload.color = vec3(0.5, 0.25, 0.125);
+    payload.distance = gl_HitTEXT;
+}
