@@ -13,7 +13,7 @@ use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one}
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Resources;
 use crate::pipeline::Stats;
-use crate::sanitize::{Findings, Level, Levels};
+use crate::sanitize::{Finding, Findings, Level, Levels};
 use crate::scene::{Assembled, ResolvedScene};
 
 /// The sanitizer.
@@ -140,14 +140,14 @@ impl SanitizeArgs {
         Ok(stats)
     }
 
-    /// Prints findings and the error that ended the run: in text it is printed at the end of the
-    /// command, and for machines it is one of the findings.
+    /// Prints findings and the error that ended the run: in text it is printed with its rule at the
+    /// end of the command, and for machines it is one of the findings.
     fn stop<T>(&self, mut findings: Findings, error: Error) -> Result<T> {
         if self.findings != FindingFormat::Text {
             findings.add_stop(&error);
         }
         self.print(&findings)?;
-        Err(error)
+        Err(Finding::of_stop(&error).map_or(error, |finding| finding.report()))
     }
 
     /// As [`SanitizeArgs::stop`], of what cannot run.

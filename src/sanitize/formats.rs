@@ -18,7 +18,7 @@ impl Findings {
     /// The findings as SARIF 2.1.0, one run of the tool `anyhit`.
     pub fn sarif(&self) -> String {
         let rules: Vec<Value> = rule::all()
-            .chain(rule::stop::RULES.iter().copied())
+            .chain(rule::of_stops())
             .map(|rule| {
                 json!({
                     "id": rule.id,
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(sarif["version"], "2.1.0");
         assert_eq!(
             run["tool"]["driver"]["rules"].as_array().map(Vec::len),
-            Some(rule::all().count() + rule::stop::RULES.len())
+            Some(rule::all().chain(rule::of_stops()).count())
         );
         let result = &run["results"][0];
         assert_eq!((&result["ruleId"], &result["level"]), (&json!("pow-domain"), &json!("error")));

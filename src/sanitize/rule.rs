@@ -151,6 +151,11 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
     sections.into_iter().flatten().copied()
 }
 
+/// The rules that end a run: their levels cannot be set.
+pub fn of_stops() -> impl Iterator<Item = &'static Rule> {
+    stop::RULES.iter().copied()
+}
+
 /// The rule with an id.
 pub fn find(id: &str) -> Option<&'static Rule> {
     all().find(|rule| rule.id == id)

@@ -10,23 +10,32 @@ use crate::sanitize::rule::{Level, Rule, stop};
 impl Findings {
     /// Adds the error that ended the run, unless it is one of the inputs or of the system.
     pub fn add_stop(&mut self, error: &Error) {
+        let Some(finding) = Finding::of_stop(error) else { return };
+        let trap = error.trap();
+        let rule = finding.rule;
+        let place = trap.and_then(Trap::frame).map(|frame| (frame.shader, frame.word.unwrap_or(0)));
+        let place = place.map_or((ShaderIndex(0), 0), |(shader, word)| (ShaderIndex(shader), word));
+        self.add(FindingKey { rule: rule.id, places: [place, (ShaderIndex(0), 0)] }, 1, Some(finding));
+    }
+}
+
+impl Finding {
+    /// The error that ended a run, unless it is one of the inputs or of the system.
+    pub fn of_stop(error: &Error) -> Option<Self> {
         let trap = error.trap();
         let rule = match (trap, error.kind()) {
             (Some(trap), _) => rule_of(trap),
             (None, ErrorKind::UnsupportedModule | ErrorKind::UnsupportedFile) => &stop::UNSUPPORTED,
-            _ => return,
+            _ => return None,
         };
-        let place = trap.and_then(Trap::frame).map(|frame| (frame.shader, frame.word.unwrap_or(0)));
-        let place = place.map_or((ShaderIndex(0), 0), |(shader, word)| (ShaderIndex(shader), word));
-        let finding = Finding {
+        Some(Self {
             rule,
             level: Level::Deny,
             count: 0,
             launch_id: trap.map_or([0; 3], |trap| trap.launch_id),
             stack: trap.map_or_else(Vec::new, |trap| trap.stack.clone()),
             error: error.clone(),
-        };
-        self.add(FindingKey { rule: rule.id, places: [place, (ShaderIndex(0), 0)] }, 1, Some(finding));
+        })
     }
 }
 
