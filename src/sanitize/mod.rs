@@ -7,6 +7,7 @@
 //! row each; `sanitizer` spreads what is undefined from registers to registers; `report` says why.
 
 pub mod cause;
+pub mod choices;
 pub mod contract;
 mod decorated;
 pub mod finding;

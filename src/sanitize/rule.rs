@@ -20,6 +20,7 @@ macro_rules! rules {
 }
 
 pub mod arithmetic;
+pub mod choice;
 pub mod contract;
 pub mod memory;
 pub mod module;
@@ -65,6 +66,8 @@ pub enum RuleKind {
     /// An undefined value, which is reported where something depends on it: a branch, an index, an
     /// address, a ray or an output.
     UndefinedValue,
+    /// A choice that the specification leaves open, on which the outputs of a run depend.
+    OpenChoice,
     /// Legal, but rarely meant.
     Lint,
 }
@@ -73,7 +76,7 @@ impl RuleKind {
     /// The level of rules of this kind unless the user says otherwise.
     pub fn default_level(self) -> Level {
         match self {
-            Self::UndefinedBehavior | Self::UndefinedValue => Level::Deny,
+            Self::UndefinedBehavior | Self::UndefinedValue | Self::OpenChoice => Level::Deny,
             Self::Lint => Level::Warn,
         }
     }
@@ -83,6 +86,7 @@ impl RuleKind {
         match self {
             Self::UndefinedBehavior => "undefined behaviour",
             Self::UndefinedValue => "undefined value",
+            Self::OpenChoice => "open choice",
             Self::Lint => "lint",
         }
     }
@@ -130,6 +134,7 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
         race::RULES,
         module::RULES,
         arithmetic::RULES,
+        choice::RULES,
     ];
     sections.into_iter().flatten().copied()
 }

@@ -30,6 +30,7 @@ pub use trap::{TrapExpectation, TrapName};
 
 use crate::error::{Error, Result};
 use crate::harness::cost::Costs;
+use crate::harness::number::Tolerance;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
 use crate::scene::SceneFiles;
@@ -130,6 +131,29 @@ impl Expectations {
         let stats = self.stats.iter().map(|stats| (&stats.span, stats.because.is_some()));
         let tables = tables.chain(stats);
         tables.filter(|(_, reason)| !reason).map(|(span, _)| span.clone()).collect()
+    }
+
+    /// Whether what a run left in a resource holds within tolerances that are given for it; false
+    /// where none is.
+    pub fn tolerates(&self, name: &str, observed: &Observed) -> bool {
+        let (mut checked, mut found) = (0, Vec::new());
+        for (what, list, memory) in
+            [("buffer", &self.buffers, &observed.buffers), ("image", &self.images, &observed.images)]
+        {
+            let is_meant =
+                |one: &&BytesExpectation| one.name.value == name && one.tolerance != Tolerance::Exact;
+            for expectation in list.iter().filter(is_meant) {
+                checked += 1;
+                expectation.check(what, memory, &mut found);
+            }
+        }
+        let is_exact = |measure: &Measure| *measure == Measure::Each(Tolerance::Exact);
+        let is_meant = |one: &&PictureExpectation| one.name.value == name && !is_exact(&one.measure);
+        for picture in self.pictures.iter().filter(is_meant) {
+            checked += 1;
+            picture.check(&observed.images, &mut found);
+        }
+        checked > 0 && found.is_empty()
     }
 
     /// Compares; no error where everything holds, or where a known failure still fails.

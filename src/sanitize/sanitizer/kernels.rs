@@ -49,7 +49,7 @@ impl Sanitizer<'_> {
                     let number = self.causes.number(cause, details);
                     shadow.undefine_span(to, kernel.words, broken, number);
                 }
-                RuleKind::UndefinedBehavior | RuleKind::Lint => {
+                RuleKind::UndefinedBehavior | RuleKind::OpenChoice | RuleKind::Lint => {
                     self.reporter(batch).broken(check.rule, place.op, broken, (check.message)(&operands()));
                 }
             }
