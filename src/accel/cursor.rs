@@ -105,8 +105,8 @@ impl Cursor {
         self.drawn = None;
     }
 
-    /// Draws what Vulkan leaves open about the traversal, which has not begun yet. Returns the seeds
-    /// of what now differs from this crate's own choice.
+    /// Draws what Vulkan leaves open about the traversal, which has not begun yet. Returns the
+    /// seeds of what now differs from this crate's own choice.
     pub fn draw(&mut self, tlas: &Tlas, seeds: TraversalSeeds) -> TraversalSeeds {
         let (drawn, effective) = DrawnHits::new(self.all_hits(tlas), tlas, &self.trace, seeds);
         self.drawn = (effective != TraversalSeeds::default()).then(|| Box::new(drawn));
@@ -247,8 +247,8 @@ impl Cursor {
     }
 
     /// Commits the candidate that [`Cursor::proceed`] returned last (not a box). Where no order is
-    /// drawn this ends the traversal, as all other hits lie behind. Returns whether there was one to
-    /// commit.
+    /// drawn this ends the traversal, as all other hits lie behind. Returns whether there was one
+    /// to commit.
     pub fn confirm(&mut self) -> bool {
         let Some(candidate) = self.hits.presented.filter(|candidate| !candidate.is_box()) else {
             return false;

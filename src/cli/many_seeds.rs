@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
 use crate::cli::sanitize::SanitizeArgs;
 use crate::error::Result;
@@ -12,18 +12,19 @@ use crate::scene::{Assembled, ResolvedScene};
 
 /// Runs with drawn choices.
 #[derive(Args, Clone, Debug)]
+#[command(group = ArgGroup::new("seeds").multiple(true))]
 pub(super) struct ManySeedsArgs {
     /// Run N more times, and draw what the specifications leave open: the order of any-hit shaders
     /// and how often they run, which of two hits at equal t counts, and more; exit code 6 if an
     /// output depends on it
-    #[arg(long, value_name = "N", group = "checks")]
+    #[arg(long, value_name = "N", groups = ["checks", "seeds"])]
     many_seeds: Option<u64>,
     /// Draw from the seeds A to B - 1 alone, a share of --many-seeds
-    #[arg(long, value_name = "A..B", group = "checks", value_parser = seed_range)]
+    #[arg(long, value_name = "A..B", groups = ["checks", "seeds"], value_parser = seed_range)]
     seed_range: Option<Range<u64>>,
     /// With --many-seeds: also draw which products of floats are added without being rounded, where
     /// neither NoContraction nor a fast-math mode forbids it
-    #[arg(long, requires = "checks")]
+    #[arg(long, requires = "seeds")]
     contract: bool,
 }
 
@@ -33,8 +34,8 @@ impl ManySeedsArgs {
         self.many_seeds.is_some() || self.seed_range.is_some()
     }
 
-    /// The seeds that the flags ask for: those of the range that are below the number. The levels of
-    /// rules are those that flags set.
+    /// The seeds that the flags ask for: those of the range that are below the number. The levels
+    /// of rules are those that flags set.
     ///
     /// # Errors
     /// `InvalidArgument` for a rule that does not exist.

@@ -36,7 +36,8 @@ pub(super) struct SanitizeArgs {
     /// With --sanitize or --many-seeds: how findings are printed
     #[arg(long, value_name = "FORMAT", default_value = "text", requires = "checks")]
     findings: FindingFormat,
-    /// With --sanitize or --many-seeds: findings that this file lists are not told; `--write-baseline` makes one
+    /// With --sanitize or --many-seeds: findings that this file lists are not told;
+    /// `--write-baseline` makes one
     #[arg(long, value_name = "FILE", requires = "checks")]
     baseline: Option<PathBuf>,
     /// With --sanitize or --many-seeds: write all findings to this file, as those that are known

@@ -30,7 +30,8 @@ impl Permutation {
         if unit >= self.units {
             return position;
         }
-        // The network permutes a power of two of numbers. Those beyond the last unit are walked over.
+        // The network permutes a power of two of numbers. Those beyond the last unit are walked
+        // over.
         let mut moved = self.mixed(unit);
         while moved >= self.units {
             moved = self.mixed(moved);

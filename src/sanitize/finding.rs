@@ -168,8 +168,8 @@ impl Findings {
         Ok(self.iter().map(Finding::report).collect())
     }
 
-    /// Counts a finding about an output of a run, which a hash tells apart from others; a new one has
-    /// its report.
+    /// Counts a finding about an output of a run, which a hash tells apart from others; a new one
+    /// has its report.
     pub fn add_of_output(&mut self, rule: &'static Rule, output: u64, new: impl FnOnce() -> Finding) {
         let of_outputs = ShaderIndex(u32::MAX - 1);
         let halves = [output as u32, (output >> 32) as u32];

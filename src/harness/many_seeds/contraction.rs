@@ -22,8 +22,8 @@ const ALLOW_CONTRACT: u64 = 0x1_0000;
 /// The operations of a program that may be contracted.
 #[derive(Debug)]
 pub(super) struct Contractions {
-    /// Sums, differences and products of 32-bit floats.
-    allowed: FxHashSet<OpIndex>,
+    /// Sums, differences and products of 32-bit floats, with the words of their instructions.
+    allowed: FxHashMap<OpIndex, u32>,
 }
 
 /// Products that are in a register, lane by lane.
@@ -55,12 +55,13 @@ impl Contractions {
             let Op::LaneKernel { kernel, .. } = op else { return None };
             let offset = program.origins.get(at)?.offset;
             let is_one = matches!(kernel.name, "FAdd" | "FSub" | "FMul") && kernel.float_result == 32;
-            (is_one && !forbidden.contains(&offset)).then(|| OpIndex::new(at))
+            (is_one && !forbidden.contains(&offset)).then(|| (OpIndex::new(at), offset))
         };
         Self { allowed: program.ops.iter().enumerate().filter_map(may).collect() }
     }
 
-    /// Notes the products of an operation, or recomputes its sums with products that are not rounded.
+    /// Notes the products of an operation, or recomputes its sums with products that are not
+    /// rounded.
     pub(super) fn after<const W: usize>(
         &self,
         choices: &OpenChoices,
@@ -70,11 +71,13 @@ impl Contractions {
         batch: &mut Batch<W>,
     ) {
         match executed {
-            Op::LaneKernel { kernel, to, from } if self.allowed.contains(&op) => {
+            Op::LaneKernel { kernel, to, from } if self.allowed.contains_key(&op) => {
+                let (to, from, offset) = (*to, [from[0], from[1]], self.allowed[&op]);
                 if kernel.name == "FMul" {
-                    live.by_register.insert(*to, Products::of(batch, *to, [from[0], from[1]]));
+                    live.by_register.insert(to, Products::of(batch, to, from));
                 } else {
-                    contract(choices, op, kernel.name == "FSub", (*to, [from[0], from[1]]), live, batch);
+                    let sum = Sum { op, offset, is_difference: kernel.name == "FSub", to, from };
+                    sum.contract(choices, live, batch);
                 }
             }
             Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) => {
@@ -96,54 +99,62 @@ impl Products {
     }
 }
 
-/// Recomputes a sum or difference, if that is drawn, in the lanes where an operand is a product.
-fn contract<const W: usize>(
-    choices: &OpenChoices,
+/// A sum or difference that was executed.
+#[derive(Clone, Copy, Debug)]
+struct Sum {
     op: OpIndex,
+    /// The words of its instruction.
+    offset: u32,
     is_difference: bool,
-    (to, from): (Reg, [Reg; 2]),
-    live: &LiveProducts,
-    batch: &mut Batch<W>,
-) {
-    // An instruction is contracted in all invocations, or in none.
-    let place = u64::from(choices.shader.0) << 32 | op.index() as u64;
-    let site = choices.site(ChoiceKind::Contraction, [0; 3], place);
-    let [first, second] = from.map(|register| live.by_register.get(&register));
-    if first.is_none() && second.is_none() {
-        return;
-    }
-    // Of two products one at most is left unrounded.
-    let Some(which) = choices.draw(site).map(|mut random| random.below(3)) else { return };
-    let (at, products) = match (which, first, second) {
-        (0, Some(products), _) => (0, products),
-        (1, _, Some(products)) => (1, products),
-        _ => return,
-    };
-    let mut differs = false;
-    for lane in batch.mask.lanes() {
-        let word = |register: Reg| batch.registers[register].0[lane];
-        if word(from[at]) != products.rounded[lane] {
-            continue;
+    to: Reg,
+    from: [Reg; 2],
+}
+
+impl Sum {
+    /// Recomputes it, if that is drawn, in the lanes where an operand is a product.
+    fn contract<const W: usize>(&self, choices: &OpenChoices, live: &LiveProducts, batch: &mut Batch<W>) {
+        let [first, second] = self.from.map(|register| live.by_register.get(&register));
+        if first.is_none() && second.is_none() {
+            return;
         }
-        let other = f32::from_bits(word(from[1 - at]));
+        // An instruction is contracted in all invocations and components, or in none.
+        let place = u64::from(choices.shader.0) << 32 | u64::from(self.offset);
+        let site = choices.site(ChoiceKind::Contraction, [0; 3], place);
+        // Of two products one at most is left unrounded.
+        let Some(which) = choices.draw(site).map(|mut random| random.below(3)) else { return };
+        let (at, products) = match (which, first, second) {
+            (0, Some(products), _) => (0, products),
+            (1, _, Some(products)) => (1, products),
+            _ => return,
+        };
         let sign = |negated: bool| if negated { -1.0 } else { 1.0 };
-        let [a, b] = products.factors[lane];
-        let fused = (sign(is_difference && at == 1) * a).mul_add(b, sign(is_difference && at == 0) * other);
-        differs |= fused.to_bits() != word(to);
-        batch.registers[to].0[lane] = fused.to_bits();
-    }
-    if differs {
-        choices.note(site, || DrawnDetails::Value { shader: choices.shader, op: Some(op), id: 0 });
+        let signs = [sign(self.is_difference && at == 1), sign(self.is_difference && at == 0)];
+        let mut differs = false;
+        for lane in batch.mask.lanes() {
+            let word = |register: Reg| batch.registers[register].0[lane];
+            if word(self.from[at]) != products.rounded[lane] {
+                continue;
+            }
+            let other = f32::from_bits(word(self.from[1 - at]));
+            let [a, b] = products.factors[lane];
+            let fused = (signs[0] * a).mul_add(b, signs[1] * other);
+            differs |= fused.to_bits() != word(self.to);
+            batch.registers[self.to].0[lane] = fused.to_bits();
+        }
+        if differs {
+            let details = || DrawnDetails::Value { shader: choices.shader, op: Some(self.op), id: 0 };
+            choices.note(site, details);
+        }
     }
 }
 
 /// The words of the instructions that must not be contracted: those decorated `NoContraction`, and
-/// with `FloatControls2` those whose fast-math mode, their own or that of the entry point, is without
+/// with `FloatControls2` those whose fast-math mode, their own or that of the entry point, has no
 /// `AllowContract`.
 fn forbidden(program: &Program) -> FxHashSet<u32> {
     let module = &program.module;
     let mut forbidden: FxHashSet<u32> = no_contraction(module).into_iter().collect();
-    if !module.capabilities.iter().any(|one| *one == FLOAT_CONTROLS2) {
+    if !module.capabilities.contains(&FLOAT_CONTROLS2) {
         return forbidden;
     }
     let default = default_mode(program);

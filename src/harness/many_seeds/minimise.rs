@@ -1,41 +1,42 @@
 //! Finds a small part of a list that still has a property.
 
-/// Leaves out elements as long as what is left still has a property, which all together have: halves,
-/// then smaller and smaller parts (Zeller and Hildebrandt: "Simplifying and Isolating
+/// Leaves out elements as long as what is left still has a property, which all together have:
+/// halves, then smaller and smaller parts (Zeller and Hildebrandt: "Simplifying and Isolating
 /// Failure-Inducing Input", 2002). Asks at most so many times.
-pub(super) fn minimise<T: Clone>(all: Vec<T>, questions: usize, has_it: impl Fn(&[T]) -> bool) -> Vec<T> {
-    let mut left = all;
+pub(super) fn minimise<T: Clone>(
+    mut left: Vec<T>,
+    mut questions: usize,
+    has_it: impl Fn(&[T]) -> bool,
+) -> Vec<T> {
     let mut parts = 2;
-    let mut asked = 0;
-    let mut ask = |some: &[T]| {
-        asked += 1;
-        (asked <= questions).then(|| has_it(some))
-    };
-    while left.len() > 1 {
+    while left.len() > 1 && questions > 0 {
         let size = left.len().div_ceil(parts);
-        let smaller = left.chunks(size).position(|part| ask(part).unwrap_or(false));
-        if let Some(at) = smaller {
-            left = left.chunks(size).nth(at).map_or_else(Vec::new, <[T]>::to_vec);
-            parts = 2;
-            continue;
-        }
-        let without = |at: usize| {
-            let others = left.chunks(size).enumerate().filter(move |(other, _)| *other != at);
-            others.flat_map(|(_, part)| part).cloned().collect::<Vec<T>>()
+        let chunks: Vec<&[T]> = left.chunks(size).collect();
+        let mut ask = |some: &[T]| {
+            let may_ask = questions > 0;
+            questions -= usize::from(may_ask);
+            may_ask && has_it(some)
         };
-        // Without one of two parts is the other part alone.
-        let numbers = if parts > 2 { 0..left.chunks(size).len() } else { 0..0 };
-        let rest = numbers.map(without).find(|rest| ask(rest).unwrap_or(false));
-        match rest {
-            Some(rest) => {
-                left = rest;
-                parts = (parts - 1).max(2);
-            }
-            None if size == 1 || ask(&left) != Some(true) => break,
+        let part = chunks.iter().find(|part| ask(part)).map(|part| (part.to_vec(), 2));
+        let smaller = part.or_else(|| {
+            // Without one of two parts is the other part alone.
+            let numbers = if parts > 2 { 0..chunks.len() } else { 0..0 };
+            let rest = numbers.map(|at| without(&chunks, at)).find(|rest| ask(rest))?;
+            Some((rest, parts - 1))
+        });
+        match smaller {
+            Some(found) => (left, parts) = found,
+            None if size == 1 => break,
             None => parts *= 2,
         }
     }
     left
+}
+
+/// The elements of all parts but one.
+fn without<T: Clone>(parts: &[&[T]], at: usize) -> Vec<T> {
+    let others = parts.iter().enumerate().filter(|(other, _)| *other != at);
+    others.flat_map(|(_, part)| part.iter().cloned()).collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Runs a scene once for each of many seeds, from which is drawn what the specifications leave open
 //! (`machine::open_choices` lists it), and compares what the runs leave behind.
 //!
-//! A difference is a finding. It names the choice that suffices for it: first the one kind of choice,
-//! then, by leaving out draws, the one invocation and the one ray or variable.
+//! A difference is a finding. It names the choice that suffices for it: first the one kind of
+//! choice, then, by leaving out draws, the one invocation and the one ray or variable.
 
 mod contraction;
 mod minimise;
@@ -17,8 +17,8 @@ use std::sync::Arc;
 
 use crate::error::{ErrorKind, Result};
 use crate::harness::many_seeds::minimise::minimise;
-use crate::harness::many_seeds::report::Report;
-use crate::harness::many_seeds::runs::{Difference, Drawing, Runs};
+use crate::harness::many_seeds::report::DifferenceReport;
+use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
 use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite};
 use crate::sanitize::choices::rule_of;
 use crate::sanitize::{Findings, Level, Levels};
@@ -103,7 +103,7 @@ impl Search<'_> {
     }
 
     /// Adds the finding of a difference: that of the run with the fewest draws that still has one.
-    fn tell(&mut self, drawing: &Drawing, sites: Vec<ChoiceSite>, difference: Difference) {
+    fn tell(&mut self, drawing: &Drawing, sites: Vec<ChoiceSite>, difference: RunDifference) {
         let Some(&kind) = drawing.kinds.first() else { return };
         let rule = rule_of(kind);
         let (runs, scene, level) = (&self.runs, self.scene, self.levels.of(rule));
@@ -113,7 +113,7 @@ impl Search<'_> {
             let logged = Drawing { log: Some(log.clone()), ..least };
             let difference = runs.difference(&logged).unwrap_or(difference);
             let draws: BTreeMap<_, _> = log.take();
-            Report { scene, runs, kind, drawing: &logged, draws: &draws, difference: &difference }
+            DifferenceReport { scene, runs, kind, drawing: &logged, draws: &draws, difference: &difference }
                 .finding(rule, level)
         });
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::accel::Candidate;
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind};
-use crate::harness::many_seeds::runs::{Difference, Drawing, Runs};
+use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
 use crate::machine::{ChoiceKind, ChoiceSite, DrawnDetails, DrawnTraversal, OpIndex, ShaderIndex};
 use crate::module::Id;
 use crate::pipeline::with_location;
@@ -19,7 +19,7 @@ use crate::scene::ResolvedScene;
 const TOLD_HITS: usize = 6;
 
 /// What a finding is made of.
-pub(super) struct Report<'a> {
+pub(super) struct DifferenceReport<'a> {
     pub scene: &'a ResolvedScene,
     pub runs: &'a Runs<'a>,
     /// The choice that is told, the first of those that are drawn.
@@ -28,20 +28,20 @@ pub(super) struct Report<'a> {
     pub drawing: &'a Drawing,
     /// What was drawn there, where it makes a difference to this crate's own choice.
     pub draws: &'a BTreeMap<ChoiceSite, Option<DrawnDetails>>,
-    pub difference: &'a Difference,
+    pub difference: &'a RunDifference,
 }
 
-impl Report<'_> {
+impl DifferenceReport<'_> {
     /// The finding.
     pub(super) fn finding(&self, rule: &'static Rule, level: Level) -> Finding {
         let first = self.draws.iter().next();
         let kind = self.kind;
         let launch_id = first.map_or([0; 3], |(site, _)| site.launch_id);
         let message = match self.difference {
-            Difference::Value { name, own, drawn } => {
+            RunDifference::Value { name, own, drawn } => {
                 format!("{name} is {own}, and {drawn} where {}", where_drawn(kind))
             }
-            Difference::Trap(trap) => {
+            RunDifference::Trap(trap) => {
                 format!("the run ends with a trap where {}: {}", where_drawn(kind), trap.message())
             }
         };

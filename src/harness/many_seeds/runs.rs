@@ -47,7 +47,7 @@ impl Drawing {
 
 /// How the outputs of a run differ from those of the run without draws.
 #[derive(Clone, Debug)]
-pub(super) enum Difference {
+pub(super) enum RunDifference {
     /// A value does.
     Value {
         /// Its name: `` `image` texel (4, 2).r ``.
@@ -115,9 +115,9 @@ impl<'a> Runs<'a> {
     }
 
     /// Runs the scene with draws; how its outputs then differ, if they do.
-    pub(super) fn difference(&self, drawing: &Drawing) -> Option<Difference> {
+    pub(super) fn difference(&self, drawing: &Drawing) -> Option<RunDifference> {
         match self.run(Some(drawing)) {
-            Err(error) if error.kind() == ErrorKind::Trap => Some(Difference::Trap(error)),
+            Err(error) if error.kind() == ErrorKind::Trap => Some(RunDifference::Trap(error)),
             Err(_) => None,
             Ok(observed) => {
                 let mut comparison = OutputComparison::new(self.assembled, &self.own, 0.0);
@@ -126,16 +126,16 @@ impl<'a> Runs<'a> {
                     resource_of(&one.name).is_none_or(|name| !self.expectations.tolerates(name, &observed))
                 };
                 let first = comparison.unstable().into_iter().find(is_told)?;
-                Some(Difference::Value { name: first.name, own: first.reference, drawn: first.other })
+                Some(RunDifference::Value { name: first.name, own: first.reference, drawn: first.other })
             }
         }
     }
 
     /// A number that tells the output in which a difference is from those of this scene and others.
-    pub(super) fn output_hash(&self, difference: &Difference) -> u64 {
+    pub(super) fn output_hash(&self, difference: &RunDifference) -> u64 {
         let name = match difference {
-            Difference::Value { name, .. } => resource_of(name).unwrap_or(name),
-            Difference::Trap(error) => error.message(),
+            RunDifference::Value { name, .. } => resource_of(name).unwrap_or(name),
+            RunDifference::Trap(error) => error.message(),
         };
         let path = self.scene.path.display().to_string();
         Random::of(0, path.bytes().chain([0]).chain(name.bytes()).map(u64::from)).bits()

@@ -1,5 +1,5 @@
-//! Rules about what the specifications leave open: `--many-seeds` draws it, and the outputs of a run
-//! must not depend on the draw.
+//! Rules about what the specifications leave open: `--many-seeds` draws it, and the outputs of a
+//! run must not depend on the draw.
 
 rules! {
     ANYHIT_ORDER "anyhit-order" OpenChoice
@@ -21,7 +21,7 @@ rules! {
         "move the surfaces apart, or let the any-hit shaders choose by a number of their own"
     LAUNCH_ORDER "launch-order" OpenChoice
         "The outputs do not depend on the order in which invocations, subgroups and workgroups run."
-        "Vulkan, \"Shader Invocation Execution Order\": invocations run in an order that is not defined"
+        "Vulkan, \"Shader Execution\": the relative order of invocations of a shader is not defined"
         "let each invocation write its own element, or combine by atomic instructions whose results nobody \
          reads; where the order of a list does not matter, allow this rule for the scene"
     LANE_DEPENDENT_RESULT "lane-dependent-result" Lint
