@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 
 use anyhit::internals::harness::case::Case;
 use anyhit::internals::harness::expect::Expectations;
+use anyhit::internals::harness::many_seeds::ManySeeds;
 use anyhit::internals::harness::sanitize_table::scene_levels;
 use anyhit::internals::harness::sanitized::run_sanitized;
-use anyhit::internals::sanitize::rule;
-use anyhit::internals::sanitize::{Findings, Levels};
-use anyhit::internals::scene::{LoadOptions, SceneFiles, assemble, load_text};
+use anyhit::internals::sanitize::{Findings, Levels, Rule, choices, rule};
+use anyhit::internals::scene::{LoadOptions, ResolvedScene, SceneFiles, assemble, load_text};
 use libtest_mimic::{Arguments, Failed, Trial};
 use pretty_assertions::StrComparison;
 
@@ -34,15 +34,27 @@ fn main() {
         let (case, root) = (case.clone(), root.to_path_buf());
         trials.push(Trial::test(name, move || check(&case, &root)));
     }
-    let rules = sanitized_folders(root);
-    for folder in rules.clone() {
-        let name =
-            folder.strip_prefix(root.join("shaders")).expect("a folder of cases").display().to_string();
-        trials.push(Trial::test(name, move || sanitized(&folder)));
+    let checks: [(&str, Check); 2] = [("sanitize", sanitize), ("many-seeds", many_seeds)];
+    let mut rules = Vec::new();
+    for (topic, check) in checks {
+        let folders = rule_folders(&root.join("shaders").join(topic));
+        for folder in folders.clone() {
+            let name =
+                folder.strip_prefix(root.join("shaders")).expect("a folder of cases").display().to_string();
+            trials.push(Trial::test(name, move || broken_and_mended(&folder, check)));
+        }
+        rules.extend(folders);
     }
-    trials.push(Trial::test("every rule of the sanitizer has a case", move || every_rule(&rules)));
-    let page = root.join("docs/sanitize.md");
-    trials.push(Trial::test("sanitize: every rule stands in docs/sanitize.md", move || documented(&page)));
+    trials.push(Trial::test("every rule has a case", move || every_rule(&rules)));
+    let choices: BTreeSet<&str> = choices::rules().map(|rule| rule.id).collect();
+    let is_choice = |rule: &&Rule| choices.contains(rule.id);
+    let (drawn, others): (Vec<_>, Vec<_>) = rule::all().partition(is_choice);
+    for (page, rules) in [("docs/sanitize.md", others), ("docs/many-seeds.md", drawn)] {
+        let path = root.join(page);
+        trials.push(Trial::test(format!("sanitize: every rule stands in {page}"), move || {
+            documented(&path, &rules)
+        }));
+    }
     let (all, root) = (cases, root.to_path_buf());
     trials.push(Trial::test("every fixture is run by a case", move || every_fixture(&all, &root)));
     libtest_mimic::run(&arguments, trials).exit();
@@ -95,27 +107,28 @@ fn rendering(path: &Path, found: &str) -> Result<(), Failed> {
     Err(format!("{}\n{difference}\n`BLESS=1` accepts the new text", path.display()).into())
 }
 
-fn scene(case: &Case) -> anyhit::internals::error::Result<anyhit::internals::scene::ResolvedScene> {
-    let options = anyhit::internals::scene::LoadOptions {
-        size: case.size,
-        variant: case.variant.clone(),
-        ..anyhit::internals::scene::LoadOptions::default()
-    };
+fn scene(case: &Case) -> Result<ResolvedScene, anyhit::Error> {
+    let options = LoadOptions { size: case.size, variant: case.variant.clone(), ..LoadOptions::default() };
     anyhit::internals::scene::load(&case.scene, &anyhit::internals::scene::DiskFiles, &options)
 }
 
-/// `shaders/sanitize/RULE`: a scene whose shader breaks the rule, and the shader that does not.
-fn sanitized_folders(root: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(root.join("shaders/sanitize")).expect("the sanitizer's cases");
+/// `shaders/TOPIC/RULE`: a scene whose shader breaks the rule, and the shader that does not.
+fn rule_folders(topic: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(topic).expect("the cases of rules");
     let mut folders: Vec<PathBuf> = entries.map(|entry| entry.expect("a readable folder").path()).collect();
     folders.sort();
     folders
 }
 
+/// What is found in a scene with one of the shaders of a folder.
+type Check = fn(&ResolvedScene) -> Result<Findings, anyhit::Error>;
+
 /// The broken shader breaks the rule of its folder and no other, and its report is
 /// `broken.findings`; the mended one breaks none.
-fn sanitized(folder: &Path) -> Result<(), Failed> {
-    let broken = sanitize(folder, "broken.")?;
+fn broken_and_mended(folder: &Path, check: Check) -> Result<(), Failed> {
+    let failed = |error: anyhit::Error| Failed::from(error.render());
+    let found = |shader| scene_with(folder, shader).and_then(|scene| check(&scene)).map_err(failed);
+    let broken = found("broken.")?;
     let ids: BTreeSet<&str> = broken.iter().map(|finding| finding.rule.id).collect();
     let rule = folder.file_name().and_then(std::ffi::OsStr::to_str).unwrap_or_default();
     // Places in scene files are told by the path that the scene was read from.
@@ -125,20 +138,22 @@ fn sanitized(folder: &Path) -> Result<(), Failed> {
         return Err(format!("the broken shader breaks {ids:?}:\n{text}").into());
     }
     rendering(&folder.join("broken.findings"), &text)?;
-    let mended = sanitize(folder, "mended.")?;
+    let mended = found("mended.")?;
     let text: String = mended.iter().map(|finding| finding.render() + "\n").collect();
     if mended.is_empty() { Ok(()) } else { Err(format!("the mended shader is not:\n{text}").into()) }
 }
 
-/// What the sanitizer finds in a scene with another of its shaders.
-fn sanitize(folder: &Path, shader: &str) -> Result<Findings, Failed> {
-    let failed = |error: anyhit::Error| Failed::from(error.render());
+/// The scene of a folder with its broken or its mended shader.
+fn scene_with(folder: &Path, shader: &str) -> Result<ResolvedScene, anyhit::Error> {
     let path = folder.join("scene.toml");
-    let text = std::fs::read_to_string(&path)?.replace("broken.", shader);
-    let options = LoadOptions::default();
-    let scene = load_text(&path, &text, &SceneFiles::default(), &options).map_err(failed)?;
-    let assembled = assemble(&scene).map_err(failed)?;
-    let run = run_sanitized(&scene, &assembled, &assembled.resources, &Levels::default()).map_err(failed)?;
+    let text = std::fs::read_to_string(&path).expect("a scene").replace("broken.", shader);
+    load_text(&path, &text, &SceneFiles::default(), &LoadOptions::default())
+}
+
+/// What the sanitizer finds in a scene.
+fn sanitize(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
+    let assembled = assemble(scene)?;
+    let run = run_sanitized(scene, &assembled, &assembled.resources, &Levels::default())?;
     let mut findings = run.findings;
     if let Err(error) = &run.outcome {
         findings.add_stop(error);
@@ -146,16 +161,27 @@ fn sanitize(folder: &Path, shader: &str) -> Result<Findings, Failed> {
     Ok(findings)
 }
 
-/// Under the sanitizer nothing is denied but what the scene allows, as it tests this crate's choice
-/// where the specification leaves one.
+/// What depends on drawn choices in a scene.
+fn many_seeds(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
+    ManySeeds { seeds: 0..64, levels: Levels::default(), contracts: true }.run(scene, &assemble(scene)?)
+}
+
+/// Under the sanitizer, and with drawn choices, nothing is denied but what the scene allows, as it
+/// tests this crate's choice where the specification leaves one.
 fn no_alarm(case: &Case) -> Result<(), Failed> {
     let failed = |error: anyhit::Error| Failed::from(error.render());
     let scene = scene(case).map_err(failed)?;
     let assembled = assemble(&scene).map_err(failed)?;
     let levels = scene_levels(&scene.document).map_err(failed)?;
     let run = run_sanitized(&scene, &assembled, &assembled.resources, &levels).map_err(failed)?;
-    let denied: String = run.findings.denied().map(|finding| finding.render() + "\n").collect();
-    if denied.is_empty() { Ok(()) } else { Err(format!("the sanitizer denies:\n{denied}").into()) }
+    let drawn = ManySeeds { seeds: 0..8, levels, contracts: false }.run(&scene, &assembled);
+    for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn.map_err(failed)?)] {
+        let denied: String = findings.denied().map(|finding| finding.render() + "\n").collect();
+        if !denied.is_empty() {
+            return Err(format!("{what}: this is denied:\n{denied}").into());
+        }
+    }
+    Ok(())
 }
 
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
@@ -187,24 +213,24 @@ fn every_rule(folders: &[PathBuf]) -> Result<(), Failed> {
 }
 
 /// The table of rules in a page is that of the code.
-fn documented(page: &Path) -> Result<(), Failed> {
+fn documented(page: &Path, rules: &[&Rule]) -> Result<(), Failed> {
     const BEGIN: &str = "cases sanitize` -->\n";
     const END: &str = "<!-- end of rules -->";
     let text = std::fs::read_to_string(page)?.replace("\r\n", "\n");
     let (begin, end) = (text.find(BEGIN).ok_or("no table")? + BEGIN.len(), text.find(END).ok_or("no table")?);
     let mut table = String::from("| rule | kind | what must hold |\n|---|---|---|\n");
-    for rule in rule::all() {
+    for rule in rules {
         table += &format!("| `{}` | {} | {} |\n", rule.id, rule.kind.name(), rule.holds);
     }
     rendering(page, &format!("{}{table}{}", &text[..begin], &text[end..]))
 }
 
 /// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run
-/// by `cargo test --benches`, those of `sanitize/` have both of their shaders run above.)
+/// by `cargo test --benches`, those of rules have both of their shaders run above.)
 fn every_fixture(cases: &[Case], root: &Path) -> Result<(), Failed> {
     let mut left = BTreeSet::new();
     collect(&root.join("spirv-fixtures"), &mut left);
-    let others = ["bench", "sanitize"].map(|folder| root.join("spirv-fixtures").join(folder));
+    let others = ["bench", "sanitize", "many-seeds"].map(|folder| root.join("spirv-fixtures").join(folder));
     let others = others.map(|folder| folder.canonicalize().expect("a folder of fixtures"));
     assert!(!left.is_empty(), "no fixtures found");
     left.retain(|path| !others.iter().any(|folder| path.starts_with(folder)));

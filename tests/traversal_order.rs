@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use anyhit::internals::accel::{
     Blas, Candidate, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, HitKind, Indexing,
-    InstanceFlags, Primitive, RayFlags, Tlas, TlasInstance, TraceRay,
+    InstanceFlags, Primitive, RayFlags, Tlas, TlasInstance, TraceRay, TraversalSeeds,
 };
 use anyhit::internals::geometry::{
     Intersection, ObjectRay, Precision, Ray, Surface, aabb, linear_swept_sphere, sphere, triangle,
@@ -66,10 +66,14 @@ impl Shaders {
     }
 }
 
-/// Runs the cursor.
+/// Runs a new cursor.
 fn traverse(tlas: &Tlas, trace: TraceRay, shaders: Shaders) -> Vec<Event> {
+    walk(Cursor::new(tlas, trace), tlas, shaders)
+}
+
+/// Runs a cursor that has not begun.
+fn walk(mut cursor: Cursor, tlas: &Tlas, shaders: Shaders) -> Vec<Event> {
     let mut events = Vec::new();
-    let mut cursor = Cursor::new(tlas, trace);
     while let Some(candidate) = cursor.proceed(tlas) {
         events.push(Event::Presented(candidate, cursor.t_max()));
         if candidate.is_box() {
@@ -472,6 +476,71 @@ proptest! {
 }
 
 /// The comparison above compares something.
+proptest! {
+    /// Where the shaders decide by the candidate alone and end no ray, the closest hit does not
+    /// depend on the order in which the hits come, nor on how often; at equal t it does where ties
+    /// are drawn. No candidate comes that lies behind the closest hit so far.
+    #[test]
+    fn a_drawn_order_has_the_same_closest_hit(seed in any::<u64>(), drawn in any::<[Option<u64>; 3]>()) {
+        let [any_hit_order, any_hit_duplicates, ties] = drawn;
+        // These shaders report hits in boxes that the ray misses, too.
+        let intersection_repeats = None;
+        let seeds = TraversalSeeds { any_hit_order, any_hit_duplicates, intersection_repeats, ties };
+        let mut draw = Draw(seed);
+        let tlas = draw.tlas(1.0, Draw::blas);
+        for _ in 0..8 {
+            let trace = draw.trace(1.0);
+            let trace = TraceRay { flags: RayFlags(trace.flags.0 & !4), ..trace };
+            let shaders = Shaders { terminate_of_8: 0, ..draw.shaders() };
+            let wanted = traverse(&tlas, trace, shaders);
+            let mut cursor = Cursor::new(&tlas, trace);
+            cursor.draw(&tlas, seeds);
+            let found = walk(cursor, &tlas, shaders);
+            match (wanted.last(), found.last(), ties) {
+                (Some(Event::Committed(Some((_, wanted, _)))), Some(Event::Committed(Some((_, found, _)))), Some(_)) => {
+                    prop_assert_eq!(wanted, found);
+                }
+                (wanted, found, _) => prop_assert_eq!(wanted, found),
+            }
+            for event in &found {
+                if let Event::Presented(candidate, t_max) = event {
+                    prop_assert!(candidate.intersection.t <= *t_max);
+                }
+            }
+        }
+    }
+}
+
+/// Three triangles one behind the other come in all six orders, and twice unless a flag forbids it.
+#[test]
+fn every_order_is_drawn() {
+    let triangle = |z: f32| [[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 1.0, z]];
+    let data = || GeometryData::Triangles {
+        vertices: [1.0, 2.0, 3.0].map(triangle).concat(),
+        indices: None,
+        transform: None,
+    };
+    let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
+    let trace = TraceRay { ray, flags: RayFlags(0), cull_mask: 0xFF, time: 0.0 };
+    let orders = |flags, seeds: &dyn Fn(u64) -> TraversalSeeds| {
+        let blas = Blas::new(vec![Geometry::new(data(), flags)]).unwrap();
+        let identity = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        let tlas = Tlas::new(vec![TlasInstance::of(blas, identity)]).unwrap();
+        let order = |seed| {
+            let mut cursor = Cursor::new(&tlas, trace);
+            cursor.draw(&tlas, seeds(seed));
+            std::iter::from_fn(|| cursor.proceed(&tlas)).map(|one| one.primitive).collect::<Vec<_>>()
+        };
+        (0..200).map(order).collect::<std::collections::BTreeSet<_>>()
+    };
+    let order = |seed| TraversalSeeds { any_hit_order: Some(seed), ..TraversalSeeds::default() };
+    assert_eq!(orders(GeometryFlags(0), &order).len(), 6);
+    let duplicates = |seed| TraversalSeeds { any_hit_duplicates: Some(seed), ..TraversalSeeds::default() };
+    // Each of the three once or twice.
+    assert_eq!(orders(GeometryFlags(0), &duplicates).len(), 8);
+    assert_eq!(orders(GeometryFlags::NO_DUPLICATE_ANY_HIT, &duplicates).len(), 1);
+}
+
 #[test]
 fn random_rays_meet_things() {
     let met: usize = (0..50).map(|seed| compare(seed, 1.0, 20)).sum();

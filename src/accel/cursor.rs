@@ -20,10 +20,14 @@
 //! A hit reported in a box can lie anywhere behind the box's entry; it is accepted if it lies
 //! within `t_min..=t_max()` and, at equal t, if its key is not behind the committed one's. A later
 //! report in the same box at equal t replaces the earlier.
+//!
+//! Vulkan leaves most of this open. [`Cursor::draw`] draws another order within what it allows, see
+//! `drawn_hits`.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use crate::accel::drawn_hits::{DrawnHits, TraversalSeeds};
 use crate::accel::flags::RayFlags;
 use crate::accel::hit::{Candidate, Committed, HitKind};
 use crate::accel::hit_queue::HitQueue;
@@ -52,6 +56,17 @@ pub struct Cursor {
     pub(super) traversal: TraversalState,
     pub(super) hits: HitQueue,
     state: State,
+    /// The hits that are left in an order that is drawn, if it is.
+    drawn: Option<Box<DrawnHits>>,
+}
+
+/// Asks for all hits in the interval of a ray.
+struct AllHits;
+
+impl TraversalObserver for AllHits {
+    fn wants_all_hits(&self) -> bool {
+        true
+    }
 }
 
 impl Cursor {
@@ -77,7 +92,7 @@ impl Cursor {
             reported: Vec::new(),
             any_opaque_hit_ends: false,
         };
-        Self { trace, traversal: TraversalState::EMPTY, hits, state: State::Fresh }
+        Self { trace, traversal: TraversalState::EMPTY, hits, state: State::Fresh, drawn: None }
     }
 
     /// Begins another traversal and reuses the buffers of this one.
@@ -87,6 +102,26 @@ impl Cursor {
         self.hits.clear();
         self.hits.cull_t = trace.ray.t_max;
         self.state = State::Fresh;
+        self.drawn = None;
+    }
+
+    /// Draws what Vulkan leaves open about the traversal, which has not begun yet. Returns the
+    /// seeds of what now differs from this crate's own choice.
+    pub fn draw(&mut self, tlas: &Tlas, seeds: TraversalSeeds) -> TraversalSeeds {
+        let (drawn, effective) = DrawnHits::new(self.all_hits(tlas), tlas, &self.trace, seeds);
+        self.drawn = (effective != TraversalSeeds::default()).then(|| Box::new(drawn));
+        effective
+    }
+
+    /// All hits in the interval of the ray, in the order of hits; opaque ones hide none.
+    pub fn all_hits(&self, tlas: &Tlas) -> Vec<Candidate> {
+        let mut all = Self::fresh(self.trace);
+        std::iter::from_fn(|| all.proceed_observed(tlas, &mut AllHits)).collect()
+    }
+
+    /// The hits that are left, in the order that was drawn; empty where none was.
+    pub fn drawn_hits(&self) -> impl Iterator<Item = &Candidate> {
+        self.drawn.iter().flat_map(|drawn| drawn.iter())
     }
 
     /// Makes the traversal end at *any* opaque hit, the first one found. For occlusion rays: the
@@ -104,7 +139,7 @@ impl Cursor {
     /// Advances to the next candidate; `None` at the end. The previous candidate is ignored if it
     /// was not confirmed.
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
-        if self.state == State::Fresh && tlas.is_fully_opaque(self.trace.flags) {
+        if self.state == State::Fresh && self.drawn.is_none() && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
             self.advance::<(), true>(tlas, true, &mut ());
             self.hits.committed = self.hits.closest_opaque;
@@ -139,7 +174,10 @@ impl Cursor {
         };
         self.state = State::Underway;
         self.hits.presented = None;
-        let next = self.next_candidate(tlas, start, observer);
+        let next = match self.drawn {
+            None => self.next_candidate(tlas, start, observer),
+            Some(_) => self.next_drawn(observer),
+        };
         if next.is_none() {
             self.finish(observer);
         }
@@ -176,15 +214,50 @@ impl Cursor {
         }
     }
 
-    /// Commits the candidate that [`Cursor::proceed`] returned last (not a box); this ends the
-    /// traversal, as all other hits lie behind. Returns whether there was one to commit.
+    /// The next candidate in the order that was drawn; opaque hits before it are committed.
+    fn next_drawn(&mut self, observer: &mut impl TraversalObserver) -> Option<Candidate> {
+        while let Some(candidate) = self.drawn.as_mut()?.next() {
+            if !self.is_open_to(&candidate, candidate.intersection.t) {
+                continue;
+            }
+            match Committed::opaque(candidate).filter(|_| candidate.opaque) {
+                Some(hit) => {
+                    self.hits.committed = Some(hit);
+                    observer.commit(&hit);
+                    if self.trace.flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT) {
+                        return None;
+                    }
+                }
+                None => {
+                    self.hits.presented = Some(candidate);
+                    observer.present(&candidate);
+                    return Some(candidate);
+                }
+            }
+        }
+        None
+    }
+
+    /// Whether a hit of a candidate at t is not behind the committed one.
+    #[inline]
+    fn is_open_to(&self, candidate: &Candidate, t: f32) -> bool {
+        let ties_are_drawn = self.drawn.as_ref().is_some_and(|drawn| drawn.ties_are_drawn());
+        let Some(committed) = &self.hits.committed else { return t <= self.t_max() };
+        if ties_are_drawn { t <= committed.t } else { candidate.key(t) <= committed.key() }
+    }
+
+    /// Commits the candidate that [`Cursor::proceed`] returned last (not a box). Where no order is
+    /// drawn this ends the traversal, as all other hits lie behind. Returns whether there was one
+    /// to commit.
     pub fn confirm(&mut self) -> bool {
         let Some(candidate) = self.hits.presented.filter(|candidate| !candidate.is_box()) else {
             return false;
         };
         let Some(hit_kind) = candidate.hit_kind() else { return false };
         self.hits.committed = Some(Committed { candidate, t: candidate.intersection.t, hit_kind });
-        self.terminate();
+        if self.drawn.is_none() || self.trace.flags.contains(RayFlags::TERMINATE_ON_FIRST_HIT) {
+            self.terminate();
+        }
         true
     }
 
@@ -192,8 +265,7 @@ impl Cursor {
     #[inline]
     pub fn accepts(&self, t: f32) -> bool {
         let Some(candidate) = self.hits.presented.filter(Candidate::is_box) else { return false };
-        let in_interval = t >= self.trace.ray.t_min && t <= self.t_max();
-        in_interval && self.hits.committed.is_none_or(|committed| candidate.key(t) <= committed.key())
+        t >= self.trace.ray.t_min && t <= self.t_max() && self.is_open_to(&candidate, t)
     }
 
     /// Commits a hit at t in the current box if it is accepted; returns whether it was. One box may

@@ -7,8 +7,8 @@ pub struct GeometryFlags(pub u32);
 impl GeometryFlags {
     /// `VK_GEOMETRY_OPAQUE_BIT_KHR`
     pub const OPAQUE: Self = Self(1);
-    /// `VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR`: nothing to do, any-hit never runs
-    /// twice for one candidate here.
+    /// `VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR`: any-hit runs twice for a candidate
+    /// only where that is drawn (see `drawn_hits`), and then not for this geometry.
     pub const NO_DUPLICATE_ANY_HIT: Self = Self(2);
 
     /// Whether all of the given bits are set.

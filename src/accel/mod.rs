@@ -11,6 +11,7 @@ pub mod blas;
 pub mod build_input;
 mod built_blas;
 pub mod cursor;
+pub mod drawn_hits;
 pub mod flags;
 pub mod geometry;
 pub mod geometry_data;
@@ -38,6 +39,7 @@ mod wide_bvh;
 
 pub use blas::Blas;
 pub use cursor::Cursor;
+pub use drawn_hits::TraversalSeeds;
 pub use flags::{GeometryFlags, InstanceFlags, RayFlags};
 pub use geometry::Geometry;
 pub use geometry_data::{EndCaps, GeometryData, GeometryKind, Indexing};

@@ -23,6 +23,12 @@ pub trait TraversalObserver {
         false
     }
 
+    /// Whether every hit in the ray's interval is wanted as a candidate: no hit culls what lies
+    /// behind it, and opaque ones are not committed.
+    fn wants_all_hits(&self) -> bool {
+        false
+    }
+
     /// A node was opened: of an instance's tree, or (`None`) of the tree over the instances.
     fn node(&mut self, _instance: Option<u32>) {}
 
@@ -124,6 +130,10 @@ impl TraversalObserver for Counters {
 impl TraversalObserver for &mut dyn TraversalObserver {
     fn explains_misses(&self) -> bool {
         (**self).explains_misses()
+    }
+
+    fn wants_all_hits(&self) -> bool {
+        (**self).wants_all_hits()
     }
 
     fn node(&mut self, instance: Option<u32>) {

@@ -474,7 +474,8 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
     #[inline(always)]
     fn add_hit(&mut self, candidate: Candidate) -> PrimitiveVerdict {
         let found = candidate.intersection;
-        if FULLY_OPAQUE || candidate.opaque && !candidate.is_box() {
+        let wants_all = V::is_active() && self.observer.wants_all_hits();
+        if !wants_all && (FULLY_OPAQUE || candidate.opaque && !candidate.is_box()) {
             if self.hits.add_opaque(candidate) {
                 return PrimitiveVerdict::Opaque(found);
             }

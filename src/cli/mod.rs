@@ -12,6 +12,7 @@ mod input;
 pub mod inspect;
 mod interrupt;
 mod limits;
+mod many_seeds;
 mod module_file;
 mod output;
 mod precision;

@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
+use crate::cli::many_seeds::ManySeedsArgs;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -66,6 +67,9 @@ pub struct RenderArgs {
 
     #[command(flatten)]
     sanitize: SanitizeArgs,
+
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
 
     #[command(flatten)]
     limits: LimitArgs,
@@ -137,6 +141,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         true => assembled.invocations(),
         false => size.iter().map(|&side| u64::from(side)).product(),
     });
+    let drawn = args.many_seeds.run(&args.sanitize, &resolved, &assembled)?;
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
@@ -170,14 +175,14 @@ pub fn run(args: RenderArgs) -> Result<()> {
     output::printed(&printed)?;
     let launch_stats = outcome?;
 
-    if let Some(run) = sanitized {
-        if let Some(image) = &whole_image {
-            write_picture(&file, image, to_srgb)?;
-        }
-        return args.sanitize.finish(run).map(|_| ());
-    }
     if let Some(image) = &whole_image {
         write_picture(&file, image, to_srgb)?;
+    }
+    if let Some(run) = sanitized {
+        return args.sanitize.finish([Some(run.findings), drawn], run.outcome).map(|_| ());
+    }
+    if drawn.is_some() {
+        return args.sanitize.finish([None, drawn], Ok(launch_stats)).map(|_| ());
     }
     if args.output.is_none() {
         output::hint(format_args!("the picture is in {}", file.display()));
@@ -244,6 +249,8 @@ fn split_into_bands<'a>(
         "the scene has passes"
     } else if args.sanitize.is_requested() {
         "the sanitizer runs the whole launch"
+    } else if args.many_seeds.is_requested() {
+        "--many-seeds runs the launch again on it"
     } else if args.stability.is_requested() {
         "--shadow and --perturb run the launch again on it"
     } else if image.shape != ImageShape::plane(width, height) {

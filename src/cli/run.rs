@@ -12,6 +12,7 @@ use clap::Args;
 use crate::atomic_file;
 use crate::cli::input::{SceneFileArgs, VariantArgs, name_of};
 use crate::cli::limits::LimitArgs;
+use crate::cli::many_seeds::ManySeedsArgs;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -64,6 +65,8 @@ pub struct RunArgs {
     stability: StabilityArgs,
     #[command(flatten)]
     sanitize: SanitizeArgs,
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// With --shadow or --perturb: print JSON
@@ -134,6 +137,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     let saved: Vec<_> = saved.collect::<Result<_>>()?;
 
     let load_time = begin.elapsed();
+    let drawn = args.many_seeds.run(&args.sanitize, &scene, &assembled)?;
     let launched = Instant::now();
     let on_progress = |_| ();
     let sanitized = match args.sanitize.is_requested() {
@@ -160,10 +164,8 @@ pub fn run(args: RunArgs) -> Result<()> {
     for (path, image) in saved {
         write_picture(&path, &image, false)?;
     }
-    let launch_stats = match sanitized {
-        Some(run) => args.sanitize.finish(run)?,
-        None => outcome?,
-    };
+    let (found, outcome) = sanitized.map_or((None, outcome), |run| (Some(run.findings), run.outcome));
+    let launch_stats = args.sanitize.finish([found, drawn], outcome)?;
     if args.stats {
         output::print(stats::table(&launch_stats, load_time, launch_time))?;
         output::print(stats::elided(&launch_stats, &assembled))?;

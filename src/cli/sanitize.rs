@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{ArgGroup, Args, ValueEnum};
 
 use crate::atomic_file;
 use crate::cli::output;
@@ -16,30 +16,32 @@ use crate::pipeline::Stats;
 use crate::sanitize::{Finding, Findings, Level, Levels};
 use crate::scene::{Assembled, ResolvedScene};
 
-/// The sanitizer.
+/// The sanitizer, and what is told of findings, its own and those of `--many-seeds`.
 #[derive(Args, Clone, Debug)]
+#[command(group = ArgGroup::new("checks").multiple(true))]
 pub(super) struct SanitizeArgs {
     /// Check the shaders while they run: undefined behaviour, undefined values that something
     /// depends on, NaNs; exit code 6 if a finding is denied
-    #[arg(long)]
+    #[arg(long, group = "checks")]
     sanitize: bool,
-    /// With --sanitize: do not tell of this rule (`all` for every rule)
-    #[arg(long, value_name = "RULE", requires = "sanitize")]
+    /// With --sanitize or --many-seeds: do not tell of this rule (`all` for every rule)
+    #[arg(long, value_name = "RULE", requires = "checks")]
     allow: Vec<String>,
-    /// With --sanitize: tell of this rule, but do not fail
-    #[arg(long, value_name = "RULE", requires = "sanitize")]
+    /// With --sanitize or --many-seeds: tell of this rule, but do not fail
+    #[arg(long, value_name = "RULE", requires = "checks")]
     warn: Vec<String>,
-    /// With --sanitize: fail where this rule is broken
-    #[arg(long, value_name = "RULE", requires = "sanitize")]
+    /// With --sanitize or --many-seeds: fail where this rule is broken
+    #[arg(long, value_name = "RULE", requires = "checks")]
     deny: Vec<String>,
-    /// With --sanitize: how findings are printed
-    #[arg(long, value_name = "FORMAT", default_value = "text", requires = "sanitize")]
+    /// With --sanitize or --many-seeds: how findings are printed
+    #[arg(long, value_name = "FORMAT", default_value = "text", requires = "checks")]
     findings: FindingFormat,
-    /// With --sanitize: findings that this file lists are not told; `--write-baseline` makes one
-    #[arg(long, value_name = "FILE", requires = "sanitize")]
+    /// With --sanitize or --many-seeds: findings that this file lists are not told;
+    /// `--write-baseline` makes one
+    #[arg(long, value_name = "FILE", requires = "checks")]
     baseline: Option<PathBuf>,
-    /// With --sanitize: write all findings to this file, as those that are known
-    #[arg(long, value_name = "FILE", requires = "sanitize", conflicts_with = "baseline")]
+    /// With --sanitize or --many-seeds: write all findings to this file, as those that are known
+    #[arg(long, value_name = "FILE", requires = "checks", conflicts_with = "baseline")]
     write_baseline: Option<PathBuf>,
 }
 
@@ -81,7 +83,7 @@ impl SanitizeArgs {
     }
 
     /// The levels of rules: those of the scene, and over them those that the flags set.
-    fn levels(&self, scene: &ResolvedScene) -> Result<Levels> {
+    pub(super) fn levels(&self, scene: &ResolvedScene) -> Result<Levels> {
         Ok(scene_levels(&scene.document)?.overridden_by(&self.given_levels()?))
     }
 
@@ -111,30 +113,38 @@ impl SanitizeArgs {
     ) -> Result<()> {
         let run = sanitize_one(scene, assembled, which, &assembled.resources, &self.levels(scene)?);
         let run = run.or_else(|error| self.refuse(error))?;
-        self.finish(run).map(|_| ())
+        self.finish([Some(run.findings), None], run.outcome).map(|_| ())
     }
 
-    /// Prints the findings, and returns the statistics of the run.
+    /// Prints the findings of the sanitizer and those of drawn choices, as far as either was asked
+    /// for, and returns the statistics of the run.
     ///
     /// # Errors
     /// The trap; else `Finding` if one is denied; `Io` of the baseline's file.
-    pub(super) fn finish(&self, run: SanitizedRun) -> Result<Stats> {
-        let mut findings = run.findings;
+    pub(super) fn finish(&self, found: [Option<Findings>; 2], outcome: Result<Stats>) -> Result<Stats> {
+        if found.iter().all(Option::is_none) {
+            return outcome;
+        }
+        let mut findings = Findings::default();
+        found.into_iter().flatten().for_each(|some| findings.extend(some));
         if let Some(path) = &self.write_baseline {
             atomic_file::write(path, findings.baseline())?;
-            return run.outcome;
+            return outcome;
         }
         if let Some(path) = &self.baseline {
             let bytes = read_argument(path, InputLimit::FileBytes, &InputLimits::default())?;
             findings.forget_known(&String::from_utf8_lossy(&bytes));
         }
-        let stats = match run.outcome {
+        let stats = match outcome {
             Ok(stats) => stats,
             Err(error) => return self.stop(findings, error),
         };
         self.print(&findings)?;
         if findings.is_empty() && self.findings == FindingFormat::Text {
-            output::hint("the sanitizer found nothing");
+            output::hint(match self.sanitize {
+                true => "the sanitizer found nothing",
+                false => "no output depends on the draws",
+            });
         }
         deny(&findings)?;
         Ok(stats)

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
+use crate::cli::many_seeds::ManySeedsArgs;
 use crate::cli::output;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
@@ -68,6 +69,8 @@ pub struct TestArgs {
     stability: StabilityArgs,
     #[command(flatten)]
     sanitize: SanitizeArgs,
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// Where pictures that differ are saved [default: a folder among the system's temporary files]
@@ -180,6 +183,7 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         shadow: args.stability.shadow(),
         perturb: args.stability.perturbation(),
         sanitize: args.sanitize.is_requested().then(|| args.sanitize.given_levels()).transpose()?,
+        many_seeds: args.many_seeds.given(&args.sanitize)?,
         no_explanation: args.no_explanation,
         colour,
         limits: args.limits.limits(LaunchLimits::TESTS),

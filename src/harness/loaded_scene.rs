@@ -13,6 +13,7 @@ use crate::debug::{ExplainRequest, Session};
 use crate::error::names::nearest;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::bound::{self, Bound};
+use crate::harness::many_seeds::ManySeeds;
 use crate::harness::memory::copied;
 use crate::harness::observe::fresh_resources;
 use crate::harness::sanitize_table::scene_levels;
@@ -324,6 +325,33 @@ impl LoadedScene {
         let resources = fresh_resources(&assembled.resources);
         let run = run_sanitized(&self.scene, &assembled, &resources, &scene_levels(&self.scene.document)?)?;
         run.findings.into_warnings(run.outcome.map(|_| ()))
+    }
+
+    /// Runs the passes of the scene as [`LoadedScene::launch`] does, once more for each of so many
+    /// seeds, from which is drawn what the specifications leave open: in what order any-hit shaders
+    /// run, and how often, for one. Returns the differences of outputs that are only warned of. The
+    /// table `[sanitize]` of the scene sets the levels of rules.
+    ///
+    /// ```
+    /// use anyhit::{ErrorKind, LoadedScene};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let scene = LoadedScene::open("shaders/many-seeds/anyhit-order/scene.toml")?;
+    /// let error = scene.many_seeds(8).unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::Finding);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// `Finding` for the differences that are denied, all in one error; else as
+    /// [`LoadedScene::launch`].
+    pub fn many_seeds(&self, seeds: u64) -> Result<Vec<Error>> {
+        let assembled = assemble(&self.scene)?;
+        let drawn =
+            ManySeeds { seeds: 0..seeds, levels: scene_levels(&self.scene.document)?, contracts: false };
+        let outcome = assembled.run::<64>(&fresh_resources(&assembled.resources), &|_| ());
+        drawn.run(&self.scene, &assembled)?.into_warnings(outcome.map(|_| ()))
     }
 
     /// Runs one pass alone, by its name or its number from 0: on buffers and images as the scene

@@ -60,6 +60,8 @@ pub mod init;
 #[cfg(feature = "scenes")]
 pub mod loaded_scene;
 #[cfg(feature = "scenes")]
+pub mod many_seeds;
+#[cfg(feature = "scenes")]
 mod observe;
 #[cfg(feature = "scenes")]
 pub mod rendering;

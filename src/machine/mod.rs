@@ -16,6 +16,7 @@ pub mod invocation;
 pub mod lanes;
 pub mod object;
 pub mod observe;
+pub mod open_choices;
 pub mod out_of_bounds;
 pub mod printed;
 pub mod ray_query;
@@ -37,6 +38,7 @@ pub use lanes::{
     LaneIdentity, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
 };
 pub use observe::Observer;
+pub use open_choices::{ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices};
 pub use out_of_bounds::OutOfBoundsIndices;
 pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{QueryNotes, RayQuery, RayQueryEvent, RayQueryStep};

@@ -14,6 +14,7 @@ use crate::accel::{
 use crate::geometry::Ray;
 use crate::machine::index::OpIndex;
 use crate::machine::object::ObjectPool;
+use crate::machine::open_choices::OpenChoices;
 use crate::machine::trap::TrapCode;
 
 /// The phase of a query.
@@ -311,6 +312,14 @@ impl RayQueries {
             events.push(RayQueryEvent { query, lane, op, step });
         }
         query
+    }
+
+    /// Draws what is open about the traversal of a query that was just initialised.
+    #[cold]
+    pub fn draw(&mut self, handle: u32, op: OpIndex, choices: &OpenChoices, launch_id: [u32; 3]) {
+        if let Some(RayQuery { cursor, tlas, .. }) = self.all.get_mut(handle) {
+            choices.draw_traversal(launch_id, Some(op), tlas, cursor);
+        }
     }
 
     /// Makes a query uninitialized, as its variable is declared again.

@@ -10,6 +10,7 @@ use crate::accel::Tlas;
 use crate::machine::buffer::Buffer;
 use crate::machine::device_memory::{DeviceMemory, STRUCTURE_HANDLE};
 use crate::machine::image::Image;
+use crate::machine::open_choices::OpenChoices;
 use crate::machine::printed::{Printed, PrintedBytes};
 use crate::machine::sampler::Sampler;
 
@@ -123,6 +124,9 @@ pub struct Resources {
     pub printed_bytes: PrintedBytes,
     /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
+    /// What of that which the specification leaves open is drawn; `None` where all of it is this
+    /// crate's own choice.
+    pub choices: Option<Arc<OpenChoices>>,
 }
 
 impl Resources {
@@ -201,6 +205,7 @@ impl Resources {
             printed: self.printed.clone(),
             printed_bytes: self.printed_bytes,
             policy: self.policy,
+            choices: self.choices.clone(),
         }
     }
 }
@@ -234,6 +239,9 @@ pub struct Bindings {
     pub printed_bytes: PrintedBytes,
     /// How an access outside its buffer or image is handled.
     pub policy: MemoryPolicy,
+    /// What of that which the specification leaves open is drawn; `None` where all of it is this
+    /// crate's own choice.
+    pub choices: Option<Arc<OpenChoices>>,
 }
 
 impl Bindings {

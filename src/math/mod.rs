@@ -11,6 +11,7 @@ pub mod float;
 pub mod float_format;
 pub mod hard;
 pub mod lane_ops;
+pub mod permutation;
 pub mod power;
 pub mod prefetch;
 pub mod random;

@@ -21,6 +21,23 @@ impl Random {
         z ^ (z >> 31)
     }
 
+    /// The generator for a seed and further numbers, each of which makes it another one.
+    pub fn of(seed: u64, numbers: impl IntoIterator<Item = u64>) -> Self {
+        Self(numbers.into_iter().fold(seed, |sum, number| Self(sum).bits() ^ number))
+    }
+
+    /// Uniform in `0..count`, but for less than `count` in 2^64; 0 where that is 0.
+    pub fn below(&mut self, count: u64) -> u64 {
+        ((u128::from(self.bits()) * u128::from(count)) >> 64) as u64
+    }
+
+    /// Puts elements in an order that is drawn, all orders being as likely.
+    pub fn shuffle<T>(&mut self, elements: &mut [T]) {
+        for last in (1..elements.len()).rev() {
+            elements.swap(last, self.below(last as u64 + 1) as usize);
+        }
+    }
+
     /// Uniform over the multiples of 2^-24 in [0, 1).
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 * (1.0 / 16_777_216.0)
@@ -77,6 +94,19 @@ mod tests {
         // The mean of 10,000 has a standard deviation of 2 / sqrt(12) / 100 = 0.0058.
         assert!((sum / 10_000.0 - 3.0).abs() < 0.03);
         assert_eq!(random.within([5.0, 5.0]), 5.0);
+    }
+
+    #[test]
+    fn a_shuffle_reaches_every_order() {
+        let mut seen = std::collections::BTreeSet::new();
+        for seed in 0..200 {
+            let mut numbers = [0, 1, 2, 3];
+            Random::of(seed, [7, 0]).shuffle(&mut numbers);
+            seen.insert(numbers);
+        }
+        assert_eq!(seen.len(), 24);
+        assert_eq!(Random::new(3).below(0), 0);
+        assert!((0..100).all(|seed| Random::new(seed).below(3) < 3));
     }
 
     #[test]

@@ -14,6 +14,7 @@ use crate::machine::{
     AccessFault, Batch, Bindings, Buffer, Invocations, Lanes, Mask, REGISTER_POINTER, Reg, Registers,
     TrapCode,
 };
+use crate::math::random::Random;
 use crate::ops::access::Access;
 
 /// The value of a computed offset whose index is outside its array: an access through it traps.
@@ -547,7 +548,13 @@ pub fn for_each_access<const W: usize>(
             && !is_workgroup(&batch.registers, lane, chunk.buffer)
         {
             let offset = if code == TrapCode::IndexOutOfBounds { u64::MAX } else { fault_value };
-            let access_outside = OutOfBoundsAccess { buffer, start: *start, size: *size, offset };
+            let drawn = match &bindings.choices {
+                Some(choices) if bindings.is_robust() && !buffer.is_null() => {
+                    choices.draw_robust_read(batch.invocations.launch_id(lane), batch.op, offset)
+                }
+                _ => None,
+            };
+            let access_outside = OutOfBoundsAccess { buffer, start: *start, size: *size, offset, drawn };
             outside(&mut batch.registers, lane, access_outside);
             continue;
         }
@@ -589,6 +596,8 @@ pub struct OutOfBoundsAccess<'a> {
     size: u64,
     /// `u64::MAX` where an index was outside its array: then no scalar lies inside.
     offset: u64,
+    /// The seed of what is read outside, where that is drawn.
+    drawn: Option<u64>,
 }
 
 impl OutOfBoundsAccess<'_> {
@@ -599,13 +608,23 @@ impl OutOfBoundsAccess<'_> {
         (end <= self.size).then_some((self.buffer, self.start + offset))
     }
 
-    /// Loads the scalars: each that lies outside is 0.
+    /// Loads the scalars: each that lies outside is 0, or drawn.
     fn load<const W: usize>(self, registers: &mut Registers<W>, lane: usize, to: Reg, chunk: &Chunk) {
+        let mut random = self.drawn.map(Random::new);
         for scalar in 0..chunk.count {
             let inside = self.inside(u64::from(scalar * (chunk.width / 8)), chunk.width);
             let word = inside.and_then(|(buffer, offset)| buffer.load(offset, chunk.width));
+            let word = word.or_else(|| self.elsewhere(random.as_mut()?, chunk.width));
             registers[to.plus(scalar)].0[lane] = word.unwrap_or(0);
         }
+    }
+
+    /// A scalar from anywhere in the range that is bound, as `robustBufferAccess` allows it for a
+    /// read outside of it.
+    fn elsewhere(&self, random: &mut Random, width: u32) -> Option<u32> {
+        let bytes = u64::from(width / 8);
+        let count = self.size / bytes;
+        (count > 0).then(|| self.buffer.load(self.start + random.below(count) * bytes, width))?
     }
 
     /// Stores the scalars, except those that lie outside.

@@ -323,8 +323,11 @@ fn initialize<const W: usize>(
                 return Err(TrapCode::InvalidRayQuery);
             }
             let handle = batch.registers[register].0[lane];
-            batch.registers[register].0[lane] =
-                batch.queries.initialize(handle, lane as u32, batch.op, tlas, trace);
+            let handle = batch.queries.initialize(handle, lane as u32, batch.op, tlas, trace);
+            batch.registers[register].0[lane] = handle;
+            if let Some(choices) = &bindings.choices {
+                batch.queries.draw(handle, batch.op, choices, batch.invocations.launch_id(lane));
+            }
             Ok(())
         });
         if let Err(code) = done {

@@ -6,8 +6,12 @@ use std::sync::Arc;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
-use crate::machine::{Bindings, LaunchLimits, Observer, Resources, TaskWatch, Watchdog, Workgroup};
+use crate::machine::{
+    Bindings, ChoiceKind, LaunchLimits, Observer, OpenChoices, Resources, TaskWatch, Watchdog, Workgroup,
+};
+use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
+use crate::pipeline::order::OrderMatters;
 use crate::pipeline::single_shader::Ended;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
@@ -51,6 +55,22 @@ pub struct Compute {
     layout: WorkgroupLayout,
     /// Whether atomic instructions on workgroup memory depend on the schedule.
     mixes_atomics: bool,
+}
+
+/// What is drawn of the order in which a dispatch runs.
+#[derive(Clone, Copy, Debug, Default)]
+struct DrawnOrder {
+    /// The numbers of the workgroups.
+    groups: Option<Permutation>,
+    /// The places of invocations in each of them.
+    places: Option<Permutation>,
+}
+
+impl DrawnOrder {
+    /// The number of the workgroup at a position.
+    fn group(&self, position: u64) -> u64 {
+        self.groups.map_or(position, |groups| groups.at(position))
+    }
 }
 
 /// The number of invocations of a task, in whole workgroups: enough that taking a task costs
@@ -257,25 +277,29 @@ impl Compute {
         let tasks = TaskQueue::new(count.div_ceil(groups_per_task));
         let range = |task: u64| task * groups_per_task..count.min((task + 1) * groups_per_task);
         let shares = self.shared_memory(groups, resources).is_some();
+        let order = resources.choices.as_deref().map(|choices| self.draw_order(choices, count, shares));
+        let order = order.unwrap_or_default();
         let dog = Watchdog::new(self.launch_limits, count.saturating_mul(group_size));
         let task = |task: u64, watch: &Arc<TaskWatch>| {
             let range = range(task);
             let invocations = (range.end - range.start) * group_size;
             watch.begin_task(invocations);
-            let groups = &mut range.map(|index| self.group(index, groups));
+            let groups = &mut range.map(|at| self.group(order.group(at), groups));
             let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
+            let places = order.places;
+            let observers = &mut Observers::none();
             let result = match subgroup_size {
                 // A batch must hold whole subgroups: their size divides the batch's width.
-                Some(..=64) => self.runner::<64>(&bindings, watch).run(groups, &mut Observers::none()),
-                Some(_) => self.runner::<128>(&bindings, watch).run(groups, &mut Observers::none()),
+                Some(..=64) => self.runner::<64>(&bindings, watch).placed(places).run(groups, observers),
+                Some(_) => self.runner::<128>(&bindings, watch).placed(places).run(groups, observers),
                 // One invocation after the other, so that results do not depend on the width.
                 None if self.program.order_dependent => {
-                    self.runner::<1>(&bindings, watch).run(groups, &mut Observers::none())
+                    self.runner::<1>(&bindings, watch).placed(places).run(groups, observers)
                 }
                 None if shares || self.mixes_atomics => {
-                    self.runner::<64>(&bindings, watch).run(groups, &mut Observers::none())
+                    self.runner::<64>(&bindings, watch).placed(places).run(groups, observers)
                 }
-                None => self.runner::<W>(&bindings, watch).run(groups, &mut Observers::none()),
+                None => self.runner::<W>(&bindings, watch).placed(places).run(groups, observers),
             };
             on_progress(invocations);
             result
@@ -303,6 +327,23 @@ impl Compute {
             all
         };
         Ok(tasks.run(self.program.order_dependent || shares, &worker))
+    }
+
+    /// Draws the order of workgroups and of the invocations in each, as far as it may make a
+    /// difference. Quads that derivatives need stay together.
+    fn draw_order(&self, choices: &OpenChoices, count: u64, shares: bool) -> DrawnOrder {
+        let depends = self.program.order_dependent || shares;
+        let groups = OrderMatters { subgroup_size: None, is_shared: depends }.draw(choices, count);
+        let quad = if self.layout.derivatives.is_some() { 4 } else { 1 };
+        let kind = match self.program.sees_subgroups() {
+            true => Some(ChoiceKind::SubgroupComposition),
+            false => {
+                (depends || self.mixes_atomics || self.layout.memory > 0).then_some(ChoiceKind::LaunchOrder)
+            }
+        };
+        let random = kind.and_then(|kind| choices.draw_of_pass(kind));
+        let places = random.map(|mut random| Permutation::draw(self.group_size(), quad, &mut random));
+        DrawnOrder { groups, places }
     }
 
     /// Memory that the invocations of a dispatch share otherwise than by atomic instructions that

@@ -11,7 +11,7 @@ use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
 use crate::pipeline::host_ray::{RayOperands, RayOutcome};
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
-use crate::pipeline::order::LaunchOrder;
+use crate::pipeline::order::{LaunchOrder, OrderMatters};
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
@@ -76,7 +76,14 @@ impl Launch<'_> {
         // of a batch: one after the other, or 64 at a time.
         let single_threaded = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
         let by_index = single_threaded || subgroups.is_some();
-        let order = if by_index { LaunchOrder::by_index(size) } else { LaunchOrder::by_tiles(size) };
+        let order = match &self.resources.choices {
+            Some(choices) if by_index => {
+                let matters = OrderMatters { subgroup_size: subgroups, is_shared: single_threaded };
+                LaunchOrder::drawn(size, matters.draw(choices, self.invocation_count(size)?))
+            }
+            _ if by_index => LaunchOrder::by_index(size),
+            _ => LaunchOrder::by_tiles(size),
+        };
         let is_small = positions.end - positions.start <= MAX_SINGLE_THREADED;
         let task_size = task_size(positions.end - positions.start);
         let task_count = (positions.end - positions.start).div_ceil(task_size);

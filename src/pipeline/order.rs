@@ -2,6 +2,9 @@
 
 use std::ops::Range;
 
+use crate::machine::{ChoiceKind, OpenChoices};
+use crate::math::permutation::Permutation;
+
 /// The width and height of a tile.
 pub(super) const TILE_SIDE: u64 = 8;
 
@@ -10,12 +13,36 @@ pub(super) const TILE_SIDE: u64 = 8;
 pub(super) struct LaunchOrder {
     size: [u64; 3],
     tiled: bool,
+    /// The positions of invocations, if they are drawn.
+    drawn: Option<Permutation>,
+}
+
+/// What of the order in which the invocations of a launch run may make a difference to its results.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OrderMatters {
+    /// The size of subgroups, where shaders use them.
+    pub subgroup_size: Option<u32>,
+    /// Whether invocations see what others leave in memory.
+    pub is_shared: bool,
+}
+
+impl OrderMatters {
+    /// Draws the positions of so many invocations, as far as it may make a difference: within
+    /// subgroups, or only those of whole subgroups.
+    pub(super) fn draw(self, choices: &OpenChoices, count: u64) -> Option<Permutation> {
+        let drawn = |kind, unit| Some(Permutation::draw(count, unit, &mut choices.draw_of_pass(kind)?));
+        let unit = self.subgroup_size.map_or(1, u64::from);
+        let of_units =
+            (self.is_shared && count > unit).then(|| drawn(ChoiceKind::LaunchOrder, unit)).flatten();
+        let of_lanes = self.subgroup_size.and_then(|_| drawn(ChoiceKind::SubgroupComposition, 1));
+        of_lanes.or(of_units)
+    }
 }
 
 impl LaunchOrder {
     /// Launch indices in row-major order, x fastest: for shaders whose results depend on the order.
     pub(super) fn by_index(size: [u32; 3]) -> Self {
-        Self { size: size.map(u64::from), tiled: false }
+        Self { size: size.map(u64::from), tiled: false, drawn: None }
     }
 
     /// Launch indices by tiles of 8 x 8 invocations, row after row of tiles, so that a batch of 64
@@ -24,8 +51,14 @@ impl LaunchOrder {
         Self { tiled: true, ..Self::by_index(size) }
     }
 
+    /// The launch indices in row-major order, each moved to a position that is drawn, if it is.
+    pub(super) fn drawn(size: [u32; 3], drawn: Option<Permutation>) -> Self {
+        Self { drawn, ..Self::by_index(size) }
+    }
+
     /// The launch index at a position.
     pub(super) fn launch_id(&self, position: u64) -> [u32; 3] {
+        let position = self.drawn.map_or(position, |drawn| drawn.at(position));
         let [width, height, _] = self.size;
         let (z, within) = (position / (width * height), position % (width * height));
         let (x, y) = match self.tiled {
@@ -56,7 +89,8 @@ impl LaunchOrder {
             let first = order.launch_id(start);
             let x = u64::from(first[0]);
             let stop = if order.tiled { (x / TILE_SIDE + 1) * TILE_SIDE } else { u64::MAX };
-            let run = (stop.min(order.size[0]) - x).min(end - start);
+            let longest = if order.drawn.is_some() { 1 } else { u64::MAX };
+            let run = (stop.min(order.size[0]) - x).min(longest).min(end - start);
             start += run;
             (run > 0).then_some((first, run as usize))
         })
@@ -70,6 +104,9 @@ impl LaunchOrder {
 
     /// A lower bound of the linear indices of all invocations at these positions or later ones.
     pub(super) fn min_linear_index(&self, positions: &Range<u64>) -> u64 {
+        if self.drawn.is_some() {
+            return 0;
+        }
         if !self.tiled {
             return positions.start;
         }
@@ -82,12 +119,16 @@ impl LaunchOrder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::random::Random;
 
     #[test]
     fn every_index_has_one_position() {
         for size in [[1, 1, 1], [8, 8, 1], [64, 1, 1], [1, 64, 1], [13, 21, 1], [16, 9, 3], [7, 17, 2]] {
             let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
-            for order in [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size)] {
+            let drawn = Some(Permutation::draw(count, 1, &mut Random::new(1)));
+            for order in
+                [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size), LaunchOrder::drawn(size, drawn)]
+            {
                 let mut numbers: Vec<u64> =
                     (0..count).map(|at| order.linear_index(order.launch_id(at))).collect();
                 for start in 0..count {
@@ -104,7 +145,10 @@ mod tests {
     fn scanline_runs_are_launch_indices() {
         for size in [[13, 21, 1], [16, 9, 3], [64, 2, 1], [3, 3, 3]] {
             let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
-            for order in [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size)] {
+            let drawn = Some(Permutation::draw(count, 4, &mut Random::new(2)));
+            for order in
+                [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size), LaunchOrder::drawn(size, drawn)]
+            {
                 for positions in [0..count, 1..count - 1, 5..7, 4..4] {
                     let ids = positions.clone().map(|at| order.launch_id(at));
                     let indices = order

@@ -118,12 +118,14 @@ pub(super) fn bindings(pipeline: &Pipeline, resources: &Resources) -> Vec<Bindin
             memory.add_buffer(data);
         }
     }
-    let of = |program: &Arc<Program>| {
+    let of = |(shader, program): (usize, &Arc<Program>)| {
         let mut bindings = resources.bindings(program.bindings());
         bindings.memory = memory.clone();
+        bindings.choices =
+            bindings.choices.map(|choices| Arc::new(choices.in_shader(ShaderIndex::new(shader))));
         bindings
     };
-    pipeline.programs.iter().map(of).collect()
+    pipeline.programs.iter().enumerate().map(of).collect()
 }
 
 impl<'a, const W: usize, T: PipelineObserver, O: Observer<W>> Stack<'a, W, T, O>

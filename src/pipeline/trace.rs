@@ -14,7 +14,7 @@ use smallvec::SmallVec;
 use crate::accel::{Committed, Cursor, RecordIndex, Tlas};
 use crate::machine::invocation::{LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
-use crate::machine::{Lanes, Mask, Registers, ShaderIndex, TrapCode};
+use crate::machine::{Lanes, Mask, OpenChoices, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Role};
 use crate::pipeline::observer::{Caller, PipelineObserver};
@@ -195,6 +195,7 @@ impl<const W: usize> Trace<W> {
     pub(super) fn advance<T: PipelineObserver>(
         &mut self,
         pipeline: &Pipeline,
+        choices: Option<&OpenChoices>,
         payload: Option<(&mut Registers<W>, RegSpan)>,
         observer: &mut T,
     ) -> Option<PendingCall<W>> {
@@ -206,7 +207,7 @@ impl<const W: usize> Trace<W> {
                 return None;
             }
             if !std::mem::replace(&mut self.started, true) {
-                self.begin_traversal::<T>();
+                self.begin_traversal::<T>(choices);
             }
             self.traverse(pipeline, observer);
             if self.pending.is_empty() {

@@ -170,7 +170,10 @@ where
             Some(ShaderCallFrame::Shader(caller)) => Some((&mut caller.batch.registers, *payload)),
             _ => None,
         };
-        match trace.advance(self.pipeline, registers, self.pipeline_observer) {
+        let caller = trace.caller().map_or(0, |caller| caller.shader.index());
+        let choices = self.bindings.get(caller).and_then(|bindings| bindings.choices.as_deref());
+        let choices = choices.filter(|choices| choices.draws_traversals());
+        match trace.advance(self.pipeline, choices, registers, self.pipeline_observer) {
             Some(call) => {
                 self.push_traced_shader(call);
                 None

@@ -17,6 +17,7 @@ use crate::machine::{
     Batch, Bindings, BlockIndex, Exit, Invocation, LaneTrap, Mask, Observer, OpIndex, ShaderIndex, Stop,
     TaskWatch, TrapCode, Workgroup,
 };
+use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
 use crate::pipeline::observer::Event;
@@ -91,6 +92,8 @@ pub(super) struct WorkgroupRunner<'a, const W: usize> {
     concurrent: usize,
     group_size: usize,
     layout: WorkgroupLayout,
+    /// The places of invocations in the order of lanes, if they are drawn.
+    places: Option<Permutation>,
     stats: Stats,
     trapped: Option<Trapped>,
     watch: Arc<TaskWatch>,
@@ -125,7 +128,25 @@ where
             .collect();
         let (stats, trapped) = (Stats::default(), None);
         let watch = watch.clone();
-        Self { program, limits, bindings, batches, concurrent, group_size, layout, stats, trapped, watch }
+        let places = None;
+        Self {
+            program,
+            limits,
+            bindings,
+            batches,
+            concurrent,
+            group_size,
+            layout,
+            places,
+            stats,
+            trapped,
+            watch,
+        }
+    }
+
+    /// Returns the runner with the invocations of each workgroup at other places.
+    pub(super) fn placed(self, places: Option<Permutation>) -> Self {
+        Self { places, ..self }
     }
 
     /// Runs workgroups. Returns the trap of the first workgroup that has one.
@@ -173,7 +194,8 @@ where
                 let position = at * W + lane;
                 let group = &groups[position / self.group_size];
                 let place = (position % self.group_size) as u32;
-                let local_index = self.layout.index_of(place);
+                let drawn = self.places.map_or(place, |places| places.at(place.into()) as u32);
+                let local_index = self.layout.index_of(drawn);
                 let invocation = Invocation {
                     launch_id: group.global_id(local_index),
                     launch_size: std::array::from_fn(|axis| group.count[axis] * group.size[axis]),
@@ -243,7 +265,8 @@ where
         };
         let Some(first) = positions.clone().find(|&at| barrier(at).is_some()) else { return };
         let Some(other) = positions.clone().find(|&at| barrier(at) != barrier(first)) else { return };
-        let [x, y, z] = workgroup.local_id(self.layout.index_of((other - positions.start) as u32));
+        let local_index = self.batches[other / W].batch.invocations.local_index(other % W);
+        let [x, y, z] = workgroup.local_id(local_index);
         let note = match barrier(other) {
             None => format!("local invocation ({x}, {y}, {z}) has ended without it"),
             Some(op) => {

@@ -290,6 +290,17 @@ impl Program {
         lower(module, found.ok_or_else(|| Error::new(ErrorKind::InvalidArgument, message()))?)
     }
 
+    /// Whether its results may depend on which invocations form a subgroup: it has subgroup
+    /// instructions, or reads builtins of the subgroup.
+    #[doc(hidden)]
+    pub fn sees_subgroups(&self) -> bool {
+        /// `SubgroupSize`, `NumSubgroups`, `SubgroupId`, `SubgroupLocalInvocationId`,
+        /// `SubgroupEqMask` and its siblings.
+        const BUILTINS: [u32; 9] = [36, 38, 40, 41, 4416, 4417, 4418, 4419, 4420];
+        let reads_one = || self.inputs.iter().any(|input| BUILTINS.contains(&input.builtin.number));
+        self.uses_subgroups || reads_one()
+    }
+
     /// Lowers the entry point of this program again, without any optimisation: the reference that
     /// an optimised program is checked against. It gives the same results, slowly.
     ///

@@ -189,6 +189,16 @@ impl Findings {
         Ok(self.iter().map(Finding::report).collect())
     }
 
+    /// Counts a finding about an output of a run, which a hash tells apart from others; a new one
+    /// has its report.
+    pub fn add_of_output(&mut self, rule: &'static Rule, output: u64, new: impl FnOnce() -> Finding) {
+        let of_outputs = ShaderIndex(u32::MAX - 1);
+        let halves = [output as u32, (output >> 32) as u32];
+        let key = FindingKey { rule: rule.id, places: halves.map(|half| (of_outputs, half)) };
+        let new = (!self.knows(&key)).then(new);
+        self.add(key, 1, new);
+    }
+
     /// Whether there is a finding of a key.
     pub(super) fn knows(&self, key: &FindingKey) -> bool {
         self.by_key.contains_key(key)

@@ -9,6 +9,7 @@
 
 pub mod cause;
 mod checks;
+pub mod choices;
 pub mod contract;
 pub mod finding;
 #[cfg(feature = "cli")]

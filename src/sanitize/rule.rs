@@ -20,6 +20,7 @@ macro_rules! rules {
 }
 
 pub mod arithmetic;
+pub mod choice;
 pub mod contract;
 pub mod memory;
 pub mod module;
@@ -66,6 +67,8 @@ pub enum RuleKind {
     /// An undefined value, which is reported where something depends on it: a branch, an index, an
     /// address, a ray or an output.
     UndefinedValue,
+    /// A choice that the specification leaves open, on which the outputs of a run depend.
+    OpenChoice,
     /// Legal, but rarely meant.
     Lint,
     /// A limit of this crate or of the run: what is behind it nobody knows.
@@ -78,7 +81,9 @@ impl RuleKind {
     /// The level of rules of this kind unless the user says otherwise.
     pub fn default_level(self) -> Level {
         match self {
-            Self::UndefinedBehavior | Self::UndefinedValue | Self::Limit | Self::Gap => Level::Deny,
+            Self::UndefinedBehavior | Self::UndefinedValue | Self::OpenChoice | Self::Limit | Self::Gap => {
+                Level::Deny
+            }
             Self::Lint => Level::Warn,
         }
     }
@@ -88,6 +93,7 @@ impl RuleKind {
         match self {
             Self::UndefinedBehavior => "undefined behaviour",
             Self::UndefinedValue => "undefined value",
+            Self::OpenChoice => "open choice",
             Self::Lint => "lint",
             Self::Limit => "limit",
             Self::Gap => "unsupported",
@@ -98,7 +104,7 @@ impl RuleKind {
     /// and `stop` is a run that ended before anybody knew.
     pub fn class(self) -> &'static str {
         match self {
-            Self::UndefinedBehavior | Self::UndefinedValue | Self::Lint => "bug",
+            Self::UndefinedBehavior | Self::UndefinedValue | Self::OpenChoice | Self::Lint => "bug",
             Self::Limit => "stop",
             Self::Gap => "gap",
         }
@@ -147,6 +153,7 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
         race::RULES,
         module::RULES,
         arithmetic::RULES,
+        choice::RULES,
     ];
     sections.into_iter().flatten().copied()
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashSet;
 
-use crate::accel::{EndCaps, Geometry, GeometryData, Indexing, Tlas, TlasInstance};
+use crate::accel::{EndCaps, Geometry, GeometryData, HitPrimitive, Indexing, Tlas, TlasInstance};
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::ShaderIndex;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
@@ -83,6 +83,13 @@ pub(super) fn instance_name(names: &dyn StructureNames, structure: Option<usize>
         [one, ..] => text += &format!(" (`{one}`, ...)"),
     }
     text
+}
+
+/// The name of a primitive in messages: its number, its geometry and its instance.
+pub fn primitive_name(names: &dyn StructureNames, tlas: &Arc<Tlas>, hit: HitPrimitive) -> String {
+    let structure = names.structures().iter().position(|(_, known)| Arc::ptr_eq(known, tlas));
+    let geometry = geometry_name(names, structure, hit.instance, hit.geometry as usize);
+    format!("primitive {} of {geometry} in instance {}", hit.primitive, hit.instance)
 }
 
 /// The key of a finding about a part of a structure.

@@ -30,6 +30,7 @@ pub use trap::{TrapExpectation, TrapName};
 
 use crate::error::{Error, Result};
 use crate::harness::cost::Costs;
+use crate::harness::number::Tolerance;
 use crate::harness::stability::{Instability, StableExpectation};
 use crate::pipeline::Stats;
 use crate::scene::SceneFiles;
@@ -130,6 +131,25 @@ impl Expectations {
         let stats = self.stats.iter().map(|stats| (&stats.span, stats.because.is_some()));
         let tables = tables.chain(stats);
         tables.filter(|(_, reason)| !reason).map(|(span, _)| span.clone()).collect()
+    }
+
+    /// Whether what a run left in a resource meets all that is expected of it, some of which within
+    /// a tolerance.
+    pub fn tolerates(&self, name: &str, observed: &Observed) -> bool {
+        let (mut gives_tolerance, mut found) = (false, Vec::new());
+        for (what, list, memory) in
+            [("buffer", &self.buffers, &observed.buffers), ("image", &self.images, &observed.images)]
+        {
+            for expectation in list.iter().filter(|one| one.name.value == name) {
+                gives_tolerance |= expectation.tolerance != Tolerance::Exact;
+                expectation.check(what, memory, &mut found);
+            }
+        }
+        for picture in self.pictures.iter().filter(|one| one.name.value == name) {
+            gives_tolerance |= picture.measure != Measure::Each(Tolerance::Exact);
+            picture.check(&observed.images, &mut found);
+        }
+        gives_tolerance && found.is_empty()
     }
 
     /// Compares; no error where everything holds, or where a known failure still fails.

@@ -26,7 +26,9 @@ mod stable;
 
 pub use envelope::Envelope;
 pub use found::ShadowFindings;
+pub(in crate::harness) use instability::UnstableOutput;
 pub use instability::{Instability, Perturbation};
+pub(in crate::harness) use perturb::no_contraction;
 pub use perturb::perturb;
 pub use place::SourceLocation;
 pub use shadow::shadow;

@@ -12,7 +12,7 @@ use crate::scene::Assembled;
 
 /// Compares the outputs of runs with those of a reference run.
 #[derive(Debug)]
-pub(super) struct OutputComparison<'a> {
+pub(in crate::harness) struct OutputComparison<'a> {
     assembled: &'a Assembled,
     reference: &'a Observed,
     tolerance: f64,
@@ -22,7 +22,7 @@ pub(super) struct OutputComparison<'a> {
 
 impl<'a> OutputComparison<'a> {
     /// Differences up to `tolerance` are none: of a value, or absolutely below 1.
-    pub(super) fn new(assembled: &'a Assembled, reference: &'a Observed, tolerance: f64) -> Self {
+    pub(in crate::harness) fn new(assembled: &'a Assembled, reference: &'a Observed, tolerance: f64) -> Self {
         Self { assembled, reference, tolerance, found: BTreeMap::new() }
     }
 
@@ -36,7 +36,7 @@ impl<'a> OutputComparison<'a> {
     }
 
     /// Compares a run with the reference.
-    pub(super) fn add(&mut self, run: u32, other: &Observed) {
+    pub(in crate::harness) fn add(&mut self, run: u32, other: &Observed) {
         let reference = self.reference;
         for (one, other) in reference.buffers.iter().zip(&other.buffers) {
             if one.bytes != other.bytes {
@@ -75,7 +75,7 @@ impl<'a> OutputComparison<'a> {
     }
 
     /// The outputs that differ.
-    pub(super) fn unstable(self) -> Vec<UnstableOutput> {
+    pub(in crate::harness) fn unstable(self) -> Vec<UnstableOutput> {
         let all = self.found.into_values();
         all.map(|(values, worst)| UnstableOutput { values: values.len(), ..worst }).collect()
     }

@@ -15,6 +15,7 @@ use crate::harness::bless::bless;
 use crate::harness::case::Loaded;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::{Difference, Fix, Subject};
+use crate::harness::many_seeds::ManySeeds;
 use crate::harness::observe::fresh_resources;
 use crate::harness::rendering;
 use crate::harness::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
@@ -54,6 +55,9 @@ pub struct SuiteOptions {
     /// The levels of the sanitizer's rules over those of each scene, if every test that passes runs
     /// under it, too, and fails where a finding is denied.
     pub sanitize: Option<Levels>,
+    /// The seeds for each of which every launch that passes runs once more with drawn choices, and
+    /// fails where a finding is denied; the levels of rules go over those of each scene.
+    pub many_seeds: Option<ManySeeds>,
     /// Whether the explanation of the ray is left out of failures.
     pub no_explanation: bool,
     /// Whether explanations are in colour.
@@ -76,6 +80,7 @@ impl Default for SuiteOptions {
             shadow: false,
             perturb: None,
             sanitize: None,
+            many_seeds: None,
             no_explanation: false,
             colour: false,
             limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },
@@ -260,14 +265,11 @@ impl Suite {
                 }
             }
             if let (Outcome::Passed, Some(levels)) = (&outcome, &options.sanitize) {
-                match tester.sanitized(levels) {
-                    Ok(run) => {
-                        let denied = run.findings.denied().map(|one| Difference::of(one.report()));
-                        outcome = tester.outcome(denied.collect(), None, tester.part());
-                        findings.extend(run.findings);
-                    }
-                    Err(error) => outcome = Outcome::Broken(error),
-                }
+                let found = tester.sanitized(levels).map(|run| run.findings);
+                outcome = tester.judge(found, &mut findings);
+            }
+            if let (Outcome::Passed, Some(drawn), None) = (&outcome, &options.many_seeds, tester.part()) {
+                outcome = tester.judge(tester.drawn(drawn), &mut findings);
             }
             if options.shadow {
                 // What cannot run one by one is left out, as is what the trap of a test cut off.
@@ -392,6 +394,25 @@ impl Tester<'_> {
                 let which = ResolvedRequest::of(&scene.rays[at])?;
                 sanitize_one(scene, assembled, &which, &resources, levels)
             }
+        }
+    }
+
+    /// What depends on drawn choices in the launch.
+    fn drawn(&self, drawn: &ManySeeds) -> Result<Findings> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        let levels = scene_levels(&scene.document)?.overridden_by(&drawn.levels);
+        ManySeeds { levels, ..drawn.clone() }.run(scene, assembled)
+    }
+
+    /// The outcome of a test that passed but for findings, which are kept.
+    fn judge(&self, found: Result<Findings>, all: &mut Findings) -> Outcome {
+        match found {
+            Ok(found) => {
+                let denied = found.denied().map(|one| Difference::of(one.report())).collect();
+                all.extend(found);
+                self.outcome(denied, None, self.part())
+            }
+            Err(error) => Outcome::Broken(error),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The traversal of the rays of a trace, up to each candidate that a shader decides on.
 
 use crate::accel::{Cursor, RayFlags, TraceRay};
-use crate::machine::{Mask, TrapCode};
+use crate::machine::{Mask, OpenChoices, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Role;
@@ -12,8 +12,8 @@ use crate::pipeline::trace::{Trace, hit_group_at};
 impl<const W: usize> Trace<W> {
     /// Traces all rays that can hit only opaque geometry, and gives the others a resumable
     /// traversal.
-    pub(super) fn begin_traversal<T: PipelineObserver>(&mut self) {
-        if !T::is_active() {
+    pub(super) fn begin_traversal<T: PipelineObserver>(&mut self, choices: Option<&OpenChoices>) {
+        if !T::is_active() && choices.is_none() {
             for number in 0..self.structures.all().len() {
                 self.trace_opaque(number);
             }
@@ -27,6 +27,22 @@ impl<const W: usize> Trace<W> {
             match &mut self.cursors[lane] {
                 Some(cursor) => cursor.reset(tlas, trace),
                 empty => *empty = Some(Cursor::new(tlas, trace)),
+            }
+        }
+        if let Some(choices) = choices {
+            self.draw_traversals(choices);
+        }
+    }
+
+    /// Draws what is open about the traversals, which have not begun yet.
+    #[cold]
+    fn draw_traversals(&mut self, choices: &OpenChoices) {
+        let op = self.caller.map(|caller| caller.op);
+        for lane in self.traversing.lanes() {
+            let launch_id = self.launch_id(lane);
+            let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
+            if let Some(cursor) = &mut self.cursors[lane] {
+                choices.draw_traversal(launch_id, op, tlas, cursor);
             }
         }
     }

@@ -1,0 +1,159 @@
+//! What is told of a difference.
+
+use std::collections::BTreeMap;
+
+use crate::accel::Candidate;
+use crate::debug::shell;
+use crate::error::{Error, ErrorKind};
+use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
+use crate::machine::{ChoiceKind, ChoiceSite, DrawnDetails, DrawnTraversal, OpIndex, ShaderIndex};
+use crate::module::Id;
+use crate::pipeline::with_location;
+use crate::program::Program;
+use crate::sanitize::Finding;
+use crate::sanitize::rule::{Level, Rule};
+use crate::sanitize::structures::primitive_name;
+use crate::scene::ResolvedScene;
+
+/// The most hits of a ray that are told.
+const TOLD_HITS: usize = 6;
+
+/// What a finding is made of.
+pub(super) struct DifferenceReport<'a> {
+    pub scene: &'a ResolvedScene,
+    pub runs: &'a Runs<'a>,
+    /// The choice that is told, the first of those that are drawn.
+    pub kind: ChoiceKind,
+    /// What was drawn in the run that is told of.
+    pub drawing: &'a Drawing,
+    /// What was drawn there, where it makes a difference to this crate's own choice.
+    pub draws: &'a BTreeMap<ChoiceSite, Option<DrawnDetails>>,
+    pub difference: &'a RunDifference,
+}
+
+impl DifferenceReport<'_> {
+    /// The finding.
+    pub(super) fn finding(&self, rule: &'static Rule, level: Level) -> Finding {
+        let first = self.draws.iter().next();
+        let kind = self.kind;
+        let launch_id = first.map_or([0; 3], |(site, _)| site.launch_id);
+        let message = match self.difference {
+            RunDifference::Value { name, own, drawn } => {
+                format!("{name} is {own}, and {drawn} where {}", where_drawn(kind))
+            }
+            RunDifference::Trap(trap) => {
+                format!("the run ends with a trap where {}: {}", where_drawn(kind), trap.message())
+            }
+        };
+        let mut error = Error::new(ErrorKind::Finding, message);
+        error = match first {
+            Some((site, Some(DrawnDetails::Traversal(drawn)))) => self.describe_ray(error, site, drawn),
+            Some((site, Some(DrawnDetails::Value { shader, op, id }))) => {
+                self.describe_value(error, site, *shader, *op, Id(*id))
+            }
+            _ => error,
+        };
+        error = self.drawing.kinds.iter().skip(1).fold(error, |error, &other| {
+            error.note(format!("it takes several choices together: also that {}", where_drawn(other)))
+        });
+        if self.draws.len() > 1 {
+            error = error
+                .note(format!("{} draws together make the difference; the first is told", self.draws.len()));
+        }
+        let seed = self.drawing.seed;
+        let scene = shell::word(&self.scene.path.display().to_string());
+        let more = if kind == ChoiceKind::Contraction { " --contract" } else { "" };
+        let command = format!("anyhit run {scene} --seed-range {seed}..{}{more}", seed + 1);
+        error = error.note(format!("drawn by seed {seed}: {command}"));
+        Finding { rule, level, count: 0, launch_id, stack: Vec::new(), error }
+    }
+
+    /// Adds where a ray is traced, what it is, and its hits in both orders.
+    fn describe_ray(&self, error: Error, site: &ChoiceSite, drawn: &DrawnTraversal) -> Error {
+        let program = drawn.caller.and_then(|(shader, op)| Some((self.runs.program(*site, shader)?, op)));
+        let error = match program {
+            Some((program, op)) => {
+                invocation(with_location(&program, op, error, "the ray is traced here"), &program, site)
+            }
+            None => error,
+        };
+        let triple = |[x, y, z]: [f32; 3]| format!("({x}, {y}, {z})");
+        let ray = &drawn.ray.ray;
+        let error = error.note(format!("the ray {} + t {}", triple(ray.origin), triple(ray.direction)));
+        error
+            .note(format!("its hits in this crate's order: {}", self.hits(drawn, &drawn.own)))
+            .note(format!("as drawn: {}", self.hits(drawn, &drawn.hits)))
+    }
+
+    /// The names of hits, with their t.
+    fn hits(&self, drawn: &DrawnTraversal, hits: &[Candidate]) -> String {
+        let name = |hit: &Candidate| {
+            let name = primitive_name(self.scene, &drawn.tlas, hit.hit_primitive());
+            format!("{name} (t {})", hit.intersection.t)
+        };
+        let mut names: Vec<String> = hits.iter().take(TOLD_HITS).map(name).collect();
+        if hits.len() > TOLD_HITS {
+            names.push(format!("and {} more", hits.len() - TOLD_HITS));
+        }
+        names.join("; ")
+    }
+
+    /// Adds which value of a shader is drawn.
+    fn describe_value(
+        &self,
+        error: Error,
+        site: &ChoiceSite,
+        shader: ShaderIndex,
+        op: Option<OpIndex>,
+        id: Id,
+    ) -> Error {
+        let Some(program) = self.runs.program(*site, shader) else { return error };
+        let (stage, name) = (program.stage.name(), &program.name);
+        let at = |error: Error, label: &str| {
+            op.into_iter().fold(error, |error, op| with_location(&program, op, error, label))
+        };
+        match site.kind {
+            ChoiceKind::Contraction => {
+                at(error, "its product is not rounded here").note(format!("in {stage} `{name}`"))
+            }
+            ChoiceKind::RobustRead => {
+                invocation(at(error, "it reads outside its buffer here"), &program, site)
+            }
+            _ => {
+                let id = match program.module.name(id) {
+                    Some(name) => format!("`{name}`"),
+                    None => format!("%{}", id.0),
+                };
+                let error = at(error, "it is undefined from here on");
+                invocation(
+                    error.note(format!("{id} is read where nothing was written to it")),
+                    &program,
+                    site,
+                )
+            }
+        }
+    }
+}
+
+/// Adds the invocation in which something is drawn.
+fn invocation(error: Error, program: &Program, site: &ChoiceSite) -> Error {
+    let [x, y, z] = site.launch_id;
+    let (stage, name) = (program.stage.name(), &program.name);
+    error.note(format!("in {stage} `{name}`, launch id ({x}, {y}, {z})"))
+}
+
+/// What is different with a choice.
+fn where_drawn(kind: ChoiceKind) -> &'static str {
+    match kind {
+        ChoiceKind::AnyHitOrder => "the hits of a ray come in another order",
+        ChoiceKind::AnyHitDuplicate => "a hit of a ray comes twice",
+        ChoiceKind::IntersectionRepeat => "the intersection shader of a box runs twice, or beside the box",
+        ChoiceKind::TieOrder => "another of the hits at equal t is the closest",
+        ChoiceKind::LaunchOrder => "invocations run in another order",
+        ChoiceKind::SubgroupComposition => "other invocations form a subgroup",
+        ChoiceKind::SubgroupSize => "subgroups have another size",
+        ChoiceKind::RobustRead => "a read outside its buffer gives another value",
+        ChoiceKind::UndefinedValue => "an undefined value is another one",
+        ChoiceKind::Contraction => "a product is added without being rounded",
+    }
+}

@@ -1,0 +1,224 @@
+//! Runs of a scene with drawn choices, compared with the run in which none is drawn.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::expect::{Expectations, Observed};
+use crate::harness::many_seeds::values::{OpenValues, ValueDraws};
+use crate::harness::observe::{fresh_resources, read_resources};
+use crate::harness::stability::UnstableOutput;
+use crate::harness::stability::outputs::OutputComparison;
+use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite, OpenChoices, Resources, ShaderIndex};
+use crate::math::random::Random;
+use crate::pipeline::Launch;
+use crate::program::Program;
+use crate::scene::pass::{Pass, PassWork};
+use crate::scene::{Assembled, ResolvedScene};
+
+/// The sizes of subgroups that devices have: from 8 of a CPU to 64 of AMD's GPUs.
+const SUBGROUP_SIZES: [u32; 4] = [8, 16, 32, 64];
+
+/// What is drawn in a run.
+#[derive(Clone, Debug)]
+pub(super) struct Drawing {
+    /// The seed.
+    pub seed: u64,
+    /// The choices.
+    pub kinds: BTreeSet<ChoiceKind>,
+    /// Where they are drawn; `None` for everywhere.
+    pub only: Option<Arc<BTreeSet<ChoiceSite>>>,
+    /// Where it is noted what was drawn.
+    pub log: Option<Arc<ChoiceLog>>,
+}
+
+impl Drawing {
+    /// All draws of some choices.
+    pub(super) fn of(seed: u64, kinds: BTreeSet<ChoiceKind>) -> Self {
+        Self { seed, kinds, only: None, log: None }
+    }
+
+    /// The choices of a pass.
+    fn of_pass(&self, pass: u32) -> OpenChoices {
+        let Self { seed, kinds, only, log } = self.clone();
+        OpenChoices { seed, pass, shader: ShaderIndex(0), kinds, only, log }
+    }
+}
+
+/// How the outputs of a run differ from those of the run without draws.
+#[derive(Clone, Debug)]
+pub(super) enum RunDifference {
+    /// A value does.
+    Value {
+        /// Its name: `` `image` texel (4, 2).r ``.
+        name: String,
+        /// The value without draws.
+        own: String,
+        /// The value with draws.
+        drawn: String,
+    },
+    /// The run ends with a trap.
+    Trap(Error),
+}
+
+/// The name of the resource in the name of a value, between two back quotes.
+fn resource_of(value: &str) -> Option<&str> {
+    value.split('`').nth(1)
+}
+
+/// A scene that is run again and again.
+pub(super) struct Runs<'a> {
+    scene: &'a ResolvedScene,
+    /// The scene with its pipelines and resources, which no run changes.
+    assembled: &'a Assembled,
+    /// The same without optimization, for runs in which values are drawn.
+    reference: Assembled,
+    /// By pass, what is open about the values of its shaders.
+    values: Vec<Vec<OpenValues>>,
+    /// What the scene expects, whose tolerances hold for its outputs.
+    expectations: Expectations,
+    /// What the run without draws leaves behind.
+    own: Observed,
+}
+
+impl<'a> Runs<'a> {
+    /// Runs the scene without draws.
+    ///
+    /// # Errors
+    /// The trap, those of lowering a shader without optimization, and mistakes in `[expect]`.
+    pub(super) fn new(scene: &'a ResolvedScene, assembled: &'a Assembled) -> Result<Self> {
+        let reference = assembled.unoptimized()?;
+        let of_pass = |pass: &Pass| match &pass.work {
+            PassWork::Launch(launch) => {
+                reference.pipeline_at(launch.pipeline).programs.iter().map(OpenValues::of).collect()
+            }
+            PassWork::Dispatch(at) => vec![OpenValues::of(&reference.dispatches[*at].compute.program)],
+        };
+        let values = reference.passes.iter().map(of_pass).collect();
+        let mut expectations = Expectations::read(&scene.document)?;
+        expectations.read_with(&scene.files);
+        let own = Observed::default();
+        let mut runs = Self { scene, assembled, reference, values, expectations, own };
+        runs.own = runs.run(None)?;
+        Ok(runs)
+    }
+
+    /// The program of a shader of a pass, as it runs where some choice is drawn.
+    pub(super) fn program(&self, site: ChoiceSite, shader: ShaderIndex) -> Option<Arc<Program>> {
+        let assembled = if site.kind.is_of_values() { &self.reference } else { self.assembled };
+        match &assembled.passes.get(site.pass as usize)?.work {
+            PassWork::Launch(launch) => {
+                assembled.pipeline_at(launch.pipeline).programs.get(shader.index()).cloned()
+            }
+            PassWork::Dispatch(index) => Some(assembled.dispatches[*index].compute.program.clone()),
+        }
+    }
+
+    /// Runs the scene with draws; how its outputs then differ, if they do.
+    pub(super) fn difference(&self, drawing: &Drawing) -> Option<RunDifference> {
+        match self.run(Some(drawing)) {
+            Err(error) if error.kind() == ErrorKind::Trap => Some(RunDifference::Trap(error)),
+            Err(_) => None,
+            Ok(observed) => {
+                let mut comparison = OutputComparison::new(self.assembled, &self.own, 0.0);
+                comparison.add(1, &observed);
+                let is_told = |one: &UnstableOutput| {
+                    resource_of(&one.name).is_none_or(|name| !self.expectations.tolerates(name, &observed))
+                };
+                let first = comparison.unstable().into_iter().find(is_told)?;
+                Some(RunDifference::Value { name: first.name, own: first.reference, drawn: first.other })
+            }
+        }
+    }
+
+    /// A number that tells the output in which a difference is from those of this scene and others.
+    pub(super) fn output_hash(&self, difference: &RunDifference) -> u64 {
+        let name = match difference {
+            RunDifference::Value { name, .. } => resource_of(name).unwrap_or(name),
+            RunDifference::Trap(error) => error.message(),
+        };
+        let path = self.scene.path.display().to_string();
+        Random::of(0, path.bytes().chain([0]).chain(name.bytes()).map(u64::from)).bits()
+    }
+
+    /// Runs all passes on a copy of the resources.
+    fn run(&self, drawing: Option<&Drawing>) -> Result<Observed> {
+        let resources = fresh_resources(&self.assembled.resources);
+        for (number, pass) in self.assembled.passes.iter().enumerate() {
+            let mut own = self.assembled.pass_resources(pass, &resources).into_owned();
+            own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(number as u32)));
+            match &own.choices {
+                Some(choices) if choices.kinds.iter().any(|kind| kind.is_of_values()) => {
+                    let draws = ValueDraws::new(&self.values[number], choices);
+                    self.run_observed(&self.reference.passes[number], &own, draws)?;
+                }
+                choices => {
+                    let size = choices.as_deref().and_then(|choices| self.draw_subgroup_size(choices, pass));
+                    self.run_pass(pass, &own, size)?;
+                }
+            }
+        }
+        let mut observed = Observed::default();
+        read_resources(self.scene, &resources, &mut observed);
+        Ok(observed)
+    }
+
+    /// Runs a pass, with subgroups of another size where that is drawn.
+    fn run_pass(&self, pass: &Pass, resources: &Resources, subgroup_size: Option<u32>) -> Result<()> {
+        match &pass.work {
+            PassWork::Launch(launch) => {
+                let mut pipeline = self.assembled.pass_pipeline(launch);
+                if let Some(size) = subgroup_size {
+                    pipeline.to_mut().subgroup_size = size;
+                }
+                Launch { pipeline: &pipeline, resources }.run::<64>(launch.size, &|_| ())?;
+            }
+            PassWork::Dispatch(index) => {
+                let dispatch = &self.assembled.dispatches[*index];
+                let sized = |size| dispatch.compute.clone().subgroup_size(size);
+                let drawn = subgroup_size.map(sized).transpose()?;
+                let compute = drawn.as_ref().unwrap_or(&dispatch.compute);
+                compute.run::<64>(resources, dispatch.groups, &|_| ())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs a pass without optimization, under an observer that draws values.
+    fn run_observed(&self, pass: &Pass, resources: &Resources, mut draws: ValueDraws<'_>) -> Result<()> {
+        match &pass.work {
+            PassWork::Launch(launch) => {
+                let pipeline = self.reference.pass_pipeline(launch);
+                let one = Launch { pipeline: &pipeline, resources };
+                one.run_observed(launch.size, &mut |_| (), &mut draws)?;
+            }
+            PassWork::Dispatch(index) => {
+                let dispatch = &self.reference.dispatches[*index];
+                dispatch.compute.run_observed(resources, dispatch.groups, &mut |_| (), &mut draws)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws the size of subgroups of a pass that uses them, unless the scene sets it.
+    fn draw_subgroup_size(&self, choices: &OpenChoices, pass: &Pass) -> Option<u32> {
+        let (is_set, uses_them) = match &pass.work {
+            PassWork::Launch(launch) => {
+                let pipeline = self.assembled.pipeline_at(launch.pipeline);
+                (
+                    self.scene.pipeline_at(launch.pipeline).subgroup_size.is_some(),
+                    pipeline.programs.iter().any(|program| program.sees_subgroups()),
+                )
+            }
+            PassWork::Dispatch(index) => {
+                let program = &self.assembled.dispatches[*index].compute.program;
+                (self.scene.pipeline.subgroup_size.is_some(), program.sees_subgroups())
+            }
+        };
+        if is_set || !uses_them {
+            return None;
+        }
+        let mut random = choices.draw_of_pass(ChoiceKind::SubgroupSize)?;
+        Some(SUBGROUP_SIZES[random.below(SUBGROUP_SIZES.len() as u64) as usize])
+    }
+}

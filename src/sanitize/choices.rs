@@ -1,0 +1,24 @@
+//! Which rule is about which choice that `--many-seeds` draws.
+
+use crate::machine::ChoiceKind;
+use crate::sanitize::rule::{Rule, choice};
+
+/// The rule about a choice.
+pub fn rule_of(kind: ChoiceKind) -> &'static Rule {
+    match kind {
+        ChoiceKind::AnyHitOrder => &choice::ANYHIT_ORDER,
+        ChoiceKind::AnyHitDuplicate => &choice::ANYHIT_DUPLICATE,
+        ChoiceKind::IntersectionRepeat => &choice::INTERSECTION_REPEAT,
+        ChoiceKind::TieOrder => &choice::TIE_ORDER,
+        ChoiceKind::LaunchOrder => &choice::LAUNCH_ORDER,
+        ChoiceKind::SubgroupComposition | ChoiceKind::SubgroupSize => &choice::LANE_DEPENDENT_RESULT,
+        ChoiceKind::RobustRead => &choice::ROBUST_MASK,
+        ChoiceKind::UndefinedValue => &choice::UNDEFINED_DRAWN,
+        ChoiceKind::Contraction => &choice::CONTRACTION,
+    }
+}
+
+/// The rules about choices.
+pub fn rules() -> impl Iterator<Item = &'static Rule> {
+    choice::RULES.iter().copied()
+}
