@@ -5,12 +5,15 @@ use std::collections::BTreeMap;
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::unfilled::unwritten_memory;
 use crate::machine::{Observer, Resources, ShaderIndex};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::structures::check_structures;
-use crate::sanitize::{Findings, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays};
+use crate::sanitize::{
+    Findings, LaunchSize, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays, UnwrittenMemory,
+};
 use crate::scene::pass::PassWork;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -39,6 +42,8 @@ pub fn run_sanitized(
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
     let mut traced: BTreeMap<Option<usize>, SeenRays> = BTreeMap::new();
     let mut queried = SeenRays::default();
+    let mut unwritten = unwritten_memory(scene, resources);
+    let mut sizes = Vec::new();
     for (number, pass) in reference.passes.iter().enumerate() {
         let resources = reference.pass_resources(pass, resources);
         let outcome = match &pass.work {
@@ -46,25 +51,37 @@ pub fn run_sanitized(
                 let pipeline = reference.pass_pipeline(launch);
                 findings.extend(check_pipeline(&pipeline, levels));
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
-                let mut sanitizer = Sanitizer::new(&plans, levels);
+                let mut sanitizer =
+                    Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
                 let seen = traced.entry(launch.pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
                 let size = launch.size;
+                sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let outcome = launch.run_observed(size, &mut |event| watch.event(event), &mut sanitizer);
                 findings.extend(watch.into_findings());
-                findings.extend(sanitizer.into_findings());
+                let (found, left) = sanitizer.into_findings_and_unwritten();
+                findings.extend(found);
+                unwritten = left;
                 outcome
             }
             PassWork::Dispatch(at) => {
                 let dispatch = &reference.dispatches[*at];
                 findings.extend(check_module(&dispatch.compute.program, ShaderIndex(0), levels));
                 let plans = [ProgramPlan::new(&dispatch.compute.program)];
-                let mut sanitizer = Sanitizer::new(&plans, levels);
+                let mut sanitizer =
+                    Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
                 let on_event = &mut |event| queried.add_event(&event);
                 let compute = &dispatch.compute;
+                if let Some(layout) = compute.program.workgroup {
+                    let invocations = |axis: usize| layout.size[axis].saturating_mul(dispatch.groups[axis]);
+                    let invocations = std::array::from_fn(invocations);
+                    sizes.push(LaunchSize { invocations, workgroup: layout.size });
+                }
                 let outcome = compute.run_observed(&resources, dispatch.groups, on_event, &mut sanitizer);
-                findings.extend(sanitizer.into_findings());
+                let (found, left) = sanitizer.into_findings_and_unwritten();
+                findings.extend(found);
+                unwritten = left;
                 outcome
             }
         };
@@ -80,6 +97,7 @@ pub fn run_sanitized(
     }
     let all: Vec<&SeenRays> = traced.values().chain([&queried]).collect();
     findings.extend(SeenRays::check_masks(&all, scene, levels));
+    findings.extend(unwritten.check_outputs(&sizes, levels));
     Ok(SanitizedRun { outcome: Ok(stats), findings })
 }
 
@@ -102,12 +120,15 @@ pub fn sanitize_one(
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
             .note("run the whole launch, or set the subgroup size to 1"));
     }
+    let is_first = single.number == 0;
     single.run_before(resources)?;
     let resources = single.resources(resources);
     let mut findings = check_structures(scene, levels);
     findings.extend(check_pipeline(&single.pipeline, levels));
     let plans: Vec<_> = single.pipeline.programs.iter().map(ProgramPlan::new).collect();
-    let mut sanitizer = Sanitizer::new(&plans, levels);
+    // What passes before it have written is not known.
+    let unwritten = if is_first { unwritten_memory(scene, &resources) } else { UnwrittenMemory::default() };
+    let mut sanitizer = Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
     // One ray says nothing of what no ray does.
     let mut seen = SeenRays::default();
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);
