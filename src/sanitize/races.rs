@@ -175,7 +175,7 @@ impl Races {
         kind: AccessKind,
         values: Option<Reg>,
     ) -> Vec<Race> {
-        self.access_lanes(batch, bindings, place, chunk, values, 0, |_| kind)
+        self.access_lanes(batch, bindings, place, chunk, values, |_| AccessForm::new(kind, 0))
     }
 
     fn access_lanes<const W: usize>(
@@ -185,8 +185,7 @@ impl Races {
         place: OpPlace,
         chunk: &Chunk,
         values: Option<Reg>,
-        width: u32,
-        kind: impl Fn(usize) -> AccessKind,
+        form: impl Fn(usize) -> AccessForm,
     ) -> Vec<Race> {
         self.prepare_lanes(batch);
         let mut races = Vec::new();
@@ -201,16 +200,11 @@ impl Races {
             };
             let in_workgroup = is_workgroup(&batch.registers, lane, chunk.buffer);
             let class = if in_workgroup { Class::Workgroup } else { Class::Buffer };
-            let kind = kind(lane);
+            let form = form(lane);
             let form = match (in_workgroup, handle) {
-                (true, _) => AccessForm { kind, reference: 0, handle: 0, width },
-                (false, None) => AccessForm { kind, reference: 0, handle: AccessForm::ADDRESS, width },
-                (false, Some(handle)) => AccessForm {
-                    kind,
-                    reference: self.references.number(place.shader, handle),
-                    handle,
-                    width,
-                },
+                (true, _) => form,
+                (false, None) => AccessForm { handle: AccessForm::ADDRESS, ..form },
+                (false, Some(handle)) => form.through(self.references.number(place.shader, handle), handle),
             };
             let now = self.accessor(lane, class, place, form);
             let (key, at) = match in_workgroup {
@@ -259,13 +253,10 @@ impl Races {
             }
             _ => AccessKind::AtomicUpdate,
         };
+        let form = |lane: usize| AccessForm::new(kind(lane), atomic.width);
         let races = match &atomic.target {
-            AtomicTarget::Buffer(chunk) => {
-                self.access_lanes(batch, bindings, place, chunk, None, atomic.width, kind)
-            }
-            AtomicTarget::Texel(texel) => {
-                self.access_texels(batch, bindings, place, texel, atomic.width, kind, |_| 0)
-            }
+            AtomicTarget::Buffer(chunk) => self.access_lanes(batch, bindings, place, chunk, None, form),
+            AtomicTarget::Texel(texel) => self.access_texels(batch, bindings, place, texel, form, |_| 0),
             AtomicTarget::Registers { .. } => return Vec::new(),
         };
         let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
@@ -284,7 +275,8 @@ impl Races {
     ) -> Vec<Race> {
         match image {
             ImageOp::Read(read) => {
-                self.access_texels(batch, bindings, place, &read.texel, 0, |_| AccessKind::Load, |_| 0)
+                let form = |_| AccessForm::new(AccessKind::Load, 0);
+                self.access_texels(batch, bindings, place, &read.texel, form, |_| 0)
             }
             ImageOp::Write(write) => {
                 let words = if write.texel.view.wide { 2 } else { 1 };
@@ -295,7 +287,8 @@ impl Races {
                         (all.rotate_left(5) ^ batch.registers[register].0[lane]).wrapping_mul(0x9E37_79B9)
                     })
                 };
-                self.access_texels(batch, bindings, place, &write.texel, 0, |_| AccessKind::Store, value)
+                let form = |_| AccessForm::new(AccessKind::Store, 0);
+                self.access_texels(batch, bindings, place, &write.texel, form, value)
             }
             _ => Vec::new(),
         }
@@ -307,8 +300,7 @@ impl Races {
         bindings: &Bindings,
         place: OpPlace,
         texel: &TexelRef,
-        width: u32,
-        kind: impl Fn(usize) -> AccessKind,
+        form: impl Fn(usize) -> AccessForm,
         value: impl Fn(usize) -> u32,
     ) -> Vec<Race> {
         self.prepare_lanes(batch);
@@ -317,8 +309,7 @@ impl Races {
             let reader = LaneReader::new(&batch.registers, lane, bindings);
             let Ok((image, index)) = texel.resolve(reader) else { continue };
             let handle = reader.word(texel.image);
-            let reference = self.references.number(place.shader, handle);
-            let form = AccessForm { kind: kind(lane), reference, handle, width };
+            let form = form(lane).through(self.references.number(place.shader, handle), handle);
             let now = self.accessor(lane, Class::Image, place, form);
             let access = self.number(&now);
             let key = MemoryKey::Image(std::ptr::from_ref(image).addr());

@@ -57,6 +57,16 @@ pub(super) struct AccessForm {
 impl AccessForm {
     /// Stands for a device address.
     pub(super) const ADDRESS: u32 = u32::MAX;
+
+    /// An access of some bits, if it is atomic, through no descriptor.
+    pub(super) fn new(kind: AccessKind, width: u32) -> Self {
+        Self { kind, reference: 0, handle: 0, width }
+    }
+
+    /// The access through a descriptor.
+    pub(super) fn through(self, reference: u32, handle: u32) -> Self {
+        Self { reference, handle, ..self }
+    }
 }
 
 /// An operation that accesses memory between two barriers of the invocation's workgroup.
