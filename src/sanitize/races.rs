@@ -16,9 +16,9 @@
 //!   change, all accesses do.
 //! * Atomic instructions order what stands before a release with what stands behind an acquire.
 //!   Where since the earlier access its workgroup (in ray tracing: invocation) has executed an
-//!   atomic instruction that can release, and that of the later one an instruction that can acquire,
-//!   each of a scope that holds both, they count as ordered, whichever location the instructions
-//!   were on.
+//!   atomic instruction that can release, and that of the later access one that can acquire, each
+//!   of a scope that holds both, they count as ordered, whichever location the instructions were
+//!   on.
 //!
 //! Atomic instructions are ordered among each other where they have one width, go through one
 //! descriptor, and each is in the scope of the other. Ordered accesses through different
