@@ -186,7 +186,8 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
 /// assembled module in `src/sanitize/module_checks/tests.rs`. (`unsupported` is no rule of shaders.)
-const WITHOUT_CASE: [&str; 10] = [
+const WITHOUT_CASE: [&str; 11] = [
+    "atomic-class",
     "attr-readonly",
     "fastmath-modes",
     "gather-component",

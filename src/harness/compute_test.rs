@@ -143,7 +143,7 @@ impl ComputeTest {
         self.given.check(&compute.program)?;
         let resources = memory::copied(&self.given.resources);
         let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
-        let mut sanitizer = Sanitizer::new(&plans, &levels);
+        let mut sanitizer = Sanitizer::new(&plans, &levels).with_resources(&resources);
         let outcome = compute.run_observed(&resources, self.groups, &mut |_| (), &mut sanitizer);
         let mut findings = check_module(&compute.program, ShaderIndex(0), &levels);
         findings.extend(sanitizer.into_findings());

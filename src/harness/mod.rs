@@ -81,6 +81,8 @@ pub mod suite;
 mod tasks;
 #[cfg(feature = "scenes")]
 pub mod typed_scene;
+#[cfg(feature = "scenes")]
+mod unfilled;
 
 /// Compiles what `docs/testing.md` shows.
 #[cfg(doctest)]

@@ -6,12 +6,15 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::unfilled::unwritten_memory;
 use crate::machine::{Observer, Resources, ShaderIndex};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::structures::check_structures;
-use crate::sanitize::{Findings, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays};
+use crate::sanitize::{
+    Findings, LaunchSize, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays, UnwrittenMemory,
+};
 use crate::scene::pass::PassWork;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -57,33 +60,47 @@ pub fn run_sanitized(
     // Rays by the pipeline that traces them, and those of compute shaders' ray queries.
     let mut traced: BTreeMap<Option<usize>, SeenRays> = BTreeMap::new();
     let mut queried = SeenRays::default();
+    let mut unwritten = unwritten_memory(scene, resources);
+    let mut sizes = Vec::new();
     for (number, pass) in reference.passes.iter().enumerate() {
         let resources = reference.pass_resources(pass, resources);
         let outcome = match &pass.work {
             PassWork::Launch(launch) => {
                 let pipeline = reference.pass_pipeline(launch);
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
-                let mut sanitizer = Sanitizer::new(&plans, levels);
+                let mut sanitizer =
+                    Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
                 let pass_pipeline = launch.pipeline;
                 let seen = traced.entry(pass_pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
                 let size = launch.size;
+                sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let outcome = launch.run_observed(size, &mut |event| watch.event(event), &mut sanitizer);
                 let first = reference.first_program(pass_pipeline);
                 findings.extend(watch.into_findings().of_shaders_from(first));
-                findings.extend(sanitizer.into_findings().of_shaders_from(first));
+                let (found, left) = sanitizer.into_findings_and_unwritten();
+                findings.extend(found.of_shaders_from(first));
+                unwritten = left;
                 outcome
             }
             PassWork::Dispatch(at) => {
                 let dispatch = &reference.dispatches[*at];
                 let plans = [ProgramPlan::new(&dispatch.compute.program)];
-                let mut sanitizer = Sanitizer::new(&plans, levels);
+                let mut sanitizer =
+                    Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
                 let on_event = &mut |event| queried.add_event(&event);
                 let compute = &dispatch.compute;
+                if let Some(layout) = compute.program.workgroup {
+                    let invocations = |axis: usize| layout.size[axis].saturating_mul(dispatch.groups[axis]);
+                    let invocations = std::array::from_fn(invocations);
+                    sizes.push(LaunchSize { invocations, workgroup: layout.size });
+                }
                 let outcome = compute.run_observed(&resources, dispatch.groups, on_event, &mut sanitizer);
                 let first = reference.dispatch_program(*at);
-                findings.extend(sanitizer.into_findings().of_shaders_from(first));
+                let (found, left) = sanitizer.into_findings_and_unwritten();
+                findings.extend(found.of_shaders_from(first));
+                unwritten = left;
                 outcome
             }
         };
@@ -99,6 +116,7 @@ pub fn run_sanitized(
     }
     let all: Vec<&SeenRays> = traced.values().chain([&queried]).collect();
     findings.extend(SeenRays::check_masks(&all, scene, levels));
+    findings.extend(unwritten.check_outputs(&sizes, levels));
     Ok(SanitizedRun { outcome: Ok(stats), findings })
 }
 
@@ -121,11 +139,14 @@ pub fn sanitize_one(
         return Err(Error::new(ErrorKind::UnsupportedModule, message)
             .note("run the whole launch, or set the subgroup size to 1"));
     }
+    let is_first = single.number == 0;
     single.run_before(resources)?;
     let resources = single.resources(resources);
     let mut findings = check_scene(scene, &reference, levels);
     let plans: Vec<_> = single.pipeline.programs.iter().map(ProgramPlan::new).collect();
-    let mut sanitizer = Sanitizer::new(&plans, levels);
+    // What passes before it have written is not known.
+    let unwritten = if is_first { unwritten_memory(scene, &resources) } else { UnwrittenMemory::default() };
+    let mut sanitizer = Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
     // One ray says nothing of what no ray does.
     let mut seen = SeenRays::default();
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);

@@ -493,6 +493,12 @@ impl Program {
         Some(format!(": {position}{name} at {start:#x}, which has {size} bytes"))
     }
 
+    /// The entry point that it was made of.
+    pub(crate) fn entry_point(&self) -> Option<&EntryPoint> {
+        let mut entries = self.module.entry_points.iter();
+        entries.find(|entry| entry.stage == self.stage && entry.name == self.name)
+    }
+
     /// Describes a handle: name, set, binding and array element.
     pub(crate) fn describe_descriptor(&self, handle: u32) -> Option<String> {
         let Some((slot, element)) = Bindings::slot_of(handle) else {

@@ -36,6 +36,13 @@ pub enum Cause {
         /// The byte's offset in the memory.
         byte: u32,
     },
+    /// A part of a buffer or image that neither the scene nor a shader has written.
+    UnwrittenPart {
+        /// The operation that loads it.
+        place: OpPlace,
+        /// The number of the buffer or image.
+        object: u32,
+    },
     /// `OpUndef`, or a component of a shuffle without a source.
     Undef(OpPlace),
     /// An instruction whose result is undefined for its operands.

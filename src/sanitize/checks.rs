@@ -1,7 +1,10 @@
 //! What is checked while shaders run: a file for each kind of operation, or for each matter that
 //! several kinds have.
 
+pub(super) mod barrier;
 pub(super) mod begin;
+pub(super) mod bounds;
+pub(super) mod contents;
 mod fast_math;
 pub(super) mod kernel;
 mod lanes;

@@ -5,7 +5,8 @@
 //! [`Observer`](crate::machine::Observer): programs that are not optimised, 64 lanes at a time.
 //! [`rule`] lists the rules, [`operand_check`] has those about operands of single instructions, a
 //! row each; `checks` looks at operations that have run, and spreads what is undefined from
-//! registers to registers; `sanitizer` is what they know together; `report` says why.
+//! registers to registers; `races` orders what several invocations access, and [`unwritten`] knows
+//! which memory nobody has filled; `sanitizer` is what they know together; `report` says why.
 
 pub mod cause;
 mod checks;
@@ -28,6 +29,7 @@ pub mod sanitizer;
 mod stopped;
 pub mod structures;
 pub mod traced_rays;
+pub mod unwritten;
 
 pub use finding::{Finding, Findings};
 pub use levels::Levels;
@@ -36,3 +38,4 @@ pub use rule::{Level, Rule, RuleKind};
 pub use sanitizer::Sanitizer;
 pub use structures::StructureNames;
 pub use traced_rays::{RayWatch, SeenRays};
+pub use unwritten::{LaunchSize, UnwrittenMemory};

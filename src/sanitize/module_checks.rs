@@ -5,10 +5,11 @@
 //! or in the parts of a language that map to SPIR-V one to one (memory scopes and semantics,
 //! buffer references, inline assembly).
 
-mod code;
+pub(super) mod code;
 mod declarations;
 mod memory;
 mod ordering;
+mod progress;
 mod volatile;
 
 #[cfg(test)]
@@ -20,6 +21,7 @@ use crate::program::Program;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::module_checks::code::EntryCode;
+use crate::sanitize::report::at_word;
 use crate::sanitize::rule::{Level, Rule, contract, module};
 
 /// A place that breaks a rule.
@@ -40,6 +42,8 @@ static CHECKS: &[Check] = &[
     (&module::ATTR_READONLY, memory::attr_readonly),
     (&module::RECORD_BLOCK, memory::record_block),
     (&module::ALIGNED_OPERAND, memory::aligned_operand),
+    (&module::ATOMIC_CLASS, memory::atomic_class),
+    (&module::LAUNCH_ORDER, progress::launch_order),
     (&contract::VOLATILE_SUBGROUP, volatile::volatile_subgroup),
     (&contract::VOLATILE_RAYTMAX, volatile::volatile_raytmax),
     (&module::VOLATILE_LOAD, volatile::volatile_load),
@@ -86,15 +90,13 @@ fn located(program: &Program, fault: Fault) -> Error {
     let Fault { offset, message } = fault;
     let error = Error::new(ErrorKind::Finding, message);
     let first = program.module.functions.first().map_or(u32::MAX, |function| function.offset);
-    let line = if offset < first {
+    let error = if offset < first {
         let files = program.module.debug_info.files.first();
-        files.filter(|file| !file.name.is_empty()).map(|file| Place::File(file.name.clone().into()))
+        let file = files.filter(|file| !file.name.is_empty());
+        let file = file.map(|file| Place::File(file.name.clone().into()));
+        file.into_iter().fold(error, Error::at).at(Place::Word(offset as usize))
     } else {
-        program.place_at(offset).or_else(|| program.place_near(offset))
-    };
-    let error = match line {
-        Some(line) => error.at(line).at(Place::Word(offset as usize)),
-        None => error.at(Place::Word(offset as usize)),
+        at_word(program, offset, error)
     };
     error.note(format!("in {} `{}`", program.stage.name(), program.name))
 }

@@ -3,12 +3,15 @@
 use crate::machine::{Batch, Bindings, Mask, Observer, OpIndex, ShaderIndex, ShadowRegisters};
 use crate::module::interface::Stage;
 use crate::ops::access::Access;
+use crate::ops::atomic::AtomicTarget;
 use crate::ops::debug_printf::Argument;
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
-use crate::sanitize::checks::{begin, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity};
+use crate::sanitize::checks::{
+    barrier, begin, bounds, contents, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity,
+};
 use crate::sanitize::plan::{Executed, lane_inputs};
 use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::sanitizer::{Accesses, Sanitizer};
@@ -27,7 +30,9 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         if first == Some(Stage::Compute) {
             begin::begin_workgroups(self, batch);
         }
-        self.frames.push(CallFrame { shader, op: OpIndex(0) });
+        let caller = self.frames.last().map(|frame| frame.call);
+        let call = self.races.as_mut().map_or(0, |races| races.begin_call(caller));
+        self.frames.push(CallFrame { shader, op: OpIndex(0), call });
         begin::begin(self, shader, batch, &mut shadow);
         batch.registers.shadow = Some(shadow);
     }
@@ -42,6 +47,9 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
             self.frames.pop();
         } else if let Some(frame) = self.frames.last_mut() {
             frame.op = batch.op.previous().unwrap_or(batch.op);
+            if let Some(races) = &mut self.races {
+                races.stop_call(frame.call);
+            }
         }
     }
 
@@ -49,9 +57,14 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         if let Some(frame) = self.frames.last_mut() {
             frame.shader = shader;
         }
+        let call = self.frames.last().map_or(0, |frame| frame.call);
         if let Some(races) = &mut self.races {
-            races.resumed();
+            races.resumed(call);
         }
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        barrier::enter_block(self, batch);
     }
 
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
@@ -90,10 +103,15 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         match &plan.program.ops[op.index()] {
             Op::LaneKernel { kernel: lane_kernel, to, from } => {
                 kernel::check(self, batch, &mut shadow, executed, lane_kernel, *to, from);
+                if let Some(watched) = step.watched {
+                    bounds::check_kernel(self, batch, bindings, op, watched, *to, from);
+                }
             }
             Op::Memory(op) => memory::check(self, batch, bindings, &mut shadow, executed, op),
             Op::Image(image) => {
                 memory::check_image(self, batch, &mut shadow, op, image);
+                bounds::check_image(self, batch, bindings, op, image);
+                contents::image(self, batch, bindings, &mut shadow, place, image);
                 if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
                     let found = races.access_image(batch, bindings, place, image);
                     self.tell_races(batch, op, &found);
@@ -108,6 +126,12 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 let mut accesses = |visit: &mut dyn FnMut(Access)| atomic.accesses(visit);
                 self.depend_on_reads(batch, &mut shadow, op, Sink::Atomic, &mut accesses);
                 shared::atomic(self, batch, bindings, &mut shadow, place, atomic);
+                match &atomic.target {
+                    AtomicTarget::Buffer(chunk) => bounds::check_buffer(self, batch, bindings, op, chunk),
+                    AtomicTarget::Texel(texel) => bounds::check_texel(self, batch, bindings, op, texel),
+                    AtomicTarget::Registers { .. } => {}
+                }
+                contents::atomic(self, batch, bindings, &mut shadow, place, atomic);
                 if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
                     let found = races.access_atomic(batch, bindings, &plan.program, place, atomic);
                     self.tell_races(batch, op, &found);

@@ -3,19 +3,20 @@
 mod instruction;
 pub(super) mod lane_inputs;
 mod uniformity;
+mod values;
 
 use std::sync::Arc;
 
-use rspirv::spirv::{ExecutionMode, FPFastMathMode, Op as Opcode};
+use rspirv::spirv::{ExecutionMode, FPFastMathMode, Op as Opcode, Scope};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::machine::{OpIndex, Reg, Registers};
+use crate::machine::{BlockIndex, OpIndex, Reg, Registers};
 use crate::module::{Id, Module};
 use crate::ops::lane_kernel::{InstructionSet, LaneKernel, family};
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
 use crate::ops::subgroup::{ReadSource, SubgroupKind};
-use crate::program::Program;
+use crate::program::{InstructionSpan, Program};
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::operand_check::{CheckedInstruction, LaneOperands, OperandCheck, checks_of};
 use crate::sanitize::rule::{Rule, arithmetic, subgroup};
@@ -24,6 +25,7 @@ use instruction::scalar_width;
 use lane_inputs::tracked_inputs;
 use uniformity::UniformityPlan;
 pub(super) use uniformity::{ResourceOperand, Uniformity};
+use values::Values;
 
 /// How a lane kernel's result depends on undefined operands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,6 +64,25 @@ pub struct OpPlan {
     pub fast_math: FastMath,
     /// What must be the same in all lanes of a subgroup.
     pub uniformity: Option<Uniformity>,
+    /// Of a kernel whose operands say how large or where an array is: what is looked at.
+    pub watched: Option<Watched>,
+}
+
+/// Arithmetic on the sizes and places of arrays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Watched {
+    /// The length of an array, minus something.
+    LengthMinus,
+    /// A comparison of what an atomic addition returned with how much there is.
+    Allocation {
+        /// Which operand was returned.
+        counter: usize,
+    },
+    /// An address, made from another.
+    Address {
+        /// Whether it is one of an element of the array at the other.
+        is_chain: bool,
+    },
 }
 
 /// The promises of `FPFastMathMode` that values can break.
@@ -98,6 +119,8 @@ pub struct ProgramPlan {
     pub steps: Vec<OpPlan>,
     /// Where it is tracked what stands for lanes of a subgroup: the registers of such builtins.
     pub lane_inputs: Option<Box<[Reg]>>,
+    /// The blocks that have barriers of scope Subgroup, each with the word offset of one.
+    pub subgroup_barriers: Vec<(BlockIndex, u32)>,
 }
 
 impl ProgramPlan {
@@ -110,16 +133,23 @@ impl ProgramPlan {
         let used =
             if program.ops.iter().any(proceeds) { used_ids(&program.module) } else { FxHashSet::default() };
         let preserved = Preserved::of(program);
+        let values = Values::of(&program.module);
         let steps = program.ops.iter().zip(origins).map(|(op, origin)| {
             let instruction = InstructionWords::at(&program.module, origin.offset);
             let uniformity = uniformity.of(op, instruction);
             let result = instruction.words.get(2).map(|&id| Id(id));
             let ignores_result = proceeds(op) && result.is_some_and(|id| !used.contains(&id));
             let step = step(&program.module, instruction, op, &constants, &preserved);
-            OpPlan { uniformity, ignores_result, ..step }
+            let watched = watched(&program.module, instruction, op, &values);
+            OpPlan { uniformity, ignores_result, watched, ..step }
         });
         let lane_inputs = tracked_inputs(program);
-        Self { program: program.clone(), steps: steps.collect(), lane_inputs }
+        Self {
+            program: program.clone(),
+            steps: steps.collect(),
+            lane_inputs,
+            subgroup_barriers: subgroup_barriers(program),
+        }
     }
 
     /// The variable that an operation declares, if its instruction is `OpVariable`.
@@ -171,6 +201,37 @@ fn step(
     }
 }
 
+/// What is looked at of a kernel, for the sizes and places of arrays.
+fn watched(
+    module: &Module,
+    instruction: InstructionWords<'_>,
+    op: &Op,
+    values: &Values<'_>,
+) -> Option<Watched> {
+    /// `PhysicalStorageBufferAddresses`
+    const DEVICE_ADDRESSES: u32 = 5347;
+    use Opcode as O;
+    let Op::LaneKernel { kernel, .. } = op else { return None };
+    if kernel.name == "AddressElement" {
+        return Some(Watched::Address { is_chain: true });
+    }
+    let operand = |at: usize| instruction.words.get(3 + at).map(|&id| Id(id));
+    let is_allocated = |at: usize| operand(at).is_some_and(|id| values.is_allocated(id));
+    match instruction.opcode? {
+        O::IAdd | O::ISub if kernel.width == 64 && module.capabilities.contains(&DEVICE_ADDRESSES) => {
+            Some(Watched::Address { is_chain: false })
+        }
+        O::ISub if operand(0).is_some_and(|id| values.is_array_length(id)) => Some(Watched::LengthMinus),
+        O::ULessThan | O::SLessThan | O::UGreaterThanEqual | O::SGreaterThanEqual if is_allocated(0) => {
+            Some(Watched::Allocation { counter: 0 })
+        }
+        O::UGreaterThan | O::SGreaterThan | O::ULessThanEqual | O::SLessThanEqual if is_allocated(1) => {
+            Some(Watched::Allocation { counter: 1 })
+        }
+        _ => None,
+    }
+}
+
 /// The rule about a lane that a subgroup instruction reads and that is not active. What the
 /// swizzles of `SPV_AMD_shader_ballot` read there is not said.
 fn inactive_rule(opcode: Option<Opcode>, kind: SubgroupKind) -> Option<&'static Rule> {
@@ -186,6 +247,21 @@ fn inactive_rule(opcode: Option<Opcode>, kind: SubgroupKind) -> Option<&'static 
         }
         _ => Some(&subgroup::SHUFFLE_INACTIVE),
     }
+}
+
+/// Where a program has control barriers of scope Subgroup, which are no operations.
+fn subgroup_barriers(program: &Program) -> Vec<(BlockIndex, u32)> {
+    let module = &program.module;
+    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
+    let barriers = blocks.flat_map(|block| &block.instructions).filter(|one| {
+        let scope = module.operands(one).first().and_then(|&scope| module.scalar_value(Id(scope)));
+        one.opcode == Opcode::ControlBarrier as u16 && scope == Some(Scope::Subgroup as u64)
+    });
+    let spans = |offset: u32| {
+        let holds = move |span: &&InstructionSpan| (span.first..=span.last).contains(&offset);
+        program.instruction_spans.iter().filter(holds).map(move |span| (span.block, offset))
+    };
+    barriers.flat_map(|barrier| spans(barrier.offset)).collect()
 }
 
 /// The ids that instructions of functions use.

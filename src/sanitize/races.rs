@@ -4,7 +4,10 @@
 //! Each word keeps its latest accesses, in the manner of FastTrack: the last store, a load or two
 //! since, the last atomic access. An access races with one of these unless it happens after it:
 //!
-//! * Accesses of one invocation are ordered; the shaders that a trace calls are of its invocation.
+//! * Accesses of one invocation of a shader are ordered. The shaders that a trace calls are
+//!   invocations of their own: they are ordered with their caller, and with those of later traces,
+//!   where the earlier shader has an instruction that releases and the later one has one that
+//!   acquires. The shaders of one trace are not ordered among each other.
 //! * A control barrier of scope Workgroup orders the invocations of a workgroup for the storage
 //!   classes of its memory semantics, and for those of all memory barriers of the module: whether
 //!   these stand beside the control barrier is not looked at.
@@ -12,14 +15,19 @@
 //!   one, accesses within a subgroup count as ordered throughout; in ray tracing, where subgroups
 //!   change, all accesses do.
 //! * Atomic instructions order what stands before a release with what stands behind an acquire.
-//!   Where both workgroups (in ray tracing: invocations) have executed an atomic instruction that
-//!   can release or acquire since the earlier access, it counts as ordered, whichever location the
-//!   instructions were on.
+//!   Where since the earlier access its workgroup (in ray tracing: invocation) has executed an
+//!   atomic instruction that can release, and that of the later access one that can acquire, each
+//!   of a scope that holds both, they count as ordered, whichever location the instructions were
+//!   on.
+//!
+//! Atomic instructions are ordered among each other where they have one width, go through one
+//! descriptor, and each is in the scope of the other. Ordered accesses through different
+//! descriptors are looked at, too, and those that are not coherent.
 //!
 //! So a pair that is reported is not ordered, but not all that are unordered are found. Loads whose
 //! result is unused, samples of images and read-only bindings are not looked at.
 
-use rspirv::spirv::Op as Opcode;
+use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::FxHashSet;
 
 use crate::machine::{Batch, Binding, Bindings, Reg};
@@ -28,17 +36,28 @@ use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
 use crate::ops::image::ImageOp;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::texel_ref::TexelRef;
-use crate::ops::memory::{BufferRef, Chunk, MemoryOp, access_location, is_workgroup};
-use crate::ops::op::Op;
+use crate::ops::memory::{BufferRef, Chunk, access_location, is_workgroup};
 use crate::program::Program;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::memory_shadow::{Access, MemoryKey, SharedAccesses};
 use crate::sanitize::plan::{InstructionWords, ProgramPlan};
-use crate::sanitize::races::order::{Accessor, Class, Classes, Event, LaneOrder, Order};
-use crate::sanitize::rule::{Rule, race};
+use crate::sanitize::races::bindings::{References, Written};
+use crate::sanitize::races::class::{Class, Classes};
+use crate::sanitize::races::conflict::rank;
+use crate::sanitize::races::order::{AccessForm, Accessor, Event, LaneOrder, Order};
+use crate::sanitize::races::traits::Ordering;
+use crate::sanitize::rule::Rule;
 
+mod bindings;
+mod calls;
+mod class;
+mod conflict;
+#[cfg(test)]
+mod litmus;
 mod order;
+mod traits;
 
+pub(super) use bindings::overlapping_bindings;
 pub(super) use order::AccessKind;
 
 /// Where two accesses meet.
@@ -69,6 +88,10 @@ pub(super) struct Race {
     pub other_kind: AccessKind,
     /// The number of its invocation in the launch.
     pub other_invocation: u32,
+    /// Whether that is the invocation of the later one, too.
+    pub is_own: bool,
+    /// The descriptor that it goes through, where that is another one.
+    pub other_handle: Option<u32>,
 }
 
 /// The accesses of a launch or dispatch so far.
@@ -78,6 +101,9 @@ pub(super) struct Races {
     order: Order,
     /// The lanes of the batch that runs; none before its first access.
     lanes: Vec<LaneOrder>,
+    references: References,
+    /// The shader call that runs.
+    call: u32,
     /// The last event, and its number.
     event: (Event, u32),
     /// By shader and operation: whether it accesses memory that may be written.
@@ -85,19 +111,34 @@ pub(super) struct Races {
 }
 
 impl Races {
-    /// Nothing was accessed yet by the shaders of a pipeline, or of a dispatch.
-    pub(super) fn new(plans: &[ProgramPlan]) -> Self {
+    /// Nothing was accessed yet by the shaders of a pipeline, or of a dispatch. `overlapping` has
+    /// the bindings whose memory others reach, too.
+    pub(super) fn new(plans: &[ProgramPlan], overlapping: &FxHashSet<Binding>) -> Self {
         let programs = || plans.iter().map(|plan| &*plan.program);
-        let written = Written::by(programs());
-        let watched = programs().map(|program| written.watched(program)).collect();
-        let order = Order::of(programs());
+        let mut written = Written::by(programs());
+        written.bindings.extend(overlapping);
+        let watched: Vec<_> = programs().map(|program| written.watched(program)).collect();
+        let order = Order::of(programs(), &watched);
         Self {
             accesses: SharedAccesses::default(),
             order,
             lanes: Vec::new(),
+            references: References::new(plans),
+            call: 0,
             event: (Event::NONE, 0),
             watched,
         }
+    }
+
+    /// A shader begins, which that of another call has called or nobody. Returns the number of its
+    /// call.
+    pub(super) fn begin_call(&mut self, caller: Option<u32>) -> u32 {
+        self.order.calls.begin(caller)
+    }
+
+    /// The shader of a call hands its batch to the pipeline.
+    pub(super) fn stop_call(&mut self, call: u32) {
+        self.order.calls.stop(call);
     }
 
     /// Other workgroups run, from one on.
@@ -134,7 +175,7 @@ impl Races {
         kind: AccessKind,
         values: Option<Reg>,
     ) -> Vec<Race> {
-        self.access_lanes(batch, bindings, place, chunk, values, |_| kind)
+        self.access_lanes(batch, bindings, place, chunk, values, |_| AccessForm::new(kind, 0))
     }
 
     fn access_lanes<const W: usize>(
@@ -144,7 +185,7 @@ impl Races {
         place: OpPlace,
         chunk: &Chunk,
         values: Option<Reg>,
-        kind: impl Fn(usize) -> AccessKind,
+        form: impl Fn(usize) -> AccessForm,
     ) -> Vec<Race> {
         self.prepare_lanes(batch);
         let mut races = Vec::new();
@@ -159,22 +200,27 @@ impl Races {
             };
             let in_workgroup = is_workgroup(&batch.registers, lane, chunk.buffer);
             let class = if in_workgroup { Class::Workgroup } else { Class::Buffer };
-            let now = self.accessor(lane, class);
+            let form = form(lane);
+            let form = match (in_workgroup, handle) {
+                (true, _) => form,
+                (false, None) => AccessForm { handle: AccessForm::ADDRESS, ..form },
+                (false, Some(handle)) => form.through(self.references.number(place.shader, handle), handle),
+            };
+            let now = self.accessor(lane, class, place, form);
             let (key, at) = match in_workgroup {
                 true => (MemoryKey::Workgroup(now.group), offset),
                 false => (MemoryKey::Buffer(buffer.memory_id()), buffer.offset() + offset),
             };
-            let kind = kind(lane);
-            let access = self.number(place, kind, &now);
+            let access = self.number(&now);
             let value = |from: u32, size: u32| {
                 values.map_or(0, |first| stored_bits(batch, lane, first, chunk.width / 8, from, size))
             };
             let mut worst: Option<(&'static Rule, Access, u32, u32)> = None;
             let Self { accesses, order, .. } = self;
             accesses.visit(key, at, bytes, |from, size, cell| {
-                let found = order.access(cell, &now, kind, access, value(from, size));
+                let found = order.access(cell, &now, access, value(from, size));
                 let Some((rule, other)) = found else { return };
-                if worst.is_none_or(|(known, ..)| severity(rule) > severity(known)) {
+                if worst.is_none_or(|(known, ..)| rank(rule) < rank(known)) {
                     worst = Some((rule, other, from, size));
                 }
             });
@@ -183,7 +229,7 @@ impl Races {
                     true => Location::Workgroup { offset: offset as u32 + from, bytes: size },
                     false => Location::Buffer { handle, offset: offset + u64::from(from), bytes: size },
                 };
-                races.push(self.race(rule, lane, kind, location, other));
+                races.push(self.race(rule, lane, &now, location, other));
             }
         }
         races
@@ -207,13 +253,15 @@ impl Races {
             }
             _ => AccessKind::AtomicUpdate,
         };
+        let form = |lane: usize| AccessForm::new(kind(lane), atomic.width);
         let races = match &atomic.target {
-            AtomicTarget::Buffer(chunk) => self.access_lanes(batch, bindings, place, chunk, None, kind),
-            AtomicTarget::Texel(texel) => self.access_texels(batch, bindings, place, texel, kind, |_| 0),
+            AtomicTarget::Buffer(chunk) => self.access_lanes(batch, bindings, place, chunk, None, form),
+            AtomicTarget::Texel(texel) => self.access_texels(batch, bindings, place, texel, form, |_| 0),
             AtomicTarget::Registers { .. } => return Vec::new(),
         };
         let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
-        self.order.synchronize(invocations, atomic_classes(program, place));
+        let scope = self.order.traits(place).scope;
+        self.order.synchronize(invocations, atomic_ordering(program, place, scope), scope);
         races
     }
 
@@ -227,7 +275,8 @@ impl Races {
     ) -> Vec<Race> {
         match image {
             ImageOp::Read(read) => {
-                self.access_texels(batch, bindings, place, &read.texel, |_| AccessKind::Load, |_| 0)
+                let form = |_| AccessForm::new(AccessKind::Load, 0);
+                self.access_texels(batch, bindings, place, &read.texel, form, |_| 0)
             }
             ImageOp::Write(write) => {
                 let words = if write.texel.view.wide { 2 } else { 1 };
@@ -238,7 +287,8 @@ impl Races {
                         (all.rotate_left(5) ^ batch.registers[register].0[lane]).wrapping_mul(0x9E37_79B9)
                     })
                 };
-                self.access_texels(batch, bindings, place, &write.texel, |_| AccessKind::Store, value)
+                let form = |_| AccessForm::new(AccessKind::Store, 0);
+                self.access_texels(batch, bindings, place, &write.texel, form, value)
             }
             _ => Vec::new(),
         }
@@ -250,7 +300,7 @@ impl Races {
         bindings: &Bindings,
         place: OpPlace,
         texel: &TexelRef,
-        kind: impl Fn(usize) -> AccessKind,
+        form: impl Fn(usize) -> AccessForm,
         value: impl Fn(usize) -> u32,
     ) -> Vec<Race> {
         self.prepare_lanes(batch);
@@ -258,25 +308,27 @@ impl Races {
         for lane in batch.mask.lanes() {
             let reader = LaneReader::new(&batch.registers, lane, bindings);
             let Ok((image, index)) = texel.resolve(reader) else { continue };
-            let now = self.accessor(lane, Class::Image);
-            let kind = kind(lane);
-            let access = self.number(place, kind, &now);
+            let handle = reader.word(texel.image);
+            let form = form(lane).through(self.references.number(place.shader, handle), handle);
+            let now = self.accessor(lane, Class::Image, place, form);
+            let access = self.number(&now);
             let key = MemoryKey::Image(std::ptr::from_ref(image).addr());
             let (mut found, value) = (None, value(lane));
             let Self { accesses, order, .. } = self;
             accesses.visit(key, 4 * index as u64, 4, |_, _, cell| {
-                found = order.access(cell, &now, kind, access, value);
+                found = order.access(cell, &now, access, value);
             });
             if let Some((rule, other)) = found {
                 let location = Location::Texel { handle: reader.word(texel.image) };
-                races.push(self.race(rule, lane, kind, location, other));
+                races.push(self.race(rule, lane, &now, location, other));
             }
         }
         races
     }
 
-    /// A batch begins to run, or goes on.
-    pub(super) fn resumed(&mut self) {
+    /// A batch begins to run, or goes on, of a shader call.
+    pub(super) fn resumed(&mut self, call: u32) {
+        self.call = call;
         self.lanes.clear();
     }
 
@@ -288,14 +340,14 @@ impl Races {
     }
 
     #[inline]
-    fn accessor(&self, lane: usize, class: Class) -> Accessor {
+    fn accessor(&self, lane: usize, class: Class, place: OpPlace, form: AccessForm) -> Accessor {
         let LaneOrder { invocation, group, epochs } = self.lanes[lane];
-        Accessor { invocation, group, epoch: epochs[class as usize], class }
+        Accessor { invocation, group, epoch: epochs[class as usize], call: self.call, class, place, form }
     }
 
     #[inline]
-    fn number(&mut self, place: OpPlace, kind: AccessKind, now: &Accessor) -> Access {
-        let event = self.order.new_event(place, kind, now.epoch);
+    fn number(&mut self, now: &Accessor) -> Access {
+        let event = self.order.new_event(now);
         if self.event.0 != event {
             self.event = (event, self.order.number(event));
         }
@@ -306,21 +358,40 @@ impl Races {
         &self,
         rule: &'static Rule,
         lane: usize,
-        kind: AccessKind,
+        now: &Accessor,
         location: Location,
         other: Access,
     ) -> Race {
-        let Event { place, kind: other_kind, .. } = *self.order.event(other);
-        Race { rule, lane, kind, location, other: place, other_kind, other_invocation: other.invocation }
+        let Event { place, form, .. } = *self.order.event(other);
+        Race {
+            rule,
+            lane,
+            kind: now.form.kind,
+            location,
+            other: place,
+            other_kind: form.kind,
+            other_invocation: other.invocation,
+            is_own: other.invocation == now.invocation,
+            other_handle: (form.reference != now.form.reference).then_some(form.handle),
+        }
     }
 }
 
-/// Of the races of one access the one with the greatest number is told.
-fn severity(rule: &Rule) -> u32 {
-    match () {
-        () if rule == &race::RACE_SAME_VALUE => 0,
-        () if rule == &race::RACE_MIXED_ATOMIC => 1,
-        () => 2,
+/// The number that stands for a device address in the place of a descriptor's handle.
+pub(super) const ADDRESS: u32 = AccessForm::ADDRESS;
+
+/// Why two accesses break a rule, said of the two.
+pub(super) fn why(rule: &Rule) -> &'static str {
+    match rule.id {
+        "race-caller-callee" => "no release and acquire order the two",
+        "race-atomic-width" => "atomic instructions of different widths are not ordered",
+        "race-atomic-scope" => "the scope of one of them leaves the other out",
+        "race-cross-reference" => "no barrier orders accesses through different descriptors",
+        "restrict-broken" => "one of their declarations is Restrict",
+        "alias-default" => "their declarations are not both Aliased",
+        "order-assumed" => "they are ordered, but what is written is not made available and visible",
+        "coherent-missing" => "they are ordered, but not both are coherent",
+        _ => "nothing orders the two",
     }
 }
 
@@ -362,93 +433,22 @@ pub(super) fn launch_id<const W: usize>(
     std::array::from_fn(|axis| id[axis] * workgroup.size[axis] + local[axis])
 }
 
-/// The memory that the shaders of a pipeline, or of a dispatch, may write.
-#[derive(Debug, Default)]
-struct Written {
-    bindings: FxHashSet<Binding>,
-    /// Whether a buffer is written that is only known while running.
-    unknown: bool,
-    images: bool,
-}
-
-impl Written {
-    fn by<'p>(programs: impl Iterator<Item = &'p Program>) -> Self {
-        let mut written = Self::default();
-        for program in programs {
-            for op in &program.ops {
-                match op {
-                    Op::Memory(MemoryOp::BufferStore { chunk, .. }) => written.add(program, chunk),
-                    Op::Atomic(atomic) => match &atomic.target {
-                        AtomicTarget::Buffer(chunk) => written.add(program, chunk),
-                        AtomicTarget::Texel(_) => written.images = true,
-                        AtomicTarget::Registers { .. } => {}
-                    },
-                    Op::Image(ImageOp::Write(_)) => written.images = true,
-                    _ => {}
-                }
-            }
-        }
-        written
-    }
-
-    fn add(&mut self, program: &Program, chunk: &Chunk) {
-        match chunk.buffer {
-            BufferRef::Handle(handle) => self.bindings.extend(binding(program, handle)),
-            BufferRef::Computed(_) | BufferRef::Address(_) => self.unknown = true,
-            BufferRef::Workgroup | BufferRef::PushConstants | BufferRef::ShaderRecord => {}
-        }
-    }
-
-    /// By operation of a program, whether it accesses memory that may be written.
-    fn watched(&self, program: &Program) -> Vec<bool> {
-        let chunk = |chunk: &Chunk| match chunk.buffer {
-            BufferRef::Workgroup => true,
-            BufferRef::PushConstants | BufferRef::ShaderRecord => false,
-            BufferRef::Computed(_) | BufferRef::Address(_) => self.unknown || !self.bindings.is_empty(),
-            BufferRef::Handle(handle) => {
-                self.unknown || binding(program, handle).is_some_and(|one| self.bindings.contains(&one))
-            }
-        };
-        let watched = program.ops.iter().enumerate().map(|(at, op)| match op {
-            // Compilers drop loads whose result is unused.
-            _ if program.silent.get(at) == Some(&true) => false,
-            Op::Memory(
-                MemoryOp::BufferLoad { chunk: part, .. } | MemoryOp::BufferStore { chunk: part, .. },
-            ) => chunk(part),
-            Op::Atomic(atomic) => match &atomic.target {
-                AtomicTarget::Buffer(part) => chunk(part),
-                AtomicTarget::Texel(_) => true,
-                AtomicTarget::Registers { .. } => false,
-            },
-            Op::Image(ImageOp::Read(_)) => self.images,
-            Op::Image(ImageOp::Write(_)) => true,
-            _ => false,
-        });
-        watched.collect()
-    }
-}
-
-/// The binding of a descriptor.
-fn binding(program: &Program, handle: u32) -> Option<Binding> {
-    Some(program.slots.get(Bindings::slot_of(handle)?.0)?.binding)
-}
-
 fn instruction(program: &Program, place: OpPlace) -> InstructionWords<'_> {
     let offset = program.origins.get(place.op.index()).map_or(u32::MAX, |origin| origin.offset);
     InstructionWords::at(&program.module, offset)
 }
 
-/// The classes that an atomic instruction releases or acquires by itself.
-fn atomic_classes(program: &Program, place: OpPlace) -> Classes {
+/// What an atomic instruction of a scope releases and acquires by itself.
+fn atomic_ordering(program: &Program, place: OpPlace, scope: Option<Scope>) -> Ordering {
     let InstructionWords { opcode, words } = instruction(program, place);
-    let classes = |at: usize| {
+    let ordering = |at: usize| {
         let id = words.get(at).map(|&word| Id(word));
-        Classes::of(id.and_then(|id| program.module.scalar_value(id)))
+        Ordering::of(id.and_then(|id| program.module.scalar_value(id)), scope)
     };
     match opcode {
-        Some(Opcode::AtomicStore) => classes(3),
-        Some(Opcode::AtomicCompareExchange) => classes(5).with(classes(6)),
-        _ => classes(5),
+        Some(Opcode::AtomicStore) => ordering(3),
+        Some(Opcode::AtomicCompareExchange) => ordering(5).with(ordering(6)),
+        _ => ordering(5),
     }
 }
 

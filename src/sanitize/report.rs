@@ -1,6 +1,6 @@
 //! Reports: what is told of a finding, from the batch in which it was met.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{Batch, Lanes, Mask, OpIndex, Reg, ShaderIndex, ShadowRegisters};
 use crate::module::names::builtin_name;
 use crate::ops::pointer::storage;
@@ -12,7 +12,7 @@ use crate::sanitize::levels::Levels;
 use crate::sanitize::names::{function_of, word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
-use crate::sanitize::rule::{self, Level, Rule, arithmetic, contract, memory, trace};
+use crate::sanitize::rule::{self, Level, Rule, arithmetic, contract, memory, race, trace};
 
 /// What depends on a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,6 +80,8 @@ impl Sink {
 pub(super) struct CallFrame {
     pub shader: ShaderIndex,
     pub op: OpIndex,
+    /// The number of the shader call, where these are told apart.
+    pub call: u32,
 }
 
 /// Makes findings of what a batch does.
@@ -103,6 +105,8 @@ struct Told {
     notes: Vec<String>,
     /// What tells causes at one place apart.
     cause: (ShaderIndex, u32),
+    /// The word of an instruction that is no operation, where the report points to one.
+    word: Option<u32>,
     /// What tells it apart instead of place and cause.
     key: Option<[(ShaderIndex, u32); 2]>,
 }
@@ -111,7 +115,7 @@ impl Told {
     /// A report at a place, of a cause there.
     fn at(rule: &'static Rule, place: OpPlace, message: String) -> Self {
         let (label, notes, cause) = (String::new(), Vec::new(), (place.shader, 0));
-        Self { rule, message, place, label, notes, cause, key: None }
+        Self { rule, message, place, label, notes, cause, word: None, key: None }
     }
 }
 
@@ -128,6 +132,14 @@ impl<const W: usize> Reporter<'_, W> {
     pub(super) fn broken(&mut self, rule: &'static Rule, op: OpIndex, lanes: Mask<W>, message: String) {
         let place = OpPlace { shader: self.shader(), op };
         self.add(Told::at(rule, place, message), op, lanes);
+    }
+
+    /// Reports that an instruction that is no operation, at a word of the module, broke a rule in
+    /// some lanes.
+    pub(super) fn broken_at(&mut self, rule: &'static Rule, word: u32, lanes: Mask<W>, message: String) {
+        let place = OpPlace { shader: self.shader(), op: OpIndex(0) };
+        let cause = (place.shader, word);
+        self.add(Told { word: Some(word), cause, ..Told::at(rule, place, message) }, place.op, lanes);
     }
 
     /// Reports that something depends on an undefined register.
@@ -175,6 +187,7 @@ impl<const W: usize> Reporter<'_, W> {
                 label: "this instruction makes it of numbers".into(),
                 notes: vec![format!("it {reached}{}", reporter.line(here))],
                 cause: (here.shader, offset(program, op)),
+                word: None,
                 key: None,
             };
             reporter.add(told, op, lanes);
@@ -182,14 +195,14 @@ impl<const W: usize> Reporter<'_, W> {
     }
 
     /// Reports two accesses that race, the later of which is that of an operation.
-    pub(super) fn race(&mut self, op: OpIndex, race: &Race) {
+    pub(super) fn race(&mut self, op: OpIndex, found: &Race) {
         let here = OpPlace { shader: self.shader(), op };
-        let (Some(program), Some(other)) = (self.program(here.shader), self.program(race.other.shader))
+        let (Some(program), Some(other)) = (self.program(here.shader), self.program(found.other.shader))
         else {
             return;
         };
-        let [x, y, z] = races::launch_id(self.batch, race.lane, program, race.other_invocation);
-        let location = match race.location {
+        let [x, y, z] = races::launch_id(self.batch, found.lane, program, found.other_invocation);
+        let location = match found.location {
             Location::Buffer { handle, offset, bytes } => {
                 let name = handle.and_then(|handle| program.describe_descriptor(handle));
                 let name = name.unwrap_or_else(|| "the buffer at a device address".to_owned());
@@ -207,23 +220,26 @@ impl<const W: usize> Reporter<'_, W> {
         // A line that loads and stores is told once, whichever of the two comes first.
         let mut key = [
             (here.shader, line_or_offset(program, op)),
-            (race.other.shader, line_or_offset(other, race.other.op)),
+            (found.other.shader, line_or_offset(other, found.other.op)),
         ];
         key.sort_unstable();
-        let (says, other_says) = (race.kind.says(), race.other_kind.says());
+        let (message, mut note) = race_words(found, [program, other], &location, [x, y, z]);
+        note += &self.line(found.other);
+        if let Some(handle) = found.other_handle {
+            let name = other.describe_descriptor(handle).filter(|_| handle != races::ADDRESS);
+            note += &format!(", through {}", name.unwrap_or_else(|| "a device address".to_owned()));
+        }
         let told = Told {
-            rule: race.rule,
-            message: format!(
-                "an invocation {says} {location}, which invocation ({x}, {y}, {z}) {other_says}; nothing \
-                 orders the two"
-            ),
+            rule: found.rule,
+            message,
             place: here,
-            label: format!("it {says} here"),
-            notes: vec![format!("invocation ({x}, {y}, {z}) {other_says}{}", self.line(race.other))],
-            cause: (race.other.shader, offset(other, race.other.op)),
+            label: format!("it {} here", found.kind.says()),
+            notes: vec![note],
+            cause: (found.other.shader, offset(other, found.other.op)),
+            word: None,
             key: Some(key),
         };
-        self.add(told, op, Mask::lane(race.lane));
+        self.add(told, op, Mask::lane(found.lane));
     }
 
     /// Calls a function for each cause, with the lanes that have it.
@@ -264,6 +280,7 @@ impl<const W: usize> Reporter<'_, W> {
                     label: format!("it {says} here"),
                     notes,
                     cause: (shader, variable.0),
+                    word: None,
                     key: None,
                 }
             }
@@ -276,6 +293,20 @@ impl<const W: usize> Reporter<'_, W> {
                     label: format!("it {says} here"),
                     notes: Vec::new(),
                     cause: (shader, variable.0),
+                    word: None,
+                    key: None,
+                }
+            }
+            Cause::UnwrittenPart { place, object } => {
+                let details = details?;
+                Told {
+                    rule: details.rule,
+                    message: format!("{} was never written, and {says}", details.message),
+                    place,
+                    label: "it is read here".into(),
+                    notes: vec![format!("it {says}{}", self.line(here))],
+                    cause: (ShaderIndex(u32::MAX), object),
+                    word: None,
                     key: None,
                 }
             }
@@ -289,6 +320,7 @@ impl<const W: usize> Reporter<'_, W> {
                     label: format!("it {says} here"),
                     notes: vec![format!("it is read in the {stage} shader `{name}`")],
                     cause: (shader, builtin),
+                    word: None,
                     key: None,
                 }
             }
@@ -299,6 +331,7 @@ impl<const W: usize> Reporter<'_, W> {
                 label: "this value is undefined (OpUndef)".into(),
                 notes: vec![format!("it {says}{}", self.line(here))],
                 cause: (place.shader, offset(self.program(place.shader)?, place.op)),
+                word: None,
                 key: None,
             },
             Cause::Broken { place, .. } => {
@@ -310,6 +343,7 @@ impl<const W: usize> Reporter<'_, W> {
                     label: "its result is undefined".into(),
                     notes: vec![format!("it {says}{}", self.line(here))],
                     cause: (place.shader, offset(self.program(place.shader)?, place.op)),
+                    word: None,
                     key: None,
                 }
             }
@@ -350,7 +384,10 @@ impl<const W: usize> Reporter<'_, W> {
         let launch_id = self.batch.invocations.launch_id(lane);
         let make = || {
             let error = Error::new(ErrorKind::Finding, told.message);
-            let error = with_location(at, told.place.op, error, &told.label);
+            let error = match told.word {
+                Some(word) => at_word(at, word, error),
+                None => with_location(at, told.place.op, error, &told.label),
+            };
             let error = told.notes.into_iter().fold(error, Error::note);
             let [x, y, z] = launch_id;
             let (stage, name) = (program.stage.name(), &program.name);
@@ -368,6 +405,38 @@ impl<const W: usize> Reporter<'_, W> {
         let new = (!self.findings.knows(&key)).then(make);
         self.findings.add(key, lanes.count(), new);
     }
+}
+
+/// An error with the source line of an instruction, by its word in the module, where that is known.
+pub(super) fn at_word(program: &Program, word: u32, error: Error) -> Error {
+    let line = program.place_at(word).or_else(|| program.place_near(word));
+    let error = line.into_iter().fold(error, Error::at);
+    error.at(Place::Word(word as usize))
+}
+
+/// The message about two accesses that race, and the note about the earlier one, without its line.
+fn race_words(
+    found: &Race,
+    programs: [&Program; 2],
+    location: &str,
+    [x, y, z]: [u32; 3],
+) -> (String, String) {
+    let (says, other_says) = (found.kind.says(), found.other_kind.says());
+    let [who, other, again] = if found.rule == &race::RACE_CALLER_CALLEE {
+        let [one, other] = programs.map(|program| program.stage.name());
+        [
+            format!("a {one} shader"),
+            format!("a {other} shader of the same launch id"),
+            format!("the {other} shader"),
+        ]
+    } else if found.is_own {
+        ["an invocation", "the same invocation", "it"].map(str::to_owned)
+    } else {
+        let other = format!("invocation ({x}, {y}, {z})");
+        ["an invocation".to_owned(), other.clone(), other]
+    };
+    let why = races::why(found.rule);
+    (format!("{who} {says} {location}, which {other} {other_says}; {why}"), format!("{again} {other_says}"))
 }
 
 /// `1 byte`, `4 bytes`

@@ -6,17 +6,21 @@
 //! behaviour is reported where it happens. Of a NaN the sanitizer keeps the instruction that made
 //! it.
 
-use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
+use rustc_hash::FxHashSet;
+
+use crate::machine::image::Image;
+use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, Resources, ShaderIndex, ShadowRegisters};
 use crate::ops::access::Access;
 use crate::program::Program;
-use crate::sanitize::cause::{Cause, CauseDetails, Causes};
+use crate::sanitize::cause::{Cause, CauseDetails, Causes, OpPlace};
 use crate::sanitize::finding::Findings;
 use crate::sanitize::levels::Levels;
 use crate::sanitize::memory_shadow::WorkgroupShadow;
 use crate::sanitize::plan::ProgramPlan;
-use crate::sanitize::races::{Race, Races};
+use crate::sanitize::races::{Race, Races, overlapping_bindings};
 use crate::sanitize::report::{CallFrame, Reporter, Sink};
 use crate::sanitize::rule::{Level, Rule, race};
+use crate::sanitize::unwritten::{UnwrittenMemory, UnwrittenPart};
 
 /// Calls a visitor with the accesses of an operation.
 pub(super) type Accesses<'a> = dyn FnMut(&mut dyn FnMut(Access)) + 'a;
@@ -33,6 +37,8 @@ pub struct Sanitizer<'a> {
     pub(super) races: Option<Races>,
     /// Which workgroup memory is undefined.
     pub(super) shared: WorkgroupShadow,
+    /// Which buffers and images are undefined.
+    pub(super) unwritten: UnwrittenMemory,
     /// The first of the workgroups that run.
     pub(super) first_workgroup: Option<u32>,
 }
@@ -47,10 +53,26 @@ impl<'a> Sanitizer<'a> {
             causes: Causes::default(),
             findings: Findings::default(),
             frames: Vec::new(),
-            races: race::RULES.iter().any(told).then(|| Races::new(plans)),
+            races: race::RULES.iter().any(told).then(|| Races::new(plans, &FxHashSet::default())),
             shared: WorkgroupShadow::default(),
+            unwritten: UnwrittenMemory::default(),
             first_workgroup: None,
         }
+    }
+
+    /// A sanitizer that knows which buffers and images nobody has filled.
+    #[must_use]
+    pub fn with_unwritten(self, unwritten: UnwrittenMemory) -> Self {
+        Self { unwritten, ..self }
+    }
+
+    /// A sanitizer that knows which resources are bound, and so where several bindings reach the
+    /// same memory.
+    #[must_use]
+    pub fn with_resources(self, resources: &Resources) -> Self {
+        let overlapping = overlapping_bindings(resources);
+        let plans = self.plans;
+        Self { races: self.races.map(|_| Races::new(plans, &overlapping)), ..self }
     }
 
     /// What was found.
@@ -58,9 +80,32 @@ impl<'a> Sanitizer<'a> {
         self.findings
     }
 
+    /// What was found, and what is still unwritten.
+    pub fn into_findings_and_unwritten(self) -> (Findings, UnwrittenMemory) {
+        (self.findings, self.unwritten)
+    }
+
     /// The number of a cause.
     pub(super) fn cause(&mut self, cause: Cause, details: impl FnOnce() -> Option<CauseDetails>) -> u32 {
         self.causes.number(cause, details)
+    }
+
+    /// The number of the cause that an operation loads what nobody has written.
+    pub(super) fn unwritten_cause(
+        &mut self,
+        rule: &'static Rule,
+        place: OpPlace,
+        part: UnwrittenPart,
+    ) -> u32 {
+        let Self { causes, unwritten, .. } = self;
+        let details = || Some(CauseDetails { rule, message: unwritten.describe(part) });
+        causes.number(Cause::UnwrittenPart { place, object: part.object }, details)
+    }
+
+    /// An operation has written a texel.
+    pub(super) fn write_texel(&mut self, image: &Image, index: usize, place: OpPlace) {
+        let program = || (self.plans[place.shader.index()].program.clone(), place.op);
+        self.unwritten.write_texel(image, index, program);
     }
 
     /// The shader that runs, and its plan.

@@ -23,6 +23,8 @@ pub struct Data {
     parts: Vec<Part>,
     /// The size that zeros fill up to, and where the scene says it.
     size: Option<(u64, Place)>,
+    /// Whether its size alone is given.
+    unfilled: bool,
 }
 
 /// Bytes, and the addresses in them with their places, ascending.
@@ -30,7 +32,7 @@ pub type Flattened = (Vec<u8>, Vec<(usize, AddressOf)>);
 
 impl From<Vec<u8>> for Data {
     fn from(bytes: Vec<u8>) -> Self {
-        Self { parts: vec![Part::Bytes(bytes)], size: None }
+        Self { parts: vec![Part::Bytes(bytes)], ..Self::default() }
     }
 }
 
@@ -42,6 +44,17 @@ impl Data {
             [Part::Bytes(bytes)] => Some(bytes),
             _ => None,
         }
+    }
+
+    /// Data of which only the size is given: no host has filled it.
+    pub(super) fn unfilled() -> Self {
+        Self { unfilled: true, ..Self::default() }
+    }
+
+    /// Whether only its size is given, so that a host leaves the bytes undefined. Here they are
+    /// zeros.
+    pub fn is_unfilled(&self) -> bool {
+        self.unfilled
     }
 
     /// Whether there is no data at all.

@@ -29,6 +29,9 @@ pub struct ImageContent {
     /// All texels, in the order of [`machine::image::Image`](crate::machine::image::Image), or a
     /// single one that all are equal to.
     pub texels: Vec<u8>,
+    /// Whether only its size is given, so that a host leaves the texels undefined. Here they are
+    /// zeros.
+    pub unfilled: bool,
 }
 
 impl ImageContent {
@@ -108,7 +111,7 @@ pub struct ImageEntry {
     layers: u32,
     levels: Levels,
     samples: u32,
-    fill: [f64; 4],
+    fill: Option<[f64; 4]>,
     /// The sampler of a combined image sampler.
     pub sampler: Option<SamplerReference>,
 }
@@ -189,7 +192,7 @@ impl ImageEntry {
     /// What stands for the textures of a file that has none: one white texel.
     pub fn white(&self) -> Self {
         let format = self.format.or(Some(Format { srgb: false, ..Format::RGBA8_SRGB }));
-        let (extent, fill) = (Some([1; 3]), [1.0; 4]);
+        let (extent, fill) = (Some([1; 3]), Some([1.0; 4]));
         Self { files: Vec::new(), format, extent, fill, levels: Levels::All, ..self.clone() }
     }
 
@@ -228,7 +231,8 @@ impl ImageEntry {
         };
         shape.check().map_err(|error| self.span.error(error.message()))?;
         let limits = files.limits();
-        let image = ImageContent { format, shape, texels: texel_bytes(format, self.fill) };
+        let texels = texel_bytes(format, self.fill.unwrap_or_default());
+        let image = ImageContent { format, shape, texels, unfilled: self.fill.is_none() };
         let streams = streams && data.is_none() && pictures.is_empty();
         let size = image.size();
         // The texels of a buffer are one line, which only its bytes limit.
@@ -323,7 +327,7 @@ impl ImageEntry {
                 format!("{found} bytes of texels, where level 0 has {first} and all levels have {all}");
             return Err(self.span.error(message));
         }
-        Ok(ImageContent { format, shape, texels })
+        Ok(ImageContent { format, shape, texels, unfilled: false })
     }
 }
 
@@ -344,18 +348,14 @@ fn extent(table: &Table<'_>) -> Option<Option<[u32; 3]>> {
 }
 
 /// Reads `fill`, the colour of every texel; missing channels are 0.
-fn fill(table: &Table<'_>) -> [f64; 4] {
+fn fill(table: &Table<'_>) -> Option<[f64; 4]> {
+    let Spanned { value: OneOrMore(given), span } = table.optional::<Spanned<OneOrMore<f64>>>("fill")?;
     let mut color = [0.0; 4];
-    let Some(Spanned { value: OneOrMore(given), span }) = table.optional::<Spanned<OneOrMore<f64>>>("fill")
-    else {
-        return color;
-    };
-    if given.len() > 4 {
-        table.report().push(span.error("`fill` has at most four channels"));
-        return color;
+    match color.get_mut(..given.len()) {
+        Some(channels) => channels.copy_from_slice(&given),
+        None => table.report().push(span.error("`fill` has at most four channels")),
     }
-    color[..given.len()].copy_from_slice(&given);
-    color
+    Some(color)
 }
 
 #[cfg(test)]

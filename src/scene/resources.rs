@@ -333,7 +333,7 @@ impl BufferEntry {
         let files = sources.files;
         let mut data = match &self.data {
             Some(data) => data.resolve_for(sources, modules, block)?,
-            None => Data::default(),
+            None => Data::unfilled(),
         };
         let Some(Spanned { value: size, span }) = &self.size else { return Ok(data) };
         let Some(found) = data.bytes().map(|bytes| bytes.len() as u64) else {

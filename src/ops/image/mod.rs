@@ -186,7 +186,8 @@ pub struct TexelRegisters {
 }
 
 impl TexelRegisters {
-    pub(super) fn registers(self) -> u32 {
+    /// How many registers the components take.
+    pub fn registers(self) -> u32 {
         if self.wide { 2 * self.count } else { self.count }
     }
 

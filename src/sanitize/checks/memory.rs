@@ -7,6 +7,7 @@ use crate::ops::pointer::storage;
 use crate::sanitize::cause::{Cause, OpPlace};
 use crate::sanitize::checks::lanes::{each_element, nan_lanes, workgroup_lanes};
 use crate::sanitize::checks::shared::{self, SharedAccess};
+use crate::sanitize::checks::{bounds, contents};
 use crate::sanitize::plan::Executed;
 use crate::sanitize::races::AccessKind;
 use crate::sanitize::report::Sink;
@@ -54,6 +55,8 @@ pub(in crate::sanitize) fn check<const W: usize>(
             let lanes = workgroup_lanes(batch, &chunk);
             let load = SharedAccess { chunk: &chunk, registers: to, lanes };
             shared::load(sanitizer, batch, bindings, shadow, place, load);
+            bounds::check_buffer(sanitizer, batch, bindings, place.op, &chunk);
+            contents::load(sanitizer, batch, bindings, shadow, place, &chunk, to);
             access_buffer(sanitizer, batch, bindings, place, &chunk, AccessKind::Load, None);
         }
         MemoryOp::BufferStore { from, chunk } => {
@@ -61,6 +64,8 @@ pub(in crate::sanitize) fn check<const W: usize>(
             let lanes = workgroup_lanes(batch, &chunk);
             let store = SharedAccess { chunk: &chunk, registers: from, lanes };
             shared::store(sanitizer, batch, bindings, shadow, place, store);
+            bounds::check_buffer(sanitizer, batch, bindings, place.op, &chunk);
+            contents::store(sanitizer, batch, bindings, &chunk);
             access_buffer(sanitizer, batch, bindings, place, &chunk, AccessKind::Store, Some(from));
             let lanes = mask.without(lanes);
             if lanes.is_empty() {

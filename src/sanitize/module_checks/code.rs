@@ -10,7 +10,7 @@ use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::atomic;
 
 /// The instructions of an entry point's call tree, and the variables that they use.
-pub(super) struct EntryCode<'a> {
+pub(in crate::sanitize) struct EntryCode<'a> {
     pub module: &'a Module,
     pub entry: &'a EntryPoint,
     pub instructions: Vec<&'a Instruction>,
@@ -21,7 +21,7 @@ pub(super) struct EntryCode<'a> {
 
 /// An access of an instruction to memory.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MemoryAccess {
+pub(in crate::sanitize) struct MemoryAccess {
     /// Where the instruction begins, in words from the start of the module.
     pub offset: u32,
     pub opcode: Op,
@@ -33,7 +33,7 @@ pub(super) struct MemoryAccess {
 
 /// What a pointer is made from, outermost last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(in crate::sanitize) enum Part {
     /// A variable of the module or of a function.
     Variable(Id),
     /// A parameter of a function.
@@ -43,7 +43,7 @@ pub(super) enum Part {
 }
 
 impl<'a> EntryCode<'a> {
-    pub(super) fn new(module: &'a Module, entry: &'a EntryPoint) -> Self {
+    pub(in crate::sanitize) fn new(module: &'a Module, entry: &'a EntryPoint) -> Self {
         let functions = module.call_tree(entry.function);
         let functions = functions.into_iter().map(|function| &module.functions[function as usize]);
         let instructions: Vec<_> =
@@ -60,7 +60,7 @@ impl<'a> EntryCode<'a> {
     }
 
     /// The opcodes, instructions and operand words of all instructions that rspirv knows.
-    pub(super) fn known(&self) -> impl Iterator<Item = (Op, &'a Instruction, &'a [u32])> {
+    pub(in crate::sanitize) fn known(&self) -> impl Iterator<Item = (Op, &'a Instruction, &'a [u32])> {
         let module = self.module;
         self.instructions.iter().filter_map(move |&instruction| {
             let opcode = Op::from_u32(instruction.opcode.into())?;
@@ -69,7 +69,7 @@ impl<'a> EntryCode<'a> {
     }
 
     /// All accesses to memory and to the texels of storage images.
-    pub(super) fn accesses(&self) -> impl Iterator<Item = MemoryAccess> {
+    pub(in crate::sanitize) fn accesses(&self) -> impl Iterator<Item = MemoryAccess> {
         self.known().flat_map(|(opcode, instruction, operands)| {
             let mut all = SmallVec::<[MemoryAccess; 2]>::new();
             let mut add = |at: usize, reads: bool, writes: bool| {
@@ -102,7 +102,7 @@ impl<'a> EntryCode<'a> {
     }
 
     /// The instruction in a function that an id is the result of.
-    pub(super) fn result(&self, id: Id) -> Option<&'a Instruction> {
+    pub(in crate::sanitize) fn result(&self, id: Id) -> Option<&'a Instruction> {
         let Definition::Result(function, block, at) = self.module.definition(id)? else { return None };
         let block = self.module.functions[function as usize].blocks.get(block as usize)?;
         block.instructions.get(at as usize)
@@ -110,7 +110,7 @@ impl<'a> EntryCode<'a> {
 
     /// The parts that a pointer or an image is made from. Where it cannot be followed (a choice
     /// between pointers, an address) those behind are missing.
-    pub(super) fn parts(&self, pointer: Id) -> Vec<Part> {
+    pub(in crate::sanitize) fn parts(&self, pointer: Id) -> Vec<Part> {
         let mut parts = Vec::new();
         let mut seen = FxHashSet::default();
         let mut open = vec![pointer];
@@ -174,7 +174,7 @@ impl<'a> EntryCode<'a> {
     }
 
     /// The storage class of a pointer.
-    pub(super) fn storage_class(&self, pointer: Id) -> Option<u32> {
+    pub(in crate::sanitize) fn storage_class(&self, pointer: Id) -> Option<u32> {
         match *self.module.ty(self.module.type_of(pointer)?) {
             Type::Pointer { storage_class, .. } => Some(storage_class),
             _ => None,
@@ -182,7 +182,7 @@ impl<'a> EntryCode<'a> {
     }
 
     /// The variables that an access may reach.
-    pub(super) fn reached(&self, access: &MemoryAccess) -> impl Iterator<Item = Id> + use<> {
+    pub(in crate::sanitize) fn reached(&self, access: &MemoryAccess) -> impl Iterator<Item = Id> + use<> {
         self.parts(access.pointer).into_iter().filter_map(|part| match part {
             Part::Variable(id) => Some(id),
             _ => None,
@@ -190,7 +190,7 @@ impl<'a> EntryCode<'a> {
     }
 
     /// A variable, parameter or member as a report names it.
-    pub(super) fn describe(&self, part: Part) -> String {
+    pub(in crate::sanitize) fn describe(&self, part: Part) -> String {
         let name = |id: Id| self.module.name(id).map_or_else(|| format!("%{}", id.0), str::to_owned);
         match part {
             Part::Variable(id) | Part::Parameter(id) => {

@@ -6,6 +6,7 @@ use crate::module::interface::Stage;
 use crate::module::names::opcode_name;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
+use crate::ops::atomic;
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, MemoryAccess, Part};
@@ -139,6 +140,30 @@ pub(super) fn aligned_operand(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
                 Some(_) => continue,
             };
             faults.push(Fault { offset: instruction.offset, message });
+        }
+    }
+}
+
+pub(super) fn atomic_class(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    /// `Image`
+    const IMAGE: u32 = 11;
+    /// `TaskPayloadWorkgroupEXT`
+    const TASK_PAYLOAD: u32 = 5402;
+    const CLASSES: [u32; 6] = [
+        storage::UNIFORM,
+        storage::WORKGROUP,
+        IMAGE,
+        storage::STORAGE_BUFFER,
+        storage::PHYSICAL_STORAGE_BUFFER,
+        TASK_PAYLOAD,
+    ];
+    for access in code.accesses().filter(|access| atomic::OPCODES.contains(&access.opcode)) {
+        let class = code.storage_class(access.pointer);
+        if class.is_some_and(|class| !CLASSES.contains(&class)) {
+            let part = code.parts(access.pointer).last().map(|&part| code.describe(part));
+            let name = part.unwrap_or_else(|| "a variable".to_owned());
+            let message = format!("{} accesses {name}, which no other invocation reaches", named(&access));
+            faults.push(Fault { offset: access.offset, message });
         }
     }
 }

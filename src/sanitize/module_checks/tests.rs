@@ -433,3 +433,14 @@ fn scopes_are_those_of_the_stage() {
     assert_eq!(ordered(COMPUTE, Op::AtomicIAdd, 4, &[0x48]), rules(["invocation-scope"]));
     assert_eq!(ordered(COMPUTE, Op::MemoryBarrier, 4, &[0x48]), rules(["invocation-scope"]));
 }
+
+#[test]
+fn atomic_instructions_access_what_several_invocations_reach() {
+    let add = |a: &mut Assembler| {
+        // Of scope Subgroup, and relaxed.
+        a.op(Op::AtomicIAdd, &[5, 60, 31, 8, 49, 8]);
+    };
+    assert_eq!(with_block(COMPUTE, storage::STORAGE_BUFFER, block, add), rules([]));
+    assert_eq!(with_block(COMPUTE, storage::WORKGROUP, |_| (), add), rules([]));
+    assert_eq!(with_block(COMPUTE, storage::PRIVATE, |_| (), add), rules(["atomic-class"]));
+}

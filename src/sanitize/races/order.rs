@@ -1,64 +1,16 @@
-//! What orders accesses to memory, and which pairs nothing orders.
+//! What orders accesses to memory.
 
-use rspirv::spirv::{MemorySemantics, Op as Opcode, Scope};
-use rustc_hash::FxHashMap;
+use rspirv::spirv::Scope;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::{OpIndex, ShaderIndex};
-use crate::module::{Id, Module};
+use crate::module::interface::Stage;
 use crate::program::Program;
 use crate::sanitize::cause::OpPlace;
-use crate::sanitize::memory_shadow::{Access, Cell};
-use crate::sanitize::rule::{Rule, race};
-
-/// Kinds of memory that barriers tell apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Class {
-    Workgroup,
-    Buffer,
-    Image,
-}
-
-/// A set of [`Class`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Classes(u8);
-
-impl Classes {
-    const NONE: Self = Self(0);
-    pub(super) const ALL: Self = Self(7);
-
-    /// The classes that memory semantics name, if they order anything; all of them where the
-    /// semantics are not known, or name none.
-    pub(super) fn of(semantics: Option<u64>) -> Self {
-        let Some(bits) = semantics else { return Self::ALL };
-        let semantics = MemorySemantics::from_bits_truncate(bits as u32);
-        let orders = MemorySemantics::ACQUIRE
-            | MemorySemantics::RELEASE
-            | MemorySemantics::ACQUIRE_RELEASE
-            | MemorySemantics::SEQUENTIALLY_CONSISTENT;
-        if !semantics.intersects(orders) {
-            return Self::NONE;
-        }
-        let named = [
-            (MemorySemantics::WORKGROUP_MEMORY, Class::Workgroup),
-            (MemorySemantics::UNIFORM_MEMORY, Class::Buffer),
-            (MemorySemantics::IMAGE_MEMORY, Class::Image),
-        ];
-        let named = named.into_iter().filter(|&(bit, _)| semantics.contains(bit));
-        match named.fold(Self::NONE, |all, (_, class)| all.with(Self(1 << class as u8))) {
-            Self::NONE => Self::ALL,
-            classes => classes,
-        }
-    }
-
-    pub(super) fn with(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
-    /// The numbers of its classes.
-    fn each(self) -> impl Iterator<Item = usize> {
-        (0..3).filter(move |class| self.0 >> class & 1 == 1)
-    }
-}
+use crate::sanitize::memory_shadow::Access;
+use crate::sanitize::races::calls::{Calls, Kinship};
+use crate::sanitize::races::class::{Class, Classes, Reach};
+use crate::sanitize::races::traits::{AccessTraits, Barriers, Ordering, ProgramTraits};
 
 /// What an access does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -70,8 +22,12 @@ pub(in crate::sanitize) enum AccessKind {
 }
 
 impl AccessKind {
-    fn writes(self) -> bool {
+    pub(super) fn writes(self) -> bool {
         matches!(self, Self::Store | Self::AtomicUpdate)
+    }
+
+    pub(super) fn is_atomic(self) -> bool {
+        matches!(self, Self::AtomicLoad | Self::AtomicUpdate)
     }
 
     /// What it does, said of an invocation.
@@ -85,11 +41,41 @@ impl AccessKind {
     }
 }
 
+/// What an operation does to memory, through which descriptor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct AccessForm {
+    pub kind: AccessKind,
+    /// The reference (Vulkan, Memory Model, "Reference"): the number of a descriptor; 0 for the
+    /// workgroup's memory and for device addresses.
+    pub reference: u32,
+    /// The handle of the descriptor in the shader; [`AccessForm::ADDRESS`] for a device address.
+    pub handle: u32,
+    /// Bits of what an atomic instruction changes; 0 of another.
+    pub width: u32,
+}
+
+impl AccessForm {
+    /// Stands for a device address.
+    pub(super) const ADDRESS: u32 = u32::MAX;
+
+    /// An access of some bits, if it is atomic, through no descriptor.
+    pub(super) fn new(kind: AccessKind, width: u32) -> Self {
+        Self { kind, reference: 0, handle: 0, width }
+    }
+
+    /// The access through a descriptor.
+    pub(super) fn through(self, reference: u32, handle: u32) -> Self {
+        Self { reference, handle, ..self }
+    }
+}
+
 /// An operation that accesses memory between two barriers of the invocation's workgroup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Event {
     pub place: OpPlace,
-    pub kind: AccessKind,
+    pub form: AccessForm,
+    /// The shader call.
+    pub call: u32,
     /// Barriers of the workgroup before it that order its class of memory.
     epoch: u32,
     /// Atomic instructions of the launch before it that may release or acquire.
@@ -100,7 +86,8 @@ impl Event {
     /// Stands for none.
     pub(super) const NONE: Self = Self {
         place: OpPlace { shader: ShaderIndex(u32::MAX), op: OpIndex(u32::MAX) },
-        kind: AccessKind::Load,
+        form: AccessForm { kind: AccessKind::Load, reference: 0, handle: 0, width: 0 },
+        call: 0,
         epoch: 0,
         clock: 0,
     };
@@ -112,7 +99,10 @@ pub(super) struct Accessor {
     pub invocation: u32,
     pub group: u32,
     pub epoch: u32,
+    pub call: u32,
     pub class: Class,
+    pub place: OpPlace,
+    pub form: AccessForm,
 }
 
 /// The invocation of a lane of the batch that runs, until it waits for the next time.
@@ -124,26 +114,48 @@ pub(super) struct LaneOrder {
     pub epochs: [u32; 3],
 }
 
+/// What orders an access before a later one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ordered {
+    /// Both are of one invocation of a shader.
+    ByProgram,
+    /// Barriers or atomic instructions, or these may.
+    BySynchronization,
+    /// Nothing: they are of shaders of one ray-tracing call.
+    NotInCall,
+    /// Nothing.
+    Not,
+}
+
 /// What orders accesses.
 #[derive(Debug)]
 pub(super) struct Order {
     /// By number; the first stands for none.
     events: Vec<Event>,
     numbers: FxHashMap<Event, u32>,
+    /// By shader.
+    traits: Vec<ProgramTraits>,
+    /// The shader calls so far.
+    pub calls: Calls,
+    /// Whether there are workgroups.
+    is_compute: bool,
     /// Invocations of a workgroup; 1 in ray tracing.
     group_size: u32,
+    /// Invocations of a subgroup of a workgroup.
+    subgroup_size: u32,
     /// The invocations that control barriers of scope Subgroup order.
     ordered_subgroup: OrderedSubgroup,
     /// What the memory barriers of all modules order.
-    fences: Classes,
+    fences: Ordering,
     /// The number of the first invocation of the workgroups that run.
     first: u32,
     /// By invocation from the first one on, and class: the barriers that it has passed.
     epochs: Vec<[u32; 3]>,
     /// Atomic instructions so far that may release or acquire.
     clock: u32,
-    /// By class and workgroup: the clock after the last of these that it executed.
-    synchronized: [FxHashMap<u32, u32>; 3],
+    /// The last of these that released, and that acquired.
+    released: Clocks,
+    acquired: Clocks,
 }
 
 /// The invocations among which all accesses count as ordered.
@@ -151,35 +163,72 @@ pub(super) struct Order {
 enum OrderedSubgroup {
     /// Those of one invocation alone.
     None,
-    /// So many that follow each other in a workgroup.
-    Size(u32),
+    /// Those of a subgroup of a workgroup.
+    Subgroup,
     /// Those of the whole launch.
     Launch,
 }
 
+/// When workgroups have last executed an atomic instruction of some kind.
+#[derive(Debug, Default)]
+struct Clocks {
+    /// By class and workgroup: of those of any scope.
+    near: [FxHashMap<u32, u32>; 3],
+    /// Of those whose scope is wider than a workgroup.
+    wide: [FxHashMap<u32, u32>; 3],
+}
+
+impl Clocks {
+    fn set(&mut self, reach: Reach, group: u32, clock: u32) {
+        for (is_wide, clocks) in [(false, &mut self.near), (true, &mut self.wide)] {
+            for class in reach.across(is_wide).each() {
+                clocks[class].insert(group, clock);
+            }
+        }
+    }
+
+    /// The clock of the last one; 0 where there was none.
+    #[inline]
+    fn last(&self, class: Class, is_wide: bool, group: u32) -> u32 {
+        let clocks = if is_wide { &self.wide } else { &self.near };
+        clocks[class as usize].get(&group).copied().unwrap_or(0)
+    }
+}
+
 impl Order {
-    /// Before the shaders of a pipeline, or of a dispatch, have accessed anything.
-    pub(super) fn of<'p>(programs: impl Iterator<Item = &'p Program> + Clone) -> Self {
+    /// Before the shaders of a pipeline, or of a dispatch, have accessed anything. `watched` says
+    /// by shader and operation which accesses are looked at.
+    pub(super) fn of<'p>(programs: impl Iterator<Item = &'p Program> + Clone, watched: &[Vec<bool>]) -> Self {
         let layout = programs.clone().find_map(|program| program.workgroup);
-        let barriers = programs.map(|program| ModuleBarriers::of(&program.module));
-        let all = barriers.fold(ModuleBarriers::default(), |all, one| ModuleBarriers {
-            fences: all.fences.with(one.fences),
-            subgroup: all.subgroup || one.subgroup,
-        });
+        let is_called = |program: &Program| !matches!(program.stage, Stage::RayGeneration | Stage::Compute);
+        let shares_in_calls = programs
+            .clone()
+            .zip(watched)
+            .any(|(program, watched)| is_called(program) && watched.contains(&true));
+        let traits: Vec<_> =
+            programs.zip(watched).map(|(program, watched)| ProgramTraits::of(program, watched)).collect();
+        let all = traits.iter().fold(Barriers::default(), |all, one| all.with(one.barriers));
+        // Where ray generation shaders alone access memory, no calls are told apart.
+        let calls = if shares_in_calls { Calls::followed() } else { Calls::default() };
         Self {
             events: vec![Event::NONE],
             numbers: FxHashMap::default(),
+            traits,
+            calls,
+            is_compute: layout.is_some(),
             group_size: layout.map_or(1, |layout| layout.size.iter().product()),
+            subgroup_size: 1,
             ordered_subgroup: match (all.subgroup, layout) {
                 (false, _) => OrderedSubgroup::None,
-                (true, Some(_)) => OrderedSubgroup::Size(1),
+                (true, Some(_)) => OrderedSubgroup::Subgroup,
                 (true, None) => OrderedSubgroup::Launch,
             },
             fences: all.fences,
             first: 0,
             epochs: Vec::new(),
             clock: 0,
-            synchronized: Default::default(),
+            released: Clocks::default(),
+            acquired: Clocks::default(),
         }
     }
 
@@ -187,9 +236,7 @@ impl Order {
     pub(super) fn begin_workgroups(&mut self, first: u32, subgroup_size: u32) {
         self.first = first.wrapping_mul(self.group_size);
         self.epochs.clear();
-        if let OrderedSubgroup::Size(size) = &mut self.ordered_subgroup {
-            *size = subgroup_size.max(1);
-        }
+        self.subgroup_size = subgroup_size.max(1);
     }
 
     /// An invocation waits at a control barrier that orders some classes of memory by itself.
@@ -198,29 +245,36 @@ impl Order {
         if at >= self.epochs.len() {
             self.epochs.resize(at + 1, [0; 3]);
         }
-        classes.with(self.fences).each().for_each(|class| self.epochs[at][class] += 1);
+        let fences = self.fences.releases.with(self.fences.acquires).across(false);
+        classes.with(fences).each().for_each(|class| self.epochs[at][class] += 1);
     }
 
-    /// Invocations have executed an atomic instruction that releases or acquires some classes of
-    /// memory by itself.
-    pub(super) fn synchronize(&mut self, invocations: impl Iterator<Item = u32>, classes: Classes) {
-        let classes = classes.with(self.fences);
-        if classes == Classes::NONE {
+    /// Invocations have executed an atomic instruction that releases and acquires by itself what
+    /// `own` says.
+    pub(super) fn synchronize(
+        &mut self,
+        invocations: impl Iterator<Item = u32>,
+        own: Ordering,
+        scope: Option<Scope>,
+    ) {
+        // A fence orders through an atomic instruction no more than that one's scope holds.
+        let Ordering { releases, acquires } = own.with(self.fences).within(scope);
+        if releases.with(acquires) == Reach::default() {
             return;
         }
         self.clock += 1;
-        for invocation in invocations {
-            let group = self.group(invocation);
-            for class in classes.each() {
-                self.synchronized[class].insert(group, self.clock);
-            }
+        let groups: FxHashSet<u32> = invocations.map(|invocation| self.group(invocation)).collect();
+        for group in groups {
+            self.released.set(releases, group, self.clock);
+            self.acquired.set(acquires, group, self.clock);
         }
     }
 
-    /// An operation that accesses memory now, after some barriers of the workgroup.
+    /// The event of an access that an invocation makes now.
     #[inline]
-    pub(super) fn new_event(&self, place: OpPlace, kind: AccessKind, epoch: u32) -> Event {
-        Event { place, kind, epoch, clock: self.clock }
+    pub(super) fn new_event(&self, now: &Accessor) -> Event {
+        let &Accessor { place, form, call, epoch, .. } = now;
+        Event { place, form, call, epoch, clock: self.clock }
     }
 
     /// The event of an access.
@@ -238,7 +292,20 @@ impl Order {
         })
     }
 
-    fn group(&self, invocation: u32) -> u32 {
+    /// What an operation says of its access.
+    #[inline]
+    pub(super) fn traits(&self, place: OpPlace) -> &AccessTraits {
+        self.traits[place.shader.index()].at(place.op.index())
+    }
+
+    /// What the barriers of a shader order.
+    pub(super) fn barriers(&self, place: OpPlace) -> &Barriers {
+        &self.traits[place.shader.index()].barriers
+    }
+
+    /// The workgroup of an invocation; in ray tracing itself.
+    #[inline]
+    pub(super) fn group(&self, invocation: u32) -> u32 {
         if self.group_size == 1 { invocation } else { invocation / self.group_size }
     }
 
@@ -249,221 +316,58 @@ impl Order {
         LaneOrder { invocation, group: self.group(invocation), epochs }
     }
 
-    /// Whether an earlier access happens before one of an invocation now.
-    fn is_before(&self, access: Access, now: &Accessor) -> bool {
-        if access.invocation == now.invocation {
-            return true;
+    /// Whether an invocation is in the instance of a scope that another one names.
+    pub(super) fn is_in_scope(&self, scope: Option<Scope>, one: u32, other: u32) -> bool {
+        match scope {
+            _ if one == other => true,
+            Some(Scope::Invocation | Scope::ShaderCallKHR) => false,
+            Some(Scope::Workgroup) => !self.is_compute || self.group(one) == self.group(other),
+            Some(Scope::Subgroup) => !self.is_compute || self.is_same_subgroup(one, other),
+            _ => true,
         }
+    }
+
+    fn is_same_subgroup(&self, one: u32, other: u32) -> bool {
+        let subgroup = |invocation: u32| invocation % self.group_size / self.subgroup_size;
+        self.group(one) == self.group(other) && subgroup(one) == subgroup(other)
+    }
+
+    /// What orders an earlier access before one of an invocation now.
+    #[inline]
+    pub(super) fn between(&self, access: Access, now: &Accessor) -> Ordered {
         let event = self.event(access);
+        if access.invocation == now.invocation {
+            return if event.call == now.call { Ordered::ByProgram } else { self.in_call(event, now) };
+        }
         // No invocation accesses the memory of another workgroup.
         let group = if now.class == Class::Workgroup { now.group } else { self.group(access.invocation) };
-        let ordered_subgroup = match self.ordered_subgroup {
+        let in_ordered_subgroup = match self.ordered_subgroup {
             OrderedSubgroup::None => false,
-            OrderedSubgroup::Size(size) => {
-                let subgroup = |invocation: u32| invocation % self.group_size / size;
-                group == now.group && subgroup(access.invocation) == subgroup(now.invocation)
-            }
+            OrderedSubgroup::Subgroup => self.is_same_subgroup(access.invocation, now.invocation),
             OrderedSubgroup::Launch => true,
         };
-        if ordered_subgroup || (group == now.group && event.epoch < now.epoch) {
-            return true;
+        if in_ordered_subgroup || (group == now.group && event.epoch < now.epoch) {
+            return Ordered::BySynchronization;
         }
-        let synchronized = &self.synchronized[now.class as usize];
-        let since = |group| synchronized.get(&group).is_some_and(|&clock| clock > event.clock);
-        !synchronized.is_empty() && since(group) && since(now.group)
+        let is_wide = group != now.group;
+        let may_be_ordered = self.released.last(now.class, is_wide, group) > event.clock
+            && self.acquired.last(now.class, is_wide, now.group) > event.clock;
+        if may_be_ordered { Ordered::BySynchronization } else { Ordered::Not }
     }
 
-    /// The earlier access, if it is not ordered before one of an invocation now.
-    #[inline]
-    fn unordered(&self, access: Access, now: &Accessor) -> Option<Access> {
-        access.known().filter(|&access| !self.is_before(access, now))
+    /// What orders accesses of two shaders of one ray-tracing call: a release of the earlier
+    /// shader, and an acquire of the later one, unless one trace has called both.
+    fn in_call(&self, event: &Event, now: &Accessor) -> Ordered {
+        let is_ordered = self.ordered_subgroup == OrderedSubgroup::Launch
+            || self.calls.kinship(event.call, now.call) == Kinship::InOrder
+                && self.barriers(event.place).all.releases.across(true).contains(now.class)
+                && self.barriers(now.place).all.acquires.across(true).contains(now.class);
+        if is_ordered { Ordered::BySynchronization } else { Ordered::NotInCall }
     }
-
-    /// Records an access to a cell. Returns the earlier one that it races with.
-    pub(super) fn access(
-        &self,
-        cell: &mut Cell,
-        now: &Accessor,
-        kind: AccessKind,
-        access: Access,
-        value: u32,
-    ) -> Option<(&'static Rule, Access)> {
-        let is_image = now.class == Class::Image;
-        let plain = if is_image { &race::RACE_IMAGE } else { &race::RACE_BUFFER };
-        let of = |rule: &'static Rule| move |other| (rule, other);
-        let mixed = of(&race::RACE_MIXED_ATOMIC);
-        match kind {
-            AccessKind::Load => {
-                if cell.loads[0] == access {
-                    return None;
-                }
-                let updated = || {
-                    let other = self.unordered(cell.atomic, now)?;
-                    self.event(other).kind.writes().then_some(other)
-                };
-                let found = self.unordered(cell.store, now).map(of(plain)).or_else(|| updated().map(mixed));
-                let [last, other] = cell.loads;
-                // The other load is rather one of another workgroup, which no barrier orders.
-                let replaces = || {
-                    other.event == 0
-                        || self.group(last.invocation) != now.group
-                        || self.group(other.invocation) == now.group
-                };
-                if last.event != 0 && last.invocation != access.invocation && replaces() {
-                    cell.loads[1] = last;
-                }
-                cell.loads[0] = access;
-                found
-            }
-            AccessKind::Store => {
-                let stored = self.unordered(cell.store, now);
-                let same = stored.filter(|_| cell.value == value);
-                let differs = stored.filter(|_| cell.value != value);
-                let loaded = || cell.loads.iter().find_map(|&load| self.unordered(load, now));
-                let found = differs
-                    .or_else(loaded)
-                    .map(of(plain))
-                    .or_else(|| self.unordered(cell.atomic, now).map(mixed))
-                    .or_else(|| same.map(of(&race::RACE_SAME_VALUE)));
-                // Loads stay, so that `x = x + 1` in all lanes is no store of the same value.
-                (cell.store, cell.value) = (access, value);
-                found
-            }
-            AccessKind::AtomicLoad | AccessKind::AtomicUpdate => {
-                let loaded = || cell.loads.iter().find_map(|&load| self.unordered(load, now));
-                let stored = self.unordered(cell.store, now);
-                let found = stored.or_else(|| kind.writes().then(loaded).flatten()).map(mixed);
-                let updated = |cell: &Cell| self.event(cell.atomic).kind.writes();
-                if kind.writes() || cell.atomic.event == 0 || !updated(cell) {
-                    cell.atomic = access;
-                }
-                found
-            }
-        }
-    }
-}
-
-/// What the barriers of a module order, wherever they stand.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct ModuleBarriers {
-    /// The storage classes of all memory barriers.
-    fences: Classes,
-    /// Whether a control barrier may be of scope Subgroup.
-    subgroup: bool,
-}
-
-impl ModuleBarriers {
-    fn of(module: &Module) -> Self {
-        let mut all = Self::default();
-        let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-        for instruction in blocks.flat_map(|block| &block.instructions) {
-            match (Opcode::from_u32(instruction.opcode.into()), module.operands(instruction)) {
-                (Some(Opcode::MemoryBarrier), &[_, semantics]) => {
-                    all.fences = all.fences.with(Classes::of(module.scalar_value(Id(semantics))));
-                }
-                (Some(Opcode::ControlBarrier), &[scope, ..]) => {
-                    let scope = module.scalar_value(Id(scope));
-                    all.subgroup |= scope.is_none_or(|scope| scope == Scope::Subgroup as u64);
-                }
-                _ => {}
-            }
-        }
-        all
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// An order of workgroups of four invocations.
-    fn order() -> Order {
-        Order { group_size: 4, ..Order::of([].into_iter()) }
-    }
-
-    /// An access of an invocation that has passed some barriers, by the operation `op`.
-    fn access(
-        order: &mut Order,
-        cell: &mut Cell,
-        (invocation, epoch): (u32, u32),
-        op: u32,
-        kind: AccessKind,
-        value: u32,
-    ) -> Option<(&'static str, u32)> {
-        let class = Class::Buffer;
-        let now = Accessor { invocation, group: order.group(invocation), epoch, class };
-        let place = OpPlace { shader: ShaderIndex(0), op: OpIndex(op) };
-        let event = order.number(order.new_event(place, kind, epoch));
-        let race = order.access(cell, &now, kind, Access { invocation, event }, value);
-        race.map(|(rule, other)| (rule.id, other.invocation))
-    }
-
-    use AccessKind::{AtomicLoad, AtomicUpdate, Load, Store};
-
-    #[test]
-    fn a_barrier_orders_a_workgroup_and_no_other() {
-        let (order, cell) = (&mut order(), &mut Cell::default());
-        assert_eq!(access(order, cell, (0, 0), 1, Store, 7), None);
-        assert_eq!(access(order, cell, (0, 0), 2, Load, 0), None);
-        assert_eq!(access(order, cell, (1, 1), 3, Load, 0), None);
-        assert_eq!(access(order, cell, (5, 1), 3, Load, 0), Some(("race-buffer", 0)));
-        // Of two loads that the store races with, the one of the other workgroup.
-        assert_eq!(access(order, cell, (2, 2), 4, Store, 8), Some(("race-buffer", 5)));
-        assert_eq!(access(order, cell, (3, 2), 5, Load, 0), Some(("race-buffer", 2)));
-        assert_eq!(access(order, cell, (1, 3), 5, Load, 0), None);
-    }
-
-    #[test]
-    fn loads_of_many_invocations_race_with_a_store_of_one_of_them() {
-        let (order, cell) = (&mut order(), &mut Cell::default());
-        for invocation in 0..4 {
-            assert_eq!(access(order, cell, (invocation, 0), 1, Load, 0), None);
-        }
-        assert_eq!(access(order, cell, (3, 0), 2, Store, 1), Some(("race-buffer", 2)));
-    }
-
-    #[test]
-    fn stores_of_one_value_are_told_apart() {
-        let (order, cell) = (&mut order(), &mut Cell::default());
-        assert_eq!(access(order, cell, (0, 0), 1, Store, 7), None);
-        assert_eq!(access(order, cell, (1, 0), 1, Store, 7), Some(("race-same-value", 0)));
-        assert_eq!(access(order, cell, (2, 0), 1, Store, 8), Some(("race-buffer", 1)));
-    }
-
-    #[test]
-    fn atomic_accesses_race_with_others_alone() {
-        let (order, cell) = (&mut order(), &mut Cell::default());
-        assert_eq!(access(order, cell, (0, 0), 1, Store, 0), None);
-        assert_eq!(access(order, cell, (1, 1), 2, AtomicUpdate, 0), None);
-        assert_eq!(access(order, cell, (6, 1), 2, AtomicUpdate, 0), Some(("race-mixed-atomic", 0)));
-        assert_eq!(access(order, cell, (2, 1), 3, AtomicLoad, 0), None);
-        assert_eq!(access(order, cell, (3, 1), 4, Load, 0), Some(("race-mixed-atomic", 6)));
-        // A load does not race with one that is atomic.
-        let cell = &mut Cell::default();
-        assert_eq!(access(order, cell, (0, 0), 5, Load, 0), None);
-        assert_eq!(access(order, cell, (1, 0), 6, AtomicLoad, 0), None);
-        assert_eq!(access(order, cell, (2, 0), 5, Load, 0), None);
-        assert_eq!(access(order, cell, (2, 0), 7, Store, 0), Some(("race-buffer", 0)));
-    }
-
-    #[test]
-    fn atomic_instructions_that_both_workgroups_executed_may_order_them() {
-        let (order, cell) = (&mut order(), &mut Cell::default());
-        assert_eq!(access(order, cell, (0, 0), 1, Store, 0), None);
-        order.clock = 1;
-        order.synchronized[Class::Buffer as usize].insert(0, 1);
-        assert_eq!(access(order, cell, (4, 0), 2, Load, 0), Some(("race-buffer", 0)));
-        order.synchronized[Class::Buffer as usize].insert(1, 1);
-        assert_eq!(access(order, cell, (5, 0), 2, Load, 0), None);
-    }
-
-    #[test]
-    fn semantics_name_the_memory_that_a_barrier_orders() {
-        let classes = |semantics| Classes::of(Some(semantics)).each().collect::<Vec<_>>();
-        assert_eq!(classes(0x108), [Class::Workgroup as usize]);
-        assert_eq!(classes(0x948), [0, 1, 2]);
-        assert_eq!(classes(0x8), [0, 1, 2]);
-        assert_eq!(classes(0x100), [0; 0]);
-        assert_eq!(Classes::of(None), Classes::ALL);
+    /// The order of workgroups of some invocations, of whose accesses all are coherent.
+    #[cfg(test)]
+    pub(super) fn of_groups(group_size: u32) -> Self {
+        let traits = vec![ProgramTraits::coherent(8)];
+        Self { is_compute: true, group_size, traits, ..Self::of([].into_iter(), &[]) }
     }
 }

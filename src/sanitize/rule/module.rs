@@ -18,6 +18,16 @@ rules! {
         "VUID-StandaloneSpirv-MemorySemantics-10865 to -UnequalMemorySemantics-10879"
         "use AcquireRelease together with the classes of memory that are ordered: UniformMemory, WorkgroupMemory, \
          ImageMemory"
+    ATOMIC_CLASS "atomic-class" UndefinedBehavior
+        "An atomic instruction accesses a buffer, an image or shared memory."
+        "VUID-StandaloneSpirv-None-04686: Uniform, Workgroup, Image, StorageBuffer, PhysicalStorageBuffer or \
+         TaskPayloadWorkgroupEXT"
+        "no other invocation reaches a local or global variable: use plain instructions"
+    LAUNCH_ORDER "launch-order" Lint
+        "No loop waits for what another invocation writes."
+        "Vulkan, Shader Invocation Ordering: invocations start in any order, and need not make progress while \
+         another one loops"
+        "let the producer be a pass of its own; or do the work here where the value is not there yet"
     BARRIER_CLASS "barrier-class" Lint
         "The barriers of a shader name the class of the memory that it both writes and reads."
         "a barrier orders only accesses to the classes of memory that its semantics name; GLSL's barrier() names \

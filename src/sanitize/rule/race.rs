@@ -17,6 +17,43 @@ rules! {
         "Vulkan, Memory Model, Data Race: only pairs of atomic operations are mutually ordered"
         "read with atomicOr(x, 0) or atomicLoad, write with atomicExchange or atomicStore, or set the \
          value up in a dispatch of its own"
+    RACE_CALLER_CALLEE "race-caller-callee" UndefinedBehavior
+        "Shaders of one ray-tracing call that access the same memory, one of which writes, release and acquire it."
+        "Vulkan, Memory Model, Shader Call Order: only a release and an acquire barrier order a caller and a callee"
+        "pass the value in the payload; or declare the memory coherent, and put \
+         memoryBarrier(gl_ScopeShaderCallEXT, ...) behind the write, to release, and before the read, to \
+         acquire; nothing orders the any-hit shaders of one trace: use atomic instructions"
+    RACE_ATOMIC_WIDTH "race-atomic-width" UndefinedBehavior
+        "Atomic instructions on the same memory have the same width, or are ordered."
+        "Vulkan, Memory Model, Atomic Operation: mutually ordered are those that access the same set of locations"
+        "use one width for all atomic instructions on a counter, or put a barrier between the two"
+    RACE_ATOMIC_SCOPE "race-atomic-scope" UndefinedBehavior
+        "The scope of an atomic instruction holds all invocations that access the same memory atomically."
+        "Vulkan, Memory Model, Atomic Operation: mutually ordered are those in each other's memory scope"
+        "use gl_ScopeDevice, as atomicAdd(x, 1) does, where invocations of other workgroups or of the launch \
+         take part"
+    RACE_CROSS_REFERENCE "race-cross-reference" UndefinedBehavior
+        "What is written through one descriptor or device address is not accessed through another one in the \
+         same pass."
+        "Vulkan, Memory Model, Location-Ordered: barriers of shaders order accesses through one reference"
+        "access the memory through one binding, or in another pass"
+    RESTRICT_BROKEN "restrict-broken" UndefinedBehavior
+        "Memory that is written through one declaration is not accessed through a `restrict` one."
+        "SPIR-V 3.20, Restrict; 2.18.2, Aliasing: a compiler assumes that no other declaration reaches it"
+        "drop `restrict` from both declarations, and access the memory through one binding"
+    ALIAS_DEFAULT "alias-default" UndefinedBehavior
+        "Memory that is written through one binding is not accessed through another one, unless both are Aliased."
+        "SPIR-V 2.18.2, Aliasing: only declarations that are decorated Aliased may reach the same memory"
+        "access the memory through one binding; or bind buffers or ranges that do not overlap"
+    ORDER_ASSUMED "order-assumed" UndefinedBehavior
+        "What one invocation writes and another one accesses is made available, and visible, by the two."
+        "Vulkan, Memory Model, Availability and Visibility: order alone does not make a write seen"
+        "declare the memory coherent (workgroupcoherent, devicecoherent), or add \
+         gl_SemanticsMakeAvailable and gl_SemanticsMakeVisible to the barriers"
+    COHERENT_MISSING "coherent-missing" Lint
+        "Memory by which invocations communicate is declared coherent."
+        "Vulkan, Memory Model, Private vs. Non-Private: barriers of shaders do not order private accesses"
+        "declare the buffer or image `coherent` (in Slang and HLSL `globallycoherent`)"
     RACE_SAME_VALUE "race-same-value" Lint
         "Two invocations do not write to the same bytes, not even the same value."
         "Vulkan, Memory Model, Data Race: it makes no difference which values are written"

@@ -37,4 +37,8 @@ rules! {
         "A lane's index, a mask or a ballot is not kept over a trace, a report or a reordering."
         "Vulkan, \"Shader Call Instructions\": they may repack invocations, whose subgroups change"
         "take the ballot, and load the builtin, behind the instruction again"
+    BARRIER_SUBGROUP_DIVERGENT "barrier-subgroup-divergent" Lint
+        "All lanes of a subgroup reach its barriers together."
+        "SPIR-V 3.3.21, OpControlBarrier: of scope Subgroup, it waits for the lanes alone that have come here together"
+        "put the barrier behind the branch, where the lanes are together again"
 }

@@ -1,0 +1,197 @@
+//! Values that go beyond an array, and accesses that only robustness keeps inside.
+
+use crate::machine::{Batch, Bindings, Mask, OpIndex, Reg};
+use crate::ops::image::ImageOp;
+use crate::ops::image::reader::LaneReader;
+use crate::ops::image::texel_ref::TexelRef;
+use crate::ops::memory::{BufferRef, Chunk, Length, MemoryOp, OUT_OF_BOUNDS, access_location};
+use crate::ops::op::Op;
+use crate::program::Program;
+use crate::sanitize::checks::lanes::workgroup_lanes;
+use crate::sanitize::plan::Watched;
+use crate::sanitize::rule::memory;
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// A kernel has run whose operands are watched.
+pub(in crate::sanitize) fn check_kernel<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    op: OpIndex,
+    watched: Watched,
+    to: Reg,
+    from: &[Reg; 3],
+) {
+    let registers = &batch.registers;
+    match watched {
+        Watched::LengthMinus => {
+            let is_empty = |lane: usize| registers[from[0]].0[lane] == 0 && registers[from[1]].0[lane] != 0;
+            let lanes = batch.mask & Mask::from_fn(is_empty);
+            sanitizer.tell(batch, &memory::RUNTIME_ARRAY_LENGTH, op, lanes, |lane| {
+                format!("the length 0 of an array minus {} wraps around", registers[from[1]].0[lane])
+            });
+        }
+        Watched::Allocation { counter } => {
+            let limit = from[1 - counter];
+            let is_beyond = |lane: usize| registers[from[counter]].0[lane] >= registers[limit].0[lane];
+            let lanes = batch.mask & Mask::from_fn(is_beyond);
+            sanitizer.tell(batch, &memory::ATOMIC_COUNTER_OVERFLOW, op, lanes, |lane| {
+                let (given, limit) = (registers[from[counter]].0[lane], registers[limit].0[lane]);
+                format!("the counter has given out element {given} of {limit}, and goes on")
+            });
+        }
+        Watched::Address { is_chain } => {
+            let bases = if is_chain { &from[..1] } else { &from[..2] };
+            for &base in bases {
+                check_address(sanitizer, batch, bindings, op, is_chain, to, base);
+            }
+        }
+    }
+}
+
+/// An address is computed from another one.
+fn check_address<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    op: OpIndex,
+    is_chain: bool,
+    to: Reg,
+    from: Reg,
+) {
+    let address = |first: Reg, lane: usize| {
+        u64::from(batch.registers[first].0[lane]) | u64::from(batch.registers[first.plus(1)].0[lane]) << 32
+    };
+    // The buffer, and the offset there, which may be one past its end.
+    let buffer_at = |address: u64| {
+        let (base, buffer, name) = bindings.memory.nearest_buffer(address)?;
+        let offset = address.checked_sub(base).filter(|&offset| offset <= buffer.size())?;
+        Some((base, offset, buffer.size(), name.map_or("a buffer", |name| name)))
+    };
+    for lane in batch.mask.lanes() {
+        let (start, end) = (address(from, lane), address(to, lane));
+        let Some((base, _, size, name)) = buffer_at(start) else { continue };
+        if end.checked_sub(base).is_some_and(|offset| offset <= size) {
+            continue;
+        }
+        let (rule, message) = match (is_chain, buffer_at(end)) {
+            (true, _) => {
+                let distance = end.wrapping_sub(base) as i64;
+                let message = format!("an element at offset {distance} of `{name}`, which has {size} bytes");
+                (&memory::PTR_CHAIN_RANGE, message)
+            }
+            (false, Some((_, offset, size, other))) if offset < size => {
+                let message = format!(
+                    "an address in `{name}` becomes one in `{other}`, at offset {offset} of its {size} bytes"
+                );
+                (&memory::ADDRESS_WRONG_BUFFER, message)
+            }
+            _ => continue,
+        };
+        sanitizer.tell(batch, rule, op, Mask::lane(lane), |_| message);
+    }
+}
+
+/// A load, store or atomic instruction has run, which robustness may have kept inside its buffer.
+pub(in crate::sanitize) fn check_buffer<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    op: OpIndex,
+    chunk: &Chunk,
+) {
+    if !bindings.is_robust() || matches!(chunk.buffer, BufferRef::Address(_)) {
+        return;
+    }
+    for lane in batch.mask.without(workgroup_lanes(batch, chunk)).lanes() {
+        let handle = match chunk.buffer {
+            BufferRef::Handle(handle) => handle,
+            BufferRef::Computed(handle) => batch.registers[handle].0[lane],
+            _ => continue,
+        };
+        let Some(buffer) = bindings.buffer(handle).filter(|buffer| !buffer.is_null()) else { continue };
+        if access_location(batch, lane, bindings, chunk).is_some() {
+            continue;
+        }
+        let index = chunk.index.map_or(0, |index| batch.registers[index].0[lane]);
+        let Some((_, plan)) = sanitizer.plan() else { return };
+        let name = plan.program.describe_descriptor(handle).unwrap_or_else(|| "a buffer".to_owned());
+        if index == OUT_OF_BOUNDS
+            && let Some((index, length)) = declared_index(batch, lane, &plan.program, chunk)
+        {
+            let message = format!("index {index} of an array with {length} elements in {name}");
+            sanitizer.tell(batch, &memory::DECLARED_ARRAY_BOUNDS, op, Mask::lane(lane), |_| message);
+            continue;
+        }
+        let size = buffer.size();
+        let message = match index {
+            OUT_OF_BOUNDS => format!("robust access masks an index beyond {name}, which has {size} bytes"),
+            index => {
+                let (offset, bytes) =
+                    (u64::from(chunk.offset) + u64::from(index), chunk.width / 8 * chunk.count);
+                format!(
+                    "robust access masks {bytes} bytes at offset {offset} of {name}, which has {size} bytes"
+                )
+            }
+        };
+        sanitizer.tell(batch, &memory::ROBUST_MASK, op, Mask::lane(lane), |_| message);
+    }
+}
+
+/// The index outside an array of declared length that a lane accesses, and the length.
+fn declared_index<const W: usize>(
+    batch: &Batch<W>,
+    lane: usize,
+    program: &Program,
+    chunk: &Chunk,
+) -> Option<(u32, u32)> {
+    let indices = program.ops.iter().enumerate().filter_map(|(at, op)| match op {
+        Op::Memory(MemoryOp::Index { to, length: Length::Known(length), .. }) if Some(*to) == chunk.index => {
+            let (time, index) = batch.out_of_bounds_indices.last(OpIndex(at as u32), lane)?;
+            Some((time, index, *length))
+        }
+        _ => None,
+    });
+    let (_, index, length) = indices.max_by_key(|&(time, ..)| time)?;
+    (index >= length).then_some((index, length))
+}
+
+/// An image operation has run, which robustness may have kept inside its image.
+pub(in crate::sanitize) fn check_image<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    op: OpIndex,
+    image: &ImageOp,
+) {
+    match image {
+        ImageOp::Read(read) => check_texel(sanitizer, batch, bindings, op, &read.texel),
+        ImageOp::Write(write) => check_texel(sanitizer, batch, bindings, op, &write.texel),
+        _ => {}
+    }
+}
+
+/// An access to a texel has run.
+pub(in crate::sanitize) fn check_texel<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    op: OpIndex,
+    texel: &TexelRef,
+) {
+    if !bindings.is_robust() {
+        return;
+    }
+    for lane in batch.mask.lanes() {
+        let reader = LaneReader::new(&batch.registers, lane, bindings);
+        let is_null = || reader.image(texel.view, texel.image).is_ok_and(|image| image.is_null());
+        if texel.resolve(reader).is_ok() || is_null() {
+            continue;
+        }
+        let handle = reader.word(texel.image);
+        sanitizer.tell_of_program(batch, &memory::ROBUST_MASK, op, Mask::lane(lane), |program| {
+            let name = program.describe_descriptor(handle).unwrap_or_else(|| "an image".to_owned());
+            format!("robust access masks a texel outside {name}")
+        });
+    }
+}

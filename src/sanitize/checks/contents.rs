@@ -1,0 +1,148 @@
+//! Undefined contents of buffers and images that the scene does not fill: what a shader loads
+//! before one has stored it is undefined.
+
+use crate::machine::{Batch, Bindings, Mask, Reg, ShadowRegisters};
+use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
+use crate::ops::image::ImageOp;
+use crate::ops::image::reader::LaneReader;
+use crate::ops::image::sample::SampleKind;
+use crate::ops::memory::{BufferRef, Chunk, access_location};
+use crate::sanitize::cause::OpPlace;
+use crate::sanitize::checks::lanes::workgroup_lanes;
+use crate::sanitize::report::Sink;
+use crate::sanitize::rule::memory;
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// A load into consecutive registers has run.
+pub(in crate::sanitize) fn load<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    chunk: &Chunk,
+    to: Reg,
+) {
+    for lane in buffer_lanes(sanitizer, batch, chunk).lanes() {
+        let Some((buffer, offset)) = access_location(batch, lane, bindings, chunk) else { continue };
+        let width = chunk.width / 8;
+        if sanitizer.unwritten.byte(buffer, offset, width * chunk.count).is_none() {
+            continue;
+        }
+        for scalar in 0..chunk.count {
+            let at = offset + u64::from(scalar * width);
+            if let Some(part) = sanitizer.unwritten.byte(buffer, at, width) {
+                let cause = sanitizer.unwritten_cause(&memory::UNINIT_BUFFER, place, part);
+                shadow.undefine(to.plus(scalar), Mask::lane(lane), cause);
+            }
+        }
+    }
+}
+
+/// A store has run.
+pub(in crate::sanitize) fn store<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    chunk: &Chunk,
+) {
+    for lane in buffer_lanes(sanitizer, batch, chunk).lanes() {
+        if let Some((buffer, offset)) = access_location(batch, lane, bindings, chunk) {
+            sanitizer.unwritten.write_bytes(buffer, offset, chunk.width / 8 * chunk.count);
+        }
+    }
+}
+
+/// An atomic instruction has run: one that changes what is undefined depends on it, and a load or
+/// an exchange returns it.
+pub(in crate::sanitize) fn atomic<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    op: &AtomicOp,
+) {
+    let lanes = match &op.target {
+        AtomicTarget::Buffer(chunk) => buffer_lanes(sanitizer, batch, chunk),
+        AtomicTarget::Texel(_) if sanitizer.unwritten.has_images() => batch.mask,
+        _ => return,
+    };
+    for lane in lanes.lanes() {
+        let reader = LaneReader::new(&batch.registers, lane, bindings);
+        let (rule, found) = match &op.target {
+            AtomicTarget::Buffer(chunk) => {
+                let Some((buffer, offset)) = access_location(batch, lane, bindings, chunk) else { continue };
+                let found = sanitizer.unwritten.byte(buffer, offset, op.width / 8);
+                if op.kind != AtomicKind::Load {
+                    sanitizer.unwritten.write_bytes(buffer, offset, op.width / 8);
+                }
+                (&memory::UNINIT_BUFFER, found)
+            }
+            AtomicTarget::Texel(texel) => {
+                let Ok((image, index)) = texel.resolve(reader) else { continue };
+                let found = sanitizer.unwritten.texel(image, index);
+                if op.kind != AtomicKind::Load {
+                    sanitizer.write_texel(image, index, place);
+                }
+                (&memory::UNINIT_IMAGE, found)
+            }
+            AtomicTarget::Registers { .. } => continue,
+        };
+        let Some(part) = found else { continue };
+        let cause = sanitizer.unwritten_cause(rule, place, part);
+        shadow.undefine_span(op.to, op.words(), Mask::lane(lane), cause);
+        if !matches!(op.kind, AtomicKind::Load | AtomicKind::Exchange) {
+            sanitizer.depend_on_all(batch, shadow, place.op, op.to, op.words(), Sink::Atomic);
+        }
+    }
+}
+
+/// An image operation has run.
+pub(in crate::sanitize) fn image<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    op: &ImageOp,
+) {
+    if !sanitizer.unwritten.has_images() {
+        return;
+    }
+    for lane in batch.mask.lanes() {
+        let reader = LaneReader::new(&batch.registers, lane, bindings);
+        let (to, found) = match op {
+            ImageOp::Read(read) => {
+                let Ok((image, index)) = read.texel.resolve(reader) else { continue };
+                (read.to, sanitizer.unwritten.texel(image, index))
+            }
+            ImageOp::Write(write) => {
+                if let Ok((image, index)) = write.texel.resolve(reader) {
+                    sanitizer.write_texel(image, index, place);
+                }
+                continue;
+            }
+            // Which texels are filtered is not looked at.
+            ImageOp::Sample(sample) if sample.kind == SampleKind::QueryLod => return,
+            ImageOp::Sample(sample) => {
+                let Ok(image) = reader.image(sample.view, sample.image) else { continue };
+                (sample.to, sanitizer.unwritten.whole_image(image))
+            }
+            ImageOp::Query(_) | ImageOp::Footprint(_) | ImageOp::Process(_) => return,
+        };
+        if let Some(part) = found {
+            let cause = sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part);
+            shadow.undefine_span(to.to, to.registers(), Mask::lane(lane), cause);
+        }
+    }
+}
+
+/// The lanes whose access is to a buffer that the scene may not have filled.
+fn buffer_lanes<const W: usize>(sanitizer: &Sanitizer<'_>, batch: &Batch<W>, chunk: &Chunk) -> Mask<W> {
+    match chunk.buffer {
+        BufferRef::PushConstants | BufferRef::ShaderRecord => Mask::NONE,
+        _ if !sanitizer.unwritten.has_buffers() => Mask::NONE,
+        _ => batch.mask.without(workgroup_lanes(batch, chunk)),
+    }
+}
