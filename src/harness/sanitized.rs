@@ -46,7 +46,7 @@ pub fn run_sanitized(
                 let pipeline = reference.pass_pipeline(launch);
                 findings.extend(check_pipeline(&pipeline, levels));
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
-                let mut sanitizer = Sanitizer::new(&plans, levels);
+                let mut sanitizer = Sanitizer::new(&plans, levels).of_pipeline(&pipeline);
                 let seen = traced.entry(launch.pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
                 let size = launch.size;
@@ -107,7 +107,7 @@ pub fn sanitize_one(
     let mut findings = check_structures(scene, levels);
     findings.extend(check_pipeline(&single.pipeline, levels));
     let plans: Vec<_> = single.pipeline.programs.iter().map(ProgramPlan::new).collect();
-    let mut sanitizer = Sanitizer::new(&plans, levels);
+    let mut sanitizer = Sanitizer::new(&plans, levels).of_pipeline(&single.pipeline);
     // One ray says nothing of what no ray does.
     let mut seen = SeenRays::default();
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);

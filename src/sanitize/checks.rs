@@ -3,11 +3,13 @@
 
 pub(super) mod begin;
 mod fast_math;
+pub(super) mod hit_object;
 pub(super) mod kernel;
 mod lanes;
 pub(super) mod memory;
 pub(super) mod query;
 pub(super) mod ray;
+mod reported;
 pub(super) mod shared;
 pub(super) mod stale;
 pub(super) mod stop;

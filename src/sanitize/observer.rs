@@ -8,7 +8,9 @@ use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
-use crate::sanitize::checks::{begin, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity};
+use crate::sanitize::checks::{
+    begin, hit_object, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity,
+};
 use crate::sanitize::plan::{Executed, lane_inputs};
 use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::sanitizer::{Accesses, Sanitizer};
@@ -26,6 +28,9 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
         if first == Some(Stage::Compute) {
             begin::begin_workgroups(self, batch);
+        }
+        if first == Some(Stage::Callable) {
+            stop::check_callable_depth(self, batch);
         }
         self.frames.push(CallFrame { shader, op: OpIndex(0) });
         begin::begin(self, shader, batch, &mut shadow);
@@ -122,6 +127,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 }
             }
             Op::HitObject(object) => {
+                hit_object::check(self, batch, &mut shadow, op, object);
                 define_writes(&mut shadow, batch.mask, &mut |visit| object.accesses(visit));
             }
             Op::Stop(_) | Op::Barrier => {}

@@ -23,7 +23,7 @@ pub(super) use instruction::InstructionWords;
 use instruction::scalar_width;
 use lane_inputs::tracked_inputs;
 use uniformity::UniformityPlan;
-pub(super) use uniformity::{ResourceOperand, Uniformity};
+pub(super) use uniformity::{ResourceOperand, UniformReason, Uniformity};
 
 /// How a lane kernel's result depends on undefined operands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,6 +8,7 @@
 
 use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
 use crate::ops::access::Access;
+use crate::pipeline::Pipeline;
 use crate::program::Program;
 use crate::sanitize::cause::{Cause, CauseDetails, Causes};
 use crate::sanitize::finding::Findings;
@@ -26,6 +27,8 @@ pub(super) type Accesses<'a> = dyn FnMut(&mut dyn FnMut(Access)) + 'a;
 pub struct Sanitizer<'a> {
     pub(super) plans: &'a [ProgramPlan],
     levels: &'a Levels,
+    /// The pipeline of the shaders, where there is one.
+    pub(super) pipeline: Option<&'a Pipeline>,
     causes: Causes,
     findings: Findings,
     pub(super) frames: Vec<CallFrame>,
@@ -44,6 +47,7 @@ impl<'a> Sanitizer<'a> {
         Self {
             plans,
             levels,
+            pipeline: None,
             causes: Causes::default(),
             findings: Findings::default(),
             frames: Vec::new(),
@@ -51,6 +55,12 @@ impl<'a> Sanitizer<'a> {
             shared: WorkgroupShadow::default(),
             first_workgroup: None,
         }
+    }
+
+    /// The sanitizer of the shaders of a pipeline, which checks what follows from its records, too.
+    #[must_use]
+    pub fn of_pipeline(self, pipeline: &'a Pipeline) -> Self {
+        Self { pipeline: Some(pipeline), ..self }
     }
 
     /// What was found.
