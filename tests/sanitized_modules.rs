@@ -18,6 +18,7 @@ fn writes_to_its_own_buffer(capability: &str) -> String {
          OpMemoryModel Logical GLSL450
          OpEntryPoint GLCompute %main \"main\" %index %buffers
          OpExecutionMode %main LocalSize 2 1 1
+         OpName %buffers \"buffers\"
          OpDecorate %index BuiltIn LocalInvocationIndex
          OpDecorate %block Block
          OpMemberDecorate %block 0 Offset 0

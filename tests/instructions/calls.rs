@@ -97,18 +97,18 @@ fn callable_data_is_a_whole_variable() {
 #[test]
 fn operands_of_reorderings_and_queries_have_32_bits() {
     for (body, wanted) in [
-        ("OpReorderThreadWithHintNV %half %u1", "operand 1 of OpReorderThreadWithHintNV is of type float"),
+        ("OpReorderThreadWithHintNV %number %u1", "operand 1 of OpReorderThreadWithHintNV is of type float"),
         ("OpReorderThreadWithHitObjectNV %object %u1", "has a hint, and no number of bits"),
         (
-            "OpReorderThreadWithHitObjectNV %object %u1 %long",
+            "OpReorderThreadWithHitObjectNV %object %u1 %wide",
             "operand 3 of OpReorderThreadWithHitObjectNV is of type uint64_t",
         ),
         (
-            "OpHitObjectRecordMissNV %object %half %at %half %at %half",
+            "OpHitObjectRecordMissNV %object %number %at %number %at %number",
             "operand 2 of OpHitObjectRecordMissNV is of type float",
         ),
         (
-            "%kind = OpRayQueryGetIntersectionTypeKHR %uint %query %long",
+            "%kind = OpRayQueryGetIntersectionTypeKHR %uint %query %wide",
             "the operand Intersection is no integer of 32 bits",
         ),
     ] {
@@ -121,9 +121,9 @@ fn operands_of_reorderings_and_queries_have_32_bits() {
                 %ptr_query = OpTypePointer Private %query_type
                 %object = OpVariable %ptr_object Private
                 %query = OpVariable %ptr_query Private
-                %half = OpConstant %float 0.5
-                %at = OpConstantComposite %float3 %half %half %half
-                %long = OpConstant %ulong 1",
+                %number = OpConstant %float 0.5
+                %at = OpConstantComposite %float3 %number %number %number
+                %wide = OpConstant %ulong 1L",
             body,
             ..Shader::default()
         }
