@@ -185,14 +185,18 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 }
 
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
-/// assembled module in `src/sanitize/module_checks/tests.rs`. (`unsupported` is no rule of shaders.)
-const WITHOUT_CASE: [&str; 11] = [
+/// assembled module in `src/sanitize/module_checks/tests.rs`, `src/sanitize/contract.rs` or
+/// `tests/sanitized_modules.rs`. (`unsupported` is no rule of shaders.)
+const WITHOUT_CASE: [&str; 14] = [
+    "as-load-source",
     "atomic-class",
     "attr-readonly",
     "fastmath-modes",
     "gather-component",
     "interface-initializer",
     "non-writable",
+    "nonuniform-capability",
+    "payload-decoration",
     "payload-location",
     "record-block",
     "uniform-store",

@@ -212,3 +212,33 @@ fn presets_limit_what_a_pipeline_takes_by_itself() {
     assert_eq!(depth(""), 31);
     assert_eq!(depth("[device]\nlimits = { max_ray_recursion_depth = 3 }"), 3);
 }
+
+/// What is wrong with a case of hit objects on a device with these keys.
+fn refused_hit_objects(case: &str, device: &str) -> Option<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders/pass/hit-object").join(case);
+    let path = path.join("scene.toml");
+    let text = std::fs::read_to_string(&path).expect("a case") + "\n[device]\n" + device;
+    let found =
+        load_text(&path, &text, &DiskFiles, &LoadOptions::default()).and_then(|scene| assemble(&scene));
+    found.err().map(|error| error.render() + &error.others().iter().map(Error::render).collect::<String>())
+}
+
+#[test]
+fn attributes_of_hit_objects_fit_the_device() {
+    // A vec2 of the ray generation shader.
+    let found = refused_hit_objects("from-query", "limits = { max_ray_hit_attribute_size = 4 }");
+    let found = found.unwrap_or_default();
+    assert!(found.contains("`main` has hit attributes of 8 bytes: 4 is the most"), "{found}");
+    assert_eq!(refused_hit_objects("from-query", "limits = { max_ray_hit_attribute_size = 8 }"), None);
+}
+
+#[test]
+fn group_operations_need_a_stage_that_has_them() {
+    let found = refused_hit_objects("reordered-subgroups", "features = { ray_tracing_subgroups = false }");
+    let found = found.unwrap_or_default();
+    for words in ["a group operation in RayGenerationKHR", "`subgroupSupportedStages`", "None-06343"] {
+        assert!(found.contains(words), "no `{words}` in:\n{found}");
+    }
+    assert_eq!(refused_hit_objects("reordered-subgroups", "preset = 'permissive'"), None);
+    assert_eq!(refused_hit_objects("from-query", "features = { ray_tracing_subgroups = false }"), None);
+}

@@ -54,6 +54,7 @@ mod real_calls;
 mod result_types;
 mod rewriting;
 mod robustness;
+mod sanitized_modules;
 mod scene_init;
 mod skips;
 mod skips_payload;

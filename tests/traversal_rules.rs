@@ -310,6 +310,9 @@ fn mistakes_are_named_with_their_rule() {
     let rows = [
         (mixed, "geometry 1: AABBs in a BLAS of triangles", "03792"),
         (aabb([0.0, 1.0, 0.0, 1.0, 0.5, 1.0]), "primitive 0: minY 1 is not at most maxY 0.5", "minY-03547"),
+        // Only a NaN in minX makes a box inactive.
+        (aabb([0.0, f32::NAN, 0.0, 1.0, 1.0, 1.0]), "primitive 0: minY NaN is not", "minY-03547"),
+        (aabb([0.0, 0.0, 0.0, f32::NAN, 1.0, 1.0]), "primitive 0: minX 0 is not", "minX-03546"),
         (spheres(vec![1.0, -2.0], None), "primitive 1 has the negative radius -2", "10436"),
         (spheres(vec![1.0], None), "2 positions with 1 radii", ""),
         (spheres(vec![1.0; 2], Some(vec![0, 2])), "indices[1] names position 2 of 2", ""),

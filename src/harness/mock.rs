@@ -131,7 +131,7 @@ impl TraceCall {
     /// # Errors
     /// `InvalidScene` for an instance that cannot be.
     pub(super) fn hit_object(&self) -> Result<HitObject> {
-        let miss = EncodedRay { trace: self.trace, record: RecordIndex::of_miss(self.miss_index) };
+        let miss = EncodedRay::new(self.trace, RecordIndex::of_miss(self.miss_index), None);
         let Some(instance) = &self.found else { return Ok(HitObject::Miss(miss)) };
         let tlas = Tlas::new(vec![instance.as_ref().clone().make()?])?;
         Ok(match first_hit(&tlas, self.trace) {
@@ -142,7 +142,7 @@ impl TraceCall {
                     RecordIndex::of_hit(sbt.sbt_record_offset, geometry, self.sbt_stride, self.sbt_offset);
                 let attributes = committed.candidate.intersection.attributes.map(f32::to_bits);
                 let hit = EncodedHit { tlas, committed, attributes: attributes.into_iter().collect() };
-                HitObject::Hit(EncodedRay { trace: self.trace, record }, hit)
+                HitObject::Hit(EncodedRay::new(self.trace, record, None), hit)
             }
         })
     }

@@ -68,8 +68,10 @@ pub fn run_sanitized(
             PassWork::Launch(launch) => {
                 let pipeline = reference.pass_pipeline(launch);
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
-                let mut sanitizer =
-                    Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
+                let mut sanitizer = Sanitizer::new(&plans, levels)
+                    .of_pipeline(&pipeline)
+                    .with_unwritten(unwritten)
+                    .with_resources(&resources);
                 let pass_pipeline = launch.pipeline;
                 let seen = traced.entry(pass_pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
@@ -146,7 +148,10 @@ pub fn sanitize_one(
     let plans: Vec<_> = single.pipeline.programs.iter().map(ProgramPlan::new).collect();
     // What passes before it have written is not known.
     let unwritten = if is_first { unwritten_memory(scene, &resources) } else { UnwrittenMemory::default() };
-    let mut sanitizer = Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
+    let mut sanitizer = Sanitizer::new(&plans, levels)
+        .of_pipeline(&single.pipeline)
+        .with_unwritten(unwritten)
+        .with_resources(&resources);
     // One ray says nothing of what no ray does.
     let mut seen = SeenRays::default();
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);

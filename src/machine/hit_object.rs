@@ -8,6 +8,7 @@ use std::sync::Arc;
 use smallvec::SmallVec;
 
 use crate::accel::{Committed, RecordIndex, Tlas, TraceRay};
+use crate::machine::index::OpIndex;
 use crate::machine::object::ObjectPool;
 use crate::machine::trap::TrapCode;
 
@@ -35,6 +36,24 @@ pub struct EncodedRay {
     pub trace: TraceRay,
     /// The index into the miss or the hit table.
     pub record: RecordIndex,
+    /// What recorded it.
+    pub origin: HitObjectOrigin,
+}
+
+/// What recorded a hit object. Only observers of shaders ask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HitObjectOrigin {
+    /// The operation; `None` where a test stands in for the pipeline.
+    pub op: Option<OpIndex>,
+    /// The record's index before `OpHitObjectSetShaderBindingTableRecordIndexEXT` changed it.
+    pub record: RecordIndex,
+}
+
+impl EncodedRay {
+    /// A ray and its record, as an operation records them.
+    pub fn new(trace: TraceRay, record: RecordIndex, op: Option<OpIndex>) -> Self {
+        Self { trace, record, origin: HitObjectOrigin { op, record } }
+    }
 }
 
 /// The hit of a hit object, beside its ray.

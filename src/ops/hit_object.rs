@@ -16,7 +16,7 @@ use crate::ops::access::{Access, object_accesses, object_write_accesses};
 use crate::ops::memory;
 
 pub use getters::HitObjectGetter;
-pub use translate::{OPCODES, translate};
+pub use translate::{OPCODES, has_time, hint_operand, translate};
 
 mod getters;
 mod translate;
@@ -95,6 +95,20 @@ impl HitObjectOp {
         }
     }
 
+    /// The hit object that the operation writes or reads; `None` for those that only reorder.
+    pub fn object(&self) -> Option<ObjectRef> {
+        match *self {
+            Self::RecordHit { object, .. }
+            | Self::RecordMiss { object, .. }
+            | Self::RecordEmpty { object }
+            | Self::RecordFromQuery { object, .. }
+            | Self::SetRecord { object, .. }
+            | Self::Get { object, .. }
+            | Self::GetAttributes { object, .. } => Some(object),
+            Self::Reorder => None,
+        }
+    }
+
     /// Runs the operation for the running lanes.
     #[inline(never)]
     pub fn eval<const W: usize>(&self, batch: &mut Batch<W>, bindings: &Bindings) {
@@ -113,7 +127,7 @@ impl HitObjectOp {
                 let trace = trace(&words[2..], RayFlags(words[0]));
                 check_ray(batch, lane, &trace)?;
                 let record = RecordIndex::of_miss(words[1]);
-                store(batch, object, lane, HitObject::Miss(EncodedRay { trace, record }))
+                store(batch, object, lane, HitObject::Miss(EncodedRay::new(trace, record, Some(batch.op))))
             }),
             Self::RecordEmpty { object } => {
                 for_each_lane(batch, |batch, lane| store(batch, object, lane, HitObject::Empty));
@@ -124,12 +138,13 @@ impl HitObjectOp {
                     let given: Attributes =
                         batch.registers.lane_words(attributes.first, attributes.count, lane).collect();
                     let kind = hit_kind.map_or(0, |reg| batch.registers[reg].0[lane]);
+                    let op = batch.op;
                     let register = query.register(&batch.registers, lane)?;
                     let query = batch.queries.query(batch.registers[register].0[lane])?;
                     let Some(&committed) = query.committed() else {
                         return store(batch, object, lane, HitObject::Empty);
                     };
-                    let encoded = EncodedRay { trace: *query.trace(), record };
+                    let encoded = EncodedRay::new(*query.trace(), record, Some(op));
                     let tlas = query.tlas().clone();
                     let (committed, attributes) = match committed.candidate.is_box() {
                         true => (Committed { hit_kind: HitKind(kind), ..committed }, given),
@@ -274,7 +289,7 @@ fn recorded_hit<const W: usize>(
     let candidate = Candidate { instance, geometry, primitive, intersection, opaque: true };
     let committed = Committed { candidate, t: trace.ray.t_max, hit_kind: HitKind(kind) };
     let hit = EncodedHit { tlas: tlas.clone(), committed, attributes };
-    Ok(HitObject::Hit(EncodedRay { trace, record }, hit))
+    Ok(HitObject::Hit(EncodedRay::new(trace, record, Some(batch.op)), hit))
 }
 
 /// The surface that a recorded hit of a kind of geometry stands for.

@@ -5,6 +5,7 @@
 //! Types that are opaque to this crate, and floats of another encoding, are left to the
 //! translation.
 
+mod rays;
 mod rules;
 
 use crate::error::Result;
@@ -13,6 +14,7 @@ use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::translate::Translator;
 
+use rays::ray;
 pub use rules::{OperandTypeRule, core, glsl};
 
 /// Sets of scalar types.
@@ -120,7 +122,7 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
             (rule, operands, name)
         }
         _ => {
-            let Some(rule) = core(number) else { return Ok(()) };
+            let Some(rule) = core(number).or_else(|| ray(number)) else { return Ok(()) };
             (rule, operands, opcode_name(number))
         }
     };

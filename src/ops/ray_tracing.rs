@@ -93,6 +93,16 @@ impl RayTracingOp {
         }
     }
 
+    /// The hit object that it writes or reads, where there is one.
+    pub fn hit_object(&self) -> Option<ObjectRef> {
+        match *self {
+            Self::HitObjectTrace { object, .. }
+            | Self::HitObjectExecute { object, .. }
+            | Self::HitObjectRecordHandle { object, .. } => Some(object),
+            Self::TraceRay { .. } | Self::ExecuteCallable { .. } | Self::ReportIntersection { .. } => None,
+        }
+    }
+
     /// The stop that the running lanes make.
     pub fn stop<const W: usize>(&self, batch: &Batch<W>) -> Stop<W> {
         let mask = batch.mask;

@@ -37,7 +37,7 @@ impl TraceOperands {
                 _ => return None,
             };
             let operands = module.operands(instruction);
-            let values = |at: usize| values(module, Id(*operands.get(at)?), DEPTH);
+            let values = |at: usize| possible_constants(module, Id(*operands.get(at)?));
             Some(Self {
                 sbt_offset: values(first),
                 sbt_stride: values(first + 1),
@@ -56,6 +56,11 @@ fn instructions(module: &Module) -> impl Iterator<Item = (u32, &Instruction)> {
 }
 
 /// The constants that a value may be; `None` where it may be something else.
+pub fn possible_constants(module: &Module, id: Id) -> Option<BTreeSet<u64>> {
+    values(module, id, DEPTH)
+}
+
+/// As [`possible_constants`], to a depth.
 fn values(module: &Module, id: Id, depth: u32) -> Option<BTreeSet<u64>> {
     let depth = depth.checked_sub(1)?;
     if let Some(constant) = module.scalar_value(id) {

@@ -5,9 +5,12 @@
 
 use crate::accel::{GeometryKind, Tlas};
 use crate::error::{Error, ErrorKind, Result};
+use crate::machine::OpIndex;
 use crate::module::Module;
 use crate::module::names::capability_name;
+use crate::ops::op::Op;
 use crate::pipeline::{PipelineFlags, flags};
+use crate::program::Program;
 
 /// Bytes of a shader group's handle (`shaderGroupHandleSize`), the same on every device.
 const HANDLE_SIZE: u64 = 32;
@@ -90,6 +93,9 @@ features! {
     runtime_descriptor_array "runtimeDescriptorArray" [5302u32];
     /// `VkPhysicalDeviceRobustness2FeaturesKHR::nullDescriptor`
     null_descriptor "nullDescriptor" [];
+    /// `VkPhysicalDeviceSubgroupProperties::supportedStages` has the ray-tracing stages, whose
+    /// shaders may then execute group operations.
+    ray_tracing_subgroups "subgroupSupportedStages" [];
     /// `VkPhysicalDeviceShaderClockFeaturesKHR::shaderSubgroupClock`
     shader_clock "shaderSubgroupClock" [5055u32];
 }
@@ -138,6 +144,9 @@ limits! {
     max_shader_group_stride u64::MAX, 4096;
     /// `maxRayDispatchInvocationCount`
     max_ray_dispatch_invocation_count 1 << 40, 1 << 30;
+    /// `maxShaderBindingTableRecordIndex`, which a shader may set in a hit object. Presets leave it
+    /// at the greatest.
+    max_shader_binding_table_record_index u32::MAX as u64, u32::MAX as u64;
     /// `maxGeometryCount`, of one BLAS.
     max_geometry_count (1 << 24) - 1, (1 << 24) - 1;
     /// `maxInstanceCount`, of one TLAS.
@@ -348,6 +357,26 @@ impl DeviceProfile {
         let message =
             format!("`{shader}` has hit attributes of {size} bytes: {limit} is the most on `{}`", self.name);
         Err(Error::new(ErrorKind::InvalidModule, message).note("maxRayHitAttributeSize"))
+    }
+
+    /// Checks that a shader of a pipeline may execute its group operations.
+    pub(super) fn check_subgroups(&self, program: &Program) -> Result<()> {
+        let group_operation =
+            (0..).map(OpIndex).zip(&program.ops).find(|(_, op)| matches!(op, Op::Subgroup(_)));
+        match group_operation {
+            Some((op, _)) if !self.features.ray_tracing_subgroups => {
+                let message = format!(
+                    "a group operation in {}, a stage which `subgroupSupportedStages` of the device `{}` does \
+                     not have",
+                    program.stage.name(),
+                    self.name
+                );
+                let error = Error::new(ErrorKind::InvalidModule, message);
+                let error = error.note("VUID-RuntimeSpirv-None-06343");
+                Err(program.place(op).into_iter().fold(error, Error::at))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Checks the data behind a record's handle, in bytes.

@@ -16,13 +16,14 @@ impl<const W: usize> Trace<W> {
     /// The hit object of a lane's ray.
     pub(super) fn hit_object(&self, lane: usize) -> HitObject {
         let trace = self.rays.get(lane);
+        let op = self.caller().map(|caller| caller.op);
         match self.committed[lane] {
-            None => HitObject::Miss(EncodedRay { trace, record: self.miss_record_index(lane) }),
+            None => HitObject::Miss(EncodedRay::new(trace, self.miss_record_index(lane), op)),
             Some(committed) => {
                 let record = self.hit_record_index(lane, &committed.candidate);
                 let attributes = self.committed_attributes(lane).iter().copied().collect();
                 let hit = EncodedHit { tlas: self.tlas(lane).clone(), committed, attributes };
-                HitObject::Hit(EncodedRay { trace, record }, hit)
+                HitObject::Hit(EncodedRay::new(trace, record, op), hit)
             }
         }
     }

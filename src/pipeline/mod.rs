@@ -30,6 +30,7 @@ mod workgroup;
 
 use std::sync::Arc;
 
+use crate::accel::RecordIndex;
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::invocation::DEFAULT_SUBGROUP_SIZE;
 use crate::machine::{LaunchLimits, Resources, ShaderIndex};
@@ -105,6 +106,9 @@ pub struct Pipeline {
     /// `maxRayDispatchInvocationCount`
     #[doc(hidden)]
     pub max_invocations: u64,
+    /// `maxShaderBindingTableRecordIndex`
+    #[doc(hidden)]
+    pub max_record_index: u64,
 }
 
 impl Pipeline {
@@ -150,6 +154,14 @@ impl Pipeline {
     /// The group of a record.
     pub(crate) fn group_of(&self, record: &SbtRecord) -> Group {
         self.groups[record.group as usize]
+    }
+
+    /// The hit group of a record; `None` for a null record and beyond the table.
+    pub(crate) fn hit_group(&self, record: RecordIndex) -> Option<HitGroup> {
+        match self.group_of(record.get(&self.sbt.hit)?.as_ref()?) {
+            Group::Hit(group) => Some(group),
+            Group::General(_) => None,
+        }
     }
 
     /// Whether a shader has no effect, whatever its inputs are.
@@ -375,6 +387,7 @@ impl PipelineBuilder {
             subgroup_size: self.subgroup_size.unwrap_or(DEFAULT_SUBGROUP_SIZE),
             flags: self.flags,
             max_invocations: self.device.limits.max_ray_dispatch_invocation_count,
+            max_record_index: self.device.limits.max_shader_binding_table_record_index,
         })
     }
 
@@ -389,7 +402,12 @@ impl PipelineBuilder {
             if !known {
                 device.check_module(&program.module).map_err(context)?;
             }
-            if let Some(registers) = program.interface_registers(storage::HIT_ATTRIBUTE) {
+            device.check_subgroups(program).map_err(context)?;
+            let is_attribute = |class: u32| {
+                [storage::HIT_ATTRIBUTE, storage::HIT_OBJECT_ATTRIBUTE_NV, storage::HIT_OBJECT_ATTRIBUTE_EXT]
+                    .contains(&class)
+            };
+            for registers in program.interface.iter().filter(|one| is_attribute(one.storage_class)) {
                 device.check_attributes(&program.name, u64::from(registers.count) * 4)?;
             }
         }

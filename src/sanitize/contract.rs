@@ -4,7 +4,7 @@
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::ShaderIndex;
 use crate::module::interface::{InterfaceVariable, Stage};
-use crate::module::ty::{Type, TypeId};
+use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
 use crate::pipeline::{Group, HitGroup, Pipeline};
@@ -17,6 +17,7 @@ use crate::sanitize::rule::{Level, Rule, contract};
 pub fn check_pipeline(pipeline: &Pipeline, levels: &Levels) -> Findings {
     let mut contract = Contract { pipeline, levels, findings: Findings::default() };
     contract.payloads();
+    contract.layouts();
     for group in &pipeline.groups {
         if let Group::Hit(group) = group {
             contract.attributes(group);
@@ -79,6 +80,47 @@ impl<'a> Contract<'a> {
                 let message = format!("the {stage} shader `{name}` declares no {what}");
                 let note = format!("the {} shader `{}` passes {ty}", caller.stage.name(), caller.name);
                 self.add(rule, shader, None, message, vec![note]);
+            }
+        }
+    }
+
+    /// Shaders whose payload or callable data has the scalars that callers pass, and another layout
+    /// by decorations.
+    fn layouts(&mut self) {
+        for [outgoing, incoming] in [
+            [storage::RAY_PAYLOAD, storage::INCOMING_RAY_PAYLOAD],
+            [storage::CALLABLE_DATA, storage::INCOMING_CALLABLE_DATA],
+        ] {
+            let of_class = |program: &'a Program, class: u32| {
+                let variables = variables(program).into_iter();
+                let own = variables.filter(move |variable| variable.storage_class == class);
+                own.filter_map(move |variable| Some((program, variable.id, variable.ty?)))
+            };
+            let passed: Vec<_> =
+                self.programs().flat_map(|(_, program)| of_class(program, outgoing)).collect();
+            let taken: Vec<_> = self
+                .programs()
+                .flat_map(|(shader, program)| of_class(program, incoming).map(move |one| (shader, one)))
+                .collect();
+            for (shader, (called, variable, ty)) in taken {
+                let same_scalars = |(caller, _, other): &&(&Program, Id, TypeId)| {
+                    scalars(&caller.module, *other) == scalars(&called.module, ty)
+                };
+                let mut similar = passed.iter().filter(same_scalars).peekable();
+                let Some(&&(caller, ..)) = similar.peek() else { continue };
+                let own = layout(&called.module, ty);
+                if similar.any(|(caller, _, other)| {
+                    let theirs = layout(&caller.module, *other);
+                    own.is_empty() || theirs.is_empty() || own == theirs
+                }) {
+                    continue;
+                }
+                let (stage, name) = (called.stage.name(), &called.name);
+                let ty = called.module.describe_type(ty);
+                let message =
+                    format!("the {stage} shader `{name}` lays {ty} out otherwise than those that pass it");
+                let note = format!("one is the {} shader `{}`", caller.stage.name(), caller.name);
+                self.add(&contract::PAYLOAD_DECORATION, shader, Some(variable), message, vec![note]);
             }
         }
     }
@@ -155,7 +197,7 @@ fn attribute(program: &Program) -> Option<(InterfaceVariable, TypeId)> {
 }
 
 /// The scalars of a type, in order; two types are the same to a group if theirs are.
-fn scalars(module: &Module, ty: TypeId) -> Vec<Type> {
+pub(super) fn scalars(module: &Module, ty: TypeId) -> Vec<Type> {
     let mut all = Vec::new();
     add_scalars(module, ty, &mut all);
     all
@@ -183,5 +225,65 @@ fn add_scalars(module: &Module, ty: TypeId, all: &mut Vec<Type>) {
             members.iter().for_each(|member| add_scalars(module, member.ty, all));
         }
         scalar => all.push(scalar.clone()),
+    }
+}
+
+/// The decorations that lay a type out, in the order of its parts; empty where there are none.
+fn layout(module: &Module, ty: TypeId) -> Vec<Layout> {
+    match module.ty(ty) {
+        Type::Struct { members, .. } => members
+            .iter()
+            .flat_map(|member| {
+                let own = member.offset.map(Layout::Offset).into_iter();
+                let matrix = member.matrix.map(Layout::Matrix).into_iter();
+                own.chain(matrix).chain(layout(module, member.ty))
+            })
+            .collect(),
+        &Type::Array { element, stride, .. } => {
+            stride.map(Layout::ArrayStride).into_iter().chain(layout(module, element)).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// A decoration that lays out a part of a type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Layout {
+    /// `Offset`
+    Offset(u32),
+    /// `MatrixStride` and `RowMajor`
+    Matrix(MatrixLayout),
+    /// `ArrayStride`
+    ArrayStride(u32),
+}
+
+#[cfg(test)]
+mod tests {
+    use rspirv::spirv::Op;
+
+    use super::*;
+    use crate::module::assemble::Assembler;
+
+    /// The layout of a struct of two uints, the second of which is at an offset.
+    fn layout_of(offset: Option<u32>) -> Vec<Layout> {
+        const OFFSET: u32 = 35;
+        let mut a = Assembler::new();
+        if let Some(offset) = offset {
+            a.op(Op::MemberDecorate, &[50, 0, OFFSET, 0]);
+            a.op(Op::MemberDecorate, &[50, 1, OFFSET, offset]);
+        }
+        a.types();
+        a.op(Op::TypeStruct, &[50, 5, 5]);
+        let module = a.loaded();
+        let ty = module.type_with_id(Id(50)).expect("the struct");
+        assert_eq!(scalars(&module, ty).len(), 2);
+        layout(&module, ty)
+    }
+
+    #[test]
+    fn layouts_differ_where_members_lie_elsewhere() {
+        assert_eq!(layout_of(None), []);
+        assert_eq!(layout_of(Some(4)), [Layout::Offset(0), Layout::Offset(4)]);
+        assert_ne!(layout_of(Some(4)), layout_of(Some(16)));
     }
 }

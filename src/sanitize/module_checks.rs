@@ -55,6 +55,8 @@ static CHECKS: &[Check] = &[
     (&module::PAYLOAD_LOCATION, declarations::payload_location),
     (&module::PAYLOAD_ALIASING, declarations::payload_aliasing),
     (&module::NO_REPACK_MODE, declarations::no_repack_mode),
+    (&module::AS_LOAD_SOURCE, memory::as_load_source),
+    (&module::REORDER_HINT_BITS, declarations::reorder_hint_bits),
     (&module::FASTMATH_MODES, declarations::fastmath_modes),
     (&module::BITOP_WIDTH, declarations::bitop_width),
     (&module::GATHER_COMPONENT, declarations::gather_component),

@@ -10,7 +10,8 @@ use crate::ops::ray_query::RayQueryOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::checks::{
-    barrier, begin, bounds, contents, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity,
+    barrier, begin, bounds, contents, hit_object, kernel, memory, query, ray, shared, stale, stop, subgroup,
+    uniformity,
 };
 use crate::sanitize::plan::{Executed, lane_inputs};
 use crate::sanitize::report::{CallFrame, Sink};
@@ -29,6 +30,9 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
         if first == Some(Stage::Compute) {
             begin::begin_workgroups(self, batch);
+        }
+        if first == Some(Stage::Callable) {
+            stop::check_callable_depth(self, batch);
         }
         let caller = self.frames.last().map(|frame| frame.call);
         let call = self.races.as_mut().map_or(0, |races| races.begin_call(caller));
@@ -146,6 +150,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 }
             }
             Op::HitObject(object) => {
+                hit_object::check(self, batch, &mut shadow, op, object);
                 define_writes(&mut shadow, batch.mask, &mut |visit| object.accesses(visit));
             }
             Op::Stop(_) | Op::Barrier => {}

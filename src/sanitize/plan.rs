@@ -24,7 +24,7 @@ pub(super) use instruction::InstructionWords;
 use instruction::scalar_width;
 use lane_inputs::tracked_inputs;
 use uniformity::UniformityPlan;
-pub(super) use uniformity::{ResourceOperand, Uniformity};
+pub(super) use uniformity::{ResourceOperand, UniformReason, Uniformity};
 use values::Values;
 
 /// How a lane kernel's result depends on undefined operands.

@@ -47,6 +47,8 @@ pub enum Sink {
     HitKind,
     /// The hit attributes of a reported intersection.
     Report,
+    /// A hit object.
+    HitObject,
     /// Other lanes of the subgroup.
     Subgroup,
 }
@@ -70,6 +72,7 @@ impl Sink {
             Self::ReportedT => "reaches the t of a reported intersection".into(),
             Self::HitKind => "reaches the hit kind of a reported intersection".into(),
             Self::Report => "reaches the hit attributes of a reported intersection".into(),
+            Self::HitObject => "reaches a hit object".into(),
             Self::Subgroup => "reaches other lanes of the subgroup".into(),
         }
     }

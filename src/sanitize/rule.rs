@@ -22,6 +22,7 @@ macro_rules! rules {
 pub mod arithmetic;
 pub mod choice;
 pub mod contract;
+pub mod hit_object;
 pub mod memory;
 pub mod module;
 pub mod query;
@@ -145,6 +146,7 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
     let sections = [
         trace::RULES,
         query::RULES,
+        hit_object::RULES,
         contract::RULES,
         structure::RULES,
         subgroup::RULES,

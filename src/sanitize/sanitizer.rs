@@ -11,6 +11,7 @@ use rustc_hash::FxHashSet;
 use crate::machine::image::Image;
 use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, Resources, ShaderIndex, ShadowRegisters};
 use crate::ops::access::Access;
+use crate::pipeline::Pipeline;
 use crate::program::Program;
 use crate::sanitize::cause::{Cause, CauseDetails, Causes, OpPlace};
 use crate::sanitize::finding::Findings;
@@ -30,6 +31,8 @@ pub(super) type Accesses<'a> = dyn FnMut(&mut dyn FnMut(Access)) + 'a;
 pub struct Sanitizer<'a> {
     pub(super) plans: &'a [ProgramPlan],
     levels: &'a Levels,
+    /// The pipeline of the shaders, where there is one.
+    pub(super) pipeline: Option<&'a Pipeline>,
     causes: Causes,
     findings: Findings,
     pub(super) frames: Vec<CallFrame>,
@@ -50,6 +53,7 @@ impl<'a> Sanitizer<'a> {
         Self {
             plans,
             levels,
+            pipeline: None,
             causes: Causes::default(),
             findings: Findings::default(),
             frames: Vec::new(),
@@ -73,6 +77,12 @@ impl<'a> Sanitizer<'a> {
         let overlapping = overlapping_bindings(resources);
         let plans = self.plans;
         Self { races: self.races.map(|_| Races::new(plans, &overlapping)), ..self }
+    }
+
+    /// The sanitizer of the shaders of a pipeline, which checks what follows from its records, too.
+    #[must_use]
+    pub fn of_pipeline(self, pipeline: &'a Pipeline) -> Self {
+        Self { pipeline: Some(pipeline), ..self }
     }
 
     /// What was found.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashSet;
 
-use crate::accel::{EndCaps, Geometry, GeometryData, HitPrimitive, Indexing, Tlas, TlasInstance};
+use crate::accel::{EndCaps, Geometry, GeometryData, HitPrimitive, Indexing, Motion, Tlas, TlasInstance};
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::ShaderIndex;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
@@ -131,6 +131,10 @@ impl StructureFindings<'_> {
                 None,
             ));
         }
+        found.extend(long_quaternion(instance).map(|length| {
+            let message = format!("a quaternion of the SRT motion of {} has the length {length:.4}", name());
+            (&structure::AS_MOTION, message, None)
+        }));
         let times: &[f32] = if instance.motion.is_some() { &[0.0, 1.0] } else { &[0.0] };
         let worst = times.iter().map(|&time| relative_determinant(&instance.object_to_world(time)));
         let worst = worst.fold(f64::INFINITY, f64::min);
@@ -181,6 +185,16 @@ impl StructureFindings<'_> {
         let finding = Finding { rule, level, count: 0, launch_id: [0; 3], stack: Vec::new(), error };
         self.findings.add(key, count, Some(finding));
     }
+}
+
+/// The length of the first quaternion of an instance's motion that is not of length 1, but for
+/// rounding.
+fn long_quaternion(instance: &TlasInstance) -> Option<f64> {
+    const TOLERANCE: f64 = 1.0 / 1024.0;
+    let Some(Motion::Srt(keys)) = &instance.motion else { return None };
+    let lengths =
+        keys.iter().map(|key| key.quaternion.map(|x| f64::from(x).powi(2)).iter().sum::<f64>().sqrt());
+    lengths.into_iter().find(|length| (length - 1.0).abs() > TOLERANCE)
 }
 
 /// The determinant of a transform's linear part against the product of the lengths of its rows, or
@@ -332,7 +346,7 @@ fn chains(indices: &[u32], is_active: impl Fn(usize) -> bool) -> Vec<BrokenPrimi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accel::GeometryFlags;
+    use crate::accel::{Blas, GeometryFlags, Srt};
 
     const NAN: f32 = f32::NAN;
 
@@ -415,6 +429,21 @@ mod tests {
         assert_eq!(chain(vec![0, 1, 2, 3], EndCaps::None, 2), []);
         // A chain of one is inactive as a whole.
         assert_eq!(chain(vec![0, 3], EndCaps::Chained, 0), []);
+    }
+
+    #[test]
+    fn rotations_of_motions_have_length_one() {
+        let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let data = GeometryData::Triangles { vertices, indices: None, transform: None };
+        let blas = Blas::new(vec![Geometry::new(data, GeometryFlags::default())]).expect("a triangle");
+        let length = |quaternion: [f32; 4]| {
+            let motion = Motion::Srt(Box::new([Srt::default(), Srt { quaternion, ..Srt::default() }]));
+            let matrix = motion.at(0.0).expect("a transform");
+            long_quaternion(&TlasInstance { motion: Some(motion), ..TlasInstance::of(blas.clone(), matrix) })
+        };
+        assert_eq!(length([0.0, 3.0, 0.0, 4.0]), Some(5.0));
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        assert_eq!(length([0.0, half, 0.0, -half]), None);
     }
 
     #[test]

@@ -9,10 +9,11 @@ use crate::accel::{
 };
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{RayQueryStep, ShaderIndex};
+use crate::ops::ray_tracing::MotionInstruction;
 use crate::pipeline::{Caller, Event, Group, HitGroup, Pipeline, source_line, with_location};
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
-use crate::sanitize::rule::{Level, Rule, structure};
+use crate::sanitize::rule::{Level, Rule, structure, trace};
 use crate::sanitize::structures::{StructureNames, geometry_name, instance_name, structure_key};
 
 /// The flags of a ray that cull triangles by their facing.
@@ -194,7 +195,7 @@ impl RayKind {
         index: u32,
     ) -> Option<(ShaderIndex, bool)> {
         let record = RecordIndex::of_hit(instance.sbt_record_offset, index, self.stride, self.offset);
-        let shader = group_at(pipeline, record)?.any_hit?;
+        let shader = pipeline.hit_group(record)?.any_hit?;
         let geometry = &instance.blas.geometries()[index as usize];
         let flags = self.flags | RayFlags(pipeline.flags.ray_flags());
         if is_skipped(flags, geometry.data.kind()) {
@@ -288,11 +289,17 @@ impl<'a> RayWatch<'a> {
                     offset: offset & 0xF,
                 };
                 let is_never_culled = self.seen.add(&tlas, &trace, Some(kind)).is_never_culled;
-                let has_micromaps = tlas.has_micromaps();
+                let (has_micromaps, moves) = (tlas.has_micromaps(), tlas.moves());
                 self.active.push(ActiveRay { launch_id, caller, tlas, sbt });
                 if is_never_culled && trace.flags.0 & FACE_CULLS != 0 {
                     self.tell(&structure::AS_CULL_DISABLED, launch_id, 0, || {
                         let message = "a ray culls triangles by their facing, which all instances disable";
+                        (message.to_owned(), Vec::new())
+                    });
+                }
+                if !moves && caller.is_some_and(|caller| self.has_time(caller)) {
+                    self.tell(&trace::RAY_MOTION_NEEDS_AS, launch_id, 0, || {
+                        let message = "a ray has a time, and nothing moves in its acceleration structure";
                         (message.to_owned(), Vec::new())
                     });
                 }
@@ -319,7 +326,7 @@ impl<'a> RayWatch<'a> {
 
     /// Checks that the hit group of a candidate is for its kind of primitive.
     fn check_group(&mut self, launch_id: [u32; 3], candidate: &Candidate, record: RecordIndex) {
-        let Some(group) = group_at(self.pipeline, record) else { return };
+        let Some(group) = self.pipeline.hit_group(record) else { return };
         // A group without shaders does what a null record does.
         if group == HitGroup::default() || group.intersection.is_some() == candidate.is_box() {
             return;
@@ -359,6 +366,14 @@ impl<'a> RayWatch<'a> {
             ];
             (message, notes)
         });
+    }
+
+    /// Whether an instruction traces at a time.
+    fn has_time(&self, caller: Caller) -> bool {
+        let program = &self.pipeline.programs[caller.shader.index()];
+        let offset = program.origins.get(caller.op.index()).map(|origin| origin.offset as usize);
+        let head = offset.and_then(|offset| program.module.words.get(offset));
+        head.is_some_and(|&head| MotionInstruction::of(head as u16).is_some())
     }
 
     /// The innermost ray of an invocation.
@@ -406,15 +421,6 @@ impl<'a> RayWatch<'a> {
             Finding { rule, level, count: 0, launch_id, stack, error }
         });
         self.findings.add(key, 1, new);
-    }
-}
-
-/// The hit group of a record; `None` for a null one and beyond the table.
-fn group_at(pipeline: &Pipeline, record: RecordIndex) -> Option<HitGroup> {
-    let record = record.get(&pipeline.sbt.hit)?.as_ref()?;
-    match pipeline.groups.get(record.group as usize) {
-        Some(Group::Hit(group)) => Some(*group),
-        _ => None,
     }
 }
 

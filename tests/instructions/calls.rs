@@ -73,3 +73,61 @@ fn a_function_doubles_what_a_pointer_leads_to_with_each_call() {
         assert_eq!(words[..2], [4 * id, 8 * id]);
     }
 }
+
+/// `SPV_KHR_ray_tracing`, OpExecuteCallableKHR: the data is the result of an OpVariable.
+#[test]
+fn callable_data_is_a_whole_variable() {
+    let error = Shader {
+        declarations: "
+            %pair = OpTypeStruct %uint %uint
+            %ptr_CallableData_pair = OpTypePointer CallableDataKHR %pair
+            %ptr_CallableData_uint = OpTypePointer CallableDataKHR %uint
+            %data = OpVariable %ptr_CallableData_pair CallableDataKHR",
+        body: "
+            %second = OpAccessChain %ptr_CallableData_uint %data %u1
+            OpExecuteCallableKHR %u0 %second",
+        ..Shader::default()
+    }
+    .refused();
+    assert!(error.message().contains("is no variable: a whole variable is needed here"), "{error}");
+}
+
+/// `SPV_NV_shader_invocation_reorder` and `SPV_KHR_ray_query`: operands are words and floats of 32
+/// bits, and a hint comes with its number of bits.
+#[test]
+fn operands_of_reorderings_and_queries_have_32_bits() {
+    for (body, wanted) in [
+        ("OpReorderThreadWithHintNV %number %u1", "operand 1 of OpReorderThreadWithHintNV is of type float"),
+        ("OpReorderThreadWithHitObjectNV %object %u1", "has a hint, and no number of bits"),
+        (
+            "OpReorderThreadWithHitObjectNV %object %u1 %wide",
+            "operand 3 of OpReorderThreadWithHitObjectNV is of type uint64_t",
+        ),
+        (
+            "OpHitObjectRecordMissNV %object %number %at %number %at %number",
+            "operand 2 of OpHitObjectRecordMissNV is of type float",
+        ),
+        (
+            "%kind = OpRayQueryGetIntersectionTypeKHR %uint %query %wide",
+            "the operand Intersection is no integer of 32 bits",
+        ),
+    ] {
+        let error = Shader {
+            capabilities: "OpCapability ShaderInvocationReorderNV\nOpCapability RayQueryKHR",
+            declarations: "
+                %object_type = OpTypeHitObjectNV
+                %query_type = OpTypeRayQueryKHR
+                %ptr_object = OpTypePointer Private %object_type
+                %ptr_query = OpTypePointer Private %query_type
+                %object = OpVariable %ptr_object Private
+                %query = OpVariable %ptr_query Private
+                %number = OpConstant %float 0.5
+                %at = OpConstantComposite %float3 %number %number %number
+                %wide = OpConstant %ulong 1L",
+            body,
+            ..Shader::default()
+        }
+        .refused();
+        assert!(error.message().contains(wanted), "{body}: {error}");
+    }
+}

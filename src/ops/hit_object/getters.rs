@@ -17,6 +17,13 @@ pub struct HitObjectGetter {
     pub(super) read: fn(&HitObject, &mut [u32]) -> Result<(), TrapCode>,
 }
 
+impl HitObjectGetter {
+    /// Whether it reads the time of the ray.
+    pub fn reads_time(&self) -> bool {
+        self.opcodes.contains(&Opcode::HitObjectGetCurrentTimeEXT)
+    }
+}
+
 impl std::fmt::Debug for HitObjectGetter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.name)

@@ -103,6 +103,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         return Ok(false);
     }
     check_stage(translator, opcode, instruction)?;
+    check_hint(translator, opcode, instruction)?;
     if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
         emit(translator, HitObjectOp::Reorder);
         return Ok(true);
@@ -121,9 +122,9 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         | Opcode::HitObjectTraceRayMotionEXT
         | Opcode::HitObjectTraceRayMotionNV
         | Opcode::HitObjectTraceMotionReorderExecuteEXT => {
-            let end = if has_motion(opcode) { 12 } else { 11 };
+            let end = if has_time(opcode) { 12 } else { 11 };
             let operands =
-                operands_with_time(translator, instruction, 1..end, has_motion(opcode), TRACE_OPERANDS)?;
+                operands_with_time(translator, instruction, 1..end, has_time(opcode), TRACE_OPERANDS)?;
             let payload = payload(translator, instruction, end)?;
             translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectTrace {
                 object,
@@ -162,31 +163,31 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 opcode,
                 Opcode::HitObjectRecordHitWithIndexNV | Opcode::HitObjectRecordHitWithIndexMotionNV
             );
-            let end = 12 - usize::from(with_index) + usize::from(has_motion(opcode));
+            let end = 12 - usize::from(with_index) + usize::from(has_time(opcode));
             let operands = operands_with_time(
                 translator,
                 instruction,
                 1..end,
-                has_motion(opcode),
+                has_time(opcode),
                 hit_operands(with_index),
             )?;
             let attributes = attributes(translator, instruction, end)?;
             emit(translator, HitObjectOp::RecordHit { object, operands, with_index, attributes });
         }
         Opcode::HitObjectRecordMissEXT | Opcode::HitObjectRecordMissMotionEXT => {
-            let end = if has_motion(opcode) { 8 } else { 7 };
+            let end = if has_time(opcode) { 8 } else { 7 };
             let operands =
-                operands_with_time(translator, instruction, 1..end, has_motion(opcode), MISS_OPERANDS)?;
+                operands_with_time(translator, instruction, 1..end, has_time(opcode), MISS_OPERANDS)?;
             emit(translator, HitObjectOp::RecordMiss { object, operands });
         }
         Opcode::HitObjectRecordMissNV | Opcode::HitObjectRecordMissMotionNV => {
             // These have no ray flags.
             let mut words: Words = SmallVec::from_slice(&[translator.constant(0)?]);
-            let end = if has_motion(opcode) { 7 } else { 6 };
+            let end = if has_time(opcode) { 7 } else { 6 };
             for at in 1..end {
                 words.extend(translator.operand(instruction, at)?);
             }
-            if !has_motion(opcode) {
+            if !has_time(opcode) {
                 words.push(translator.constant(0)?);
             }
             let operands = consecutive_operands(translator, instruction, &words, MISS_OPERANDS)?;
@@ -252,10 +253,35 @@ fn check_stage(translator: &Translator<'_>, opcode: Opcode, instruction: &Instru
     )))
 }
 
+/// Rejects a hint without its number of bits.
+fn check_hint(translator: &Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+    let hint = hint_operand(opcode);
+    if hint.is_some_and(|hint| translator.operands(instruction).len() == hint + 1) {
+        let name = crate::module::names::opcode_name(instruction.opcode);
+        return Err(translator.invalid(format!(
+            "{name} has a hint, and no number of bits (SPV_EXT_shader_invocation_reorder)"
+        )));
+    }
+    Ok(())
+}
+
+/// Which operand of an instruction that reorders is the hint, where it has one; the number of its
+/// bits follows.
+pub fn hint_operand(opcode: Opcode) -> Option<usize> {
+    Some(match opcode {
+        Opcode::ReorderThreadWithHintNV | Opcode::ReorderThreadWithHintEXT => 0,
+        Opcode::ReorderThreadWithHitObjectNV | Opcode::ReorderThreadWithHitObjectEXT => 1,
+        Opcode::HitObjectReorderExecuteShaderEXT => 2,
+        Opcode::HitObjectTraceReorderExecuteEXT => 12,
+        Opcode::HitObjectTraceMotionReorderExecuteEXT => 13,
+        _ => return None,
+    })
+}
+
 type Words = SmallVec<[Reg; 17]>;
 
 /// Whether an instruction takes a time.
-fn has_motion(opcode: Opcode) -> bool {
+pub fn has_time(opcode: Opcode) -> bool {
     matches!(
         opcode,
         Opcode::HitObjectTraceRayMotionEXT

@@ -17,7 +17,8 @@ pub struct OperandTypeRule {
     pub operands: &'static [TypeConstraint],
 }
 
-const fn rule(result: TypeConstraint, operands: &'static [TypeConstraint]) -> OperandTypeRule {
+/// A rule.
+pub(super) const fn rule(result: TypeConstraint, operands: &'static [TypeConstraint]) -> OperandTypeRule {
     OperandTypeRule { result, operands }
 }
 
@@ -233,7 +234,7 @@ pub fn core(number: u16) -> Option<&'static OperandTypeRule> {
             static RULE: OperandTypeRule = rule(Bits(INT, 32), &[SameShape(INT, 0), SameShape(INT, 0)]);
             &RULE
         }
-        op => return subgroup(op).or_else(|| ray(op)).or_else(|| atomic(op)),
+        op => return subgroup(op).or_else(|| atomic(op)),
     })
 }
 
@@ -342,34 +343,6 @@ fn atomic(op: Op) -> Option<&'static OperandTypeRule> {
         | Op::AtomicFMinEXT
         | Op::AtomicFMaxEXT => {
             static RULE: OperandTypeRule = rule(Any, &[PointerTo(0), Any, Any, SameAs(0)]);
-            &RULE
-        }
-        _ => return None,
-    })
-}
-
-/// The rule of an instruction that traces, whose operands have 32 bits.
-fn ray(op: Op) -> Option<&'static OperandTypeRule> {
-    const WORD: TypeConstraint = ScalarBits(INT, 32);
-    const FLOAT32: TypeConstraint = ScalarBits(FLOAT, 32);
-    const VECTOR: TypeConstraint = VectorBits(FLOAT, 32, 3);
-    Some(match op {
-        Op::TraceRayKHR => {
-            static RULE: OperandTypeRule =
-                rule(Any, &[Any, WORD, WORD, WORD, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
-            &RULE
-        }
-        Op::ExecuteCallableKHR => {
-            static RULE: OperandTypeRule = rule(Any, &[WORD]);
-            &RULE
-        }
-        Op::ReportIntersectionKHR => {
-            static RULE: OperandTypeRule = rule(Scalar(BOOL), &[FLOAT32, ScalarBits(UINT, 32)]);
-            &RULE
-        }
-        Op::RayQueryInitializeKHR => {
-            static RULE: OperandTypeRule =
-                rule(Any, &[Any, Any, WORD, WORD, VECTOR, FLOAT32, VECTOR, FLOAT32]);
             &RULE
         }
         _ => return None,

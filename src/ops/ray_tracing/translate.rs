@@ -6,7 +6,7 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
-use crate::module::{Id, Instruction};
+use crate::module::{Definition, Id, Instruction};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::ray_tracing::{RayTracingOp, TRACE_OPERANDS};
@@ -108,6 +108,10 @@ fn named_variable(
 
 /// The registers of a whole variable of one of some storage classes.
 pub fn variable_span(translator: &mut Translator<'_>, id: Id, classes: &[u32]) -> Result<RegSpan> {
+    if !matches!(translator.module.definition(id), Some(Definition::Variable(_))) {
+        let message = format!("%{} is no variable: a whole variable is needed here", id.0);
+        return Err(translator.invalid(message).note(RULES));
+    }
     let pointer = translator.pointer(id)?;
     if !classes.contains(&pointer.storage_class) {
         let name = crate::module::names::storage_class_name;

@@ -1,7 +1,8 @@
 //! Rules about the operands of traces and ray queries that are no traps: those of undefined values,
 //! and lints on bits that are cut in silence.
 
-use crate::machine::{Batch, Mask, OpIndex, Reg, ShadowRegisters};
+use crate::accel::RayFlags;
+use crate::machine::{Batch, Lanes, Mask, OpIndex, Reg, ShadowRegisters};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
 use crate::sanitize::report::Sink;
 use crate::sanitize::rule::trace;
@@ -41,6 +42,7 @@ pub(in crate::sanitize) fn check_trace<const W: usize>(
     for (word, name) in (0..).zip(OPERANDS) {
         sanitizer.depend(batch, shadow, op, operands.plus(word), Sink::Ray(name));
     }
+    check_address(sanitizer, batch, op, operands);
     check_flags_and_mask(sanitizer, batch, op, operands.plus(2));
     let word = |at: u32, lane: usize| batch.registers[operands.plus(at)].0[lane];
     let above = |at: u32, most: u32| batch.mask & Mask::from_fn(|lane| word(at, lane) > most);
@@ -72,8 +74,46 @@ pub(in crate::sanitize) fn check_query<const W: usize>(
     for (word, name) in (0..).zip(names) {
         sanitizer.depend(batch, shadow, op, operands.plus(word), Sink::Ray(name));
     }
+    check_address(sanitizer, batch, op, operands);
     check_flags_and_mask(sanitizer, batch, op, operands.plus(2));
     check_direction(sanitizer, batch, op, operands.plus(8));
+}
+
+/// The flags that skip triangles or boxes.
+const SKIPS: u32 = RayFlags::SKIP_TRIANGLES.0 | RayFlags::SKIP_AABBS.0;
+/// `RayTraversalPrimitiveCullingKHR`
+const RAY_TRAVERSAL_PRIMITIVE_CULLING: u32 = 4478;
+
+/// Checks that the module of a ray that skips primitives declares the capability.
+fn check_skips<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    flags: &Lanes<W>,
+) {
+    let Some((_, plan)) = sanitizer.plan() else { return };
+    if plan.program.module.capabilities.contains(&RAY_TRAVERSAL_PRIMITIVE_CULLING) {
+        return;
+    }
+    let skipping = batch.mask & Mask::from_fn(|lane| flags.0[lane] & SKIPS != 0);
+    sanitizer.tell(batch, &trace::RAY_SKIP_CAPABILITY, op, skipping, |lane| {
+        let skips = if flags.0[lane] & RayFlags::SKIP_TRIANGLES.0 != 0 { "triangles" } else { "boxes" };
+        format!("a ray skips {skips}, and the module does not declare RayTraversalPrimitiveCullingKHR")
+    });
+}
+
+/// Checks that the address of an acceleration structure, in two registers, is not 0.
+fn check_address<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    structure: Reg,
+) {
+    let words = [0, 1].map(|word| &batch.registers[structure.plus(word)]);
+    let zero = batch.mask & Mask::from_fn(|lane| words.iter().all(|word| word.0[lane] == 0));
+    sanitizer.tell(batch, &trace::RAY_ADDRESS_HANDLE, op, zero, |_| {
+        "the device address of a ray's acceleration structure is 0".to_owned()
+    });
 }
 
 /// Checks ray flags and the cull mask, which follows them.
@@ -84,6 +124,7 @@ fn check_flags_and_mask<const W: usize>(
     flags: Reg,
 ) {
     let [flags, mask] = [&batch.registers[flags], &batch.registers[flags.plus(1)]];
+    check_skips(sanitizer, batch, op, flags);
     let unknown = batch.mask & Mask::from_fn(|lane| flags.0[lane] & !RAY_FLAGS != 0);
     sanitizer.tell(batch, &trace::RAY_UNKNOWN_FLAG, op, unknown, |lane| {
         format!(

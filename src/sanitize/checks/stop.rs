@@ -2,11 +2,13 @@
 //! an intersection shader reports.
 
 use crate::machine::{Batch, OpIndex, ShadowRegisters};
+use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::RayTracingOp;
+use crate::pipeline::{DEFAULT_CALLABLE_DEPTH, Pipeline};
 use crate::sanitize::checks::lanes::nan_lanes;
-use crate::sanitize::checks::ray;
-use crate::sanitize::report::Sink;
+use crate::sanitize::checks::{hit_object, ray, reported};
+use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::rule::trace;
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -32,14 +34,44 @@ pub(in crate::sanitize) fn check<const W: usize>(
             if !nans.is_empty() {
                 sanitizer.reporter(batch).nan(&trace::REPORT_NAN_T, shadow, op, t, nans);
             }
+            reported::check(sanitizer, batch, op, t);
             depend_on_attributes(sanitizer, batch, shadow, op);
             shadow.define(accepted);
         }
         RayTracingOp::HitObjectRecordHandle { to, .. } => {
             (0..2).for_each(|word| shadow.define(to.plus(word)));
         }
-        RayTracingOp::HitObjectExecute { .. } => {}
+        RayTracingOp::HitObjectExecute { object, .. } => {
+            hit_object::check_execute(sanitizer, batch, op, object);
+        }
     }
+}
+
+/// Callable shaders that the default size of a pipeline's stack is for.
+const CALLABLES_ON_DEFAULT_STACK: usize = 2;
+
+/// A callable shader begins: tells where more of them are in progress than the default stack of a
+/// pipeline is for, unless the pipeline says how many may be.
+pub(in crate::sanitize) fn check_callable_depth<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+) {
+    let is_callable = |frame: &&CallFrame| {
+        let plan = sanitizer.plans.get(frame.shader.index());
+        plan.is_some_and(|plan| plan.program.stage == Stage::Callable)
+    };
+    let waiting = sanitizer.frames.iter().filter(is_callable).count();
+    let is_default = |pipeline: &Pipeline| pipeline.max_callable_depth == DEFAULT_CALLABLE_DEPTH;
+    if waiting < CALLABLES_ON_DEFAULT_STACK || !sanitizer.pipeline.is_some_and(is_default) {
+        return;
+    }
+    let Some(op) = sanitizer.frames.last().map(|caller| caller.op) else { return };
+    sanitizer.tell(batch, &trace::CALLABLE_DEPTH, op, batch.mask, |_| {
+        format!(
+            "a callable shader is called while {waiting} others wait: the default stack of a pipeline is for \
+             {CALLABLES_ON_DEFAULT_STACK} in all"
+        )
+    });
 }
 
 /// The hit attributes that a report carries.

@@ -4,10 +4,11 @@
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Bindings, Mask, OpIndex};
+use crate::module::names::capability_name;
 use crate::module::{Id, Module};
 use crate::program::Program;
 use crate::sanitize::checks::subgroup::differing_lanes;
-use crate::sanitize::plan::{ResourceOperand, Uniformity};
+use crate::sanitize::plan::{ResourceOperand, UniformReason, Uniformity};
 use crate::sanitize::rule::uniformity;
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -25,6 +26,13 @@ pub(in crate::sanitize) fn check<const W: usize>(
                 "lanes of a subgroup read different elements of an array in the push constants".to_owned()
             });
         }
+        Uniformity::HitObjects(index) => {
+            let differing = differing_lanes(batch, RegSpan { first: *index, count: 1 }, 0);
+            sanitizer.tell(batch, &uniformity::HO_ARRAY_INDEX, op, differing, |_| {
+                "lanes of a subgroup use different hit objects of an array, by an index that is not NonUniform"
+                    .to_owned()
+            });
+        }
         Uniformity::Resources { does, operands } => {
             operands.iter().for_each(|operand| check_resource(sanitizer, batch, op, does, operand));
         }
@@ -38,7 +46,7 @@ fn check_resource<const W: usize>(
     does: &str,
     operand: &ResourceOperand,
 ) {
-    let &ResourceOperand { id, decorated, register, words } = operand;
+    let &ResourceOperand { id, reason, register, words } = operand;
     let mut differing = differing_lanes(batch, RegSpan { first: register, count: words }, 0);
     if words == 2 && !differing.is_empty() {
         // A structure by its device address needs no descriptor.
@@ -47,18 +55,25 @@ fn check_resource<const W: usize>(
     let handle = |lane: usize| batch.registers[register].0[lane];
     let Some(one) = differing.lowest().map(handle) else { return };
     let Some(other) = differing.lanes().map(handle).find(|other| *other != one) else { return };
-    let rule = match decorated {
-        Some(_) => &uniformity::NONUNIFORM_PLACEMENT,
-        None => &uniformity::NONUNIFORM_RESOURCE,
+    let rule = match reason {
+        UniformReason::Undecorated => &uniformity::NONUNIFORM_RESOURCE,
+        UniformReason::Misplaced(_) => &uniformity::NONUNIFORM_PLACEMENT,
+        UniformReason::Capability(_) => &uniformity::NONUNIFORM_CAPABILITY,
     };
     sanitizer.tell_of_program(batch, rule, op, differing, |program| {
         let [one, other] = [one, other].map(|handle| describe(program, handle));
         let id = id_name(&program.module, id);
-        let but = decorated
-            .map_or_else(String::new, |decorated| format!(", though {} is", id_name(&program.module, decorated)));
-        format!(
-            "lanes of a subgroup {does} {one} and {other}, and {id}, the operand of the access, is not NonUniform{but}"
-        )
+        let but = match reason {
+            UniformReason::Undecorated => format!("{id}, the operand of the access, is not NonUniform"),
+            UniformReason::Misplaced(decorated) => {
+                let decorated = id_name(&program.module, decorated);
+                format!("{id}, the operand of the access, is not NonUniform, though {decorated} is")
+            }
+            UniformReason::Capability(capability) => {
+                format!("the module does not declare {}", capability_name(capability))
+            }
+        };
+        format!("lanes of a subgroup {does} {one} and {other}, and {but}")
     });
 }
 

@@ -5,7 +5,9 @@ use rspirv::spirv::{ExecutionMode, FPFastMathMode as FastMath, Op};
 use crate::module::names::{execution_mode_name, opcode_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
+use crate::ops::hit_object::hint_operand;
 use crate::ops::pointer::storage;
+use crate::ops::trace_operands::possible_constants;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::module_checks::memory::offset_of;
@@ -96,6 +98,28 @@ pub(super) fn no_repack_mode(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     let mode = if mode == uniform { execution_mode_name(mode) } else { "MaximallyReconvergesKHR".into() };
     if let Some((opcode, instruction, _)) = code.known().find(|(opcode, ..)| repacks(*opcode)) {
         let message = format!("{} in an entry point of mode {mode}", opcode_name(opcode as u16));
+        faults.push(Fault { offset: instruction.offset, message });
+    }
+}
+
+/// Reorderings whose hint has bits that are not used.
+pub(super) fn reorder_hint_bits(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    const HINT_BITS: u64 = 32;
+    for (opcode, instruction, operands) in code.known() {
+        let Some(at) = hint_operand(opcode) else { continue };
+        let greatest = |at: usize| {
+            let constants = possible_constants(code.module, Id(*operands.get(at)?))?;
+            constants.last().copied()
+        };
+        let message = match (greatest(at), greatest(at + 1)) {
+            (_, Some(bits)) if bits > HINT_BITS => {
+                format!("a reordering takes {bits} bits of its hint, which has {HINT_BITS}")
+            }
+            (Some(hint), Some(bits)) if hint >> bits != 0 => {
+                format!("the hint of a reordering is {hint:#x}, of which only the {bits} lowest bits count")
+            }
+            _ => continue,
+        };
         faults.push(Fault { offset: instruction.offset, message });
     }
 }

@@ -2,8 +2,9 @@
 
 use rspirv::spirv::{MemoryAccess as AccessMask, Op};
 
+use crate::module::constant::ConstantValue;
 use crate::module::interface::Stage;
-use crate::module::names::opcode_name;
+use crate::module::names::{opcode_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::atomic;
@@ -53,6 +54,37 @@ fn is_initializer(code: &EntryCode<'_>, access: &MemoryAccess) -> bool {
 pub(super) fn non_readable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for access in code.accesses().filter(|access| access.reads) {
         decorated(code, &access, NON_READABLE, "reads", "NonReadable", faults);
+    }
+}
+
+/// Acceleration structures that come from nowhere, or from a variable that is no descriptor.
+pub(super) fn as_load_source(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    let module = code.module;
+    let is_structure =
+        |id: Id| module.type_of(id).is_some_and(|ty| matches!(module.ty(ty), Type::AccelerationStructure));
+    let is_undef = |id: Id| match module.definition(id) {
+        Some(Definition::Constant(at)) => {
+            matches!(module.constants[at as usize].value, ConstantValue::Undef)
+        }
+        _ => code.result(id).is_some_and(|instruction| instruction.opcode == Op::Undef as u16),
+    };
+    for (opcode, instruction, operands) in code.known() {
+        let class = operands.first().and_then(|&pointer| code.storage_class(Id(pointer)));
+        let message = match (opcode, class) {
+            (Op::Load, Some(class))
+                if class != storage::UNIFORM_CONSTANT && instruction.result.is_some_and(is_structure) =>
+            {
+                let class = storage_class_name(class);
+                format!(
+                    "an acceleration structure is loaded from storage class {class}, where no descriptor is"
+                )
+            }
+            _ if operands.iter().any(|&id| is_structure(Id(id)) && is_undef(Id(id))) => {
+                format!("{} uses an acceleration structure that is OpUndef", opcode_name(opcode as u16))
+            }
+            _ => continue,
+        };
+        faults.push(Fault { offset: instruction.offset, message });
     }
 }
 

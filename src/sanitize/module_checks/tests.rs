@@ -444,3 +444,60 @@ fn atomic_instructions_access_what_several_invocations_reach() {
     assert_eq!(with_block(COMPUTE, storage::WORKGROUP, |_| (), add), rules([]));
     assert_eq!(with_block(COMPUTE, storage::PRIVATE, |_| (), add), rules(["atomic-class"]));
 }
+
+#[test]
+fn structures_are_loaded_from_descriptors() {
+    let found = |class: Option<u32>| {
+        let mut a = Assembler::bare(1000);
+        for capability in [1, 4472] {
+            a.op(Op::Capability, &[capability]);
+        }
+        a.op(Op::MemoryModel, &[0, 1]);
+        a.with_string(Op::EntryPoint, &[COMPUTE, 40], "main", &[]);
+        a.types();
+        a.op(Op::TypeAccelerationStructureKHR, &[50]);
+        a.op(Op::TypeRayQueryKHR, &[51]);
+        a.op(Op::TypePointer, &[52, storage::PRIVATE, 51]);
+        a.op(Op::Variable, &[52, 30, storage::PRIVATE]);
+        match class {
+            None => {
+                a.op(Op::Undef, &[50, 60]);
+            }
+            Some(class) => {
+                a.op(Op::TypePointer, &[53, class, 50]);
+                a.op(Op::Variable, &[53, 31, class]);
+            }
+        }
+        a.function(40, 41, |a| {
+            if class.is_some() {
+                a.op(Op::Load, &[50, 60, 31]);
+            }
+            a.op(Op::RayQueryInitializeKHR, &[30, 60, 8, 8, 8, 8, 8, 8]);
+            a.op(Op::Return, &[]);
+        });
+        broken(&a.loaded())
+    };
+    assert_eq!(found(Some(storage::UNIFORM_CONSTANT)), rules([]));
+    assert_eq!(found(Some(storage::PRIVATE)), rules(["as-load-source"]));
+    assert_eq!(found(None), rules(["as-load-source"]));
+}
+
+#[test]
+fn a_hint_has_the_bits_that_it_says() {
+    let found = |hint: u32, bits: u32| {
+        let declare = |a: &mut Assembler| {
+            a.op(Op::Constant, &[5, 50, hint]);
+            a.op(Op::Constant, &[5, 51, bits]);
+        };
+        let body = |a: &mut Assembler| {
+            a.op(Op::ReorderThreadWithHintEXT, &[50, 51]);
+        };
+        broken(&assembled(RAY_GENERATION, |_| (), declare, body).loaded())
+    };
+    for (hint, bits, breaks) in
+        [(7, 3, false), (8, 3, true), (0, 0, false), (1, 0, true), (u32::MAX, 32, false), (0, 33, true)]
+    {
+        let wanted = if breaks { rules(["reorder-hint-bits"]) } else { rules([]) };
+        assert_eq!(found(hint, bits), wanted, "{hint} {bits}");
+    }
+}

@@ -8,12 +8,14 @@ use rspirv::spirv::Op as Opcode;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::Reg;
+use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
 use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
 use crate::ops::op::Op;
+use crate::ops::pointer::storage;
 use crate::ops::ray_query::RayQueryOp;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Program;
@@ -21,6 +23,18 @@ use crate::sanitize::plan::instruction::InstructionWords;
 
 /// `NonUniform`
 const NON_UNIFORM: u32 = 5300;
+/// `UniformBufferArrayNonUniformIndexing`
+const UNIFORM_BUFFER_INDEXING: u32 = 5306;
+/// `SampledImageArrayNonUniformIndexing`
+const SAMPLED_IMAGE_INDEXING: u32 = 5307;
+/// `StorageBufferArrayNonUniformIndexing`
+const STORAGE_BUFFER_INDEXING: u32 = 5308;
+/// `StorageImageArrayNonUniformIndexing`
+const STORAGE_IMAGE_INDEXING: u32 = 5309;
+/// `UniformTexelBufferArrayNonUniformIndexing`
+const UNIFORM_TEXEL_BUFFER_INDEXING: u32 = 5311;
+/// `StorageTexelBufferArrayNonUniformIndexing`
+const STORAGE_TEXEL_BUFFER_INDEXING: u32 = 5312;
 
 /// What must be the same in all lanes of a subgroup where an operation accesses memory.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,19 +48,33 @@ pub enum Uniformity {
     },
     /// The byte offset into the push constants.
     PushConstants(Reg),
+    /// Which hit object of an array.
+    HitObjects(Reg),
 }
 
-/// An operand that stands for a resource, and is not decorated `NonUniform`.
+/// An operand that stands for a resource, and must be the same as it is not decorated
+/// `NonUniform`, or as its module lacks a capability.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResourceOperand {
     /// The operand.
     pub id: Id,
-    /// An id that the operand is made of, and that is decorated.
-    pub decorated: Option<Id>,
+    /// Why it must be the same.
+    pub reason: UniformReason,
     /// The first register that says which resource it is.
     pub register: Reg,
     /// One register for a handle, two for an acceleration structure.
     pub words: u32,
+}
+
+/// Why an operand that stands for a resource must be the same in all lanes of a subgroup.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UniformReason {
+    /// Nothing that it is made of is decorated `NonUniform`.
+    Undecorated,
+    /// This id is decorated, of which the operand is made, and not the operand.
+    Misplaced(Id),
+    /// The operand is decorated, and the module does not declare this capability.
+    Capability(u32),
 }
 
 /// Finds out what must be uniform at the operations of a program.
@@ -73,20 +101,30 @@ impl<'a> UniformityPlan<'a> {
             let pointer = access_operand(&self.program.module, op, instruction)?;
             return self.indexes_arrays_alone(pointer).then_some(Uniformity::PushConstants(index));
         }
+        if let Some(index) = hit_object_index(op) {
+            let pointer = hit_object_operand(&self.program.module, instruction)?;
+            let is_element = self.definition(pointer).is_some_and(|made| {
+                matches!(made.opcode, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain))
+            });
+            let must = is_element && self.decorated_source(pointer).is_none();
+            if must {
+                return Some(Uniformity::HitObjects(index));
+            }
+        }
         let (does, registers) = resource_registers(op)?;
         if registers.iter().flatten().all(|(register, _)| self.constants.contains_key(register)) {
             return None;
         }
         let access = access_operand(&self.program.module, op, instruction)?;
-        if self.is_non_uniform(access) {
-            return None;
-        }
         let mut operands: Vec<ResourceOperand> = Vec::new();
         for (half, (register, words)) in registers.into_iter().flatten().enumerate() {
             let id = if words == 1 { self.half_of_sampled_image(access, half) } else { access };
             let is_new = operands.iter().all(|operand| operand.register != register);
-            if is_new && !self.constants.contains_key(&register) && !self.is_non_uniform(id) {
-                operands.push(ResourceOperand { id, decorated: self.decorated_source(id), register, words });
+            if is_new
+                && !self.constants.contains_key(&register)
+                && let Some(reason) = self.reason(access, id)
+            {
+                operands.push(ResourceOperand { id, reason, register, words });
             }
         }
         (!operands.is_empty()).then(|| Uniformity::Resources { does, operands: operands.into() })
@@ -97,6 +135,60 @@ impl<'a> UniformityPlan<'a> {
         let definition = self.definition(operand);
         let made = definition.filter(|made| made.opcode == Some(Opcode::SampledImage));
         made.and_then(|made| made.words.get(3 + half)).map_or(operand, |&id| Id(id))
+    }
+
+    /// Why an operand must be uniform; `access` is it, or the sampled image that it is half of.
+    fn reason(&self, access: Id, operand: Id) -> Option<UniformReason> {
+        if [access, operand].iter().any(|&id| self.is_non_uniform(id)) {
+            let capability = self.indexing_capability(operand)?;
+            let lacks = !self.program.module.capabilities.contains(&capability);
+            return lacks.then_some(UniformReason::Capability(capability));
+        }
+        Some(self.decorated_source(operand).map_or(UniformReason::Undecorated, UniformReason::Misplaced))
+    }
+
+    /// The capability without which descriptors of an operand's kind are indexed uniformly; `None`
+    /// for kinds that have none.
+    fn indexing_capability(&self, operand: Id) -> Option<u32> {
+        /// `DimBuffer`
+        const BUFFER: u32 = 5;
+        /// `ImageType::sampled` of storage images
+        const STORAGE: u32 = 2;
+        let module = &self.program.module;
+        let mut ty = module.type_of(operand)?;
+        if let Some(texel) = self.definition(operand)
+            && texel.opcode == Some(Opcode::ImageTexelPointer)
+        {
+            ty = module.pointee(Id(*texel.words.get(3)?))?;
+        }
+        match module.ty(ty) {
+            Type::Image(image) => Some(match (image.dim, image.sampled) {
+                (BUFFER, STORAGE) => STORAGE_TEXEL_BUFFER_INDEXING,
+                (BUFFER, _) => UNIFORM_TEXEL_BUFFER_INDEXING,
+                (_, STORAGE) => STORAGE_IMAGE_INDEXING,
+                _ => SAMPLED_IMAGE_INDEXING,
+            }),
+            Type::Sampler | Type::SampledImage(_) => Some(SAMPLED_IMAGE_INDEXING),
+            Type::Pointer { storage_class: storage::STORAGE_BUFFER, .. } => Some(STORAGE_BUFFER_INDEXING),
+            Type::Pointer { storage_class: storage::UNIFORM, .. } => {
+                let is_buffer_block =
+                    module.pointee(self.root(operand)).is_some_and(|ty| is_buffer_block(module, ty));
+                Some(if is_buffer_block { STORAGE_BUFFER_INDEXING } else { UNIFORM_BUFFER_INDEXING })
+            }
+            _ => None,
+        }
+    }
+
+    /// The variable that a pointer is made from by access chains.
+    fn root(&self, pointer: Id) -> Id {
+        let mut at = pointer;
+        while let Some(chain) = self.definition(at)
+            && matches!(chain.opcode, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain))
+            && let Some(&base) = chain.words.get(3)
+        {
+            at = Id(base);
+        }
+        at
     }
 
     fn is_non_uniform(&self, id: Id) -> bool {
@@ -238,6 +330,36 @@ impl Uses {
         }
         uses
     }
+}
+
+/// Whether a type is a `BufferBlock`, or an array of them.
+fn is_buffer_block(module: &Module, ty: TypeId) -> bool {
+    match *module.ty(ty) {
+        Type::Struct { buffer_block, .. } => buffer_block,
+        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => is_buffer_block(module, element),
+        _ => false,
+    }
+}
+
+/// The register of the index that chooses the hit object of an operation from an array.
+fn hit_object_index(op: &Op) -> Option<Reg> {
+    let object = match op {
+        Op::HitObject(object) => object.object()?,
+        Op::Stop(stop) => stop.hit_object()?,
+        _ => return None,
+    };
+    match object {
+        ObjectRef::Computed { index, .. } => Some(index),
+        ObjectRef::Register(_) => None,
+    }
+}
+
+/// The operand of an instruction that points to a hit object.
+fn hit_object_operand(module: &Module, instruction: InstructionWords<'_>) -> Option<Id> {
+    let points_to_one = |id: &Id| {
+        module.pointee(*id).is_some_and(|pointee| matches!(module.ty(pointee), Type::HitObject { .. }))
+    };
+    instruction.words.get(1..)?.iter().map(|&word| Id(word)).find(points_to_one)
 }
 
 /// What an operation does with a resource, and the registers that say which it is.

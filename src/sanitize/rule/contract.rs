@@ -33,6 +33,10 @@ rules! {
         "All shaders of a hit group declare the same type of hit attributes."
         "Vulkan, \"Ray Tracing Pipeline Interface\""
         "use one declaration for all shaders of the group, as from a header"
+    PAYLOAD_DECORATION "payload-decoration" UndefinedBehavior
+        "A payload or callable data that is laid out by decorations is laid out alike by caller and called shader."
+        "VUID-RuntimeSpirv-OpTraceRayKHR-11855; Vulkan, \"Ray Tracing Pipeline Interface\""
+        "use one declaration for all shaders, as from a header"
     VOLATILE_SUBGROUP "volatile-subgroup" UndefinedValue
         "Builtins of the subgroup are decorated Volatile in shaders that can be repacked."
         "VUID-StandaloneSpirv-VulkanMemoryModel-04678"

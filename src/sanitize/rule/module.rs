@@ -81,6 +81,14 @@ rules! {
         "An entry point that reconverges as its source says traces no rays and calls no shader."
         "VUID-RuntimeSpirv-SubgroupUniformControlFlowKHR-06379; of MaximallyReconvergesKHR, 09565"
         "drop the attribute of main(): lanes are repacked at each trace, report, call and reordering"
+    AS_LOAD_SOURCE "as-load-source" UndefinedBehavior
+        "An acceleration structure is loaded from a descriptor, and is not OpUndef."
+        "VUID-StandaloneSpirv-OpTypeAccelerationStructureKHR-11339, OpUndef-12464"
+        "declare the structure as a uniform variable with a set and a binding"
+    REORDER_HINT_BITS "reorder-hint-bits" Lint
+        "A reordering's hint has no bits above the number of bits that is given with it, which is at most 32."
+        "SPV_EXT_shader_invocation_reorder: only the lowest bits of the hint, as many as are given, sort the invocations"
+        "give as many bits as the hint has; the operands are, in this order: hint, bits"
     FASTMATH_MODES "fastmath-modes" UndefinedBehavior
         "FPFastMathDefault stands alone, and AllowTransform together with AllowContract and AllowReassoc."
         "SPV_KHR_float_controls2"

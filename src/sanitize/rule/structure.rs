@@ -29,6 +29,10 @@ rules! {
         "An any-hit shader belongs to some geometry that is not opaque to some ray."
         "the any-hit shader of opaque geometry never runs"
         "clear the opaque flag of the geometry, or of the rays, or leave the any-hit shader out"
+    AS_MOTION "as-motion" Lint
+        "The rotations of an SRT motion are quaternions of length 1."
+        "VkSRTDataNV: a device may normalize the quaternion that it interpolates, or take it as it is"
+        "divide the quaternion by its length"
     SBT_TRIANGLES_GROUP "sbt-triangles-group" UndefinedBehavior
         "A triangle, sphere or linear swept sphere leads to a hit group without an intersection shader."
         "VUID-vkCmdTraceRaysKHR-pHitShaderBindingTable-04735"

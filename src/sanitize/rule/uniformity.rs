@@ -13,4 +13,12 @@ rules! {
         "An array in the push constants is indexed alike in all lanes."
         "Vulkan, \"Runtime SPIR-V Validation\", 04745: such indices are dynamically uniform"
         "keep tables that lanes index each for itself in a uniform or storage buffer"
+    NONUNIFORM_CAPABILITY "nonuniform-capability" UndefinedBehavior
+        "Where the lanes of a subgroup use different descriptors, the module declares that it does so to their kind."
+        "VUID-RuntimeSpirv-None-10134 to -10147: the ArrayNonUniformIndexing capability of the kind of descriptor"
+        "declare the capability, as compilers do by themselves, and enable its feature"
+    HO_ARRAY_INDEX "ho-array-index" UndefinedBehavior
+        "Where the lanes of a subgroup use different hit objects of an array, the index is NonUniform."
+        "GL_EXT_shader_invocation_reorder: what is not uniform indexes hitObjectEXT only with nonuniformEXT"
+        "write object[nonuniformEXT(index)]"
 }
