@@ -8,6 +8,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Observer, Resources, ShaderIndex};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::sanitize::contract::check_pipeline;
+use crate::sanitize::hit_indices::check_hit_indices;
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::structures::check_structures;
 use crate::sanitize::{Findings, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays};
@@ -45,6 +46,7 @@ pub fn run_sanitized(
             PassWork::Launch(launch) => {
                 let pipeline = reference.pass_pipeline(launch);
                 findings.extend(check_pipeline(&pipeline, levels));
+                findings.extend(check_hit_indices(&pipeline.programs, levels));
                 let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
                 let mut sanitizer = Sanitizer::new(&plans, levels);
                 let seen = traced.entry(launch.pipeline).or_default();
@@ -58,8 +60,10 @@ pub fn run_sanitized(
             }
             PassWork::Dispatch(at) => {
                 let dispatch = &reference.dispatches[*at];
-                findings.extend(check_module(&dispatch.compute.program, ShaderIndex(0), levels));
-                let plans = [ProgramPlan::new(&dispatch.compute.program)];
+                let program = &dispatch.compute.program;
+                findings.extend(check_module(program, ShaderIndex(0), levels));
+                findings.extend(check_hit_indices(std::slice::from_ref(program), levels));
+                let plans = [ProgramPlan::new(program)];
                 let mut sanitizer = Sanitizer::new(&plans, levels);
                 let on_event = &mut |event| queried.add_event(&event);
                 let compute = &dispatch.compute;
@@ -106,6 +110,7 @@ pub fn sanitize_one(
     let resources = single.resources(resources);
     let mut findings = check_structures(scene, levels);
     findings.extend(check_pipeline(&single.pipeline, levels));
+    findings.extend(check_hit_indices(&single.pipeline.programs, levels));
     let plans: Vec<_> = single.pipeline.programs.iter().map(ProgramPlan::new).collect();
     let mut sanitizer = Sanitizer::new(&plans, levels);
     // One ray says nothing of what no ray does.

@@ -2,7 +2,9 @@
 //! several kinds have.
 
 pub(super) mod begin;
+pub(super) mod births;
 mod fast_math;
+pub(super) mod image;
 pub(super) mod kernel;
 mod lanes;
 pub(super) mod memory;
@@ -12,4 +14,5 @@ pub(super) mod shared;
 pub(super) mod stale;
 pub(super) mod stop;
 pub(super) mod subgroup;
+mod subnormal;
 pub(super) mod uniformity;

@@ -10,9 +10,12 @@
 pub mod cause;
 mod checks;
 pub mod contract;
+mod expectations;
 pub mod finding;
+mod flushed_use;
 #[cfg(feature = "cli")]
 mod formats;
+pub mod hit_indices;
 pub mod levels;
 mod memory_shadow;
 pub mod module_checks;
@@ -26,6 +29,7 @@ pub mod rule;
 pub mod sanitizer;
 pub mod structures;
 pub mod traced_rays;
+mod value_path;
 
 pub use finding::{Finding, Findings};
 pub use levels::Levels;

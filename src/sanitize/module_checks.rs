@@ -7,6 +7,7 @@
 
 mod code;
 mod declarations;
+mod images;
 mod memory;
 mod ordering;
 
@@ -19,7 +20,7 @@ use crate::program::Program;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::module_checks::code::EntryCode;
-use crate::sanitize::rule::{Level, Rule, module};
+use crate::sanitize::rule::{Level, Rule, image, module};
 
 /// A place that breaks a rule.
 #[derive(Debug)]
@@ -40,6 +41,7 @@ static CHECKS: &[Check] = &[
     (&module::RECORD_BLOCK, memory::record_block),
     (&module::ALIGNED_OPERAND, memory::aligned_operand),
     (&module::VOLATILE_LOAD, memory::volatile_load),
+    (&module::POINTER_CONVERT, memory::pointer_convert),
     (&module::BARRIER_SEMANTICS, ordering::barrier_semantics),
     (&module::MEMORY_SCOPE, ordering::memory_scope),
     (&module::INVOCATION_SCOPE, ordering::invocation_scope),
@@ -51,6 +53,8 @@ static CHECKS: &[Check] = &[
     (&module::FASTMATH_MODES, declarations::fastmath_modes),
     (&module::BITOP_WIDTH, declarations::bitop_width),
     (&module::GATHER_COMPONENT, declarations::gather_component),
+    (&image::IMAGE_SAMPLE_OPERAND, images::sample_operand),
+    (&image::IMAGE_OFFSET, images::dynamic_offset),
 ];
 
 /// Checks the entry point of a program.

@@ -3,13 +3,17 @@
 use crate::machine::{Batch, Bindings, Mask, Observer, OpIndex, ShaderIndex, ShadowRegisters};
 use crate::module::interface::Stage;
 use crate::ops::access::Access;
-use crate::ops::debug_printf::Argument;
+use crate::ops::debug_printf::{Argument, PrintScalar};
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
+use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
-use crate::sanitize::checks::{begin, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity};
-use crate::sanitize::plan::{Executed, lane_inputs};
+use crate::sanitize::checks::{
+    begin, births, image, kernel, memory, query, ray, shared, stale, stop, subgroup, uniformity,
+};
+use crate::sanitize::plan::Executed;
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::sanitizer::{Accesses, Sanitizer};
 
@@ -45,10 +49,11 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
     }
 
-    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         if let Some(frame) = self.frames.last_mut() {
             frame.shader = shader;
         }
+        self.accepted(batch);
         if let Some(races) = &mut self.races {
             races.resumed();
         }
@@ -63,9 +68,12 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 if let Some(uniform) = &plan.steps[op.index()].uniformity {
                     uniformity::check(self, batch, op, uniform);
                 }
-                if plan.lane_inputs.is_some() && lane_inputs::may_repack(stopped) {
-                    shadow.repack(batch.mask);
-                }
+                stale::stop(&mut shadow, &plan.stale, stopped, batch.mask);
+                batch.registers.shadow = Some(shadow);
+            }
+            Some(Op::RayQuery(RayQueryOp::Initialize { operands, .. })) => {
+                let Some(shadow) = batch.registers.shadow.take() else { return false };
+                ray::check_specials(self, batch, &shadow, op, operands.plus(4));
                 batch.registers.shadow = Some(shadow);
             }
             Some(Op::Barrier) => {
@@ -92,10 +100,10 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 kernel::check(self, batch, &mut shadow, executed, lane_kernel, *to, from);
             }
             Op::Memory(op) => memory::check(self, batch, bindings, &mut shadow, executed, op),
-            Op::Image(image) => {
-                memory::check_image(self, batch, &mut shadow, op, image);
+            Op::Image(operation) => {
+                image::check(self, batch, bindings, &mut shadow, op, operation);
                 if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
-                    let found = races.access_image(batch, bindings, place, image);
+                    let found = races.access_image(batch, bindings, place, operation);
                     self.tell_races(batch, op, &found);
                 }
             }
@@ -115,9 +123,13 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
             }
             Op::Print(print) => {
                 for argument in &*print.arguments {
-                    let Argument::Numbers { components, .. } = argument else { continue };
+                    let Argument::Numbers { scalar, components } = argument else { continue };
                     for &component in components {
                         self.depend(batch, &mut shadow, op, component, Sink::Print);
+                        if *scalar == PrintScalar::Float(32) {
+                            let sink = SpecialSink::Print;
+                            births::reach(self, batch, &shadow, op, component, batch.mask, sink);
+                        }
                     }
                 }
             }
@@ -126,8 +138,8 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
             }
             Op::Stop(_) | Op::Barrier => {}
         }
-        if let Some(inputs) = &plan.lane_inputs {
-            stale::track(self, batch, &mut shadow, op, &plan.program.ops[op.index()], inputs);
+        for (kind, tracked) in plan.stale.iter().enumerate() {
+            stale::track(self, batch, &mut shadow, executed, &plan.program.ops[op.index()], (kind, tracked));
         }
         batch.registers.shadow = Some(shadow);
     }
@@ -143,6 +155,20 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         let op = plan.program.terminator_index(batch.block);
         self.depend_on_all(batch, &mut shadow, op, register, words, sink);
         batch.registers.shadow = Some(shadow);
+    }
+}
+
+impl Sanitizer<'_> {
+    /// What is kept of the nearest hit goes stale where a report that a batch made was accepted.
+    fn accepted<const W: usize>(&mut self, batch: &mut Batch<W>) {
+        let (Some((_, plan)), Some(frame)) = (self.plan(), self.frames.last()) else { return };
+        let stopped = plan.program.ops.get(frame.op.index());
+        if let Some(&Op::Stop(RayTracingOp::ReportIntersection { accepted, .. })) = stopped
+            && let Some(mut shadow) = batch.registers.shadow.take()
+        {
+            stale::report_accepted(&mut shadow, &plan.stale, batch.registers.mask(accepted));
+            batch.registers.shadow = Some(shadow);
+        }
     }
 }
 

@@ -21,6 +21,7 @@ macro_rules! rules {
 
 pub mod arithmetic;
 pub mod contract;
+pub mod image;
 pub mod memory;
 pub mod module;
 pub mod query;
@@ -130,6 +131,7 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
         race::RULES,
         module::RULES,
         arithmetic::RULES,
+        image::RULES,
     ];
     sections.into_iter().flatten().copied()
 }

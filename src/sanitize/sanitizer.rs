@@ -10,6 +10,7 @@ use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowReg
 use crate::ops::access::Access;
 use crate::program::Program;
 use crate::sanitize::cause::{Cause, CauseDetails, Causes};
+use crate::sanitize::expectations::Expectations;
 use crate::sanitize::finding::Findings;
 use crate::sanitize::levels::Levels;
 use crate::sanitize::memory_shadow::WorkgroupShadow;
@@ -33,6 +34,8 @@ pub struct Sanitizer<'a> {
     pub(super) races: Option<Races>,
     /// Which workgroup memory is undefined.
     pub(super) shared: WorkgroupShadow,
+    /// What came of hints about values.
+    pub(super) expectations: Expectations,
     /// The first of the workgroups that run.
     pub(super) first_workgroup: Option<u32>,
 }
@@ -49,18 +52,26 @@ impl<'a> Sanitizer<'a> {
             frames: Vec::new(),
             races: race::RULES.iter().any(told).then(|| Races::new(plans)),
             shared: WorkgroupShadow::default(),
+            expectations: Expectations::default(),
             first_workgroup: None,
         }
     }
 
     /// What was found.
     pub fn into_findings(self) -> Findings {
-        self.findings
+        let mut findings = self.findings;
+        self.expectations.tell(self.plans, self.levels, &mut findings);
+        findings
     }
 
     /// The number of a cause.
     pub(super) fn cause(&mut self, cause: Cause, details: impl FnOnce() -> Option<CauseDetails>) -> u32 {
         self.causes.number(cause, details)
+    }
+
+    /// Whether a cause, by its number, is an instruction that made a NaN or an infinity.
+    pub(super) fn is_born(&self, number: u32) -> bool {
+        matches!(self.causes.get(number), Some((Cause::Born { .. }, _)))
     }
 
     /// The shader that runs, and its plan.

@@ -4,10 +4,9 @@
 use crate::machine::{Batch, OpIndex, ShadowRegisters};
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::RayTracingOp;
-use crate::sanitize::checks::lanes::nan_lanes;
-use crate::sanitize::checks::ray;
+use crate::sanitize::checks::{births, ray};
 use crate::sanitize::report::Sink;
-use crate::sanitize::rule::trace;
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// A shader hands its batch to the pipeline.
@@ -28,10 +27,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
         RayTracingOp::ReportIntersection { t, hit_kind, accepted } => {
             sanitizer.depend(batch, shadow, op, t, Sink::ReportedT);
             sanitizer.depend(batch, shadow, op, hit_kind, Sink::HitKind);
-            let nans = nan_lanes(&batch.registers, t, 32) & batch.mask;
-            if !nans.is_empty() {
-                sanitizer.reporter(batch).nan(&trace::REPORT_NAN_T, shadow, op, t, nans);
-            }
+            births::reach(sanitizer, batch, shadow, op, t, batch.mask, SpecialSink::ReportedT);
             depend_on_attributes(sanitizer, batch, shadow, op);
             shadow.define(accepted);
         }

@@ -37,4 +37,12 @@ rules! {
         "A lane's index, a mask or a ballot is not kept over a trace, a report or a reordering."
         "Vulkan, \"Shader Call Instructions\": they may repack invocations, whose subgroups change"
         "take the ballot, and load the builtin, behind the instruction again"
+    STALE_RAYTMAX "stale-raytmax" Lint
+        "RayTmaxKHR from before an accepted report is not compared behind it."
+        "Vulkan, RayTmaxKHR: in an intersection shader, it changes with each report that is accepted"
+        "read gl_RayTmaxEXT again behind reportIntersectionEXT, or leave the test to the report"
+    STALE_CLOCK "stale-clock" Lint
+        "The clocks of a subgroup from before and behind an instruction that may repack lanes are not subtracted."
+        "SPV_KHR_shader_clock: the subgroup's clock is that of where it runs, which repacking may change"
+        "use clockRealtimeEXT, or measure within one shader call"
 }
