@@ -126,12 +126,12 @@ impl LaneOperands {
         }
     }
 
-    /// The greatest divisor for which the error of a division is bounded.
-    fn greatest_divisor(&self) -> f64 {
+    /// The exponent of the greatest divisor for which the error of a division is bounded.
+    fn greatest_divisor(&self) -> i32 {
         match self.width {
-            16 => 2f64.powi(14),
-            32 => 2f64.powi(126),
-            _ => f64::MAX,
+            16 => 14,
+            32 => 126,
+            _ => f64::MAX_EXP,
         }
     }
 
@@ -397,9 +397,9 @@ rows! {
         => |o| !o.fits(false),
         |o| format!("the conversion of {} to an unsigned integer of {} bits", o.describe(0, false), o.result_width);
     FDIV_RANGE [1]: Core FDiv "FDiv"
-        => |o| o.float(1).is_finite() && o.float(1).abs() > o.greatest_divisor(),
+        => |o| o.float(1).is_finite() && o.float(1).abs() > 2f64.powi(o.greatest_divisor()),
         |o| format!(
-            "{} / {}: the error of a division is not bounded where its divisor is above {:?}",
+            "{} / {}: the error of a division is not bounded where its divisor is above 2^{}",
             o.describe(0, false), o.describe(1, false), o.greatest_divisor()
         );
     ROUND_HALF [0]: Glsl Round "Round"

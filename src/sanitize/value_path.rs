@@ -1,4 +1,4 @@
-//! The way of a value through the variables of a shader, from the instruction that made it to the
+//! The way of a value through the named variables and values of a shader, from the instruction that made it to the
 //! one that uses it.
 
 use rspirv::spirv::Op;
@@ -96,10 +96,9 @@ fn is_access_chain(instruction: &Instruction) -> bool {
     )
 }
 
-/// The names of the variables and parameters through which a value goes from the instruction that
-/// made it to one that uses it, on the shortest way; both are told by their word offsets. Empty
+/// The names of what a value goes through from the instruction that made it to one that uses it, on the shortest way; both are told by their word offsets. Empty
 /// where the value needs none, or its way is not known.
-pub(super) fn variables_on_path(module: &Module, user: u32, maker: u32) -> Vec<String> {
+pub(super) fn names_on_path(module: &Module, user: u32, maker: u32) -> Vec<String> {
     let sources = Sources::new(module);
     let mut instructions = module.functions.iter().flat_map(|function| &function.blocks);
     let user = instructions.find_map(|block| block.instructions.iter().find(|one| one.offset == user));
@@ -110,7 +109,9 @@ pub(super) fn variables_on_path(module: &Module, user: u32, maker: u32) -> Vec<S
     while let Some(&(id, _)) = open.get(at) {
         if sources.result(id).is_some_and(|made| made.offset == maker) {
             let way = std::iter::successors(Some(at), |&at| open[at].1);
-            return way.filter_map(|at| name_of_variable(&sources, open[at].0)).collect();
+            let mut names: Vec<String> = way.filter_map(|at| name_of_value(module, open[at].0)).collect();
+            names.dedup();
+            return names;
         }
         for next in sources.of(id) {
             if open.iter().all(|(seen, _)| *seen != next) {
@@ -122,11 +123,12 @@ pub(super) fn variables_on_path(module: &Module, user: u32, maker: u32) -> Vec<S
     Vec::new()
 }
 
-/// The name of a variable or parameter.
-fn name_of_variable(sources: &Sources<'_>, id: Id) -> Option<String> {
-    let is_variable = match sources.module.definition(id)? {
-        Definition::Variable(_) | Definition::Parameter(..) => true,
-        _ => sources.result(id).is_some_and(|one| one.opcode == Op::Variable as u16),
-    };
-    is_variable.then(|| sources.module.name(id).filter(|name| !name.is_empty()).map(str::to_owned))?
+/// The name of a variable, parameter or value.
+fn name_of_value(module: &Module, id: Id) -> Option<String> {
+    let has_value = matches!(
+        module.definition(id)?,
+        Definition::Variable(_) | Definition::Parameter(..) | Definition::Result(..)
+    );
+    let name = module.name(id).filter(|name| has_value && !name.is_empty());
+    name.map(str::to_owned)
 }

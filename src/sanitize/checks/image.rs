@@ -118,7 +118,7 @@ fn check_offsets<const W: usize>(
         let offset = |lane: usize| batch.registers[register].0[lane] as i32;
         let outside = Mask::from_fn(|lane| !(least..=most).contains(&offset(lane))) & batch.mask;
         sanitizer.tell(batch, &image::IMAGE_OFFSET, op, outside, |lane| {
-            format!("an offset of {} texels, which devices have from {least} to {most}", offset(lane))
+            format!("an offset of {} texels, where devices take {least} to {most}", offset(lane))
         });
     }
 }

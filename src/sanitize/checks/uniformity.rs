@@ -3,7 +3,7 @@
 
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Bindings, Mask, OpIndex};
+use crate::machine::{Batch, Bindings, Mask, OpIndex, Reg};
 use crate::module::{Id, Module};
 use crate::program::Program;
 use crate::sanitize::checks::subgroup::differing_lanes;
@@ -38,8 +38,12 @@ fn check_resource<const W: usize>(
     does: &str,
     operand: &ResourceOperand,
 ) {
-    let &ResourceOperand { id, decorated, register, words } = operand;
+    let &ResourceOperand { id, decorated, from_record, register, words } = operand;
     let mut differing = differing_lanes(batch, RegSpan { first: register, count: words }, 0);
+    let by_records = from_record && differing.is_empty();
+    if by_records {
+        differing = differing_by_records(batch, register);
+    }
     if words == 2 && !differing.is_empty() {
         // A structure by its device address needs no descriptor.
         differing = differing & Mask::equal(&batch.registers[register.plus(1)], STRUCTURE_HANDLE);
@@ -48,18 +52,35 @@ fn check_resource<const W: usize>(
     let Some(one) = differing.lowest().map(handle) else { return };
     let Some(other) = differing.lanes().map(handle).find(|other| *other != one) else { return };
     let rule = match decorated {
+        _ if by_records => &uniformity::RECORD_NONUNIFORM,
         Some(_) => &uniformity::NONUNIFORM_PLACEMENT,
         None => &uniformity::NONUNIFORM_RESOURCE,
     };
     sanitizer.tell_of_program(batch, rule, op, differing, |program| {
         let [one, other] = [one, other].map(|handle| describe(program, handle));
         let id = id_name(&program.module, id);
+        let does = if by_records { format!("by their shader records, {does}") } else { does.to_owned() };
         let but = decorated
             .map_or_else(String::new, |decorated| format!(", though {} is", id_name(&program.module, decorated)));
         format!(
             "lanes of a subgroup {does} {one} and {other}, and {id}, the operand of the access, is not NonUniform{but}"
         )
     });
+}
+
+/// The lanes that use different resources than others of their subgroup with another shader record.
+/// Elsewhere in this crate a subgroup has one record.
+fn differing_by_records<const W: usize>(batch: &Batch<W>, register: Reg) -> Mask<W> {
+    let subgroup = |lane: usize| batch.invocations.lane(lane).subgroup_id();
+    let handle = |lane: usize| batch.registers[register].0[lane];
+    let differs = |lane: usize| {
+        let mut others = batch.mask.lanes();
+        others.any(|other| subgroup(other) == subgroup(lane) && handle(other) != handle(lane))
+    };
+    if Mask::equal(&batch.registers[register], batch.mask.lowest().map_or(0, handle)).covers(batch.mask) {
+        return Mask::NONE;
+    }
+    batch.mask & Mask::from_fn(|lane| batch.mask.contains(lane) && differs(lane))
 }
 
 /// A descriptor as a report names it.

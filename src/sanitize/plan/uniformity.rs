@@ -14,6 +14,7 @@ use crate::ops::atomic::AtomicTarget;
 use crate::ops::image::ImageOp;
 use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
 use crate::ops::op::Op;
+use crate::ops::pointer::storage;
 use crate::ops::ray_query::RayQueryOp;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Program;
@@ -43,6 +44,8 @@ pub struct ResourceOperand {
     pub id: Id,
     /// An id that the operand is made of, and that is decorated.
     pub decorated: Option<Id>,
+    /// Whether it is made of data of the shader record.
+    pub from_record: bool,
     /// The first register that says which resource it is.
     pub register: Reg,
     /// One register for a handle, two for an acceleration structure.
@@ -86,7 +89,9 @@ impl<'a> UniformityPlan<'a> {
             let id = if words == 1 { self.half_of_sampled_image(access, half) } else { access };
             let is_new = operands.iter().all(|operand| operand.register != register);
             if is_new && !self.constants.contains_key(&register) && !self.is_non_uniform(id) {
-                operands.push(ResourceOperand { id, decorated: self.decorated_source(id), register, words });
+                let decorated = self.source(id, |id| self.is_non_uniform(id));
+                let from_record = self.source(id, |id| self.is_shader_record(id)).is_some();
+                operands.push(ResourceOperand { id, decorated, from_record, register, words });
             }
         }
         (!operands.is_empty()).then(|| Uniformity::Resources { does, operands: operands.into() })
@@ -112,13 +117,19 @@ impl<'a> UniformityPlan<'a> {
         Some(InstructionWords::at(&self.program.module, *offset))
     }
 
-    /// An id decorated `NonUniform` that another is made of: an index, a pointer, the argument of a
-    /// call.
-    fn decorated_source(&self, id: Id) -> Option<Id> {
+    fn is_shader_record(&self, id: Id) -> bool {
+        let module = &self.program.module;
+        let is_record = |ty| matches!(module.ty(ty), Type::Pointer { storage_class, .. } if *storage_class == storage::SHADER_RECORD_BUFFER);
+        matches!(module.definition(id), Some(Definition::Variable(_)))
+            && module.type_of(id).is_some_and(is_record)
+    }
+
+    /// An id of some kind that another is made of: an index, a pointer, the argument of a call.
+    fn source(&self, id: Id, is_sought: impl Fn(Id) -> bool) -> Option<Id> {
         let mut seen = FxHashSet::default();
         let mut open = vec![id];
         while let Some(id) = open.pop() {
-            if self.is_non_uniform(id) {
+            if is_sought(id) {
                 return Some(id);
             }
             if seen.insert(id) {

@@ -5,7 +5,7 @@ use crate::machine::{Mask, OpIndex, Reg, ShadowRegisters};
 use crate::sanitize::cause::{Cause, OpPlace};
 use crate::sanitize::report::{Reporter, Told, offset};
 use crate::sanitize::rule::{Rule, arithmetic, image, trace};
-use crate::sanitize::value_path::variables_on_path;
+use crate::sanitize::value_path::names_on_path;
 
 /// Where a NaN or an infinity arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +58,7 @@ impl<const W: usize> Reporter<'_, W> {
         let mut notes = self.births(details.operand);
         let born = self.program(place.shader)?;
         if place.shader == here.shader {
-            let through = variables_on_path(&born.module, offset(born, here.op), offset(born, place.op));
+            let through = names_on_path(&born.module, offset(born, here.op), offset(born, place.op));
             if !through.is_empty() {
                 let names: Vec<String> = through.iter().map(|name| format!("`{name}`")).collect();
                 notes.push(format!("it goes through {}", names.join(", then ")));

@@ -13,4 +13,8 @@ rules! {
         "An array in the push constants is indexed alike in all lanes."
         "Vulkan, \"Runtime SPIR-V Validation\", 04745: such indices are dynamically uniform"
         "keep tables that lanes index each for itself in a uniform or storage buffer"
+    RECORD_NONUNIFORM "record-nonuniform" UndefinedBehavior
+        "A descriptor that is chosen by data of the shader record is NonUniform, as records differ between lanes."
+        "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149; a subgroup may have invocations of several records"
+        "write textures[nonuniformEXT(index)], in HLSL and Slang NonUniformResourceIndex(index)"
 }
