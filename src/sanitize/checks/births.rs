@@ -33,19 +33,16 @@ pub(super) fn note<const W: usize>(
     shadow.set_cause(to, specials, NO_CAUSE);
     for (&operand, &width) in from.iter().zip(&kernel.float_operands).filter(|(_, width)| **width > 0) {
         let special = special_lanes(registers, operand, width) & born;
-        // A NaN that is made of an infinity is another one; its operand is told with it.
+        // A NaN that is made of an infinity is born here; that operand is told with it.
         let inherited = special.without(nans.without(nan_lanes(registers, operand, width)));
-        shadow.copy_causes(to, operand, special.without(operands));
+        shadow.copy_causes(to, operand, inherited | special.without(operands));
         operands = operands | special;
         born = born.without(inherited);
     }
     for (lanes, special) in [(born & nans, Special::Nan), (born.without(nans), Special::Infinity)] {
         let Some(lane) = lanes.lowest() else { continue };
-        // A NaN or infinity that is unpacked from bits was there before.
-        let computes = kernel.name == "Convert" || kernel.float_operands.iter().any(|width| *width > 0);
         let operands_of = || LaneOperands::read(registers, kernel, from, 0, lane);
-        let rule = rule_of(special, executed.step.preserves_special, kernel, operands_of());
-        let Some(rule) = rule.filter(|_| computes) else {
+        let Some(rule) = rule_of(special, executed.step.preserves_special, kernel, operands_of()) else {
             shadow.set_cause(to, lanes, NO_CAUSE);
             continue;
         };
@@ -65,6 +62,10 @@ fn rule_of(
     kernel: &LaneKernel,
     operands: LaneOperands,
 ) -> Option<&'static Rule> {
+    // A NaN or infinity that is unpacked from bits was there before.
+    if kernel.name != "Convert" && kernel.float_operands == [0; 3] {
+        return None;
+    }
     let divides = kernel.name.trim_end_matches("TowardZero") == "FDiv";
     match special {
         Special::Nan if divides && !preserves => Some(&arithmetic::ULP_DOMAIN),
