@@ -1,5 +1,5 @@
-//! The way of a value through the named variables and values of a shader, from the instruction that made it to the
-//! one that uses it.
+//! The way of a value through the named variables and values of a shader, from the instruction that
+//! made it to the one that uses it.
 
 use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;
@@ -96,8 +96,9 @@ fn is_access_chain(instruction: &Instruction) -> bool {
     )
 }
 
-/// The names of what a value goes through from the instruction that made it to one that uses it, on the shortest way; both are told by their word offsets. Empty
-/// where the value needs none, or its way is not known.
+/// The names of what a value goes through from the instruction that made it to one that uses it, on
+/// the shortest way; both instructions are told by their word offsets. Empty where the value goes
+/// through nothing with a name, or its way is not known.
 pub(super) fn names_on_path(module: &Module, user: u32, maker: u32) -> Vec<String> {
     let sources = Sources::new(module);
     let mut instructions = module.functions.iter().flat_map(|function| &function.blocks);

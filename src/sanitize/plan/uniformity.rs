@@ -117,11 +117,12 @@ impl<'a> UniformityPlan<'a> {
         Some(InstructionWords::at(&self.program.module, *offset))
     }
 
+    /// Whether an id is the variable of the shader record.
     fn is_shader_record(&self, id: Id) -> bool {
         let module = &self.program.module;
-        let is_record = |ty| matches!(module.ty(ty), Type::Pointer { storage_class, .. } if *storage_class == storage::SHADER_RECORD_BUFFER);
-        matches!(module.definition(id), Some(Definition::Variable(_)))
-            && module.type_of(id).is_some_and(is_record)
+        let is_variable = matches!(module.definition(id), Some(Definition::Variable(_)));
+        let ty = module.type_of(id).filter(|_| is_variable).map(|ty| module.ty(ty));
+        matches!(ty, Some(&Type::Pointer { storage_class: storage::SHADER_RECORD_BUFFER, .. }))
     }
 
     /// An id of some kind that another is made of: an index, a pointer, the argument of a call.
