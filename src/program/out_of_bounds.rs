@@ -253,7 +253,10 @@ impl Program {
                     let id = module.id_of_type(ty);
                     let name = id.and_then(|id| module.debug_info.member_names.get(&(id, at as u32)));
                     let name = name.filter(|name| !name.is_empty());
-                    if !path.is_empty() {
+                    // naga and slangc wrap an array in a struct, whose member no source names.
+                    let is_wrapper =
+                        members.len() == 1 && name.is_none_or(|name| name.starts_with("__member"));
+                    if !path.is_empty() && !is_wrapper {
                         path += &name.map_or_else(|| format!(".member{at}"), |name| format!(".{name}"));
                     }
                     offset = offset.zip(member.offset).map(|(sum, more)| sum + u64::from(more));

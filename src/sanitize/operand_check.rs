@@ -553,4 +553,38 @@ mod tests {
         assert_eq!([signed(32, -2_147_483_648.0), signed(32, 2_147_483_648.0)], [false, true]);
         assert_eq!([signed(32, f32::NAN), signed(64, f32::INFINITY)], [true, true]);
     }
+
+    #[test]
+    fn halves_nans_and_great_divisors_are_lints() {
+        let round = CheckedInstruction::Glsl(Glsl::Round);
+        assert_eq!(broken(round, 32, floats([-2.5, 0.0, 0.0])), ["round-half"]);
+        assert_eq!(broken(round, 32, floats([2.499_999_8, 0.0, 0.0])), [""; 0]);
+        let sign = CheckedInstruction::Glsl(Glsl::FSign);
+        assert_eq!(broken(sign, 32, floats([f32::NAN, 0.0, 0.0])), ["sign-nan"]);
+        assert_eq!(broken(sign, 32, floats([f32::INFINITY, 0.0, 0.0])), [""; 0]);
+        let divide = CheckedInstruction::Core(Op::FDiv);
+        assert_eq!(broken(divide, 32, floats([1.0, 2f32.powi(126), 0.0])), [""; 0]);
+        assert_eq!(broken(divide, 32, floats([1.0, -2f32.powi(127), 0.0])), ["fdiv-range"]);
+        // A quotient by infinity is 0, as slab tests expect.
+        assert_eq!(broken(divide, 32, floats([1.0, f32::INFINITY, 0.0])), [""; 0]);
+        // 2^14 and 2^15 as halves.
+        assert_eq!(broken(divide, 16, [0x3C00, 0x7400, 0]), [""; 0]);
+        assert_eq!(broken(divide, 16, [0x3C00, 0x7800, 0]), ["fdiv-range"]);
+    }
+
+    #[test]
+    fn flushing_matters_where_it_changes_what_a_comparison_gives() {
+        let compare = family(InstructionSet::Core, Op::FOrdLessThan as u32);
+        let kernel = compare.and_then(|family| family.kernel(32));
+        let kernel = kernel.expect("a kernel");
+        let matters = |flushed, a, b| operands(kernel, 32, floats([a, b, 0.0])).flushing_matters(flushed);
+        assert!(matters(FlushedUse::Below, 1e-40, 2e-40));
+        assert!(!matters(FlushedUse::Below, 1e-40, 1.0));
+        assert!(!matters(FlushedUse::Below, 1e-40, 0.0));
+        assert!(matters(FlushedUse::Above, 1e-40, 0.0));
+        assert!(matters(FlushedUse::Equal, 1e-40, 0.0));
+        assert!(!matters(FlushedUse::Equal, 1e-40, f32::MIN_POSITIVE));
+        assert!(matters(FlushedUse::Divisor, 1.0, 1e-40));
+        assert!(!matters(FlushedUse::Divisor, 1e-40, 1.0));
+    }
 }
