@@ -59,11 +59,12 @@ fn check_resource<const W: usize>(
     sanitizer.tell_of_program(batch, rule, op, differing, |program| {
         let [one, other] = [one, other].map(|handle| describe(program, handle));
         let id = id_name(&program.module, id);
-        let does = if by_records { format!("by their shader records, {does}") } else { does.to_owned() };
+        let chosen = if by_records { ", chosen by their shader records" } else { "" };
         let but = decorated
             .map_or_else(String::new, |decorated| format!(", though {} is", id_name(&program.module, decorated)));
         format!(
-            "lanes of a subgroup {does} {one} and {other}, and {id}, the operand of the access, is not NonUniform{but}"
+            "lanes of a subgroup {does} {one} and {other}{chosen}, and {id}, the operand of the access, is not \
+             NonUniform{but}"
         )
     });
 }
@@ -80,7 +81,7 @@ fn differing_by_records<const W: usize>(batch: &Batch<W>, register: Reg) -> Mask
     if Mask::equal(&batch.registers[register], batch.mask.lowest().map_or(0, handle)).covers(batch.mask) {
         return Mask::NONE;
     }
-    batch.mask & Mask::from_fn(|lane| batch.mask.contains(lane) && differs(lane))
+    Mask::from_fn(|lane| batch.mask.contains(lane) && differs(lane))
 }
 
 /// A descriptor as a report names it.
