@@ -8,7 +8,6 @@ pub mod control_flow;
 mod copy_propagation;
 pub mod dce;
 pub mod descriptors;
-pub mod hit_ids;
 pub mod layout;
 mod loop_report;
 mod loop_variable;

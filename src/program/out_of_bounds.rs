@@ -3,6 +3,7 @@
 
 use crate::error::IndexOperand;
 use crate::machine::{AccessFault, LaneTrap, OpIndex, Reg, TrapCode};
+use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::access::Access;
@@ -10,7 +11,6 @@ use crate::ops::atomic;
 use crate::ops::memory::{self, Length};
 use crate::ops::op::Op;
 use crate::program::Program;
-use crate::program::hit_ids::{HitId, HitIds};
 
 /// Instructions that take indices.
 mod opcode {

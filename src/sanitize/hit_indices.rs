@@ -8,10 +8,10 @@ use rustc_hash::FxHashMap;
 
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::ShaderIndex;
+use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::Type;
 use crate::module::{Id, Module};
 use crate::program::Program;
-use crate::program::hit_ids::{HitId, HitIds};
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::rule::{Level, contract};
