@@ -187,17 +187,18 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
 /// assembled module in `src/sanitize/module_checks/tests.rs`, `src/sanitize/contract.rs` or
 /// `tests/sanitized_modules.rs`. (`unsupported` is no rule of shaders.)
-const WITHOUT_CASE: [&str; 14] = [
+const WITHOUT_CASE: [&str; 15] = [
     "as-load-source",
     "atomic-class",
     "attr-readonly",
     "fastmath-modes",
-    "gather-component",
+    "image-sample-operand",
     "interface-initializer",
     "non-writable",
     "nonuniform-capability",
     "payload-decoration",
     "payload-location",
+    "pointer-convert",
     "record-block",
     "uniform-store",
     "unsupported",

@@ -10,6 +10,7 @@ use crate::harness::unfilled::unwritten_memory;
 use crate::machine::{Observer, Resources, ShaderIndex};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::sanitize::contract::check_pipeline;
+use crate::sanitize::hit_indices::check_hit_indices;
 use crate::sanitize::module_checks::check_module;
 use crate::sanitize::structures::check_structures;
 use crate::sanitize::{
@@ -31,8 +32,13 @@ pub struct SanitizedRun {
 pub fn check_scene(scene: &ResolvedScene, assembled: &Assembled, levels: &Levels) -> Findings {
     let mut findings = check_structures(scene, levels);
     for (index, pipeline) in assembled.all_pipelines() {
-        let found = check_pipeline(pipeline, levels);
+        let mut found = check_pipeline(pipeline, levels);
+        found.extend(check_hit_indices(&pipeline.programs, levels));
         findings.extend(found.of_shaders_from(assembled.first_program(index)));
+    }
+    for (index, dispatch) in assembled.dispatches.iter().enumerate() {
+        let found = check_hit_indices(std::slice::from_ref(&dispatch.compute.program), levels);
+        findings.extend(found.of_shaders_from(assembled.dispatch_program(index)));
     }
     // Shaders of several pipelines are told of once.
     let mut seen = HashSet::new();

@@ -12,7 +12,7 @@ use crate::math::lane_ops::CpuTier;
 #[cfg(target_arch = "x86_64")]
 use mask::BooleanMask;
 pub use mask::Mask;
-pub use shadow::{LaneIdentity, NO_CAUSE, ShadowRegisters};
+pub use shadow::{Freshness, NO_CAUSE, ShadowRegisters};
 
 /// A register of the register file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

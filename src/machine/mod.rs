@@ -35,7 +35,7 @@ pub use hit_object::{HitObject, HitObjects};
 pub use index::{BlockIndex, OpIndex, ShaderIndex};
 pub use invocation::{Invocation, Invocations, ShaderRecord, TlasHit};
 pub use lanes::{
-    LaneIdentity, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
+    Freshness, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
 };
 pub use observe::Observer;
 pub use open_choices::{ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices};

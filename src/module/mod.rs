@@ -18,6 +18,7 @@ pub mod decoration;
 mod describe;
 mod functions;
 mod grammar;
+pub mod hit_ids;
 pub mod id_map;
 pub mod interface;
 pub mod load;

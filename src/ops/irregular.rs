@@ -18,7 +18,7 @@ use crate::ops::integer_operand::ReadAs;
 use crate::ops::lane_kernel::{InstructionSet, OpFamily, family};
 use crate::ops::translate::Translator;
 use crate::ops::value_registers::Words;
-use crate::ops::{amd, componentwise, debug_printf, linear_algebra, relational_logical as logical};
+use crate::ops::{amd, componentwise, debug_printf, linear_algebra, observed, relational_logical as logical};
 
 /// Opcodes translated here.
 pub const OPCODES: &[Opcode] = &[
@@ -63,18 +63,6 @@ pub const GLSL: &[GlslStd450Op] = &[
     GlslStd450Op::UnpackHalf2x16,
     GlslStd450Op::UnpackDouble2x32,
 ];
-
-/// Kernels of programs that are not optimised, which a sanitizer looks at.
-pub mod observed {
-    use crate::ops::lane_kernel::lane_kernels;
-
-    lane_kernels! {
-        /// The condition of `OpAssumeTrueKHR`.
-        Assumption Internal [bool] (a: bool) -> bool { a }
-        /// The double that two words make.
-        PackedDouble Internal [u32] (low: u32, high: u32) -> u64 { u64::from(high) << 32 | u64::from(low) }
-    }
-}
 
 /// Translates the instructions of this file; `false` for any other.
 pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<bool> {
@@ -142,6 +130,12 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         // Hints about a value change no result.
         Opcode::ExpectKHR => {
             let words = translator.operand(instruction, 0)?;
+            if !translator.optimizes {
+                let expected = translator.operand(instruction, 1)?;
+                if let (&[value], &[expected]) = (&words[..], &expected[..]) {
+                    translator.emit_family(&observed::Expectation, 32, &[value, expected])?;
+                }
+            }
             translator.define_result(instruction, words);
         }
         Opcode::AssumeTrueKHR if translator.optimizes => {}

@@ -13,6 +13,7 @@ use crate::module::{Id, Instruction};
 use crate::ops::arithmetic::{FAdd, FMul, FNegate, FSub};
 use crate::ops::conversion::encoded;
 use crate::ops::glsl::{InverseSqrt, Sqrt};
+use crate::ops::observed;
 use crate::ops::relational_logical::{FOrdLessThan, select::SelectWord};
 use crate::ops::translate::Translator;
 use crate::ops::value_registers::Words;
@@ -64,6 +65,14 @@ impl FloatEmitter<'_, '_> {
             sum = self.add(sum, product)?;
         }
         Ok(sum)
+    }
+    /// Shows a sanitizer the square of the length of a vector that should have length 1.
+    fn observe_length(&mut self, vector: &[Reg]) -> Result<()> {
+        if !self.translator.optimizes && self.width == 32 {
+            let square = self.dot(vector, vector)?;
+            self.translator.emit_family(&observed::SquaredLength, self.width, &[square])?;
+        }
+        Ok(())
     }
     /// A float constant of this width.
     fn constant(&mut self, value: f64) -> Result<Reg> {
@@ -391,6 +400,7 @@ pub fn translate_glsl(
             }
         }
         GlslStd450Op::Reflect => {
+            s.observe_length(&b)?;
             let dot = s.dot(&b, &a)?;
             let two = s.constant(2.0)?;
             let scale = s.mul(two, dot)?;
@@ -400,6 +410,8 @@ pub fn translate_glsl(
             }
         }
         _ => {
+            s.observe_length(&a)?;
+            s.observe_length(&b)?;
             // k = 1 - eta * eta * (1 - dot(N, I)^2); k < 0 gives 0, else
             // eta * I - (eta * dot(N, I) + sqrt(k)) * N
             let eta = eta(&mut s, instruction, c[0])?;

@@ -52,6 +52,7 @@ pub mod linear_algebra;
 pub mod load_store;
 pub mod memory;
 pub mod object;
+pub mod observed;
 pub mod op;
 pub mod operand_types;
 pub mod pointer;

@@ -3,6 +3,7 @@
 
 use crate::error::IndexOperand;
 use crate::machine::{AccessFault, LaneTrap, OpIndex, Reg, TrapCode};
+use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::access::Access;
@@ -116,7 +117,7 @@ impl Program {
             (_, Some(_)) => format!("{index} of a side of {path} with {}", self.describe_count(first.from)),
             (_, None) => format!("{index} of an array of {path}"),
         };
-        Some((text, IndexOperand { length, ..operand }))
+        Some((text + &self.describe_hit_ids(first.index), IndexOperand { length, ..operand }))
     }
 
     /// The index of the element of a runtime array at which an access was beyond the end of its
@@ -153,8 +154,20 @@ impl Program {
         let elements = if count == 1 { "element" } else { "elements" };
         let operand = self.index_operand(chain_index, index);
         let (index, path) = (describe_value(&operand), self.describe_path(chain_index));
-        let text = format!("{index} of {path}, which has {count} {elements} in this buffer");
+        let ids = self.describe_hit_ids(chain_index.index);
+        let text = format!("{index} of {path}, which has {count} {elements} in this buffer{ids}");
         Some((text, IndexOperand { length: Some(count), ..operand }))
+    }
+
+    /// Which ids of a hit an index is made of, if any.
+    fn describe_hit_ids(&self, index: Id) -> String {
+        let ids = HitIds::new(&self.module);
+        let names = |among: Vec<HitId>| among.into_iter().map(HitId::name).collect::<Vec<_>>().join(" and ");
+        match (ids.same(index), ids.among(index)) {
+            (Some(id), _) => format!("; the index is {}", id.name()),
+            (None, among) if !among.is_empty() => format!("; the index is made of {}", names(among)),
+            _ => String::new(),
+        }
     }
 
     /// The value of an index by its type; the length is still to be told.
@@ -240,7 +253,10 @@ impl Program {
                     let id = module.id_of_type(ty);
                     let name = id.and_then(|id| module.debug_info.member_names.get(&(id, at as u32)));
                     let name = name.filter(|name| !name.is_empty());
-                    if !path.is_empty() {
+                    // naga and slangc wrap an array in a struct, whose member no source names.
+                    let is_wrapper =
+                        members.len() == 1 && name.is_none_or(|name| name.starts_with("__member"));
+                    if !path.is_empty() && !is_wrapper {
                         path += &name.map_or_else(|| format!(".member{at}"), |name| format!(".{name}"));
                     }
                     offset = offset.zip(member.offset).map(|(sum, more)| sum + u64::from(more));
@@ -265,6 +281,16 @@ impl Program {
             }
         }
         (chain_indices, path)
+    }
+
+    /// The source expression of what an `OpStore` writes to; `None` for other operations.
+    pub(crate) fn stored_path(&self, op: OpIndex) -> Option<String> {
+        const STORE: u32 = 62;
+        let words = self.module.words.get(self.origins.get(op.index())?.offset as usize..)?;
+        match words {
+            [head, pointer, ..] if head & 0xFFFF == STORE => self.path(Id(*pointer)),
+            _ => None,
+        }
     }
 
     /// The source expression of a variable, or of a part of one.

@@ -1,4 +1,4 @@
-//! Causes: why a value is undefined or a NaN, from where it was made.
+//! Causes: why a value is undefined, a NaN or infinite, from where it was made.
 
 use rustc_hash::FxHashMap;
 
@@ -15,7 +15,26 @@ pub struct OpPlace {
     pub op: OpIndex,
 }
 
-/// Why a value is undefined, or a NaN.
+/// A value that is no number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Special {
+    /// A NaN.
+    Nan,
+    /// An infinity.
+    Infinity,
+}
+
+impl Special {
+    /// The value in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nan => "a NaN",
+            Self::Infinity => "an infinity",
+        }
+    }
+}
+
+/// Why a value is undefined, a NaN or infinite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// A part of a variable that nobody wrote.
@@ -61,8 +80,13 @@ pub enum Cause {
         /// The rule that says so.
         rule: &'static str,
     },
-    /// An instruction that made a NaN of numbers.
-    Nan(OpPlace),
+    /// An instruction that made a NaN of something else, or an infinity of numbers.
+    Born {
+        /// The instruction.
+        place: OpPlace,
+        /// What it made.
+        special: Special,
+    },
 }
 
 /// What the first report of a cause tells beside its place.
@@ -72,6 +96,8 @@ pub struct CauseDetails {
     pub rule: &'static Rule,
     /// What the instruction did, such as `pow(-0.5, 2.0)`.
     pub message: String,
+    /// The number of the cause of an operand that was a NaN or infinite; 0 where there was none.
+    pub operand: u32,
 }
 
 /// All causes so far, by number.

@@ -3,10 +3,12 @@
 
 pub(super) mod barrier;
 pub(super) mod begin;
+pub(super) mod births;
 pub(super) mod bounds;
 pub(super) mod contents;
 mod fast_math;
 pub(super) mod hit_object;
+pub(super) mod image;
 pub(super) mod kernel;
 mod lanes;
 pub(super) mod memory;
@@ -17,4 +19,5 @@ pub(super) mod shared;
 pub(super) mod stale;
 pub(super) mod stop;
 pub(super) mod subgroup;
+mod subnormal;
 pub(super) mod uniformity;

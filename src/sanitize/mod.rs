@@ -12,9 +12,12 @@ pub mod cause;
 mod checks;
 pub mod choices;
 pub mod contract;
+mod expectations;
 pub mod finding;
+mod flushed_use;
 #[cfg(feature = "cli")]
 mod formats;
+pub mod hit_indices;
 pub mod levels;
 mod memory_shadow;
 pub mod module_checks;
@@ -30,6 +33,7 @@ mod stopped;
 pub mod structures;
 pub mod traced_rays;
 pub mod unwritten;
+mod value_path;
 
 pub use finding::{Finding, Findings};
 pub use levels::Levels;

@@ -7,6 +7,7 @@
 
 pub(super) mod code;
 mod declarations;
+mod images;
 mod memory;
 mod ordering;
 mod progress;
@@ -22,7 +23,7 @@ use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::module_checks::code::EntryCode;
 use crate::sanitize::report::at_word;
-use crate::sanitize::rule::{Level, Rule, contract, module};
+use crate::sanitize::rule::{Level, Rule, contract, image, module};
 
 /// A place that breaks a rule.
 #[derive(Debug)]
@@ -43,6 +44,7 @@ static CHECKS: &[Check] = &[
     (&module::RECORD_BLOCK, memory::record_block),
     (&module::ALIGNED_OPERAND, memory::aligned_operand),
     (&module::ATOMIC_CLASS, memory::atomic_class),
+    (&module::POINTER_CONVERT, memory::pointer_convert),
     (&module::LAUNCH_ORDER, progress::launch_order),
     (&contract::VOLATILE_SUBGROUP, volatile::volatile_subgroup),
     (&contract::VOLATILE_RAYTMAX, volatile::volatile_raytmax),
@@ -60,6 +62,8 @@ static CHECKS: &[Check] = &[
     (&module::FASTMATH_MODES, declarations::fastmath_modes),
     (&module::BITOP_WIDTH, declarations::bitop_width),
     (&module::GATHER_COMPONENT, declarations::gather_component),
+    (&image::IMAGE_SAMPLE_OPERAND, images::sample_operand),
+    (&image::IMAGE_OFFSET, images::dynamic_offset),
 ];
 
 /// Checks the entry point of a program.

@@ -4,16 +4,18 @@ use crate::machine::{Batch, Bindings, Mask, Observer, OpIndex, ShaderIndex, Shad
 use crate::module::interface::Stage;
 use crate::ops::access::Access;
 use crate::ops::atomic::AtomicTarget;
-use crate::ops::debug_printf::Argument;
+use crate::ops::debug_printf::{Argument, PrintScalar};
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
+use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::checks::{
-    barrier, begin, bounds, contents, hit_object, kernel, memory, query, ray, shared, stale, stop, subgroup,
-    uniformity,
+    barrier, begin, births, bounds, contents, hit_object, image, kernel, memory, query, ray, shared, stale,
+    stop, subgroup, uniformity,
 };
-use crate::sanitize::plan::{Executed, lane_inputs};
+use crate::sanitize::plan::Executed;
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::sanitizer::{Accesses, Sanitizer};
 
@@ -57,11 +59,12 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         }
     }
 
-    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         if let Some(frame) = self.frames.last_mut() {
             frame.shader = shader;
         }
         let call = self.frames.last().map_or(0, |frame| frame.call);
+        self.accepted(batch);
         if let Some(races) = &mut self.races {
             races.resumed(call);
         }
@@ -80,9 +83,12 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 if let Some(uniform) = &plan.steps[op.index()].uniformity {
                     uniformity::check(self, batch, op, uniform);
                 }
-                if plan.lane_inputs.is_some() && lane_inputs::may_repack(stopped) {
-                    shadow.repack(batch.mask);
-                }
+                stale::stop(&mut shadow, &plan.stale, stopped, batch.mask);
+                batch.registers.shadow = Some(shadow);
+            }
+            Some(Op::RayQuery(RayQueryOp::Initialize { operands, .. })) => {
+                let Some(shadow) = batch.registers.shadow.take() else { return false };
+                ray::check_specials(self, batch, &shadow, op, operands.plus(4));
                 batch.registers.shadow = Some(shadow);
             }
             Some(Op::Barrier) => {
@@ -112,12 +118,12 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
                 }
             }
             Op::Memory(op) => memory::check(self, batch, bindings, &mut shadow, executed, op),
-            Op::Image(image) => {
-                memory::check_image(self, batch, &mut shadow, op, image);
-                bounds::check_image(self, batch, bindings, op, image);
-                contents::image(self, batch, bindings, &mut shadow, place, image);
+            Op::Image(operation) => {
+                image::check(self, batch, bindings, &mut shadow, op, operation);
+                bounds::check_image(self, batch, bindings, op, operation);
+                contents::image(self, batch, bindings, &mut shadow, place, operation);
                 if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
-                    let found = races.access_image(batch, bindings, place, image);
+                    let found = races.access_image(batch, bindings, place, operation);
                     self.tell_races(batch, op, &found);
                 }
             }
@@ -143,9 +149,13 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
             }
             Op::Print(print) => {
                 for argument in &*print.arguments {
-                    let Argument::Numbers { components, .. } = argument else { continue };
+                    let Argument::Numbers { scalar, components } = argument else { continue };
                     for &component in components {
                         self.depend(batch, &mut shadow, op, component, Sink::Print);
+                        if *scalar == PrintScalar::Float(32) {
+                            let sink = SpecialSink::Print;
+                            births::reach(self, batch, &shadow, op, component, batch.mask, sink);
+                        }
                     }
                 }
             }
@@ -155,8 +165,8 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
             }
             Op::Stop(_) | Op::Barrier => {}
         }
-        if let Some(inputs) = &plan.lane_inputs {
-            stale::track(self, batch, &mut shadow, op, &plan.program.ops[op.index()], inputs);
+        for (kind, tracked) in plan.stale.iter().enumerate() {
+            stale::track(self, batch, &mut shadow, executed, &plan.program.ops[op.index()], (kind, tracked));
         }
         batch.registers.shadow = Some(shadow);
     }
@@ -172,6 +182,20 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         let op = plan.program.terminator_index(batch.block);
         self.depend_on_all(batch, &mut shadow, op, register, words, sink);
         batch.registers.shadow = Some(shadow);
+    }
+}
+
+impl Sanitizer<'_> {
+    /// What is kept of the nearest hit goes stale where a report that a batch made was accepted.
+    fn accepted<const W: usize>(&mut self, batch: &mut Batch<W>) {
+        let (Some((_, plan)), Some(frame)) = (self.plan(), self.frames.last()) else { return };
+        let stopped = plan.program.ops.get(frame.op.index());
+        if let Some(&Op::Stop(RayTracingOp::ReportIntersection { accepted, .. })) = stopped
+            && let Some(mut shadow) = batch.registers.shadow.take()
+        {
+            stale::report_accepted(&mut shadow, &plan.stale, batch.registers.mask(accepted));
+            batch.registers.shadow = Some(shadow);
+        }
     }
 }
 

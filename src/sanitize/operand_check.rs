@@ -5,6 +5,7 @@ use rspirv::spirv::{GlslStd450Op as Glsl, Op};
 
 use crate::machine::{Lanes, Reg, Registers};
 use crate::ops::lane_kernel::LaneKernel;
+use crate::sanitize::flushed_use::FlushedUse;
 use crate::sanitize::rule::{Rule, arithmetic};
 
 /// The operands of a lane kernel in one lane, as bits.
@@ -104,6 +105,18 @@ impl LaneOperands {
         value.is_finite() && narrow.is_infinite()
     }
 
+    /// Whether the first two operands do something else where subnormal numbers are flushed to 0.
+    pub fn flushing_matters(&self, flushed: FlushedUse) -> bool {
+        let [a, b] = [self.float(0), self.float(1)];
+        let [low, high] = [a, b].map(|value| if value.abs() < self.least_normal() { 0.0 } else { value });
+        match flushed {
+            FlushedUse::Divisor => b != high,
+            FlushedUse::Below => (a < b) != (low < high),
+            FlushedUse::Above => (a > b) != (low > high),
+            FlushedUse::Equal => (a == b) != (low == high),
+        }
+    }
+
     /// The least positive normal float of the kernel's width.
     fn least_normal(&self) -> f64 {
         match self.width {
@@ -113,9 +126,48 @@ impl LaneOperands {
         }
     }
 
+    /// The exponent of the greatest divisor for which the error of a division is bounded.
+    fn greatest_divisor(&self) -> i32 {
+        match self.width {
+            16 => 14,
+            32 => 126,
+            _ => f64::MAX_EXP,
+        }
+    }
+
+    /// Whether the first operand is the square of a length of 1, give or take what an encoding of
+    /// unit vectors in few bits loses.
+    fn is_square_of_unit(&self) -> bool {
+        const TOLERANCE: f64 = 0.01;
+        let error = (self.float(0).sqrt() - 1.0).abs();
+        error <= TOLERANCE || error.is_nan()
+    }
+
     /// Two operands of an operation as a report shows them, with its sign between them.
     fn describe_sum(&self, sign: &str, signed: bool) -> String {
         format!("{} {sign} {} in {} bits", self.describe(0, signed), self.describe(1, signed), self.width)
+    }
+
+    /// The operation that a kernel does with the operands, as a report shows it.
+    pub fn describe_operation(&self, kernel: &LaneKernel) -> String {
+        let sign = match kernel.name.trim_end_matches("TowardZero") {
+            "FAdd" => "+",
+            "FSub" => "-",
+            "FMul" => "*",
+            "FDiv" => "/",
+            "FOrdEqual" | "FUnordEqual" => "==",
+            "FOrdNotEqual" | "FUnordNotEqual" => "!=",
+            "FOrdLessThan" | "FUnordLessThan" => "<",
+            "FOrdGreaterThan" | "FUnordGreaterThan" => ">",
+            "FOrdLessThanEqual" | "FUnordLessThanEqual" => "<=",
+            "FOrdGreaterThanEqual" | "FUnordGreaterThanEqual" => ">=",
+            name => {
+                let count = kernel.operands.iter().filter(|words| **words > 0).count();
+                let operands: Vec<String> = (0..count).map(|at| self.describe(at, true)).collect();
+                return format!("{}({})", name.to_lowercase(), operands.join(", "));
+            }
+        };
+        format!("{} {sign} {}", self.describe(0, true), self.describe(1, true))
     }
 
     /// The least signed integer of the kernel's width.
@@ -344,6 +396,23 @@ rows! {
     FLOAT_TO_INT [0]: Core ConvertFToU "Convert"
         => |o| !o.fits(false),
         |o| format!("the conversion of {} to an unsigned integer of {} bits", o.describe(0, false), o.result_width);
+    FDIV_RANGE [1]: Core FDiv "FDiv"
+        => |o| o.float(1).is_finite() && o.float(1).abs() > 2f64.powi(o.greatest_divisor()),
+        |o| format!(
+            "{} / {}: the error of a division is not bounded where its divisor is above 2^{}",
+            o.describe(0, false), o.describe(1, false), o.greatest_divisor()
+        );
+    ROUND_HALF [0]: Glsl Round "Round"
+        => |o| o.float(0).fract().abs() == 0.5,
+        |o| format!("round({}), which may be {} or {}", o.describe(0, false), o.float(0).floor(), o.float(0).ceil());
+    SIGN_NAN [0]: Glsl FSign "FSign"
+        => |o| o.float(0).is_nan(), |_| "sign() of a NaN".to_owned();
+    REFLECT_UNIT [0]: Glsl Reflect "SquaredLength"
+        => |o| !o.is_square_of_unit(),
+        |o| format!("reflect() by a normal of length {:.4}", o.float(0).sqrt());
+    REFLECT_UNIT [0]: Glsl Refract "SquaredLength"
+        => |o| !o.is_square_of_unit(),
+        |o| format!("refract() of a vector of length {:.4}", o.float(0).sqrt());
     NAN_TEST_FOLDED [0]: Core IsNan "IsNan" => |o| o.float(0).is_nan(),
         |_| "isnan() holds, though it may be folded to false: the shader does not preserve NaN".into();
     NAN_TEST_FOLDED [0]: Core IsInf "IsInf" => |o| o.float(0).is_infinite(),
@@ -483,5 +552,39 @@ mod tests {
         );
         assert_eq!([signed(32, -2_147_483_648.0), signed(32, 2_147_483_648.0)], [false, true]);
         assert_eq!([signed(32, f32::NAN), signed(64, f32::INFINITY)], [true, true]);
+    }
+
+    #[test]
+    fn halves_nans_and_great_divisors_are_lints() {
+        let round = CheckedInstruction::Glsl(Glsl::Round);
+        assert_eq!(broken(round, 32, floats([-2.5, 0.0, 0.0])), ["round-half"]);
+        assert_eq!(broken(round, 32, floats([2.499_999_8, 0.0, 0.0])), [""; 0]);
+        let sign = CheckedInstruction::Glsl(Glsl::FSign);
+        assert_eq!(broken(sign, 32, floats([f32::NAN, 0.0, 0.0])), ["sign-nan"]);
+        assert_eq!(broken(sign, 32, floats([f32::INFINITY, 0.0, 0.0])), [""; 0]);
+        let divide = CheckedInstruction::Core(Op::FDiv);
+        assert_eq!(broken(divide, 32, floats([1.0, 2f32.powi(126), 0.0])), [""; 0]);
+        assert_eq!(broken(divide, 32, floats([1.0, -2f32.powi(127), 0.0])), ["fdiv-range"]);
+        // A quotient by infinity is 0, as slab tests expect.
+        assert_eq!(broken(divide, 32, floats([1.0, f32::INFINITY, 0.0])), [""; 0]);
+        // 2^14 and 2^15 as halves.
+        assert_eq!(broken(divide, 16, [0x3C00, 0x7400, 0]), [""; 0]);
+        assert_eq!(broken(divide, 16, [0x3C00, 0x7800, 0]), ["fdiv-range"]);
+    }
+
+    #[test]
+    fn flushing_matters_where_it_changes_what_a_comparison_gives() {
+        let compare = family(InstructionSet::Core, Op::FOrdLessThan as u32);
+        let kernel = compare.and_then(|family| family.kernel(32));
+        let kernel = kernel.expect("a kernel");
+        let matters = |flushed, a, b| operands(kernel, 32, floats([a, b, 0.0])).flushing_matters(flushed);
+        assert!(matters(FlushedUse::Below, 1e-40, 2e-40));
+        assert!(!matters(FlushedUse::Below, 1e-40, 1.0));
+        assert!(!matters(FlushedUse::Below, 1e-40, 0.0));
+        assert!(matters(FlushedUse::Above, 1e-40, 0.0));
+        assert!(matters(FlushedUse::Equal, 1e-40, 0.0));
+        assert!(!matters(FlushedUse::Equal, 1e-40, f32::MIN_POSITIVE));
+        assert!(matters(FlushedUse::Divisor, 1.0, 1e-40));
+        assert!(!matters(FlushedUse::Divisor, 1e-40, 1.0));
     }
 }

@@ -1,28 +1,35 @@
 //! What the sanitizer does at each operation of a program, prepared before it runs.
 
+mod counters;
+mod floats;
 mod instruction;
-pub(super) mod lane_inputs;
+pub(super) mod stale;
 mod uniformity;
 mod values;
 
 use std::sync::Arc;
 
-use rspirv::spirv::{ExecutionMode, FPFastMathMode, Op as Opcode, Scope};
+use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::{BlockIndex, OpIndex, Reg, Registers};
 use crate::module::{Id, Module};
-use crate::ops::lane_kernel::{InstructionSet, LaneKernel, family};
+use crate::ops::lane_kernel::LaneKernel;
+use crate::ops::observed;
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
 use crate::ops::subgroup::{ReadSource, SubgroupKind};
 use crate::program::{InstructionSpan, Program};
 use crate::sanitize::cause::OpPlace;
-use crate::sanitize::operand_check::{CheckedInstruction, LaneOperands, OperandCheck, checks_of};
+use crate::sanitize::flushed_use::{FlushedUse, comparison};
+use crate::sanitize::operand_check::{LaneOperands, OperandCheck, checks_of};
 use crate::sanitize::rule::{Rule, arithmetic, subgroup};
+pub use counters::Counter;
+use counters::float_counters;
+pub use floats::FastMath;
+use floats::Preserved;
 pub(super) use instruction::InstructionWords;
-use instruction::scalar_width;
-use lane_inputs::tracked_inputs;
+use stale::{StalePlan, reads_clock, stale_plans};
 use uniformity::UniformityPlan;
 pub(super) use uniformity::{ResourceOperand, UniformReason, Uniformity};
 use values::Values;
@@ -53,13 +60,24 @@ pub struct OpPlan {
     pub checks: Box<[&'static OperandCheck]>,
     /// Bits of a scalar of the instruction's result, where `checks` need it.
     pub result_width: u32,
-    /// Whether an operation that compares floats is told of NaN, or one that stores them.
-    pub watches_nan: bool,
+    /// Whether an operation that compares floats is told of NaN, or one that stores them of NaN
+    /// and infinity.
+    pub watches_special: bool,
+    /// Whether the shader declares that NaN and infinity are preserved in an operation's result.
+    pub preserves_special: bool,
     /// Whether nothing uses the result of `OpRayQueryProceedKHR`.
     pub ignores_result: bool,
     /// The rule about what an instruction reads from another lane that is not active; `None` where
     /// there is none.
     pub inactive: Option<&'static Rule>,
+    /// Which operand counts the turns of a loop, where it is a sum that does.
+    pub counter: Option<Counter>,
+    /// Whether it gives the clock of the subgroup.
+    pub reads_clock: bool,
+    /// Whether it compares a value with that which `OpExpectKHR` expects.
+    pub expects: bool,
+    /// What changes where its subnormal operands are flushed to 0.
+    pub flushed: Option<FlushedUse>,
     /// What an operation on floats is promised of its operands and its result.
     pub fast_math: FastMath,
     /// What must be the same in all lanes of a subgroup.
@@ -85,22 +103,6 @@ pub enum Watched {
     },
 }
 
-/// The promises of `FPFastMathMode` that values can break.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FastMath {
-    /// `NotNaN`
-    pub not_nan: bool,
-    /// `NotInf`
-    pub not_infinite: bool,
-}
-
-impl FastMath {
-    /// Whether nothing is promised.
-    pub fn is_none(self) -> bool {
-        self == Self::default()
-    }
-}
-
 /// An operation that has run: where it stands, and what is prepared for it.
 #[derive(Clone, Copy, Debug)]
 pub struct Executed<'a> {
@@ -117,8 +119,8 @@ pub struct ProgramPlan {
     pub program: Arc<Program>,
     /// By operation.
     pub steps: Vec<OpPlan>,
-    /// Where it is tracked what stands for lanes of a subgroup: the registers of such builtins.
-    pub lane_inputs: Option<Box<[Reg]>>,
+    /// The kinds of values that go stale and are followed.
+    pub stale: Vec<StalePlan>,
     /// The blocks that have barriers of scope Subgroup, each with the word offset of one.
     pub subgroup_barriers: Vec<(BlockIndex, u32)>,
 }
@@ -134,6 +136,7 @@ impl ProgramPlan {
             if program.ops.iter().any(proceeds) { used_ids(&program.module) } else { FxHashSet::default() };
         let preserved = Preserved::of(program);
         let values = Values::of(&program.module);
+        let counters = float_counters(&program.module);
         let steps = program.ops.iter().zip(origins).map(|(op, origin)| {
             let instruction = InstructionWords::at(&program.module, origin.offset);
             let uniformity = uniformity.of(op, instruction);
@@ -141,13 +144,14 @@ impl ProgramPlan {
             let ignores_result = proceeds(op) && result.is_some_and(|id| !used.contains(&id));
             let step = step(&program.module, instruction, op, &constants, &preserved);
             let watched = watched(&program.module, instruction, op, &values);
-            OpPlan { uniformity, ignores_result, watched, ..step }
+            let counter = counters.get(&origin.offset).copied();
+            let reads_clock = reads_clock(&program.module, origin.offset);
+            OpPlan { uniformity, ignores_result, watched, counter, reads_clock, ..step }
         });
-        let lane_inputs = tracked_inputs(program);
         Self {
             program: program.clone(),
             steps: steps.collect(),
-            lane_inputs,
+            stale: stale_plans(program),
             subgroup_barriers: subgroup_barriers(program),
         }
     }
@@ -178,25 +182,30 @@ fn step(
             let checks = known.into_iter().flat_map(|known| checks_of(known, kernel));
             let is_open = |check: &&OperandCheck| {
                 let tests_nan = check.rule == &arithmetic::NAN_TEST_FOLDED;
-                let holds = tests_nan && preserved.holds(module, instruction, kernel.float_operands[0]);
+                let holds = tests_nan && preserved.tests(module, instruction, kernel.float_operands[0]);
                 !holds
                     && check.decoration.is_none_or(|number| instruction.is_decorated(module, number))
                     && !passes(check, kernel, from, result_width, constants)
             };
-            let compares = instruction.opcode.is_some_and(is_comparison) && from[0] != from[1];
+            let compares = instruction.opcode.and_then(comparison).is_some() && from[0] != from[1];
+            let flushed = preserved.flushed_use(instruction, kernel);
+            let is_normal = |at: usize| is_normal_constant(kernel, from, at, constants);
             OpPlan {
                 flow,
                 checks: checks.filter(is_open).collect(),
                 result_width,
-                watches_nan: compares && kernel.float_operands[0] > 0 && kernel.float_result == 0,
-                fast_math: fast_math(instruction, module, kernel),
+                preserves_special: preserved.specials(module, instruction, kernel.float_result),
+                watches_special: compares && kernel.float_operands[0] > 0 && kernel.float_result == 0,
+                expects: kernel.name == observed::Expectation.name,
+                flushed: flushed.filter(|_| !is_normal(1) && !is_normal(0)),
+                fast_math: FastMath::of(instruction, module, kernel),
                 ..OpPlan::default()
             }
         }
         Op::Subgroup(subgroup) => {
             OpPlan { inactive: inactive_rule(instruction.opcode, subgroup.kind), ..OpPlan::default() }
         }
-        Op::Memory(_) => OpPlan { watches_nan: instruction.stores_floats(module), ..OpPlan::default() },
+        Op::Memory(_) => OpPlan { watches_special: instruction.stores_floats(module), ..OpPlan::default() },
         _ => OpPlan::default(),
     }
 }
@@ -270,56 +279,6 @@ fn used_ids(module: &Module) -> FxHashSet<Id> {
     blocks.flat_map(|block| &block.instructions).flat_map(|one| module.operand_ids(one)).collect()
 }
 
-/// For which floats NaN and infinity are preserved, so that tests for them cannot be folded.
-#[derive(Debug, Default)]
-struct Preserved {
-    /// `SignedZeroInfNanPreserve`: widths.
-    widths: Vec<u32>,
-    /// `FPFastMathDefault`: widths and modes.
-    defaults: Vec<(u32, FPFastMathMode)>,
-}
-
-impl Preserved {
-    fn of(program: &Program) -> Self {
-        let mut preserved = Self::default();
-        let mut entries = program.module.entry_points.iter();
-        let entry = entries.find(|entry| entry.stage == program.stage && entry.name == program.name);
-        for (mode, operands) in entry.into_iter().flat_map(|entry| &entry.modes) {
-            match (ExecutionMode::from_u32(*mode), operands.as_slice()) {
-                (Some(ExecutionMode::SignedZeroInfNanPreserve), &[width]) => preserved.widths.push(width),
-                (Some(ExecutionMode::FPFastMathDefault), &[ty, mode]) => {
-                    let width =
-                        program.module.type_with_id(Id(ty)).map(|ty| scalar_width(&program.module, ty));
-                    let mode = program.module.scalar_value(Id(mode));
-                    let mode = mode.map(|bits| FPFastMathMode::from_bits_retain(bits as u32));
-                    preserved.defaults.extend(width.zip(mode));
-                }
-                _ => {}
-            }
-        }
-        preserved
-    }
-
-    /// Whether the test for NaN or infinity of a float of a width gives what it says.
-    fn holds(&self, module: &Module, instruction: InstructionWords<'_>, width: u32) -> bool {
-        /// `FPFastMathMode`
-        const FP_FAST_MATH_MODE: u32 = 40;
-        let ignored = match instruction.opcode {
-            Some(Opcode::IsNan) => FPFastMathMode::NOT_NAN,
-            _ => FPFastMathMode::NOT_INF,
-        };
-        let result = instruction.words.get(2).copied();
-        let own = result.and_then(|id| module.decorations.literal(Id(id), FP_FAST_MATH_MODE));
-        match own {
-            Some(bits) => !FPFastMathMode::from_bits_retain(bits).contains(ignored),
-            None => {
-                let mut defaults = self.defaults.iter().filter(|(own, _)| *own == width);
-                self.widths.contains(&width) || defaults.any(|(_, mode)| !mode.contains(ignored))
-            }
-        }
-    }
-}
-
 fn flow(kernel: &LaneKernel) -> Flow {
     match kernel.name {
         "LogicalAnd" | "BitwiseAnd" => Flow::And,
@@ -349,62 +308,18 @@ fn passes(
     !(check.breaks)(&LaneOperands::read(&registers, kernel, &own, result_width, 0))
 }
 
-/// What `FPFastMathMode` promises of a kernel's operands and result, where they are those of
-/// the instruction, or are NaN or infinite only if its own are.
-fn fast_math(instruction: InstructionWords<'_>, module: &Module, kernel: &LaneKernel) -> FastMath {
-    const FP_FAST_MATH_MODE: u32 = 40;
-    const NOT_NAN: u32 = 1;
-    const NOT_INF: u32 = 2;
-    let Some(mode) =
-        instruction.result(module).and_then(|id| module.decorations.literal(id, FP_FAST_MATH_MODE))
-    else {
-        return FastMath::default();
+/// Whether an operand of a kernel is a constant that no subnormal number, nor 0, is near.
+fn is_normal_constant(
+    kernel: &LaneKernel,
+    from: &[Reg; 3],
+    at: usize,
+    constants: &FxHashMap<Reg, u32>,
+) -> bool {
+    let high = constants.get(&from[at].plus(kernel.operands[at].saturating_sub(1)));
+    let exponent = match kernel.float_operands[at] {
+        16 => 0x7C00,
+        32 => 0x7F80_0000,
+        _ => 0x7FF0_0000,
     };
-    let own = match instruction.known(module) {
-        Some(CheckedInstruction::Core(opcode)) => {
-            is_sum_of_products(opcode) || is_family_of(InstructionSet::Core, opcode as u32, kernel)
-        }
-        Some(CheckedInstruction::Glsl(number)) => is_family_of(InstructionSet::Glsl, number as u32, kernel),
-        None => false,
-    };
-    FastMath { not_nan: own && mode & NOT_NAN != 0, not_infinite: own && mode & NOT_INF != 0 }
-}
-
-/// Whether a kernel is all that an instruction does, component by component.
-fn is_family_of(set: InstructionSet, number: u32, kernel: &LaneKernel) -> bool {
-    family(set, number).is_some_and(|family| family.kernels.iter().any(|own| std::ptr::eq(own, kernel)))
-}
-
-/// Whether an instruction adds products: no NaN or infinity within it gets lost.
-fn is_sum_of_products(opcode: Opcode) -> bool {
-    use Opcode as O;
-    matches!(
-        opcode,
-        O::Dot
-            | O::VectorTimesScalar
-            | O::MatrixTimesScalar
-            | O::VectorTimesMatrix
-            | O::MatrixTimesVector
-            | O::MatrixTimesMatrix
-            | O::OuterProduct
-    )
-}
-
-fn is_comparison(opcode: Opcode) -> bool {
-    use Opcode as O;
-    matches!(
-        opcode,
-        O::FOrdEqual
-            | O::FUnordEqual
-            | O::FOrdNotEqual
-            | O::FUnordNotEqual
-            | O::FOrdLessThan
-            | O::FUnordLessThan
-            | O::FOrdGreaterThan
-            | O::FUnordGreaterThan
-            | O::FOrdLessThanEqual
-            | O::FUnordLessThanEqual
-            | O::FOrdGreaterThanEqual
-            | O::FUnordGreaterThanEqual
-    )
+    high.is_some_and(|bits| bits & exponent != 0)
 }

@@ -1,7 +1,9 @@
 //! Reports: what is told of a finding, from the batch in which it was met.
 
+pub mod specials;
+
 use crate::error::{Error, ErrorKind, Place};
-use crate::machine::{Batch, Lanes, Mask, OpIndex, Reg, ShaderIndex, ShadowRegisters};
+use crate::machine::{Batch, Lanes, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
 use crate::module::names::builtin_name;
 use crate::ops::pointer::storage;
 use crate::pipeline::{source_line, with_location};
@@ -12,7 +14,7 @@ use crate::sanitize::levels::Levels;
 use crate::sanitize::names::{function_of, word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
-use crate::sanitize::rule::{self, Level, Rule, arithmetic, contract, memory, race, trace};
+use crate::sanitize::rule::{self, Level, Rule, contract, memory, race};
 
 /// What depends on a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,8 +135,21 @@ impl<const W: usize> Reporter<'_, W> {
 
     /// Reports that an instruction broke a rule in some lanes.
     pub(super) fn broken(&mut self, rule: &'static Rule, op: OpIndex, lanes: Mask<W>, message: String) {
+        self.broken_by(rule, op, lanes, message, NO_CAUSE);
+    }
+
+    /// As [`Reporter::broken`], by an operand that is a NaN or infinite for a cause.
+    pub(super) fn broken_by(
+        &mut self,
+        rule: &'static Rule,
+        op: OpIndex,
+        lanes: Mask<W>,
+        message: String,
+        operand: u32,
+    ) {
         let place = OpPlace { shader: self.shader(), op };
-        self.add(Told::at(rule, place, message), op, lanes);
+        let notes = self.births(operand);
+        self.add(Told { notes, ..Told::at(rule, place, message) }, op, lanes);
     }
 
     /// Reports that an instruction that is no operation, at a word of the module, broke a rule in
@@ -158,42 +173,6 @@ impl<const W: usize> Reporter<'_, W> {
             if let Some(told) = reporter.tell_undefined(cause, op, sink) {
                 reporter.add(told, op, lanes);
             }
-        });
-    }
-
-    /// Reports that a register holds NaNs where it should not, if an instruction made them.
-    pub(super) fn nan(
-        &mut self,
-        rule: &'static Rule,
-        shadow: &ShadowRegisters<W>,
-        op: OpIndex,
-        register: Reg,
-        lanes: Mask<W>,
-    ) {
-        if lanes.is_empty() {
-            return;
-        }
-        let lanes = lanes.without(shadow.undefined(register));
-        self.each_cause(shadow.causes(register), lanes, |reporter, cause, lanes| {
-            let Some((Cause::Nan(place), _)) = reporter.causes.get(cause) else { return };
-            let Some(program) = reporter.program(place.shader) else { return };
-            let here = OpPlace { shader: reporter.shader(), op };
-            let reached = match () {
-                () if rule == &arithmetic::NAN_BRANCH => "is compared",
-                () if rule == &trace::REPORT_NAN_T => "is the t of a reported intersection",
-                () => "is written to memory",
-            };
-            let told = Told {
-                rule,
-                message: format!("a NaN {reached}"),
-                place,
-                label: "this instruction makes it of numbers".into(),
-                notes: vec![format!("it {reached}{}", reporter.line(here))],
-                cause: (here.shader, offset(program, op)),
-                word: None,
-                key: None,
-            };
-            reporter.add(told, op, lanes);
         });
     }
 
@@ -339,18 +318,20 @@ impl<const W: usize> Reporter<'_, W> {
             },
             Cause::Broken { place, .. } => {
                 let details = details?;
+                let mut notes = self.births(details.operand);
+                notes.push(format!("it {says}{}", self.line(here)));
                 Told {
                     rule: details.rule,
                     message: format!("{}, whose result is undefined, {says}", details.message),
                     place,
                     label: "its result is undefined".into(),
-                    notes: vec![format!("it {says}{}", self.line(here))],
+                    notes,
                     cause: (place.shader, offset(self.program(place.shader)?, place.op)),
                     word: None,
                     key: None,
                 }
             }
-            Cause::Nan(_) => return None,
+            Cause::Born { .. } => return None,
         })
     }
 

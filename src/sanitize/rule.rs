@@ -23,6 +23,7 @@ pub mod arithmetic;
 pub mod choice;
 pub mod contract;
 pub mod hit_object;
+pub mod image;
 pub mod memory;
 pub mod module;
 pub mod query;
@@ -156,6 +157,7 @@ pub fn all() -> impl Iterator<Item = &'static Rule> {
         module::RULES,
         arithmetic::RULES,
         choice::RULES,
+        image::RULES,
     ];
     sections.into_iter().flatten().copied()
 }

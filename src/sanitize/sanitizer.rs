@@ -14,6 +14,7 @@ use crate::ops::access::Access;
 use crate::pipeline::Pipeline;
 use crate::program::Program;
 use crate::sanitize::cause::{Cause, CauseDetails, Causes, OpPlace};
+use crate::sanitize::expectations::Expectations;
 use crate::sanitize::finding::Findings;
 use crate::sanitize::levels::Levels;
 use crate::sanitize::memory_shadow::WorkgroupShadow;
@@ -42,6 +43,8 @@ pub struct Sanitizer<'a> {
     pub(super) shared: WorkgroupShadow,
     /// Which buffers and images are undefined.
     pub(super) unwritten: UnwrittenMemory,
+    /// What came of hints about values.
+    pub(super) expectations: Expectations,
     /// The first of the workgroups that run.
     pub(super) first_workgroup: Option<u32>,
 }
@@ -60,6 +63,7 @@ impl<'a> Sanitizer<'a> {
             races: race::RULES.iter().any(told).then(|| Races::new(plans, &FxHashSet::default())),
             shared: WorkgroupShadow::default(),
             unwritten: UnwrittenMemory::default(),
+            expectations: Expectations::default(),
             first_workgroup: None,
         }
     }
@@ -87,12 +91,14 @@ impl<'a> Sanitizer<'a> {
 
     /// What was found.
     pub fn into_findings(self) -> Findings {
-        self.findings
+        self.into_findings_and_unwritten().0
     }
 
     /// What was found, and what is still unwritten.
     pub fn into_findings_and_unwritten(self) -> (Findings, UnwrittenMemory) {
-        (self.findings, self.unwritten)
+        let mut findings = self.findings;
+        self.expectations.tell(self.plans, self.levels, &mut findings);
+        (findings, self.unwritten)
     }
 
     /// The number of a cause.
@@ -108,7 +114,7 @@ impl<'a> Sanitizer<'a> {
         part: UnwrittenPart,
     ) -> u32 {
         let Self { causes, unwritten, .. } = self;
-        let details = || Some(CauseDetails { rule, message: unwritten.describe(part) });
+        let details = || Some(CauseDetails { rule, message: unwritten.describe(part), operand: NO_CAUSE });
         causes.number(Cause::UnwrittenPart { place, object: part.object }, details)
     }
 
@@ -116,6 +122,11 @@ impl<'a> Sanitizer<'a> {
     pub(super) fn write_texel(&mut self, image: &Image, index: usize, place: OpPlace) {
         let program = || (self.plans[place.shader.index()].program.clone(), place.op);
         self.unwritten.write_texel(image, index, program);
+    }
+
+    /// Whether a cause, by its number, is an instruction that made a NaN or an infinity.
+    pub(super) fn is_born(&self, number: u32) -> bool {
+        matches!(self.causes.get(number), Some((Cause::Born { .. }, _)))
     }
 
     /// The shader that runs, and its plan.

@@ -8,10 +8,12 @@ layout(set = 0, binding = 1, std430) writeonly buffer Plain { vec4 plain[]; };
 layout(set = 0, binding = 2, std430) readonly buffer Layer { vec4 layer[]; };
 
 vec4 divided(vec4 pixel) {
-    return vec4(pixel.rgb / pixel.a, pixel.a);
+    float scale = 1.0 / pixel.a;
+    return vec4(pixel.rgb * scale, pixel.a);
 }
 
 void main() {
     uint index = gl_GlobalInvocationID.x;
-    plain[index] = divided(layer[index]);
+    vec4 color = divided(layer[index]);
+    plain[index] = color;
 }

@@ -24,6 +24,7 @@ use crate::ops::pointer::storage;
 use crate::pipeline::group::{Group, HitGroup};
 use crate::pipeline::{Compute, Launch, Pipeline, PipelineObserver, RayOperands, SbtRecord, Trapped};
 use crate::program::Program;
+use crate::sanitize::rule::image::SAMPLER_MATCH;
 use crate::sanitize::{Findings, Level, Levels, ProgramPlan, Sanitizer};
 
 /// Workgroups of a compute shader.
@@ -476,6 +477,8 @@ impl EntryUnderTest<'_> {
         // The inputs may be such that the shader never gets: nothing is denied.
         let mut levels = Levels::default();
         levels.set_all(Level::Warn);
+        // The made-up samplers are of all kinds at once.
+        levels.set(SAMPLER_MATCH.id, Level::Allow)?;
         let plans = [ProgramPlan::new(program)];
         let mut sanitizer = Sanitizer::new(&plans, &levels);
         run.run(&mut stand_in, &mut sanitizer)?;

@@ -11,20 +11,21 @@ use crate::machine::lanes::{Lanes, Mask, Reg};
 pub struct ShadowRegisters<const W: usize> {
     undefined: Vec<Mask<W>>,
     causes: Vec<Lanes<W>>,
-    /// By register, where somebody tracks it; else empty.
-    lane_identities: Vec<LaneIdentity<W>>,
+    /// By kind of value that goes stale, and by register; empty where nobody tracks any.
+    freshness: Vec<Vec<Freshness<W>>>,
 }
 
-/// The lanes in which a register holds the index or mask of lanes of a subgroup.
+/// The lanes in which a register holds a value of a kind that goes stale: the index of a lane, which
+/// repacking changes, say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LaneIdentity<const W: usize> {
-    /// Where it stands for the subgroup as it is.
+pub struct Freshness<const W: usize> {
+    /// Where it holds one that is still true.
     pub current: Mask<W>,
-    /// Where the subgroup may have been repacked since.
+    /// Where it holds one that may no longer be.
     pub stale: Mask<W>,
 }
 
-impl<const W: usize> LaneIdentity<W> {
+impl<const W: usize> Freshness<W> {
     /// Of a register that holds something else.
     pub const NONE: Self = Self { current: Mask::NONE, stale: Mask::NONE };
 
@@ -44,39 +45,40 @@ impl<const W: usize> ShadowRegisters<W> {
         Self {
             undefined: vec![Mask::NONE; registers],
             causes: vec![Lanes::splat(NO_CAUSE); registers],
-            lane_identities: Vec::new(),
+            freshness: Vec::new(),
         }
     }
 
     /// Makes all registers defined.
     pub fn clear(&mut self) {
         self.undefined.fill(Mask::NONE);
-        self.lane_identities.clear();
+        self.freshness.clear();
     }
 
-    /// Tracks which registers hold the index or mask of lanes of a subgroup, from here on.
-    pub fn track_lane_identities(&mut self) {
-        self.lane_identities.resize(self.undefined.len(), LaneIdentity::NONE);
+    /// Tracks a number of kinds of values that go stale, from here on.
+    pub fn track_freshness(&mut self, kinds: usize) {
+        self.freshness.resize(kinds, vec![Freshness::NONE; self.undefined.len()]);
     }
 
-    /// Where a register holds the index or mask of lanes, if that is tracked.
-    pub fn lane_identity(&self, register: Reg) -> LaneIdentity<W> {
-        self.lane_identities.get(register.0 as usize).copied().unwrap_or(LaneIdentity::NONE)
+    /// Where a register holds a value of a kind, if that is tracked.
+    pub fn freshness(&self, kind: usize, register: Reg) -> Freshness<W> {
+        let of_kind = self.freshness.get(kind).and_then(|all| all.get(register.0 as usize));
+        of_kind.copied().unwrap_or(Freshness::NONE)
     }
 
-    /// Sets where a register holds the index or mask of lanes, for the lanes of a mask.
-    pub fn set_lane_identity(&mut self, register: Reg, lanes: Mask<W>, identity: LaneIdentity<W>) {
-        if let Some(own) = self.lane_identities.get_mut(register.0 as usize) {
-            own.current = own.current.without(lanes) | (identity.current & lanes);
-            own.stale = own.stale.without(lanes) | (identity.stale & lanes);
+    /// Sets where a register holds a value of a kind, for the lanes of a mask.
+    pub fn set_freshness(&mut self, kind: usize, register: Reg, lanes: Mask<W>, freshness: Freshness<W>) {
+        if let Some(own) = self.freshness.get_mut(kind).and_then(|all| all.get_mut(register.0 as usize)) {
+            own.current = own.current.without(lanes) | (freshness.current & lanes);
+            own.stale = own.stale.without(lanes) | (freshness.stale & lanes);
         }
     }
 
-    /// The lanes of a mask may be repacked: what stood for their subgroups is stale.
-    pub fn repack(&mut self, lanes: Mask<W>) {
-        for identity in &mut self.lane_identities {
-            identity.stale = identity.stale | (identity.current & lanes);
-            identity.current = identity.current.without(lanes);
+    /// What is held of a kind goes stale in the lanes of a mask.
+    pub fn expire(&mut self, kind: usize, lanes: Mask<W>) {
+        for freshness in self.freshness.get_mut(kind).into_iter().flatten() {
+            freshness.stale = freshness.stale | (freshness.current & lanes);
+            freshness.current = freshness.current.without(lanes);
         }
     }
 
@@ -168,7 +170,7 @@ impl<const W: usize> ShadowRegisters<W> {
     pub(super) fn copy_span(&mut self, to: Reg, from: Option<&Self>, first: Reg, count: u32, lanes: Mask<W>) {
         for word in 0..count {
             let to = to.plus(word);
-            self.set_lane_identity(to, lanes, LaneIdentity::NONE);
+            (0..self.freshness.len()).for_each(|kind| self.set_freshness(kind, to, lanes, Freshness::NONE));
             let Some(from) = from else {
                 self.define_lanes(to, lanes);
                 continue;
@@ -201,20 +203,21 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_for_lanes_is_stale_where_they_were_repacked() {
+    fn values_go_stale_where_they_expire_by_kind() {
         let mut shadow = ShadowRegisters::<4>::new(2);
-        let current = LaneIdentity { current: Mask::ALL, stale: Mask::NONE };
-        shadow.set_lane_identity(Reg(0), Mask::ALL, current);
-        assert_eq!(shadow.lane_identity(Reg(0)), LaneIdentity::NONE);
-        shadow.track_lane_identities();
-        shadow.set_lane_identity(Reg(0), Mask::first(3), current);
-        shadow.repack(Mask::first(2));
-        let expected = LaneIdentity { current: Mask::lane(2), stale: Mask::first(2) };
-        assert_eq!(shadow.lane_identity(Reg(0)), expected);
+        let current = Freshness { current: Mask::ALL, stale: Mask::NONE };
+        shadow.set_freshness(1, Reg(0), Mask::ALL, current);
+        assert_eq!(shadow.freshness(1, Reg(0)), Freshness::NONE);
+        shadow.track_freshness(2);
+        shadow.set_freshness(1, Reg(0), Mask::first(3), current);
+        shadow.expire(0, Mask::ALL);
+        shadow.expire(1, Mask::first(2));
+        let expected = Freshness { current: Mask::lane(2), stale: Mask::first(2) };
+        assert_eq!(shadow.freshness(1, Reg(0)), expected);
         let joined = expected.joined(current);
         assert_eq!((joined.current, joined.stale), (Mask::lane(2) | Mask::lane(3), Mask::first(2)));
         shadow.copy_span(Reg(0), None, Reg(5), 1, Mask::lane(0));
-        assert_eq!(shadow.lane_identity(Reg(0)).stale, Mask::lane(1));
+        assert_eq!(shadow.freshness(1, Reg(0)).stale, Mask::lane(1));
     }
 
     #[test]

@@ -19,9 +19,7 @@ pub(in crate::sanitize) fn begin<const W: usize>(
     shadow.clear();
     let Some(plan) = sanitizer.plans.get(shader.index()) else { return };
     let program = &plan.program;
-    if plan.lane_inputs.is_some() {
-        shadow.track_lane_identities();
-    }
+    shadow.track_freshness(plan.stale.len());
     let is_hit_shader = matches!(program.stage, Stage::AnyHit | Stage::ClosestHit);
     for registers in &program.interface {
         let cause = |word| Cause::Unwritten {

@@ -1,9 +1,9 @@
 //! Rules about operations whose decorations promise something of their operands and results.
 
-use crate::machine::{Batch, Mask, Reg, Registers, ShadowRegisters};
+use crate::machine::{Batch, Mask, NO_CAUSE, Reg, Registers, ShadowRegisters};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::cause::{Cause, CauseDetails};
-use crate::sanitize::checks::lanes::nan_lanes;
+use crate::sanitize::checks::lanes::{infinite_lanes, nan_lanes};
 use crate::sanitize::plan::Executed;
 use crate::sanitize::rule::arithmetic;
 use crate::sanitize::sanitizer::Sanitizer;
@@ -41,46 +41,9 @@ pub(in crate::sanitize) fn check<const W: usize>(
             let rule = &arithmetic::FASTMATH_FLAGS;
             let number = sanitizer.cause(Cause::Broken { place, rule: rule.id }, || {
                 let message = format!("{what} as {role} of an operation decorated {flag}");
-                Some(CauseDetails { rule, message })
+                Some(CauseDetails { rule, message, operand: NO_CAUSE })
             });
             shadow.undefine_span(to, kernel.words, lanes, number);
         }
-    }
-}
-
-/// The lanes in which a float is infinite.
-fn infinite_lanes<const W: usize>(registers: &Registers<W>, first: Reg, width: u32) -> Mask<W> {
-    let low = &registers[first];
-    match width {
-        16 => Mask::from_fn(|lane| low.0[lane] & 0x7FFF == 0x7C00),
-        32 => Mask::from_fn(|lane| low.0[lane] & 0x7FFF_FFFF == 0x7F80_0000),
-        _ => {
-            let high = &registers[first.plus(1)];
-            Mask::from_fn(|lane| high.0[lane] & 0x7FFF_FFFF == 0x7FF0_0000 && low.0[lane] == 0)
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn infinities_of_each_width() {
-        let mut registers = Registers::<4>::new(2);
-        let lanes = |registers: &Registers<4>, width| infinite_lanes(registers, Reg(0), width);
-        for (lane, value) in [1.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN].into_iter().enumerate() {
-            registers.set_lane_words(Reg(0), lane, [value.to_bits()]);
-        }
-        assert_eq!(lanes(&registers, 32), Mask::lane(1) | Mask::lane(2));
-        for (lane, value) in [1.0, f64::INFINITY, f64::NAN, f64::MAX].into_iter().enumerate() {
-            let bits = value.to_bits();
-            registers.set_lane_words(Reg(0), lane, [bits as u32, (bits >> 32) as u32]);
-        }
-        assert_eq!(lanes(&registers, 64), Mask::lane(1));
-        for (lane, bits) in [0x3C00, 0x7C00, 0xFC00, 0x7C01].into_iter().enumerate() {
-            registers.set_lane_words(Reg(0), lane, [bits]);
-        }
-        assert_eq!(lanes(&registers, 16), Mask::lane(1) | Mask::lane(2));
     }
 }

@@ -1,13 +1,13 @@
 //! Lane kernels under the sanitizer: how what is undefined spreads through them, which operands
-//! break a rule, and where NaNs are made.
+//! break a rule.
 
-use crate::machine::{Batch, Mask, Reg, Registers, ShadowRegisters};
+use crate::machine::{Batch, Mask, NO_CAUSE, Reg, Registers, ShadowRegisters};
 use crate::ops::lane_kernel::LaneKernel;
-use crate::sanitize::cause::{Cause, CauseDetails, OpPlace};
-use crate::sanitize::checks::fast_math;
-use crate::sanitize::checks::lanes::{nan_lanes, operand_words};
+use crate::sanitize::cause::{Cause, CauseDetails};
+use crate::sanitize::checks::lanes::{operand_words, special_lanes};
+use crate::sanitize::checks::{births, fast_math, subnormal};
 use crate::sanitize::operand_check::LaneOperands;
-use crate::sanitize::plan::{Executed, Flow};
+use crate::sanitize::plan::{Counter, Executed, Flow};
 use crate::sanitize::rule::{RuleKind, arithmetic};
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -42,71 +42,87 @@ pub(in crate::sanitize) fn check<const W: usize>(
         });
         let Some(lane) = broken.lowest() else { continue };
         let operands = || LaneOperands::read(registers, kernel, from, step.result_width, lane);
+        let operand = special_operand(registers, shadow, kernel, from, lane);
         match check.rule.kind {
             RuleKind::UndefinedValue => {
                 let cause = Cause::Broken { place, rule: check.rule.id };
-                let details =
-                    || Some(CauseDetails { rule: check.rule, message: (check.message)(&operands()) });
+                let message = || (check.message)(&operands());
+                let details = || Some(CauseDetails { rule: check.rule, message: message(), operand });
                 let number = sanitizer.cause(cause, details);
                 shadow.undefine_span(to, kernel.words, broken, number);
             }
             _ => {
-                sanitizer.reporter(batch).broken(check.rule, place.op, broken, (check.message)(&operands()));
+                let message = (check.message)(&operands());
+                sanitizer.reporter(batch).broken_by(check.rule, place.op, broken, message, operand);
             }
         }
     }
     if !step.fast_math.is_none() {
         fast_math::check(sanitizer, batch, shadow, executed, kernel, to, from);
     }
-    if kernel.float_result > 0 {
-        note_nan(sanitizer, batch, shadow, place, kernel, to, from);
+    if let Some(counter) = step.counter {
+        check_counter(sanitizer, batch, executed, kernel, to, from, counter);
     }
-    if step.watches_nan {
-        compare(sanitizer, batch, shadow, place, kernel, from);
+    if step.expects {
+        sanitizer.expectations.count(batch, place, to);
+    }
+    if kernel.float_result > 0 {
+        births::note(sanitizer, batch, shadow, executed, kernel, to, from);
+    } else if step.flow == Flow::Select {
+        births::select(batch, shadow, to, from);
+    }
+    if let Some(flushed) = step.flushed {
+        subnormal::check(sanitizer, batch, shadow, executed, kernel, from, flushed);
+    }
+    if step.watches_special {
+        births::compare(sanitizer, batch, shadow, place, kernel, from);
     }
 }
 
-/// Keeps where the NaNs of a result were made.
-fn note_nan<const W: usize>(
+/// Reports a float that counts the turns of a loop, and that its step does not change.
+fn check_counter<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
-    shadow: &mut ShadowRegisters<W>,
-    place: OpPlace,
+    executed: Executed<'_>,
     kernel: &LaneKernel,
     to: Reg,
     from: &[Reg; 3],
+    counter: Counter,
 ) {
     let registers = &batch.registers;
-    let nans = (nan_lanes(registers, to, kernel.float_result) & batch.mask).without(shadow.undefined(to));
-    if nans.is_empty() {
-        return;
-    }
-    let mut born = nans;
-    for (&operand, &width) in from.iter().zip(&kernel.float_operands).filter(|(_, width)| **width > 0) {
-        let inherited = nan_lanes(registers, operand, width) & born;
-        shadow.copy_causes(to, operand, inherited);
-        born = born.without(inherited);
-    }
-    if !born.is_empty() {
-        let number = sanitizer.cause(Cause::Nan(place), || None);
-        shadow.set_cause(to, born, number);
-    }
+    let same = |lane: usize| {
+        let words = 0..kernel.words;
+        words.fold(true, |same, word| {
+            let [sum, before] = [to, from[counter.operand]].map(|first| registers[first.plus(word)].0[lane]);
+            same & (sum == before)
+        })
+    };
+    let read = |lane| LaneOperands::read(registers, kernel, from, 0, lane);
+    let stuck = Mask::from_fn(|lane| {
+        batch.mask.contains(lane)
+            && same(lane)
+            && read(lane).float(counter.operand).is_finite()
+            && read(lane).float(1 - counter.operand) != 0.0
+    });
+    let Some(lane) = stuck.lowest() else { return };
+    let operation = read(lane).describe_operation(kernel);
+    sanitizer.tell_of_program(batch, &arithmetic::FLOAT_COUNTER, executed.place.op, stuck, |program| {
+        let name = program.module.name(counter.variable).unwrap_or("a float");
+        format!("`{name}` counts no further: {operation} is the same number again")
+    });
 }
 
-/// Reports a comparison with a NaN that an instruction has made.
-fn compare<const W: usize>(
-    sanitizer: &mut Sanitizer<'_>,
-    batch: &Batch<W>,
+/// The number of the cause of a kernel's first operand that is a NaN or infinite in a lane.
+fn special_operand<const W: usize>(
+    registers: &Registers<W>,
     shadow: &ShadowRegisters<W>,
-    place: OpPlace,
     kernel: &LaneKernel,
     from: &[Reg; 3],
-) {
-    for (&operand, &width) in from.iter().zip(&kernel.float_operands).filter(|(_, width)| **width > 0) {
-        let nans = nan_lanes(&batch.registers, operand, width) & batch.mask;
-        let nans = nans.without(shadow.undefined(operand));
-        sanitizer.reporter(batch).nan(&arithmetic::NAN_BRANCH, shadow, place.op, operand, nans);
-    }
+    lane: usize,
+) -> u32 {
+    let mut floats = from.iter().zip(&kernel.float_operands).filter(|(_, width)| **width > 0);
+    let special = floats.find(|&(&operand, &width)| special_lanes(registers, operand, width).contains(lane));
+    special.map_or(NO_CAUSE, |(&operand, _)| shadow.causes(operand).0[lane])
 }
 
 /// The lanes in which the result of a kernel is undefined because an operand is.

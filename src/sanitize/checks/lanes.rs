@@ -34,6 +34,41 @@ pub(in crate::sanitize) fn nan_lanes<const W: usize>(
     if any { Mask::from_fn(is_nan) } else { Mask::NONE }
 }
 
+/// The lanes in which a float is infinite.
+pub(in crate::sanitize) fn infinite_lanes<const W: usize>(
+    registers: &Registers<W>,
+    first: Reg,
+    width: u32,
+) -> Mask<W> {
+    let low = &registers[first];
+    match width {
+        16 => Mask::from_fn(|lane| low.0[lane] & 0x7FFF == 0x7C00),
+        32 => Mask::from_fn(|lane| low.0[lane] & 0x7FFF_FFFF == 0x7F80_0000),
+        _ => {
+            let high = &registers[first.plus(1)];
+            Mask::from_fn(|lane| high.0[lane] & 0x7FFF_FFFF == 0x7FF0_0000 && low.0[lane] == 0)
+        }
+    }
+}
+
+/// The lanes in which a float is a NaN or infinite.
+#[inline]
+pub(in crate::sanitize) fn special_lanes<const W: usize>(
+    registers: &Registers<W>,
+    first: Reg,
+    width: u32,
+) -> Mask<W> {
+    let high = &registers[if width == 64 { first.plus(1) } else { first }];
+    let exponent = match width {
+        16 => 0x7C00,
+        32 => 0x7F80_0000,
+        _ => 0x7FF0_0000,
+    };
+    // Most often there is none, which a loop without branches finds out.
+    let any = high.0.iter().fold(0, |any, word| any | u32::from(word & exponent == exponent)) != 0;
+    if any { Mask::from_fn(|lane| high.0[lane] & exponent == exponent) } else { Mask::NONE }
+}
+
 /// The elements that a computed index selects, by lane and word.
 pub(in crate::sanitize) fn each_element<const W: usize>(
     batch: &Batch<W>,
@@ -60,5 +95,32 @@ pub(in crate::sanitize) fn workgroup_lanes<const W: usize>(batch: &Batch<W>, chu
             batch.mask & Mask::from_fn(|lane| is_workgroup(&batch.registers, lane, chunk.buffer))
         }
         _ => Mask::NONE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn infinities_of_each_width() {
+        let mut registers = Registers::<4>::new(2);
+        let lanes = |registers: &Registers<4>, width| infinite_lanes(registers, Reg(0), width);
+        for (lane, value) in [1.0, f32::INFINITY, f32::NEG_INFINITY, f32::NAN].into_iter().enumerate() {
+            registers.set_lane_words(Reg(0), lane, [value.to_bits()]);
+        }
+        assert_eq!(lanes(&registers, 32), Mask::lane(1) | Mask::lane(2));
+        assert_eq!(special_lanes(&registers, Reg(0), 32), Mask::lane(1) | Mask::lane(2) | Mask::lane(3));
+        for (lane, value) in [1.0, f64::INFINITY, f64::NAN, f64::MAX].into_iter().enumerate() {
+            let bits = value.to_bits();
+            registers.set_lane_words(Reg(0), lane, [bits as u32, (bits >> 32) as u32]);
+        }
+        assert_eq!(lanes(&registers, 64), Mask::lane(1));
+        assert_eq!(special_lanes(&registers, Reg(0), 64), Mask::lane(1) | Mask::lane(2));
+        for (lane, bits) in [0x3C00, 0x7C00, 0xFC00, 0x7C01].into_iter().enumerate() {
+            registers.set_lane_words(Reg(0), lane, [bits]);
+        }
+        assert_eq!(lanes(&registers, 16), Mask::lane(1) | Mask::lane(2));
+        assert_eq!(special_lanes(&registers, Reg(0), 16), Mask::lane(1) | Mask::lane(2) | Mask::lane(3));
     }
 }

@@ -1,17 +1,17 @@
-//! Memory operations under the sanitizer: variables, buffers, shared memory and images.
+//! Memory operations under the sanitizer: variables, buffers and shared memory.
 
 use crate::machine::{Batch, Bindings, OpIndex, Reg, ShadowRegisters};
-use crate::ops::image::ImageOp;
 use crate::ops::memory::{BufferRef, Chunk, MemoryOp};
 use crate::ops::pointer::storage;
 use crate::sanitize::cause::{Cause, OpPlace};
-use crate::sanitize::checks::lanes::{each_element, nan_lanes, workgroup_lanes};
+use crate::sanitize::checks::births;
+use crate::sanitize::checks::lanes::{each_element, workgroup_lanes};
 use crate::sanitize::checks::shared::{self, SharedAccess};
 use crate::sanitize::checks::{bounds, contents};
 use crate::sanitize::plan::Executed;
 use crate::sanitize::races::AccessKind;
 use crate::sanitize::report::Sink;
-use crate::sanitize::rule::arithmetic;
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// A memory operation has run.
@@ -74,9 +74,9 @@ pub(in crate::sanitize) fn check<const W: usize>(
             for word in 0..chunk.count {
                 let register = from.plus(word);
                 sanitizer.depend_in(batch, shadow, place.op, register, Sink::Buffer, lanes);
-                if step.watches_nan {
-                    let nans = nan_lanes(&batch.registers, register, 32) & lanes;
-                    sanitizer.reporter(batch).nan(&arithmetic::NAN_OUTPUT, shadow, place.op, register, nans);
+                if step.watches_special {
+                    let sink = SpecialSink::Buffer;
+                    births::reach(sanitizer, batch, shadow, place.op, register, lanes, sink);
                 }
             }
         }
@@ -132,28 +132,4 @@ fn undefine<const W: usize>(
         Some(variable) => Cause::Unwritten { shader, variable, storage_class: storage::FUNCTION, word },
         None => Cause::Undef(place),
     });
-}
-
-/// An image operation has run.
-pub(in crate::sanitize) fn check_image<const W: usize>(
-    sanitizer: &mut Sanitizer<'_>,
-    batch: &Batch<W>,
-    shadow: &mut ShadowRegisters<W>,
-    op: OpIndex,
-    image: &ImageOp,
-) {
-    if let ImageOp::Write(write) = image {
-        for register in write.texel.registers() {
-            sanitizer.depend(batch, shadow, op, register, Sink::Coordinate);
-        }
-        for register in write.from {
-            sanitizer.depend(batch, shadow, op, register, Sink::Image);
-            if write.is_float() {
-                let nans = nan_lanes(&batch.registers, register, 32) & batch.mask;
-                sanitizer.reporter(batch).nan(&arithmetic::NAN_OUTPUT, shadow, op, register, nans);
-            }
-        }
-        return;
-    }
-    sanitizer.depend_on_reads(batch, shadow, op, Sink::Coordinate, &mut |visit| image.accesses(visit));
 }

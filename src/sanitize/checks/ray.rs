@@ -4,7 +4,10 @@
 use crate::accel::RayFlags;
 use crate::machine::{Batch, Lanes, Mask, OpIndex, Reg, ShadowRegisters};
 use crate::ops::ray_tracing::TRACE_OPERANDS;
+use crate::sanitize::checks::births;
+use crate::sanitize::checks::lanes::nan_lanes;
 use crate::sanitize::report::Sink;
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::rule::trace;
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -43,6 +46,7 @@ pub(in crate::sanitize) fn check_trace<const W: usize>(
         sanitizer.depend(batch, shadow, op, operands.plus(word), Sink::Ray(name));
     }
     check_address(sanitizer, batch, op, operands);
+    check_specials(sanitizer, batch, shadow, op, operands.plus(7));
     check_flags_and_mask(sanitizer, batch, op, operands.plus(2));
     let word = |at: u32, lane: usize| batch.registers[operands.plus(at)].0[lane];
     let above = |at: u32, most: u32| batch.mask & Mask::from_fn(|lane| word(at, lane) > most);
@@ -60,6 +64,26 @@ pub(in crate::sanitize) fn check_trace<const W: usize>(
         )
     });
     check_direction(sanitizer, batch, op, operands.plus(11));
+}
+
+/// Reports NaNs and infinities that shaders have made and that end in a ray, whose operands lie in
+/// consecutive registers from the origin on. That such a ray is traced is an error of its own.
+pub(in crate::sanitize) fn check_specials<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &ShadowRegisters<W>,
+    op: OpIndex,
+    origin: Reg,
+) {
+    for (word, name) in (0..).zip(&OPERANDS[7..15]) {
+        let register = origin.plus(word);
+        // A ray may go on without end.
+        let lanes = match *name {
+            "t max" => batch.mask & nan_lanes(&batch.registers, register, 32),
+            _ => batch.mask,
+        };
+        births::reach(sanitizer, batch, shadow, op, register, lanes, SpecialSink::Ray(name));
+    }
 }
 
 /// Checks the operands of `OpRayQueryInitializeKHR`, which lie in consecutive registers.

@@ -1,93 +1,213 @@
-//! What stands for lanes of a subgroup (an index, a mask, a ballot) and is kept over an instruction
-//! that may repack them.
+//! Values that go stale while a shader keeps them: what stands for lanes of a subgroup (an index, a
+//! mask, a ballot) over an instruction that may repack them, the nearest hit so far over a report
+//! that is accepted, the clock of a subgroup over an instruction behind which it may run elsewhere.
 //!
-//! Each register is tracked from where a builtin or a ballot gives it such a value, through moves
-//! and arithmetic, in programs alone that have both an instruction that repacks and one that takes
-//! such a value together with the lanes as they are.
+//! Each register is followed from where a builtin or an instruction gives it such a value, through
+//! moves and arithmetic, in programs alone that have all it takes.
 
-use crate::machine::{Batch, LaneIdentity, Mask, OpIndex, Reg, ShadowRegisters};
+use crate::machine::{Batch, Freshness, Mask, OpIndex, Reg, ShadowRegisters};
 use crate::ops::access::Access;
 use crate::ops::hit_object::HitObjectOp;
+use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::MemoryOp;
 use crate::ops::op::Op;
-use crate::ops::subgroup::{BallotCount, SubgroupKind};
+use crate::ops::ray_tracing::RayTracingOp;
+use crate::ops::subgroup::{BallotCount, SubgroupKind, SubgroupOp};
 use crate::sanitize::checks::lanes::{each_element, operand_words};
-use crate::sanitize::plan::lane_inputs::sink;
+use crate::sanitize::plan::Executed;
+use crate::sanitize::plan::stale::{StaleKind, StalePlan, may_repack, sink};
 use crate::sanitize::rule::subgroup;
 use crate::sanitize::sanitizer::Sanitizer;
 
-/// Follows what stands for lanes through an operation that has run.
+/// A shader hands its batch to the pipeline.
+pub(in crate::sanitize) fn stop<const W: usize>(
+    shadow: &mut ShadowRegisters<W>,
+    plans: &[StalePlan],
+    stop: &RayTracingOp,
+    lanes: Mask<W>,
+) {
+    for (kind, plan) in plans.iter().enumerate() {
+        if plan.kind != StaleKind::RayTmax && may_repack(stop) {
+            shadow.expire(kind, lanes);
+        }
+    }
+}
+
+/// A reported hit was accepted in some lanes, and is the nearest one.
+pub(in crate::sanitize) fn report_accepted<const W: usize>(
+    shadow: &mut ShadowRegisters<W>,
+    plans: &[StalePlan],
+    lanes: Mask<W>,
+) {
+    for (kind, plan) in plans.iter().enumerate() {
+        if plan.kind == StaleKind::RayTmax {
+            shadow.expire(kind, lanes);
+        }
+    }
+}
+
+/// A kind of values that is followed, with its number in the shadow.
+type Tracked<'a> = (usize, &'a StalePlan);
+
+/// Where a register holds a value of a kind.
+fn held<const W: usize>(
+    shadow: &ShadowRegisters<W>,
+    (kind, plan): Tracked<'_>,
+    register: Reg,
+) -> Freshness<W> {
+    match plan.inputs.contains(&register) {
+        true => Freshness { current: Mask::ALL, stale: Mask::NONE },
+        false => shadow.freshness(kind, register),
+    }
+}
+
+/// Follows values that go stale through an operation that has run.
 pub(in crate::sanitize) fn track<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,
-    index: OpIndex,
+    executed: Executed<'_>,
     op: &Op,
-    inputs: &[Reg],
+    tracked: Tracked<'_>,
 ) {
-    let current = LaneIdentity { current: Mask::ALL, stale: Mask::NONE };
-    let of = |shadow: &ShadowRegisters<W>, register: Reg| match inputs.contains(&register) {
-        true => current,
-        false => shadow.lane_identity(register),
-    };
+    let (kind, plan) = tracked;
     match op {
         Op::LaneKernel { kernel, to, from } => {
-            let operands = operand_words(kernel, from).map(|(first, word)| of(shadow, first.plus(word)));
-            let result = operands.fold(LaneIdentity::NONE, LaneIdentity::joined);
-            (0..kernel.words).for_each(|word| shadow.set_lane_identity(to.plus(word), Mask::ALL, result));
+            check_kernel(sanitizer, batch, shadow, executed.place.op, kernel, from, tracked);
+            let operands = operand_words(kernel, from);
+            let held = operands.map(|(first, word)| held(shadow, tracked, first.plus(word)));
+            let mut result = held.fold(Freshness::NONE, Freshness::joined);
+            // A comparison with the nearest hit is none itself, nor is a difference of clocks.
+            if plan.kind != StaleKind::Lanes && needs_current(plan.kind, kernel) {
+                result = Freshness::NONE;
+            }
+            (0..kernel.words).for_each(|word| shadow.set_freshness(kind, to.plus(word), Mask::ALL, result));
+        }
+        &Op::Memory(MemoryOp::Move { to, .. })
+            if plan.kind == StaleKind::Clock && executed.step.reads_clock =>
+        {
+            let current = Freshness { current: Mask::ALL, stale: Mask::NONE };
+            shadow.set_freshness(kind, to, batch.mask, current);
         }
         &Op::Memory(MemoryOp::Move { to, from }) => {
-            shadow.set_lane_identity(to, Mask::ALL, of(shadow, from));
+            shadow.set_freshness(kind, to, Mask::ALL, held(shadow, tracked, from));
         }
         &Op::Memory(MemoryOp::MoveMasked { to, from }) => {
-            shadow.set_lane_identity(to, batch.mask, of(shadow, from));
+            shadow.set_freshness(kind, to, batch.mask, held(shadow, tracked, from));
         }
         &Op::Memory(MemoryOp::Gather { to, count, first, index }) => {
             each_element(batch, first, index, count, |lane, word, element| {
-                shadow.set_lane_identity(to.plus(word), Mask::lane(lane), of(shadow, element));
+                shadow.set_freshness(kind, to.plus(word), Mask::lane(lane), held(shadow, tracked, element));
             });
         }
         &Op::Memory(MemoryOp::Scatter { from, count, first, index }) => {
             each_element(batch, first, index, count, |lane, word, element| {
-                shadow.set_lane_identity(element, Mask::lane(lane), of(shadow, from.plus(word)));
+                let from = held(shadow, tracked, from.plus(word));
+                shadow.set_freshness(kind, element, Mask::lane(lane), from);
             });
         }
         &Op::Memory(MemoryOp::Undefine { first, count }) => {
             (0..count)
-                .for_each(|word| shadow.set_lane_identity(first.plus(word), batch.mask, LaneIdentity::NONE));
+                .for_each(|word| shadow.set_freshness(kind, first.plus(word), batch.mask, Freshness::NONE));
         }
-        Op::Subgroup(op) => {
-            let join = |first: Reg, count: u32| {
-                let words = (0..count).map(|word| of(shadow, first.plus(word)));
-                words.fold(LaneIdentity::NONE, LaneIdentity::joined)
-            };
-            let (value, operand) = (join(op.value, op.values), join(op.operand, op.operands));
-            if let Some((takes_value, takes_operand, does)) = sink(op) {
-                let none = Mask::NONE;
-                let stale = if takes_value { value.stale } else { none }
-                    | if takes_operand { operand.stale } else { none };
-                sanitizer.tell(batch, &subgroup::STALE_SUBGROUP, index, stale & batch.mask, |_| {
-                    format!("a lane's index or a ballot, from before lanes may be repacked, {does}")
-                });
+        Op::Subgroup(op) if plan.kind == StaleKind::Lanes => {
+            track_subgroup(sanitizer, batch, shadow, executed.place.op, op, tracked);
+        }
+        Op::HitObject(object) if **object == HitObjectOp::Reorder => {
+            if plan.kind != StaleKind::RayTmax {
+                shadow.expire(kind, batch.mask);
             }
-            let result = match op.kind {
-                SubgroupKind::Ballot | SubgroupKind::Partition => current,
-                SubgroupKind::BallotCount(BallotCount::CountInclusive | BallotCount::CountExclusive) => {
-                    value.joined(current)
-                }
-                SubgroupKind::BallotCount(BallotCount::FindLsb | BallotCount::FindMsb) => value,
-                SubgroupKind::Read(_) => value,
-                _ => LaneIdentity::NONE,
-            };
-            (0..op.results).for_each(|word| shadow.set_lane_identity(op.to.plus(word), batch.mask, result));
         }
-        Op::HitObject(object) if **object == HitObjectOp::Reorder => shadow.repack(batch.mask),
         op => op.accesses(|access| {
             if let Access::Write(first, count) = access {
                 (0..count).for_each(|word| {
-                    shadow.set_lane_identity(first.plus(word), batch.mask, LaneIdentity::NONE);
+                    shadow.set_freshness(kind, first.plus(word), batch.mask, Freshness::NONE);
                 });
             }
         }),
     }
+}
+
+/// Whether a kernel needs a value of a kind to be true: it compares it, or subtracts clocks.
+fn needs_current(kind: StaleKind, kernel: &LaneKernel) -> bool {
+    match kind {
+        StaleKind::Lanes => false,
+        StaleKind::RayTmax => {
+            let compares = kernel.float_operands[0] > 0 && kernel.operands[1] > 0 && kernel.float_result == 0;
+            compares || matches!(kernel.name, "FMin" | "FMax" | "FClamp" | "NMin" | "NMax" | "NClamp")
+        }
+        StaleKind::Clock => kernel.name == "ISub",
+    }
+}
+
+/// Reports a stale value that a kernel needs to be true.
+fn check_kernel<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &ShadowRegisters<W>,
+    op: OpIndex,
+    kernel: &LaneKernel,
+    from: &[Reg; 3],
+    tracked: Tracked<'_>,
+) {
+    let (_, plan) = tracked;
+    if !needs_current(plan.kind, kernel) {
+        return;
+    }
+    let of = |at: usize| {
+        let words = 0..kernel.operands[at];
+        words.fold(Freshness::NONE, |all, word| all.joined(held(shadow, tracked, from[at].plus(word))))
+    };
+    let each = [of(0), of(1), of(2)];
+    match plan.kind {
+        StaleKind::Lanes => {}
+        StaleKind::RayTmax => {
+            let stale = each.iter().fold(Mask::NONE, |all, one| all | one.stale) & batch.mask;
+            sanitizer.tell(batch, &subgroup::STALE_RAYTMAX, op, stale, |_| {
+                "the RayTmaxKHR from before a report that was accepted is compared".to_owned()
+            });
+        }
+        StaleKind::Clock => {
+            let across = (each[0].current & each[1].stale) | (each[0].stale & each[1].current);
+            sanitizer.tell(batch, &subgroup::STALE_CLOCK, op, across & batch.mask, |_| {
+                "the clock of the subgroup is subtracted from one behind an instruction that may repack lanes"
+                    .to_owned()
+            });
+        }
+    }
+}
+
+/// Follows what stands for lanes through a subgroup instruction, and reports it where it is stale.
+fn track_subgroup<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    index: OpIndex,
+    op: &SubgroupOp,
+    tracked: Tracked<'_>,
+) {
+    let current = Freshness { current: Mask::ALL, stale: Mask::NONE };
+    let join = |first: Reg, count: u32| {
+        let words = (0..count).map(|word| held(shadow, tracked, first.plus(word)));
+        words.fold(Freshness::NONE, Freshness::joined)
+    };
+    let (value, operand) = (join(op.value, op.values), join(op.operand, op.operands));
+    if let Some((takes_value, takes_operand, does)) = sink(op) {
+        let none = Mask::NONE;
+        let stale =
+            if takes_value { value.stale } else { none } | if takes_operand { operand.stale } else { none };
+        sanitizer.tell(batch, &subgroup::STALE_SUBGROUP, index, stale & batch.mask, |_| {
+            format!("a lane's index or a ballot, from before lanes may be repacked, {does}")
+        });
+    }
+    let result = match op.kind {
+        SubgroupKind::Ballot | SubgroupKind::Partition => current,
+        SubgroupKind::BallotCount(BallotCount::CountInclusive | BallotCount::CountExclusive) => {
+            value.joined(current)
+        }
+        SubgroupKind::BallotCount(BallotCount::FindLsb | BallotCount::FindMsb) => value,
+        SubgroupKind::Read(_) => value,
+        _ => Freshness::NONE,
+    };
+    (0..op.results).for_each(|word| shadow.set_freshness(tracked.0, op.to.plus(word), batch.mask, result));
 }

@@ -6,8 +6,8 @@ use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::pipeline::{DEFAULT_CALLABLE_DEPTH, Pipeline};
-use crate::sanitize::checks::lanes::nan_lanes;
-use crate::sanitize::checks::{hit_object, ray, reported};
+use crate::sanitize::checks::{births, hit_object, ray, reported};
+use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::rule::trace;
 use crate::sanitize::sanitizer::Sanitizer;
@@ -30,10 +30,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
         RayTracingOp::ReportIntersection { t, hit_kind, accepted } => {
             sanitizer.depend(batch, shadow, op, t, Sink::ReportedT);
             sanitizer.depend(batch, shadow, op, hit_kind, Sink::HitKind);
-            let nans = nan_lanes(&batch.registers, t, 32) & batch.mask;
-            if !nans.is_empty() {
-                sanitizer.reporter(batch).nan(&trace::REPORT_NAN_T, shadow, op, t, nans);
-            }
+            births::reach(sanitizer, batch, shadow, op, t, batch.mask, SpecialSink::ReportedT);
             reported::check(sanitizer, batch, op, t);
             depend_on_attributes(sanitizer, batch, shadow, op);
             shadow.define(accepted);

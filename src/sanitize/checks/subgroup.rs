@@ -3,7 +3,7 @@
 use smallvec::SmallVec;
 
 use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Mask, ShadowRegisters};
+use crate::machine::{Batch, Mask, NO_CAUSE, ShadowRegisters};
 use crate::ops::subgroup::{BallotCount, Members, ReadSource, SubgroupKind, SubgroupOp, subgroups};
 use crate::sanitize::cause::{Cause, CauseDetails, OpPlace};
 use crate::sanitize::plan::Executed;
@@ -77,7 +77,8 @@ fn undefine<const W: usize>(
 ) {
     let Some(lane) = lanes.lowest() else { return };
     let cause = Cause::Broken { place, rule: rule.id };
-    let number = sanitizer.cause(cause, || Some(CauseDetails { rule, message: message(lane) }));
+    let number =
+        sanitizer.cause(cause, || Some(CauseDetails { rule, message: message(lane), operand: NO_CAUSE }));
     shadow.undefine_span(op.to, op.results, lanes, number);
 }
 

@@ -3,7 +3,7 @@
 
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Bindings, Mask, OpIndex};
+use crate::machine::{Batch, Bindings, Mask, OpIndex, Reg};
 use crate::module::names::capability_name;
 use crate::module::{Id, Module};
 use crate::program::Program;
@@ -46,8 +46,12 @@ fn check_resource<const W: usize>(
     does: &str,
     operand: &ResourceOperand,
 ) {
-    let &ResourceOperand { id, reason, register, words } = operand;
+    let &ResourceOperand { id, reason, from_record, register, words } = operand;
     let mut differing = differing_lanes(batch, RegSpan { first: register, count: words }, 0);
+    let by_records = from_record && differing.is_empty();
+    if by_records {
+        differing = differing_by_records(batch, register);
+    }
     if words == 2 && !differing.is_empty() {
         // A structure by its device address needs no descriptor.
         differing = differing & Mask::equal(&batch.registers[register.plus(1)], STRUCTURE_HANDLE);
@@ -56,6 +60,7 @@ fn check_resource<const W: usize>(
     let Some(one) = differing.lowest().map(handle) else { return };
     let Some(other) = differing.lanes().map(handle).find(|other| *other != one) else { return };
     let rule = match reason {
+        _ if by_records => &uniformity::RECORD_NONUNIFORM,
         UniformReason::Undecorated => &uniformity::NONUNIFORM_RESOURCE,
         UniformReason::Misplaced(_) => &uniformity::NONUNIFORM_PLACEMENT,
         UniformReason::Capability(_) => &uniformity::NONUNIFORM_CAPABILITY,
@@ -63,6 +68,7 @@ fn check_resource<const W: usize>(
     sanitizer.tell_of_program(batch, rule, op, differing, |program| {
         let [one, other] = [one, other].map(|handle| describe(program, handle));
         let id = id_name(&program.module, id);
+        let chosen = if by_records { ", chosen by their shader records" } else { "" };
         let but = match reason {
             UniformReason::Undecorated => format!("{id}, the operand of the access, is not NonUniform"),
             UniformReason::Misplaced(decorated) => {
@@ -73,8 +79,23 @@ fn check_resource<const W: usize>(
                 format!("the module does not declare {}", capability_name(capability))
             }
         };
-        format!("lanes of a subgroup {does} {one} and {other}, and {but}")
+        format!("lanes of a subgroup {does} {one} and {other}{chosen}, and {but}")
     });
+}
+
+/// The lanes that use different resources than others of their subgroup with another shader record.
+/// Elsewhere in this crate a subgroup has one record.
+fn differing_by_records<const W: usize>(batch: &Batch<W>, register: Reg) -> Mask<W> {
+    let subgroup = |lane: usize| batch.invocations.lane(lane).subgroup_id();
+    let handle = |lane: usize| batch.registers[register].0[lane];
+    let differs = |lane: usize| {
+        let mut others = batch.mask.lanes();
+        others.any(|other| subgroup(other) == subgroup(lane) && handle(other) != handle(lane))
+    };
+    if Mask::equal(&batch.registers[register], batch.mask.lowest().map_or(0, handle)).covers(batch.mask) {
+        return Mask::NONE;
+    }
+    Mask::from_fn(|lane| batch.mask.contains(lane) && differs(lane))
 }
 
 /// A descriptor as a report names it.

@@ -233,3 +233,18 @@ fn largest_scalar(module: &Module, ty: TypeId) -> u32 {
         _ => 0,
     }
 }
+
+pub(super) fn pointer_convert(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    for (opcode, instruction, operands) in code.known() {
+        let integer = match opcode {
+            Op::ConvertPtrToU => instruction.result,
+            Op::ConvertUToPtr => operands.first().map(|&operand| Id(operand)),
+            _ => continue,
+        };
+        let ty = integer.and_then(|id| code.module.type_of(id)).map(|ty| code.module.ty(ty));
+        if let Some(&Type::Int { width, .. }) = ty.filter(|ty| !matches!(ty, Type::Int { width: 64, .. })) {
+            let message = format!("{} with an integer of {width} bits", opcode_name(opcode as u16));
+            faults.push(Fault { offset: instruction.offset, message });
+        }
+    }
+}

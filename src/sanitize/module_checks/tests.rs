@@ -293,10 +293,9 @@ fn fast_math_modes_fit_each_other() {
 }
 
 #[test]
-fn the_component_of_a_gather_is_a_constant_below_four() {
+fn the_component_of_a_gather_is_a_constant() {
     let found = |component: u32| {
         let declare = |a: &mut Assembler| {
-            a.op(Op::Constant, &[5, 48, 4]);
             a.op(Op::TypeImage, &[80, 6, 1, 0, 0, 0, 1, 0]);
             a.op(Op::TypeSampledImage, &[81, 80]);
             a.op(Op::TypePointer, &[82, 0, 81]);
@@ -313,8 +312,102 @@ fn the_component_of_a_gather_is_a_constant_below_four() {
         broken(&assembled(COMPUTE, |_| (), declare, body).loaded())
     };
     assert_eq!(found(8), rules([]));
-    assert_eq!(found(48), rules(["gather-component"]));
     assert_eq!(found(62), rules(["gather-component"]));
+}
+
+#[test]
+fn a_texel_without_samples_is_pointed_to_with_sample_zero() {
+    let found = |multisampled: u32, sample: u32| {
+        let declare = |a: &mut Assembler| {
+            a.op(Op::Constant, &[5, 47, 0]);
+            a.op(Op::Constant, &[5, 48, 1]);
+            a.op(Op::TypeImage, &[80, 5, 1, 0, 0, multisampled, 2, 33]);
+            a.op(Op::TypePointer, &[82, 0, 80]);
+            a.op(Op::Variable, &[82, 30, 0]);
+            a.op(Op::TypeVector, &[83, 5, 2]);
+            a.op(Op::ConstantNull, &[83, 84]);
+            // Image
+            a.op(Op::TypePointer, &[85, 11, 5]);
+        };
+        let body = |a: &mut Assembler| {
+            a.op(Op::ImageTexelPointer, &[85, 61, 30, 84, sample]);
+        };
+        broken(&assembled(COMPUTE, |_| (), declare, body).loaded())
+    };
+    assert_eq!(found(0, 47), rules([]));
+    assert_eq!(found(0, 48), rules(["image-sample-operand"]));
+    assert_eq!(found(1, 48), rules([]));
+}
+
+#[test]
+fn the_offset_of_a_sampled_texel_is_a_constant() {
+    // Bits of the mask of image operands.
+    const LOD: u32 = 0x2;
+    const GRAD: u32 = 0x4;
+    const CONST_OFFSET: u32 = 0x8;
+    const OFFSET: u32 = 0x10;
+    let found = |opcode: Op, operands: &[u32]| {
+        let declare = |a: &mut Assembler| {
+            a.op(Op::TypeImage, &[80, 6, 1, 0, 0, 0, 1, 0]);
+            a.op(Op::TypeSampledImage, &[81, 80]);
+            a.op(Op::TypePointer, &[82, 0, 81]);
+            a.op(Op::Variable, &[82, 30, 0]);
+            a.op(Op::TypeVector, &[83, 6, 4]);
+            a.op(Op::TypeVector, &[84, 6, 2]);
+            a.op(Op::ConstantNull, &[84, 85]);
+            a.op(Op::ConstantNull, &[6, 86]);
+            a.op(Op::TypeVector, &[87, 4, 2]);
+            a.op(Op::ConstantNull, &[87, 88]);
+        };
+        let body = |a: &mut Assembler| {
+            a.op(Op::Load, &[81, 60, 30]);
+            a.op(Op::IAdd, &[87, 62, 88, 88]);
+            a.op(opcode, &[&[83, 61, 60, 85], operands].concat());
+        };
+        broken(&assembled(COMPUTE, |_| (), declare, body).loaded())
+    };
+    let sample = Op::ImageSampleExplicitLod;
+    assert_eq!(found(sample, &[LOD | CONST_OFFSET, 86, 88]), rules([]));
+    assert_eq!(found(sample, &[LOD | OFFSET, 86, 88]), rules([]));
+    assert_eq!(found(sample, &[LOD | OFFSET, 86, 62]), rules(["image-offset"]));
+    assert_eq!(found(sample, &[GRAD | OFFSET, 85, 85, 62]), rules(["image-offset"]));
+    assert_eq!(found(Op::ImageSampleDrefExplicitLod, &[86, LOD | OFFSET, 86, 62]), rules(["image-offset"]));
+    // Gathers take any offset.
+    assert_eq!(found(Op::ImageDrefGather, &[86, OFFSET, 62]), rules([]));
+}
+
+#[test]
+fn addresses_are_converted_to_and_from_64_bits() {
+    let found = |convert: fn(&mut Assembler)| {
+        let mut a = Assembler::bare(1000);
+        // Shader, Int64, PhysicalStorageBufferAddresses
+        [1, 11, 5347].into_iter().for_each(|capability| _ = a.op(Op::Capability, &[capability]));
+        a.op(Op::MemoryModel, &[5348, 1]);
+        a.with_string(Op::EntryPoint, &[COMPUTE, 40], "main", &[]);
+        a.types();
+        a.op(Op::TypeInt, &[50, 64, 0]);
+        a.op(Op::TypePointer, &[51, 5349, 5]);
+        a.op(Op::ConstantNull, &[50, 52]);
+        a.function(40, 41, |a| {
+            convert(a);
+            a.op(Op::Return, &[]);
+        });
+        broken(&a.loaded())
+    };
+    let both_ways = |a: &mut Assembler| {
+        a.op(Op::ConvertUToPtr, &[51, 60, 52]);
+        a.op(Op::ConvertPtrToU, &[50, 61, 60]);
+    };
+    assert_eq!(found(both_ways), rules([]));
+    let from_narrow = |a: &mut Assembler| {
+        a.op(Op::ConvertUToPtr, &[51, 60, 8]);
+    };
+    assert_eq!(found(from_narrow), rules(["pointer-convert"]));
+    let to_narrow = |a: &mut Assembler| {
+        a.op(Op::ConvertUToPtr, &[51, 60, 52]);
+        a.op(Op::ConvertPtrToU, &[5, 61, 60]);
+    };
+    assert_eq!(found(to_narrow), rules(["pointer-convert"]));
 }
 
 #[test]

@@ -60,6 +60,8 @@ pub struct ResourceOperand {
     pub id: Id,
     /// Why it must be the same.
     pub reason: UniformReason,
+    /// Whether it is made of data of the shader record.
+    pub from_record: bool,
     /// The first register that says which resource it is.
     pub register: Reg,
     /// One register for a handle, two for an acceleration structure.
@@ -106,7 +108,7 @@ impl<'a> UniformityPlan<'a> {
             let is_element = self.definition(pointer).is_some_and(|made| {
                 matches!(made.opcode, Some(Opcode::AccessChain | Opcode::InBoundsAccessChain))
             });
-            let must = is_element && self.decorated_source(pointer).is_none();
+            let must = is_element && self.source(pointer, |id| self.is_non_uniform(id)).is_none();
             if must {
                 return Some(Uniformity::HitObjects(index));
             }
@@ -124,7 +126,9 @@ impl<'a> UniformityPlan<'a> {
                 && !self.constants.contains_key(&register)
                 && let Some(reason) = self.reason(access, id)
             {
-                operands.push(ResourceOperand { id, reason, register, words });
+                let from_record = !matches!(reason, UniformReason::Capability(_))
+                    && self.source(id, |id| self.is_shader_record(id)).is_some();
+                operands.push(ResourceOperand { id, reason, from_record, register, words });
             }
         }
         (!operands.is_empty()).then(|| Uniformity::Resources { does, operands: operands.into() })
@@ -144,7 +148,8 @@ impl<'a> UniformityPlan<'a> {
             let lacks = !self.program.module.capabilities.contains(&capability);
             return lacks.then_some(UniformReason::Capability(capability));
         }
-        Some(self.decorated_source(operand).map_or(UniformReason::Undecorated, UniformReason::Misplaced))
+        let decorated = self.source(operand, |id| self.is_non_uniform(id));
+        Some(decorated.map_or(UniformReason::Undecorated, UniformReason::Misplaced))
     }
 
     /// The capability without which descriptors of an operand's kind are indexed uniformly; `None`
@@ -204,13 +209,20 @@ impl<'a> UniformityPlan<'a> {
         Some(InstructionWords::at(&self.program.module, *offset))
     }
 
-    /// An id decorated `NonUniform` that another is made of: an index, a pointer, the argument of a
-    /// call.
-    fn decorated_source(&self, id: Id) -> Option<Id> {
+    /// Whether an id is the variable of the shader record.
+    fn is_shader_record(&self, id: Id) -> bool {
+        let module = &self.program.module;
+        let is_variable = matches!(module.definition(id), Some(Definition::Variable(_)));
+        let ty = module.type_of(id).filter(|_| is_variable).map(|ty| module.ty(ty));
+        matches!(ty, Some(&Type::Pointer { storage_class: storage::SHADER_RECORD_BUFFER, .. }))
+    }
+
+    /// An id of some kind that another is made of: an index, a pointer, the argument of a call.
+    fn source(&self, id: Id, is_sought: impl Fn(Id) -> bool) -> Option<Id> {
         let mut seen = FxHashSet::default();
         let mut open = vec![id];
         while let Some(id) = open.pop() {
-            if self.is_non_uniform(id) {
+            if is_sought(id) {
                 return Some(id);
             }
             if seen.insert(id) {

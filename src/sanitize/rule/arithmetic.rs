@@ -118,11 +118,51 @@ rules! {
         "Vulkan, without SignedZeroInfNanPreserve or FPFastMathDefault: a test for NaN may be folded to false"
         "test the bits: (floatBitsToUint(x) & 0x7fffffffu) > 0x7f800000u for a NaN, == for infinity"
     NAN_OUTPUT "nan-output" Lint
-        "No NaN is written to a buffer or an image."
+        "No NaN is written to a buffer or an image, printed, or traced with."
         "Vulkan: without SignedZeroInfNanPreserve an operation that makes or takes a NaN gives an undefined value"
-        "look at the instruction that made the NaN"
+        "look at the instruction that made the NaN, and keep its operands from it"
     NAN_BRANCH "nan-branch" Lint
         "No comparison with a NaN decides a branch."
         "Vulkan: without SignedZeroInfNanPreserve an operation that makes or takes a NaN gives an undefined value"
-        "look at the instruction that made the NaN"
+        "look at the instruction that made the NaN, and keep its operands from it"
+    ULP_DOMAIN "ulp-domain" UndefinedValue
+        "No quotient that does not exist, 0 / 0 or infinity / infinity, is written, printed or traced with."
+        "Vulkan, \"Precision of Individual Operations\", ULP: a result that is not mathematically defined is undefined"
+        "test the divisor before the division"
+    FDIV_ZERO "fdiv-zero" Lint
+        "No quotient by zero is written to a buffer or an image, printed, or the origin or direction of a ray."
+        "Vulkan, \"Precision of Individual Operations\", ULP: a result that is not mathematically defined is undefined"
+        "test the divisor first; in a slab test, or behind a comparison, the infinity does no harm and is not told"
+    FASTMATH_DEFAULT "fastmath-default" Lint
+        "No infinity to which an operation overflows is written to a buffer or an image, printed, or traced with."
+        "Vulkan, \"Precision and Operation of SPIR-V Instructions\": unless preserved, infinities may be replaced with undefined values"
+        "clamp the operands, or the result where it is finite, or declare SignedZeroInfNanPreserve"
+    FDIV_RANGE "fdiv-range" Lint
+        "The magnitude of a divisor is at most 2^126, of half 2^14."
+        "Vulkan, \"Precision of Individual Operations\", OpFDiv: the error is bounded for divisors within [2^-126, 2^126] alone"
+        "divide by a smaller number, or scale both operands: the quotient may be 0 or off by any amount"
+    SUBNORMAL "subnormal" Lint
+        "No subnormal number is a divisor, or decides a comparison."
+        "Vulkan, \"Precision and Operation of SPIR-V Instructions\": unless DenormPreserve is declared, it may be flushed to 0"
+        "compare with a small normal number instead of 0, such as 1e-30"
+    ROUND_HALF "round-half" Lint
+        "The fraction of the operand of Round is not 0.5."
+        "GLSL.std.450, Round: a fraction of 0.5 rounds in a direction that the implementation chooses"
+        "write roundEven(x), or floor(x + 0.5)"
+    SIGN_NAN "sign-nan" Lint
+        "The operand of FSign is no NaN."
+        "GLSL.std.450, FSign: 1, 0 or -1, of which a NaN gives any"
+        "test for a NaN first, or look at the instruction that made it"
+    REFLECT_UNIT "reflect-unit" Lint
+        "The normal of Reflect, and both vectors of Refract, have length 1."
+        "GLSL.std.450, Reflect, Refract: the vectors must be normalized to achieve the desired result"
+        "normalize the vector: an interpolated or transformed normal is shorter or longer"
+    EXPECT_WRONG "expect-wrong" Lint
+        "The value of OpExpectKHR is mostly the expected one."
+        "SPV_KHR_expect_assume, OpExpectKHR: the implementation optimises for the expected value"
+        "expect the other value, or leave the hint out"
+    FLOAT_COUNTER "float-counter" Lint
+        "The step of a float that counts a loop changes it."
+        "a step below half the distance to the next float adds nothing: the loop counts no further"
+        "count in an integer, and compute the float from it"
 }

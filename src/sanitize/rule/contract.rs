@@ -57,4 +57,8 @@ rules! {
         "HitSphere* and HitLSS* builtins are read only where such a primitive was hit."
         "SPV_NV_linear_swept_spheres"
         "ask gl_HitIsSphereNV or gl_HitIsLSSNV first, or use another hit group for other primitives"
+    ID_AS_INDEX "id-as-index" Lint
+        "An array is indexed by the same id of a hit in all shaders."
+        "InstanceId counts the instances of the structure, InstanceCustomIndexKHR is what the host gave them"
+        "use gl_InstanceCustomIndexEXT for tables that the host fills by it, and gl_InstanceID for one entry an instance"
 }

@@ -93,4 +93,8 @@ rules! {
         "FPFastMathDefault stands alone, and AllowTransform together with AllowContract and AllowReassoc."
         "SPV_KHR_float_controls2"
         "drop ContractionOff and SignedZeroInfNanPreserve, or FPFastMathDefault"
+    POINTER_CONVERT "pointer-convert" UndefinedBehavior
+        "A pointer is converted to and from integers of 64 bits alone."
+        "VUID-StandaloneSpirv-PhysicalStorageBuffer64-04710; SPIR-V 3.3.11, OpConvertPtrToU: narrower ones lose bits"
+        "keep addresses in uint64_t, or in uvec2"
 }

@@ -41,4 +41,12 @@ rules! {
         "All lanes of a subgroup reach its barriers together."
         "SPIR-V 3.3.21, OpControlBarrier: of scope Subgroup, it waits for the lanes alone that have come here together"
         "put the barrier behind the branch, where the lanes are together again"
+    STALE_RAYTMAX "stale-raytmax" Lint
+        "RayTmaxKHR from before an accepted report is not compared behind it."
+        "Vulkan, RayTmaxKHR: in an intersection shader, it changes with each report that is accepted"
+        "read gl_RayTmaxEXT again behind reportIntersectionEXT, or leave the test to the report"
+    STALE_CLOCK "stale-clock" Lint
+        "The clocks of a subgroup from before and behind an instruction that may repack lanes are not subtracted."
+        "SPV_KHR_shader_clock: the subgroup's clock is that of where it runs, which repacking may change"
+        "use clockRealtimeEXT, or measure within one shader call"
 }

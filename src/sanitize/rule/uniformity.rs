@@ -21,4 +21,8 @@ rules! {
         "Where the lanes of a subgroup use different hit objects of an array, the index is NonUniform."
         "GL_EXT_shader_invocation_reorder: what is not uniform indexes hitObjectEXT only with nonuniformEXT"
         "write object[nonuniformEXT(index)]"
+    RECORD_NONUNIFORM "record-nonuniform" UndefinedBehavior
+        "A descriptor that is chosen by data of the shader record is NonUniform, as records differ between lanes."
+        "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149; a subgroup may have invocations of several records"
+        "write textures[nonuniformEXT(index)], in HLSL and Slang NonUniformResourceIndex(index)"
 }

@@ -1,0 +1,117 @@
+//! Reports of NaNs and infinities: which instruction made one, of which operands, through which
+//! variables it went, and where it arrived.
+
+use crate::machine::{Mask, OpIndex, Reg, ShadowRegisters};
+use crate::sanitize::cause::{Cause, OpPlace};
+use crate::sanitize::report::{Reporter, Told, offset};
+use crate::sanitize::rule::{Rule, arithmetic, image, trace};
+use crate::sanitize::value_path::names_on_path;
+
+/// Where a NaN or an infinity arrives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::sanitize) enum SpecialSink {
+    /// A comparison.
+    Comparison,
+    /// The t of a reported intersection.
+    ReportedT,
+    /// A buffer.
+    Buffer,
+    /// A texel that is written, of the image with a handle.
+    Image(u32),
+    /// `debugPrintfEXT`.
+    Print,
+    /// An operand of a trace or ray query, by its name.
+    Ray(&'static str),
+    /// An operand of an image instruction, by its name.
+    Sample(&'static str),
+}
+
+impl<const W: usize> Reporter<'_, W> {
+    /// Reports that a register holds NaNs or infinities where it should not, if instructions made
+    /// them.
+    pub(in crate::sanitize) fn special(
+        &mut self,
+        shadow: &ShadowRegisters<W>,
+        op: OpIndex,
+        register: Reg,
+        lanes: Mask<W>,
+        sink: SpecialSink,
+    ) {
+        self.each_cause(shadow.causes(register), lanes, |reporter, cause, lanes| {
+            if let Some(told) = reporter.tell_special(cause, op, sink) {
+                reporter.add(told, op, lanes);
+            }
+        });
+    }
+
+    fn tell_special(&self, number: u32, op: OpIndex, sink: SpecialSink) -> Option<Told> {
+        let (Cause::Born { place, special }, Some(details)) = self.causes.get(number)? else { return None };
+        let here = OpPlace { shader: self.shader(), op };
+        let rule: &'static Rule = match sink {
+            SpecialSink::Comparison => &arithmetic::NAN_BRANCH,
+            SpecialSink::ReportedT => &trace::REPORT_NAN_T,
+            SpecialSink::Sample(_) => &image::IMAGE_NAN_COORDINATE,
+            _ => details.rule,
+        };
+        let arrives = self.arrives(op, sink);
+        let (what, made) = (special.name(), &details.message);
+        let mut notes = self.births(details.operand);
+        let born = self.program(place.shader)?;
+        if place.shader == here.shader {
+            let through = names_on_path(&born.module, offset(born, here.op), offset(born, place.op));
+            if !through.is_empty() {
+                let names: Vec<String> = through.iter().map(|name| format!("`{name}`")).collect();
+                notes.push(format!("it goes through {}", names.join(", then ")));
+            }
+        } else {
+            notes.push(format!("it is made in the {} shader `{}`", born.stage.name(), born.name));
+        }
+        notes.push(format!("it {arrives}{}", self.line(here)));
+        Some(Told {
+            rule,
+            message: format!("{what}, made by {made}, {arrives}"),
+            place,
+            label: format!("{made} makes {what}"),
+            notes,
+            cause: (here.shader, offset(self.program(here.shader)?, op)),
+            word: None,
+            key: None,
+        })
+    }
+
+    /// Where the NaN or infinity of a cause was made, and those that it was made of.
+    pub(in crate::sanitize) fn births(&self, number: u32) -> Vec<String> {
+        /// Operands of operands that are told.
+        const MOST: usize = 4;
+        let mut told = Vec::new();
+        let mut number = number;
+        while let Some((Cause::Born { place, special }, Some(details))) = self.causes.get(number)
+            && told.len() < MOST
+        {
+            let (what, line) = (special.name(), self.line(place));
+            told.push(format!("{what} among the operands is made by {}{line}", details.message));
+            number = details.operand;
+        }
+        told
+    }
+
+    /// What a report says of a value that arrives somewhere.
+    fn arrives(&self, op: OpIndex, sink: SpecialSink) -> String {
+        let program = self.program(self.shader());
+        match sink {
+            SpecialSink::Comparison => "is compared".into(),
+            SpecialSink::ReportedT => "is the t of a reported intersection".into(),
+            SpecialSink::Buffer => {
+                let path = program.and_then(|program| program.stored_path(op));
+                path.map_or_else(|| "is written to memory".into(), |path| format!("is written to `{path}`"))
+            }
+            SpecialSink::Image(handle) => {
+                let image = program.and_then(|program| program.describe_descriptor(handle));
+                format!("is written to {}", image.unwrap_or_else(|| "an image".into()))
+            }
+            SpecialSink::Print => "is printed".into(),
+            SpecialSink::Ray(operand) => format!("is in the {operand} of a ray"),
+            SpecialSink::Sample(operand) => format!("is {operand} of an image access"),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Rules about image instructions and samplers.
+
+rules! {
+    IMAGE_NAN_COORDINATE "image-nan-coordinate" Lint
+        "The coordinates, level of detail, bias and gradients of a sampled image are finite."
+        "no texel is at a NaN or at infinity: which one is read differs from driver to driver"
+        "look at where the number comes from: a division by zero, most often"
+    IMAGE_OFFSET "image-offset" UndefinedBehavior
+        "An offset of texels is from -8 to 7, of a gather from -32 to 31, and a constant unless gathered with."
+        "VUID-RuntimeSpirv-OpImageSample-06435 and 06436, OpImageGather-06376 and 06377, Offset-10213"
+        "add the offset to the coordinates, in units of the size of a texel"
+    IMAGE_SAMPLE_OPERAND "image-sample-operand" UndefinedBehavior
+        "The sample of OpImageTexelPointer is 0 where the image is not multisampled."
+        "SPIR-V 3.3.10, OpImageTexelPointer: behavior is undefined unless Sample is 0 where MS is 0"
+        "pass the constant 0"
+    IMAGE_LOD_RANGE "image-lod-range" UndefinedBehavior
+        "The least level of detail of a sampler is not above its greatest."
+        "VUID-VkSamplerCreateInfo-maxLod-01973"
+        "exchange min_lod and max_lod of the sampler"
+    SAMPLER_MATCH "sampler-match" UndefinedBehavior
+        "A sampler that compares is used with a reference, one of unnormalized coordinates as these allow."
+        "Vulkan, \"Image Operations\", instruction and sampler validation; VUID-vkCmdTraceRaysKHR-None-08610 and 08611, \
+         VUID-VkSamplerCreateInfo-unnormalizedCoordinates-01072 to 01077"
+        "use a sampler2DShadow for a sampler with compare_op, and a sampler of its own for unnormalized coordinates"
+}
