@@ -187,7 +187,7 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
 /// assembled module in `src/sanitize/module_checks/tests.rs`, `src/sanitize/contract.rs` or
 /// `tests/sanitized_modules.rs`. (`unsupported` is no rule of shaders.)
-const WITHOUT_CASE: [&str; 15] = [
+const WITHOUT_CASE: [&str; 16] = [
     "as-load-source",
     "atomic-class",
     "attr-readonly",
@@ -203,6 +203,7 @@ const WITHOUT_CASE: [&str; 15] = [
     "uniform-store",
     "unsupported",
     "volatile-load",
+    "workgroup-in-rt",
 ];
 
 /// A rule without a case would be told in words that nobody has read.

@@ -56,6 +56,7 @@ static CHECKS: &[Check] = &[
     (&module::INTERFACE_INITIALIZER, declarations::interface_initializer),
     (&module::PAYLOAD_LOCATION, declarations::payload_location),
     (&module::PAYLOAD_ALIASING, declarations::payload_aliasing),
+    (&module::WORKGROUP_IN_RT, declarations::workgroup_in_rt),
     (&module::NO_REPACK_MODE, declarations::no_repack_mode),
     (&module::AS_LOAD_SOURCE, memory::as_load_source),
     (&module::REORDER_HINT_BITS, declarations::reorder_hint_bits),

@@ -39,10 +39,12 @@ pub(in crate::sanitize) fn check<const W: usize>(
                 format!("the attributes of a hit object are read as {reads}, and {recorded}")
             });
         }
-        HitObjectOp::RecordHit { attributes, .. } => {
+        HitObjectOp::RecordHit { object, attributes, .. } => {
+            check_kind(sanitizer, batch, op, object);
             sanitizer.depend_on_all(batch, shadow, op, attributes.first, attributes.count, Sink::HitObject);
         }
         HitObjectOp::RecordFromQuery { object, attributes, hit_kind, .. } => {
+            check_kind(sanitizer, batch, op, object);
             let boxes = lanes(batch, object, |found| {
                 found.hit().is_ok_and(|(_, hit)| hit.committed.candidate.is_box())
             });
@@ -85,6 +87,24 @@ pub(in crate::sanitize) fn check_execute<const W: usize>(
         format!(
             "a hit object executes a closest-hit shader whose attributes are {declared}, and its own {recorded}"
         )
+    });
+}
+
+/// Tells of a box whose recorded hit kind is one of triangles.
+fn check_kind<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    object: ObjectRef,
+) {
+    let kind = |found: &HitObject| {
+        let (_, hit) = found.hit().ok()?;
+        hit.committed.candidate.is_box().then_some(hit.committed.hit_kind.0)
+    };
+    let above = lanes(batch, object, |found| kind(found).is_some_and(|kind| kind > 127));
+    sanitizer.tell(batch, &hit_object::HO_RECORD_KIND, op, above, |lane| {
+        let kind = of_lane(batch, object, lane).and_then(kind).unwrap_or_default();
+        format!("the hit kind {kind} is recorded for a box, and 127 is the most")
     });
 }
 

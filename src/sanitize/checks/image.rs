@@ -32,7 +32,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
     operation: &ImageOp,
 ) {
     match operation {
-        ImageOp::Write(write) => return check_write(sanitizer, batch, shadow, op, write),
+        ImageOp::Write(write) => return check_write(sanitizer, batch, bindings, shadow, op, write),
         ImageOp::Sample(sample) => {
             check_numbers(sanitizer, batch, shadow, op, sample);
             let gathers = matches!(sample.kind, SampleKind::Gather(_) | SampleKind::GatherDref);
@@ -57,6 +57,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
 fn check_write<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
+    bindings: &Bindings,
     shadow: &mut ShadowRegisters<W>,
     op: OpIndex,
     write: &TexelWrite,
@@ -64,7 +65,13 @@ fn check_write<const W: usize>(
     for register in write.texel.registers() {
         sanitizer.depend(batch, shadow, op, register, Sink::Coordinate);
     }
-    for register in write.from {
+    // Components that no image here has are dropped.
+    let channels = batch.mask.lanes().filter_map(|lane| {
+        let reader = LaneReader::new(&batch.registers, lane, bindings);
+        reader.image(write.texel.view, write.texel.image).ok().map(|image| image.format().channels)
+    });
+    let channels = channels.max().unwrap_or(0);
+    for &register in write.from.iter().take(channels.into()) {
         sanitizer.depend(batch, shadow, op, register, Sink::Image);
         if write.is_float() {
             let handle = batch.mask.lowest().map_or(0, |lane| batch.registers[write.texel.image].0[lane]);

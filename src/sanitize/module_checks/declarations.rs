@@ -2,6 +2,7 @@
 
 use rspirv::spirv::{ExecutionMode, FPFastMathMode as FastMath, Op};
 
+use crate::module::interface::Stage;
 use crate::module::names::{execution_mode_name, opcode_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
@@ -30,6 +31,17 @@ pub(super) fn interface_initializer(code: &EntryCode<'_>, faults: &mut Vec<Fault
             let message = format!("{name} has an initializer, and storage class {class}");
             faults.push(Fault { offset: variable.offset, message });
         }
+    }
+}
+
+pub(super) fn workgroup_in_rt(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
+    if matches!(code.entry.stage, Stage::Compute | Stage::Other(_)) {
+        return;
+    }
+    for variable in code.variables.iter().filter(|one| one.storage_class == storage::WORKGROUP) {
+        let name = code.describe(Part::Variable(variable.id));
+        let message = format!("{name} is a Workgroup variable in {}", code.entry.stage.name());
+        faults.push(Fault { offset: offset_of(code.module, variable.id), message });
     }
 }
 

@@ -152,6 +152,15 @@ fn a_constant_stored_to_a_local_variable_is_its_initializer() {
 }
 
 #[test]
+fn ray_tracing_stages_have_no_workgroups() {
+    let add = |a: &mut Assembler| {
+        a.op(Op::AtomicIAdd, &[5, 60, 31, 8, 49, 8]);
+    };
+    assert_eq!(with_block(COMPUTE, storage::WORKGROUP, |_| (), add), rules([]));
+    assert_eq!(with_block(RAY_GENERATION, storage::WORKGROUP, |_| (), add), rules(["workgroup-in-rt"]));
+}
+
+#[test]
 fn an_atomic_instruction_reads_and_writes() {
     let add = |a: &mut Assembler| {
         a.op(Op::Constant, &[5, 49, 0]);

@@ -18,6 +18,11 @@ rules! {
         "A hit object that is made from a ray query whose hit is a box is given a hit kind."
         "SPV_EXT_shader_invocation_reorder, OpHitObjectRecordFromQueryEXT: Hit Kind must be present"
         "pass the hit kind as the last argument of hitObjectRecordFromQueryEXT"
+    HO_RECORD_KIND "ho-record-kind" UndefinedBehavior
+        "The hit kind that is recorded for a box is at most 127."
+        "SPV_EXT_shader_invocation_reorder, Hit Kind of recorded hits; as of reports, \
+         VUID-RuntimeSpirv-OpReportIntersectionKHR-06998"
+        "pass a hit kind of 0 to 127: those above are the triangles'"
     HO_TIME "ho-time" Lint
         "The time is asked only of hit objects that were traced or recorded at one."
         "SPV_EXT_shader_invocation_reorder, OpHitObjectGetCurrentTimeEXT returns the time that is encoded: here is none"

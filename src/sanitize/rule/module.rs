@@ -77,6 +77,10 @@ rules! {
         "Location stands on payloads, callable data, attributes and records, and on no builtin."
         "VUID-StandaloneSpirv-Location-04915, -06672"
         "drop the Location of the variable"
+    WORKGROUP_IN_RT "workgroup-in-rt" UndefinedBehavior
+        "Ray-tracing stages use no variable of storage class Workgroup: they have no workgroups."
+        "VUID-StandaloneSpirv-None-04645"
+        "pass data through the payload, a buffer or subgroup instructions"
     NO_REPACK_MODE "no-repack-mode" UndefinedBehavior
         "An entry point that reconverges as its source says traces no rays and calls no shader."
         "VUID-RuntimeSpirv-SubgroupUniformControlFlowKHR-06379; of MaximallyReconvergesKHR, 09565"
