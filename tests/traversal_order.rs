@@ -475,7 +475,6 @@ proptest! {
     }
 }
 
-/// The comparison above compares something.
 proptest! {
     /// Where the shaders decide by the candidate alone and end no ray, the closest hit does not
     /// depend on the order in which the hits come, nor on how often; at equal t it does where ties
@@ -541,6 +540,7 @@ fn every_order_is_drawn() {
     assert_eq!(orders(GeometryFlags::NO_DUPLICATE_ANY_HIT, &duplicates).len(), 1);
 }
 
+/// The comparison with the sorted list compares something.
 #[test]
 fn random_rays_meet_things() {
     let met: usize = (0..50).map(|seed| compare(seed, 1.0, 20)).sum();

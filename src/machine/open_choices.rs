@@ -182,6 +182,11 @@ impl OpenChoices {
         Some(drawn)
     }
 
+    /// Whether invocations that see each other's memory run one after the other, not side by side.
+    pub fn runs_one_by_one(&self) -> bool {
+        self.draw_of_pass(ChoiceKind::LaunchOrder).is_some_and(|mut random| random.bits() & 1 == 0)
+    }
+
     /// Notes a draw that makes a difference, with what was drawn.
     pub fn note(&self, site: ChoiceSite, details: impl FnOnce() -> DrawnDetails) {
         if let Some(log) = &self.log {

@@ -64,6 +64,8 @@ struct DrawnOrder {
     groups: Option<Permutation>,
     /// The places of invocations in each of them.
     places: Option<Permutation>,
+    /// Whether invocations run one after the other up to the next barrier.
+    one_by_one: bool,
 }
 
 impl DrawnOrder {
@@ -293,7 +295,7 @@ impl Compute {
                 Some(..=64) => self.runner::<64>(&bindings, watch).placed(places).run(groups, observers),
                 Some(_) => self.runner::<128>(&bindings, watch).placed(places).run(groups, observers),
                 // One invocation after the other, so that results do not depend on the width.
-                None if self.program.order_dependent => {
+                None if self.program.order_dependent || order.one_by_one => {
                     self.runner::<1>(&bindings, watch).placed(places).run(groups, observers)
                 }
                 None if shares || self.mixes_atomics => {
@@ -335,15 +337,15 @@ impl Compute {
         let depends = self.program.order_dependent || shares;
         let groups = OrderMatters { subgroup_size: None, is_shared: depends }.draw(choices, count);
         let quad = if self.layout.derivatives.is_some() { 4 } else { 1 };
+        let is_shared = depends || self.mixes_atomics || self.layout.memory > 0;
         let kind = match self.program.sees_subgroups() {
             true => Some(ChoiceKind::SubgroupComposition),
-            false => {
-                (depends || self.mixes_atomics || self.layout.memory > 0).then_some(ChoiceKind::LaunchOrder)
-            }
+            false => is_shared.then_some(ChoiceKind::LaunchOrder),
         };
         let random = kind.and_then(|kind| choices.draw_of_pass(kind));
         let places = random.map(|mut random| Permutation::draw(self.group_size(), quad, &mut random));
-        DrawnOrder { groups, places }
+        let one_by_one = is_shared && quad == 1 && choices.runs_one_by_one();
+        DrawnOrder { groups, places, one_by_one }
     }
 
     /// Memory that the invocations of a dispatch share otherwise than by atomic instructions that

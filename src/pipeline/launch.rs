@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::error::{Error, ErrorKind, Result};
-use crate::machine::{Bindings, Observer, Reg, Registers, Resources, TaskWatch, Watchdog};
+use crate::machine::{Bindings, Observer, OpenChoices, Reg, Registers, Resources, TaskWatch, Watchdog};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
@@ -76,14 +76,16 @@ impl Launch<'_> {
         // of a batch: one after the other, or 64 at a time.
         let single_threaded = ordered || self.pipeline.shared_memory(size, self.resources).is_some();
         let by_index = single_threaded || subgroups.is_some();
-        let order = match &self.resources.choices {
-            Some(choices) if by_index => {
+        let choices = self.resources.choices.as_deref().filter(|_| by_index);
+        let order = match choices {
+            Some(choices) => {
                 let matters = OrderMatters { subgroup_size: subgroups, is_shared: single_threaded };
                 LaunchOrder::drawn(size, matters.draw(choices, self.invocation_count(size)?))
             }
-            _ if by_index => LaunchOrder::by_index(size),
-            _ => LaunchOrder::by_tiles(size),
+            None if by_index => LaunchOrder::by_index(size),
+            None => LaunchOrder::by_tiles(size),
         };
+        let one_by_one = ordered || choices.is_some_and(OpenChoices::runs_one_by_one);
         let is_small = positions.end - positions.start <= MAX_SINGLE_THREADED;
         let task_size = task_size(positions.end - positions.start);
         let task_count = (positions.end - positions.start).div_ceil(task_size);
@@ -103,7 +105,7 @@ impl Launch<'_> {
         let worker = || match subgroups {
             Some(..=64) => self.run_tasks::<64>(&work),
             Some(_) => self.run_tasks::<128>(&work),
-            None if ordered => self.run_tasks::<1>(&work),
+            None if one_by_one => self.run_tasks::<1>(&work),
             None if single_threaded => self.run_tasks::<64>(&work),
             None => self.run_tasks::<W>(&work),
         };

@@ -71,7 +71,7 @@ pub(super) struct Runs<'a> {
     scene: &'a ResolvedScene,
     /// The scene with its pipelines and resources, which no run changes.
     assembled: &'a Assembled,
-    /// The same without optimization, for runs in which values are drawn.
+    /// Its shaders without optimization, for runs in which values are drawn.
     reference: Assembled,
     /// By pass, what is open about the values of its shaders.
     values: Vec<Vec<OpenValues>>,
