@@ -27,7 +27,7 @@ pub enum ChoiceKind {
     /// Which of several hits at equal t is the closest.
     TieOrder,
     /// In which order invocations, subgroups or workgroups run.
-    LaunchOrder,
+    InvocationOrder,
     /// Which invocations form a subgroup, and which lane each of them has.
     SubgroupComposition,
     /// How many invocations form a subgroup.
@@ -47,7 +47,7 @@ impl ChoiceKind {
         Self::AnyHitDuplicate,
         Self::IntersectionRepeat,
         Self::TieOrder,
-        Self::LaunchOrder,
+        Self::InvocationOrder,
         Self::SubgroupComposition,
         Self::SubgroupSize,
         Self::RobustRead,
@@ -184,7 +184,7 @@ impl OpenChoices {
 
     /// Whether invocations that see each other's memory run one after the other, not side by side.
     pub fn runs_one_by_one(&self) -> bool {
-        self.draw_of_pass(ChoiceKind::LaunchOrder).is_some_and(|mut random| random.bits() & 1 == 0)
+        self.draw_of_pass(ChoiceKind::InvocationOrder).is_some_and(|mut random| random.bits() & 1 == 0)
     }
 
     /// Notes a draw that makes a difference, with what was drawn.

@@ -340,7 +340,7 @@ impl Compute {
         let is_shared = depends || self.mixes_atomics || self.layout.memory > 0;
         let kind = match self.program.sees_subgroups() {
             true => Some(ChoiceKind::SubgroupComposition),
-            false => is_shared.then_some(ChoiceKind::LaunchOrder),
+            false => is_shared.then_some(ChoiceKind::InvocationOrder),
         };
         let random = kind.and_then(|kind| choices.draw_of_pass(kind));
         let places = random.map(|mut random| Permutation::draw(self.group_size(), quad, &mut random));

@@ -11,7 +11,7 @@ use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
 use crate::pipeline::host_ray::{RayOperands, RayOutcome};
 use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
-use crate::pipeline::order::{LaunchOrder, OrderMatters};
+use crate::pipeline::order::{InvocationOrder, OrderMatters};
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
@@ -80,10 +80,10 @@ impl Launch<'_> {
         let order = match choices {
             Some(choices) => {
                 let matters = OrderMatters { subgroup_size: subgroups, is_shared: single_threaded };
-                LaunchOrder::drawn(size, matters.draw(choices, self.invocation_count(size)?))
+                InvocationOrder::drawn(size, matters.draw(choices, self.invocation_count(size)?))
             }
-            None if by_index => LaunchOrder::by_index(size),
-            None => LaunchOrder::by_tiles(size),
+            None if by_index => InvocationOrder::by_index(size),
+            None => InvocationOrder::by_tiles(size),
         };
         let one_by_one = ordered || choices.is_some_and(OpenChoices::runs_one_by_one);
         let is_small = positions.end - positions.start <= MAX_SINGLE_THREADED;
@@ -224,7 +224,7 @@ impl Launch<'_> {
         let work = ObservedTasks {
             record,
             bindings: &bindings,
-            order: LaunchOrder::by_index(size),
+            order: InvocationOrder::by_index(size),
             watch: dog.watch(),
         };
         for task in 0..count.div_ceil(task_size) {
@@ -282,7 +282,7 @@ impl Launch<'_> {
         let bindings = bindings(self.pipeline, self.resources);
         let mut stack = Stack::<1, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer)
             .watched(self.watch_of_one());
-        let order = LaunchOrder::by_index(size);
+        let order = InvocationOrder::by_index(size);
         let position = order.linear_index(id);
         stack.launch_batch(record, &order, position..position + 1);
         match stack.trapped {
@@ -318,7 +318,7 @@ impl Launch<'_> {
         let subgroup = u64::from(self.pipeline.subgroup_size);
         let first = ((z * height + y) * width + x) / subgroup * subgroup;
         let end = (width * height * depth).min(first + subgroup);
-        stack.launch_batch(record, &LaunchOrder::by_index(size), first..end);
+        stack.launch_batch(record, &InvocationOrder::by_index(size), first..end);
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
@@ -382,7 +382,7 @@ impl Launch<'_> {
 struct LaunchTasks<'a> {
     record: &'a SbtRecord,
     bindings: &'a [Bindings],
-    order: LaunchOrder,
+    order: InvocationOrder,
     tasks: &'a TaskQueue,
     /// The positions of all tasks.
     positions: Range<u64>,
@@ -399,7 +399,7 @@ struct LaunchTasks<'a> {
 struct ObservedTasks<'a> {
     record: &'a SbtRecord,
     bindings: &'a [Bindings],
-    order: LaunchOrder,
+    order: InvocationOrder,
     /// Watches the one thread that runs them.
     watch: Arc<TaskWatch>,
 }

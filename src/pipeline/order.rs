@@ -10,7 +10,7 @@ pub(super) const TILE_SIDE: u64 = 8;
 
 /// An order of the launch indices of a grid: each has a position.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LaunchOrder {
+pub(super) struct InvocationOrder {
     size: [u64; 3],
     tiled: bool,
     /// The positions of invocations, if they are drawn.
@@ -33,13 +33,13 @@ impl OrderMatters {
         let drawn = |kind, unit| Some(Permutation::draw(count, unit, &mut choices.draw_of_pass(kind)?));
         let unit = self.subgroup_size.map_or(1, u64::from);
         let of_units =
-            (self.is_shared && count > unit).then(|| drawn(ChoiceKind::LaunchOrder, unit)).flatten();
+            (self.is_shared && count > unit).then(|| drawn(ChoiceKind::InvocationOrder, unit)).flatten();
         let of_lanes = self.subgroup_size.and_then(|_| drawn(ChoiceKind::SubgroupComposition, 1));
         of_lanes.or(of_units)
     }
 }
 
-impl LaunchOrder {
+impl InvocationOrder {
     /// Launch indices in row-major order, x fastest: for shaders whose results depend on the order.
     pub(super) fn by_index(size: [u32; 3]) -> Self {
         Self { size: size.map(u64::from), tiled: false, drawn: None }
@@ -126,9 +126,11 @@ mod tests {
         for size in [[1, 1, 1], [8, 8, 1], [64, 1, 1], [1, 64, 1], [13, 21, 1], [16, 9, 3], [7, 17, 2]] {
             let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
             let drawn = Some(Permutation::draw(count, 1, &mut Random::new(1)));
-            for order in
-                [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size), LaunchOrder::drawn(size, drawn)]
-            {
+            for order in [
+                InvocationOrder::by_index(size),
+                InvocationOrder::by_tiles(size),
+                InvocationOrder::drawn(size, drawn),
+            ] {
                 let mut numbers: Vec<u64> =
                     (0..count).map(|at| order.linear_index(order.launch_id(at))).collect();
                 for start in 0..count {
@@ -146,9 +148,11 @@ mod tests {
         for size in [[13, 21, 1], [16, 9, 3], [64, 2, 1], [3, 3, 3]] {
             let count = size.iter().map(|&side| u64::from(side)).product::<u64>();
             let drawn = Some(Permutation::draw(count, 4, &mut Random::new(2)));
-            for order in
-                [LaunchOrder::by_index(size), LaunchOrder::by_tiles(size), LaunchOrder::drawn(size, drawn)]
-            {
+            for order in [
+                InvocationOrder::by_index(size),
+                InvocationOrder::by_tiles(size),
+                InvocationOrder::drawn(size, drawn),
+            ] {
                 for positions in [0..count, 1..count - 1, 5..7, 4..4] {
                     let ids = positions.clone().map(|at| order.launch_id(at));
                     let indices = order
@@ -162,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_batch_is_a_tile() {
-        let order = LaunchOrder::by_tiles([20, 16, 1]);
+        let order = InvocationOrder::by_tiles([20, 16, 1]);
         let tile = |first: u64| (first..first + 64).map(|at| order.launch_id(at)).collect::<Vec<_>>();
         let wanted = |x: u32, y: u32| (0..64).map(|at| [x + at % 8, y + at / 8, 0]).collect::<Vec<_>>();
         assert_eq!(tile(0), wanted(0, 0));

@@ -10,7 +10,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::launch::Launch;
 use crate::pipeline::observer::PipelineObserver;
-use crate::pipeline::order::LaunchOrder;
+use crate::pipeline::order::InvocationOrder;
 use crate::pipeline::stack::{Stack, bindings};
 use crate::pipeline::stats::Stats;
 use crate::pipeline::trapped::{Trapped, host_ray_trap};
@@ -40,7 +40,7 @@ impl Launch<'_> {
         watch.begin_task(count);
         let mut stack =
             Stack::<W, T, O>::new(self.pipeline, &bindings, pipeline_observer, observer).watched(watch);
-        stack.launch_batches(record, &LaunchOrder::by_index(size), 0..count);
+        stack.launch_batches(record, &InvocationOrder::by_index(size), 0..count);
         Ok(outcome(stack.trapped, stack.stats))
     }
 

@@ -19,7 +19,7 @@ use crate::ops::translate::InterfaceRegisters;
 use crate::pipeline::group::Role;
 use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
-use crate::pipeline::order::LaunchOrder;
+use crate::pipeline::order::InvocationOrder;
 use crate::pipeline::report::{IntersectionReport, ReportRegisters};
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stats::Stats;
@@ -161,7 +161,12 @@ where
 
     /// Runs the ray generation shader for the invocations at a range of positions, batch by batch,
     /// up to one that a limit stops.
-    pub(super) fn launch_batches(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
+    pub(super) fn launch_batches(
+        &mut self,
+        record: &SbtRecord,
+        order: &InvocationOrder,
+        positions: Range<u64>,
+    ) {
         for start in positions.clone().step_by(W) {
             let batch = start..positions.end.min(start + W as u64);
             if let Some(watch) = &self.watch {
@@ -179,7 +184,12 @@ where
 
     /// Runs the ray generation shader for one batch: the invocations at a range of positions in a
     /// launch's order.
-    pub(super) fn launch_batch(&mut self, record: &SbtRecord, order: &LaunchOrder, positions: Range<u64>) {
+    pub(super) fn launch_batch(
+        &mut self,
+        record: &SbtRecord,
+        order: &InvocationOrder,
+        positions: Range<u64>,
+    ) {
         let count = (positions.end - positions.start) as usize;
         let Some(shader) = general_shader(self.pipeline, record) else { return };
         let mut running = self.acquire_batch(shader, Role::RayGeneration);

@@ -10,9 +10,9 @@ pub fn rule_of(kind: ChoiceKind) -> &'static Rule {
         ChoiceKind::AnyHitDuplicate => &choice::ANYHIT_DUPLICATE,
         ChoiceKind::IntersectionRepeat => &choice::INTERSECTION_REPEAT,
         ChoiceKind::TieOrder => &choice::TIE_ORDER,
-        ChoiceKind::LaunchOrder => &choice::LAUNCH_ORDER,
+        ChoiceKind::InvocationOrder => &choice::INVOCATION_ORDER,
         ChoiceKind::SubgroupComposition | ChoiceKind::SubgroupSize => &choice::LANE_DEPENDENT_RESULT,
-        ChoiceKind::RobustRead => &choice::ROBUST_MASK,
+        ChoiceKind::RobustRead => &choice::ROBUST_READ,
         ChoiceKind::UndefinedValue => &choice::UNDEFINED_DRAWN,
         ChoiceKind::Contraction => &choice::CONTRACTION,
     }

@@ -149,7 +149,7 @@ fn where_drawn(kind: ChoiceKind) -> &'static str {
         ChoiceKind::AnyHitDuplicate => "a hit of a ray comes twice",
         ChoiceKind::IntersectionRepeat => "the intersection shader of a box runs twice, or beside the box",
         ChoiceKind::TieOrder => "another of the hits at equal t is the closest",
-        ChoiceKind::LaunchOrder => "invocations run in another order",
+        ChoiceKind::InvocationOrder => "invocations run in another order",
         ChoiceKind::SubgroupComposition => "other invocations form a subgroup",
         ChoiceKind::SubgroupSize => "subgroups have another size",
         ChoiceKind::RobustRead => "a read outside its buffer gives another value",

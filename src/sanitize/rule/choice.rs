@@ -19,7 +19,7 @@ rules! {
         "The outputs do not depend on which of several hits at equal t is the closest."
         "Vulkan, \"Ray Closest Hit Determination\""
         "move the surfaces apart, or let the any-hit shaders choose by a number of their own"
-    LAUNCH_ORDER "launch-order" OpenChoice
+    INVOCATION_ORDER "invocation-order" OpenChoice
         "The outputs do not depend on the order in which invocations, subgroups and workgroups run."
         "Vulkan, \"Shader Execution\": the relative order of invocations of a shader is not defined"
         "let each invocation write its own element, or combine by atomic instructions whose results nobody \
@@ -28,7 +28,7 @@ rules! {
         "The outputs do not depend on the size of subgroups, nor on which invocations form one."
         "Vulkan, \"Subgroup\": its size is the device's, and how invocations are assigned is not defined"
         "use subgroup instructions only to do faster what single invocations would do, or require a size"
-    ROBUST_MASK "robust-mask" Lint
+    ROBUST_READ "robust-read" Lint
         "The outputs do not depend on what a robust read outside its buffer gives."
         "Vulkan, \"Robust Buffer Access\": without robustBufferAccess2 it is any value of the buffer, or 0"
         "compare the index with the length of the buffer"
