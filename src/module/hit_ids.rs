@@ -1,5 +1,5 @@
-//! Which ids of a hit an index is: that of the instance, its custom one, that of the primitive or of
-//! the geometry.
+//! Which ids of a hit an index is: that of the instance, its custom one, that of the primitive or
+//! of the geometry.
 
 use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;

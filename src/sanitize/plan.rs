@@ -24,7 +24,7 @@ use crate::sanitize::cause::OpPlace;
 use crate::sanitize::flushed_use::{FlushedUse, comparison};
 use crate::sanitize::operand_check::{LaneOperands, OperandCheck, checks_of};
 use crate::sanitize::rule::{Rule, arithmetic, subgroup};
-pub use counters::Counter;
+pub use counters::FloatCounter;
 use counters::float_counters;
 pub use floats::FastMath;
 use floats::Preserved;
@@ -71,7 +71,7 @@ pub struct OpPlan {
     /// there is none.
     pub inactive: Option<&'static Rule>,
     /// Which operand counts the turns of a loop, where it is a sum that does.
-    pub counter: Option<Counter>,
+    pub counter: Option<FloatCounter>,
     /// Whether it gives the clock of the subgroup.
     pub reads_clock: bool,
     /// Whether it compares a value with that which `OpExpectKHR` expects.

@@ -15,8 +15,8 @@ pub struct ShadowRegisters<const W: usize> {
     freshness: Vec<Vec<Freshness<W>>>,
 }
 
-/// The lanes in which a register holds a value of a kind that goes stale: the index of a lane, which
-/// repacking changes, say.
+/// The lanes in which a register holds a value of a kind that goes stale: the index of a lane,
+/// which repacking changes, say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Freshness<const W: usize> {
     /// Where it holds one that is still true.

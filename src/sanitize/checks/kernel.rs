@@ -7,7 +7,7 @@ use crate::sanitize::cause::{Cause, CauseDetails};
 use crate::sanitize::checks::lanes::{operand_words, special_lanes};
 use crate::sanitize::checks::{births, fast_math, subnormal};
 use crate::sanitize::operand_check::LaneOperands;
-use crate::sanitize::plan::{Counter, Executed, Flow};
+use crate::sanitize::plan::{Executed, FloatCounter, Flow};
 use crate::sanitize::rule::{RuleKind, arithmetic};
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -87,7 +87,7 @@ fn check_counter<const W: usize>(
     kernel: &LaneKernel,
     to: Reg,
     from: &[Reg; 3],
-    counter: Counter,
+    counter: FloatCounter,
 ) {
     let registers = &batch.registers;
     let same = |lane: usize| {

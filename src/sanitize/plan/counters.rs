@@ -9,7 +9,7 @@ use crate::sanitize::flushed_use::comparison;
 
 /// A sum that counts the turns of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Counter {
+pub struct FloatCounter {
     /// Which operand of the sum is the counter.
     pub operand: usize,
     /// The variable or phi that counts.
@@ -17,7 +17,7 @@ pub struct Counter {
 }
 
 /// The counters of the loops of a module, by the offset of the sum.
-pub(super) fn float_counters(module: &Module) -> FxHashMap<u32, Counter> {
+pub(super) fn float_counters(module: &Module) -> FxHashMap<u32, FloatCounter> {
     let mut counters = FxHashMap::default();
     for function in &module.functions {
         for (at, header) in function.blocks.iter().enumerate() {
@@ -70,7 +70,7 @@ impl<'a> Loop<'a> {
         self.module.operands(load).first().map(|&pointer| Id(pointer))
     }
 
-    fn add_counters(&self, counters: &mut FxHashMap<u32, Counter>) {
+    fn add_counters(&self, counters: &mut FxHashMap<u32, FloatCounter>) {
         for instruction in &self.instructions {
             let (Some(Opcode::FAdd | Opcode::FSub), &[a, b], Some(result)) = (
                 Opcode::from_u32(instruction.opcode.into()),
@@ -86,7 +86,7 @@ impl<'a> Loop<'a> {
                 }
                 let Some(variable) = self.counts(Id(value), result) else { continue };
                 if [variable, Id(value), result].iter().any(|id| self.compared.contains(id)) {
-                    counters.insert(instruction.offset, Counter { operand, variable });
+                    counters.insert(instruction.offset, FloatCounter { operand, variable });
                 }
             }
         }

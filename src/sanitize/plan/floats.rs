@@ -105,7 +105,8 @@ impl Preserved {
         preserved
     }
 
-    /// Whether an instruction whose result is a float of a width keeps NaN and infinity as they are.
+    /// Whether an instruction whose result is a float of a width keeps NaN and infinity as they
+    /// are.
     pub(super) fn specials(&self, module: &Module, instruction: InstructionWords<'_>, width: u32) -> bool {
         self.honours(module, instruction, width, FPFastMathMode::NOT_NAN | FPFastMathMode::NOT_INF)
     }
@@ -138,8 +139,8 @@ impl Preserved {
         }
     }
 
-    /// What flushing subnormal operands would change in an instruction that is executed by a kernel;
-    /// `None` where it changes nothing, or the shader forbids it.
+    /// What flushing subnormal operands would change in an instruction that is executed by a
+    /// kernel; `None` where it changes nothing, or the shader forbids it.
     pub(super) fn flushed_use(
         &self,
         instruction: InstructionWords<'_>,

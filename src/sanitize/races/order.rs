@@ -123,7 +123,7 @@ pub(super) enum Ordered {
     BySynchronization,
     /// Nothing: they are of shaders of one ray-tracing call.
     NotInCall,
-    /// Nothing.
+    /// Nothing orders them.
     Not,
 }
 
