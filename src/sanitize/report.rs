@@ -152,8 +152,8 @@ impl<const W: usize> Reporter<'_, W> {
         self.add(Told { notes, ..Told::at(rule, place, message) }, op, lanes);
     }
 
-    /// Reports that an instruction of the shader that runs calls another one against a rule, in some
-    /// lanes.
+    /// Reports that an instruction of the shader that runs calls another one against a rule, in
+    /// some lanes.
     pub(super) fn broken_call(
         &mut self,
         rule: &'static Rule,

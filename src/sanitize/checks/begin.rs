@@ -82,8 +82,8 @@ fn is_built_in(kind: HitKind) -> bool {
     is_triangle(kind) || matches!(kind, HitKind::SPHERE | HitKind::LINEAR_SWEPT_SPHERE)
 }
 
-/// Whether the hit that a shader has begun for in a lane was reported by an intersection shader that
-/// uses no hit attributes.
+/// Whether the hit that a shader has begun for in a lane was reported by an intersection shader
+/// that uses no hit attributes.
 fn has_no_attributes<const W: usize>(sanitizer: &Sanitizer<'_>, batch: &Batch<W>, lane: usize) -> bool {
     if is_built_in(hit_kind(batch, lane)) {
         return false;

@@ -29,7 +29,7 @@ struct Passed {
     keywords: [&'static str; 2],
 }
 
-/// Payloads.
+/// The payload of a ray.
 static PAYLOAD: Passed = Passed {
     outgoing: storage::RAY_PAYLOAD,
     incoming: storage::INCOMING_RAY_PAYLOAD,
@@ -38,7 +38,7 @@ static PAYLOAD: Passed = Passed {
     keywords: ["rayPayloadEXT", "rayPayloadInEXT"],
 };
 
-/// Callable data.
+/// The data of a callable shader.
 static CALLABLE_DATA: Passed = Passed {
     outgoing: storage::CALLABLE_DATA,
     incoming: storage::INCOMING_CALLABLE_DATA,
