@@ -185,8 +185,8 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
 }
 
 /// Rules without a case, as no compiler of fixtures writes what breaks them. Each is tested with an
-/// assembled module in `src/sanitize/module_checks/tests.rs`, `src/sanitize/contract.rs` or
-/// `tests/sanitized_modules.rs`. (`unsupported` is no rule of shaders.)
+/// assembled module in `src/sanitize/module_checks/tests.rs`, `src/sanitize/interface_types.rs`
+/// or `tests/sanitized_modules.rs`. (`unsupported` is no rule of shaders.)
 const WITHOUT_CASE: [&str; 16] = [
     "as-load-source",
     "atomic-class",

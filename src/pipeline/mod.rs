@@ -47,6 +47,7 @@ pub use group::{Group, HitGroup};
 pub use host_ray::{RayOperands, RayOutcome};
 pub use launch::Launch;
 pub use observer::{Caller, Event, PipelineObserver};
+pub(crate) use payload::{describe_with_members, source_file};
 pub use sbt::{Sbt, SbtRecord};
 pub use stats::{Elided, ShaderStats, Stats};
 pub(crate) use tracing::trace_operands;

@@ -47,14 +47,14 @@ pub(super) fn mismatch(caller: &Program, first: Reg, called: &Program) -> Option
     ))
 }
 
-/// The source file that a module names, if any: many entry points are called `main`.
-fn source_file(module: &Module) -> String {
+/// ` (FILE)` for the source file that a module names, if any: many entry points are called `main`.
+pub(crate) fn source_file(module: &Module) -> String {
     let file = module.debug_info.files.first().filter(|file| !file.name.is_empty());
     file.map_or_else(String::new, |file| format!(" ({})", file.name))
 }
 
 /// Describes a type, a struct with its members.
-fn describe_with_members(module: &Module, ty: TypeId) -> String {
+pub(crate) fn describe_with_members(module: &Module, ty: TypeId) -> String {
     let name = module.describe_type(ty);
     let Type::Struct { members, .. } = module.ty(ty) else { return name };
     let id = module.type_ids[ty.0 as usize];

@@ -5,6 +5,7 @@ pub(super) mod barrier;
 pub(super) mod begin;
 pub(super) mod births;
 pub(super) mod bounds;
+pub(super) mod call;
 pub(super) mod contents;
 mod fast_math;
 pub(super) mod hit_object;

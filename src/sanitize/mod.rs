@@ -18,6 +18,7 @@ mod flushed_use;
 #[cfg(feature = "cli")]
 mod formats;
 pub mod hit_indices;
+mod interface_types;
 pub mod levels;
 mod memory_shadow;
 pub mod module_checks;

@@ -11,8 +11,8 @@ use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Terminator;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::checks::{
-    barrier, begin, births, bounds, contents, hit_object, image, kernel, memory, query, ray, shared, stale,
-    stop, subgroup, uniformity,
+    barrier, begin, births, bounds, call, contents, hit_object, image, kernel, memory, query, ray, shared,
+    stale, stop, subgroup, uniformity,
 };
 use crate::sanitize::plan::Executed;
 use crate::sanitize::report::specials::SpecialSink;
@@ -36,6 +36,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         if first == Some(Stage::Callable) {
             stop::check_callable_depth(self, batch);
         }
+        call::check(self, shader, batch);
         let caller = self.frames.last().map(|frame| frame.call);
         let call = self.races.as_mut().map_or(0, |races| races.begin_call(caller));
         self.frames.push(CallFrame { shader, op: OpIndex(0), call });

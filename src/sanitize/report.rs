@@ -152,6 +152,20 @@ impl<const W: usize> Reporter<'_, W> {
         self.add(Told { notes, ..Told::at(rule, place, message) }, op, lanes);
     }
 
+    /// Reports that an instruction of the shader that runs calls another one against a rule, in
+    /// some lanes.
+    pub(super) fn broken_call(
+        &mut self,
+        rule: &'static Rule,
+        (op, called): (OpIndex, ShaderIndex),
+        lanes: Mask<W>,
+        message: String,
+        notes: Vec<String>,
+    ) {
+        let place = OpPlace { shader: self.shader(), op };
+        self.add(Told { notes, cause: (called, 0), ..Told::at(rule, place, message) }, op, lanes);
+    }
+
     /// Reports that an instruction that is no operation, at a word of the module, broke a rule in
     /// some lanes.
     pub(super) fn broken_at(&mut self, rule: &'static Rule, word: u32, lanes: Mask<W>, message: String) {

@@ -47,6 +47,8 @@ pub struct Sanitizer<'a> {
     pub(super) expectations: Expectations,
     /// The first of the workgroups that run.
     pub(super) first_workgroup: Option<u32>,
+    /// Calls, by their operation and the called shader, that pass what that shader declares.
+    pub(super) matching_calls: FxHashSet<(OpPlace, ShaderIndex)>,
 }
 
 impl<'a> Sanitizer<'a> {
@@ -65,6 +67,7 @@ impl<'a> Sanitizer<'a> {
             unwritten: UnwrittenMemory::default(),
             expectations: Expectations::default(),
             first_workgroup: None,
+            matching_calls: FxHashSet::default(),
         }
     }
 

@@ -4,7 +4,9 @@ use crate::accel::HitKind;
 use crate::machine::{Batch, Mask, ShaderIndex, ShadowRegisters};
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
+use crate::ops::op::Op;
 use crate::ops::pointer::storage;
+use crate::ops::ray_tracing::RayTracingOp;
 use crate::sanitize::cause::Cause;
 use crate::sanitize::rule::{Rule, contract};
 use crate::sanitize::sanitizer::Sanitizer;
@@ -32,6 +34,8 @@ pub(in crate::sanitize) fn begin<const W: usize>(
             storage::INCOMING_RAY_PAYLOAD | storage::INCOMING_CALLABLE_DATA => continue,
             // The attributes of primitives that are built in are two floats.
             storage::HIT_ATTRIBUTE if is_hit_shader => {
+                let unset = batch.mask & Mask::from_fn(|lane| has_no_attributes(sanitizer, batch, lane));
+                sanitizer.undefine_variable(shadow, unset, registers.first, registers.count, cause);
                 let lanes = batch.mask & Mask::from_fn(|lane| is_built_in(hit_kind(batch, lane)));
                 (registers.first.plus(2.min(registers.count)), 2.min(registers.count), lanes)
             }
@@ -76,6 +80,27 @@ fn is_triangle(kind: HitKind) -> bool {
 /// Whether a hit is of a triangle, sphere or linear swept sphere.
 fn is_built_in(kind: HitKind) -> bool {
     is_triangle(kind) || matches!(kind, HitKind::SPHERE | HitKind::LINEAR_SWEPT_SPHERE)
+}
+
+/// Whether the hit that a shader has begun for in a lane was reported by an intersection shader
+/// that uses no hit attributes.
+fn has_no_attributes<const W: usize>(sanitizer: &Sanitizer<'_>, batch: &Batch<W>, lane: usize) -> bool {
+    if is_built_in(hit_kind(batch, lane)) {
+        return false;
+    }
+    let Some(pipeline) = sanitizer.pipeline else { return false };
+    // The frame of the shader that begins lies on that of its caller.
+    let caller = sanitizer.frames.iter().rev().nth(1);
+    let calls = caller.and_then(|caller| pipeline.programs[caller.shader.index()].ops.get(caller.op.index()));
+    // Of a hit object that was recorded the attributes are those that were recorded with it.
+    if matches!(calls, Some(Op::Stop(RayTracingOp::HitObjectExecute { .. }))) {
+        return false;
+    }
+    let group = pipeline.hit_group(batch.invocations.record_indices[lane]);
+    let intersection = group.and_then(|group| group.intersection);
+    intersection.is_some_and(|shader| {
+        pipeline.programs[shader.index()].interface_registers(storage::HIT_ATTRIBUTE).is_none()
+    })
 }
 
 /// Whether a hit is of a primitive that has a builtin.

@@ -11,7 +11,7 @@ use crate::ops::op::Op;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Program;
-use crate::sanitize::contract::scalars;
+use crate::sanitize::interface_types::scalars;
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::report::Sink;
 use crate::sanitize::rule::{Rule, hit_object};

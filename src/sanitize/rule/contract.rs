@@ -18,13 +18,17 @@ rules! {
         "SPIR-V 3.3.8, OpVariable: without an initializer, its contents are undefined"
         "write that part of the callable data before executeCallableEXT, or in the callable shader"
     PAYLOAD_UNDECLARED "payload-undeclared" UndefinedBehavior
-        "Every hit and miss shader that a trace with a payload can call declares it, even if it does not use it."
+        "Every hit and miss shader that a trace with a payload calls declares it, even if it does not use it."
         "Vulkan, \"Ray Tracing Pipeline Interface\""
         "declare the payload with rayPayloadInEXT in the shader"
     CALLABLE_UNDECLARED "callable-undeclared" UndefinedBehavior
         "Every callable shader that is called with callable data declares it, even if it does not use it."
         "Vulkan, \"Ray Tracing Pipeline Interface\""
         "declare the data with callableDataInEXT in the shader"
+    PAYLOAD_STRUCTURE "payload-structure" UndefinedBehavior
+        "Payloads and callable data of caller and called shader are one structure, not only the same scalars."
+        "Vulkan, \"Ray Tracing Pipeline Interface\"; VUID-RuntimeSpirv-OpTraceRayKHR-11855"
+        "declare the same structure in both shaders, best in a file that both include"
     ATTR_TRIANGLE_TYPE "attr-triangle-type" UndefinedValue
         "The hit attributes of a group for triangles are two floats."
         "Vulkan, \"Ray Tracing Pipeline Interface\": barycentric coordinates"

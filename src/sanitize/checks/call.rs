@@ -1,0 +1,145 @@
+//! A shader calls another: whether that one declares the payload or the callable data that it is
+//! given, and as the same structure.
+
+use crate::machine::{Batch, ShaderIndex};
+use crate::module::Id;
+use crate::module::interface::Stage;
+use crate::module::ty::TypeId;
+use crate::ops::op::Op;
+use crate::ops::pointer::storage;
+use crate::ops::translate::InterfaceRegisters;
+use crate::pipeline::{describe_with_members, source_file};
+use crate::program::Program;
+use crate::sanitize::cause::OpPlace;
+use crate::sanitize::interface_types::{are_laid_out_otherwise, first_difference, scalars};
+use crate::sanitize::rule::{Rule, contract};
+use crate::sanitize::sanitizer::Sanitizer;
+
+/// What shaders hand to those that they call.
+struct Passed {
+    /// The storage class of what a shader passes.
+    outgoing: u32,
+    /// The storage class of what a shader is given.
+    incoming: u32,
+    /// The rule that a called shader declares it.
+    undeclared: &'static Rule,
+    /// Its name.
+    what: &'static str,
+    /// What a source in GLSL writes for both storage classes.
+    keywords: [&'static str; 2],
+}
+
+/// The payload of a ray.
+static PAYLOAD: Passed = Passed {
+    outgoing: storage::RAY_PAYLOAD,
+    incoming: storage::INCOMING_RAY_PAYLOAD,
+    undeclared: &contract::PAYLOAD_UNDECLARED,
+    what: "payload",
+    keywords: ["rayPayloadEXT", "rayPayloadInEXT"],
+};
+
+/// The data of a callable shader.
+static CALLABLE_DATA: Passed = Passed {
+    outgoing: storage::CALLABLE_DATA,
+    incoming: storage::INCOMING_CALLABLE_DATA,
+    undeclared: &contract::CALLABLE_UNDECLARED,
+    what: "callable data",
+    keywords: ["callableDataEXT", "callableDataInEXT"],
+};
+
+/// A shader is called, before it begins.
+pub(in crate::sanitize) fn check<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    shader: ShaderIndex,
+    batch: &Batch<W>,
+) {
+    let Some(called) = sanitizer.plans.get(shader.index()).map(|plan| &*plan.program) else { return };
+    let passed = match called.stage {
+        Stage::AnyHit | Stage::ClosestHit | Stage::Miss => &PAYLOAD,
+        Stage::Callable => &CALLABLE_DATA,
+        _ => return,
+    };
+    let Some((place, caller, given)) = given(sanitizer) else { return };
+    if sanitizer.matching_calls.contains(&(place, shader)) {
+        return;
+    }
+    let Some((rule, message, notes)) = fault(passed, caller, given, called) else {
+        sanitizer.matching_calls.insert((place, shader));
+        return;
+    };
+    let Some(op) = sanitizer.frames.last().map(|frame| frame.op) else { return };
+    sanitizer.reporter(batch).broken_call(rule, (op, shader), batch.mask, message, notes);
+}
+
+/// The operation that a shader is called by, its program, and the variable that it passes. (An
+/// any-hit shader may be called while an intersection shader reports: what traces the ray passes
+/// the payload.) `None` where the host calls.
+fn given<'a>(sanitizer: &Sanitizer<'a>) -> Option<(OpPlace, &'a Program, &'a InterfaceRegisters)> {
+    let mut calls = sanitizer.frames.iter().rev().map(|frame| {
+        let program = &*sanitizer.plans.get(frame.shader.index())?.program;
+        Some((OpPlace { shader: frame.shader, op: frame.op }, program))
+    });
+    let is_intersection = |program: &Program| program.stage == Stage::Intersection;
+    let (place, program) = calls.find(|call| call.is_none_or(|(_, program)| !is_intersection(program)))??;
+    let Op::Stop(stop) = program.ops.get(place.op.index())? else { return None };
+    let first = stop.payload_span()?.first;
+    let variable = program.interface.iter().find(|variable| variable.first == first)?;
+    Some((place, program, variable))
+}
+
+/// What is wrong with a call, if anything: the rule, the message and notes.
+fn fault(
+    passed: &Passed,
+    caller: &Program,
+    given: &InterfaceRegisters,
+    called: &Program,
+) -> Option<(&'static Rule, String, Vec<String>)> {
+    if scalars(&caller.module, given.ty).is_empty() {
+        return None;
+    }
+    let gives = describe_with_members(&caller.module, given.ty);
+    let who = format!("{} `{}`{}", called.stage.name(), called.name, source_file(&called.module));
+    let mut declared = of_class(called, passed.incoming).peekable();
+    if declared.peek().is_none() {
+        let message = format!("{who} declares no {}, and is given {gives}", passed.what);
+        let [outgoing, incoming] = passed.keywords;
+        let note = unpassed(called, passed.outgoing).map(|name| {
+            format!("it declares `{name}` as {outgoing}, which is what it passes to others, not {incoming}")
+        });
+        return Some((passed.undeclared, message, note.into_iter().collect()));
+    }
+    let used = called.entry_point().map_or(&[][..], |entry| &entry.interface);
+    let (_, ty) = declared.find(|(variable, _)| used.contains(variable))?;
+    let types = [(&*called.module, ty), (&*caller.module, given.ty)];
+    let takes = describe_with_members(&called.module, ty);
+    if let Some([own, other]) = first_difference(types) {
+        let [own, other] = [called.module.describe_type(own), caller.module.describe_type(other)];
+        let message = format!("{who} takes {takes}, and is given {gives}");
+        let note = format!("where the structures first differ, it has {own}, and the caller {other}");
+        return Some((&contract::PAYLOAD_STRUCTURE, message, vec![note]));
+    }
+    are_laid_out_otherwise(types).then(|| {
+        let message = format!("{who} lays out {takes} otherwise than the shader that gives it");
+        (&contract::PAYLOAD_DECORATION, message, Vec::new())
+    })
+}
+
+/// The variables of a storage class that a module declares, with their types, used or not.
+fn of_class(program: &Program, class: u32) -> impl Iterator<Item = (Id, TypeId)> {
+    let module = &program.module;
+    let variables = module.variables.iter().filter(move |variable| variable.storage_class == class);
+    variables.filter_map(|variable| Some((variable.id, module.pointee(variable.id)?)))
+}
+
+/// The name of a variable that a shader could pass to others, and never does.
+fn unpassed(program: &Program, class: u32) -> Option<&str> {
+    let is_passed = |variable: &InterfaceRegisters| {
+        program.ops.iter().any(|op| match op {
+            Op::Stop(stop) => stop.payload_span().is_some_and(|span| span.first == variable.first),
+            _ => false,
+        })
+    };
+    let mut own = program.interface.iter().filter(|variable| variable.storage_class == class);
+    let variable = own.find(|variable| !is_passed(variable))?;
+    program.module.name(variable.variable)
+}
