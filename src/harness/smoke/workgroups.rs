@@ -122,7 +122,7 @@ mod tests {
     use super::*;
     use crate::module::assemble::Assembler;
 
-    /// The groups of a shader that does something with the `GlobalInvocationId` that it loads, `%41`:
+    /// The groups of a shader that uses the `GlobalInvocationId` that it loads, `%41`:
     /// `%5` is the type of unsigned integers, `%50` of vectors of three.
     fn groups_of(uses: impl FnOnce(&mut Assembler)) -> [u32; 3] {
         let mut a = Assembler::new();

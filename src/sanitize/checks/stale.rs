@@ -78,8 +78,8 @@ pub(in crate::sanitize) fn track<const W: usize>(
             let operands = operand_words(kernel, from);
             let held = operands.map(|(first, word)| held(shadow, tracked, first.plus(word)));
             let mut result = held.fold(Freshness::NONE, Freshness::joined);
-            // A comparison with the nearest hit is none itself, nor is a difference of clocks, nor a
-            // random number that is made of a lane's index.
+            // A comparison with the nearest hit is none itself, nor is a difference of clocks, nor
+            // a random number that is made of a lane's index.
             if needs_current(plan.kind, kernel) || (plan.kind == StaleKind::OwnLane && mixes_bits(kernel)) {
                 result = Freshness::NONE;
             }
@@ -157,8 +157,8 @@ pub(in crate::sanitize) fn branch<const W: usize>(
     }
 }
 
-/// Reports what an invocation was in a subgroup, where something depends on it behind an instruction
-/// that may repack lanes.
+/// Reports what an invocation was in a subgroup, where something depends on it behind an
+/// instruction that may repack lanes.
 fn tell_own_lane<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
