@@ -127,7 +127,7 @@ fn what_is_undefined_in_any_run_is_told_without_being_asked() {
     let (code, out, _) = run(&["smoke", BALL]);
     assert_eq!((code, out.contains("error[")), (Some(0), false), "{out}");
     let (code, out, err) = run(&["smoke", BALL, "--sanitize"]);
-    assert_eq!((code, err.trim_end()), (Some(6), "error: the sanitizer denies 1 finding"), "{out}");
+    assert_eq!((code, err.trim_end()), (Some(6), "error: 1 finding is denied"), "{out}");
 }
 
 /// For machines a trap and a limit stand among the findings; in text they are the error at the end.

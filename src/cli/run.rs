@@ -20,7 +20,6 @@ use crate::error::Result;
 use crate::geometry::Precision;
 use crate::input::{InputLimit, is_stream, read_argument};
 use crate::machine::{LaunchLimits, MemoryPolicy};
-use crate::pipeline::Stats;
 use crate::scene::image::{PictureKind, write_picture};
 use crate::scene::{self, LoadOptions};
 
@@ -144,11 +143,11 @@ pub fn run(args: RunArgs) -> Result<()> {
         true => Some(args.sanitize.run(&scene, &assembled, &assembled.resources)?),
         false => None,
     };
-    let outcome = match args.lanes.as_str() {
-        _ if sanitized.is_some() => Ok(Stats::default()),
-        "1" => assembled.run::<1>(&assembled.resources, &on_progress),
-        "128" => assembled.run::<128>(&assembled.resources, &on_progress),
-        _ => assembled.run::<64>(&assembled.resources, &on_progress),
+    let (found, outcome) = match (sanitized, args.lanes.as_str()) {
+        (Some(run), _) => (Some(run.findings), run.outcome),
+        (None, "1") => (None, assembled.run::<1>(&assembled.resources, &on_progress)),
+        (None, "128") => (None, assembled.run::<128>(&assembled.resources, &on_progress)),
+        (None, _) => (None, assembled.run::<64>(&assembled.resources, &on_progress)),
     };
     let launch_time = launched.elapsed();
     let has_output = args.stats || !shown.is_empty() || !saved.is_empty();
@@ -164,7 +163,6 @@ pub fn run(args: RunArgs) -> Result<()> {
     for (path, image) in saved {
         write_picture(&path, &image, false)?;
     }
-    let (found, outcome) = sanitized.map_or((None, outcome), |run| (Some(run.findings), run.outcome));
     let launch_stats = args.sanitize.finish([found, drawn], outcome)?;
     if args.stats {
         output::print(stats::table(&launch_stats, load_time, launch_time))?;

@@ -24,23 +24,22 @@ pub(super) struct SanitizeArgs {
     /// depends on, NaNs; exit code 6 if a finding is denied
     #[arg(long, group = "checks")]
     sanitize: bool,
-    /// With --sanitize or --many-seeds: do not tell of this rule (`all` for every rule)
+    /// Do not tell of this rule (`all` for every rule)
     #[arg(long, value_name = "RULE", requires = "checks")]
     allow: Vec<String>,
-    /// With --sanitize or --many-seeds: tell of this rule, but do not fail
+    /// Tell of this rule, but do not fail
     #[arg(long, value_name = "RULE", requires = "checks")]
     warn: Vec<String>,
-    /// With --sanitize or --many-seeds: fail where this rule is broken
+    /// Fail where this rule is broken
     #[arg(long, value_name = "RULE", requires = "checks")]
     deny: Vec<String>,
-    /// With --sanitize or --many-seeds: how findings are printed
+    /// How findings are printed
     #[arg(long, value_name = "FORMAT", default_value = "text", requires = "checks")]
     findings: FindingFormat,
-    /// With --sanitize or --many-seeds: findings that this file lists are not told;
-    /// `--write-baseline` makes one
+    /// Do not tell of the findings that this file lists; `--write-baseline` makes one
     #[arg(long, value_name = "FILE", requires = "checks")]
     baseline: Option<PathBuf>,
-    /// With --sanitize or --many-seeds: write all findings to this file, as those that are known
+    /// Write all findings to this file, as those that are known
     #[arg(long, value_name = "FILE", requires = "checks", conflicts_with = "baseline")]
     write_baseline: Option<PathBuf>,
 }
@@ -142,6 +141,12 @@ impl SanitizeArgs {
         self.print(&findings)?;
         if findings.is_empty() && self.findings == FindingFormat::Text {
             output::hint(match self.sanitize {
+                _ if self.allow.iter().any(|id| id == "all")
+                    && self.warn.is_empty()
+                    && self.deny.is_empty() =>
+                {
+                    "every rule is allowed: nothing was looked for"
+                }
                 true => "the sanitizer found nothing",
                 false => "no output depends on the draws",
             });

@@ -188,7 +188,7 @@ pub fn sanitize_one(
 pub fn deny(findings: &Findings) -> Result<()> {
     match findings.denied().count() {
         0 => Ok(()),
-        1 => Err(Error::new(ErrorKind::Finding, "the sanitizer denies 1 finding")),
-        count => Err(Error::new(ErrorKind::Finding, format!("the sanitizer denies {count} findings"))),
+        1 => Err(Error::new(ErrorKind::Finding, "1 finding is denied")),
+        count => Err(Error::new(ErrorKind::Finding, format!("{count} findings are denied"))),
     }
 }

@@ -52,7 +52,7 @@ pub use sbt::{Sbt, SbtRecord};
 pub use stats::{Elided, ShaderStats, Stats};
 pub(crate) use tracing::trace_operands;
 pub use trapped::Trapped;
-pub(crate) use trapped::{source_line, trap_error, with_limit, with_location};
+pub(crate) use trapped::{source_line, source_line_of, trap_error, with_limit, with_location};
 
 /// The instructions that an invocation may execute, counted at back edges, calls and stops (a
 /// trace, a call of a callable shader, a report, a barrier: 64 instructions each), unless set

@@ -378,7 +378,7 @@ pub(crate) fn source_line(program: &Program, op: OpIndex) -> String {
 }
 
 /// ` at FILE:LINE` or ` near FILE:LINE`, for the instruction at a word offset.
-fn source_line_of(program: &Program, offset: u32) -> String {
+pub(crate) fn source_line_of(program: &Program, offset: u32) -> String {
     match (program.place_at(offset), program.place_near(offset)) {
         (Some(place), _) => format!(" at {}", file_and_line(&place)),
         (None, Some(place)) => format!(" near {}", file_and_line(&place)),

@@ -80,6 +80,13 @@ pub enum Cause {
         /// The rule that says so.
         rule: &'static str,
     },
+    /// What is undefined for another cause, of which `OpBitFieldInsert` has filled some bits.
+    Filled {
+        /// The number of the other cause.
+        of: u32,
+        /// The bits that are defined.
+        bits: u32,
+    },
     /// An instruction that made a NaN of something else, or an infinity of numbers.
     Born {
         /// The instruction.
@@ -122,6 +129,14 @@ impl Causes {
             self.causes.push((cause, details()));
             self.causes.len() as u32 - 1
         })
+    }
+
+    /// The cause of a number but for bits that were filled since, and these bits.
+    pub fn unfilled(&self, number: u32) -> (u32, u32) {
+        match self.get(number) {
+            Some((Cause::Filled { of, bits }, _)) => (of, bits),
+            _ => (number, 0),
+        }
     }
 
     /// The cause of a number, and its details; `None` where none is known.

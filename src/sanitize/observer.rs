@@ -182,6 +182,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         let Some(mut shadow) = batch.registers.shadow.take() else { return };
         let op = plan.program.terminator_index(batch.block);
         self.depend_on_all(batch, &mut shadow, op, register, words, sink);
+        stale::branch(self, batch, &shadow, &plan.stale, op, register);
         batch.registers.shadow = Some(shadow);
     }
 }

@@ -290,8 +290,11 @@ rows! {
 rows! {
     /// Checks of operations whatever their decorations.
     CHECKS None;
-    INT_DIV_ZERO [1]: Core UDiv "UDiv", Core SDiv "SDiv", Core UMod "UMod", Core SRem "SRem", Core SMod "SMod"
+    INT_DIV_ZERO [1]: Core UDiv "UDiv", Core SDiv "SDiv"
         => |o| o.unsigned(1) == 0, |o| format!("the division of {} by zero", o.describe(0, true));
+    INT_DIV_ZERO [1]: Core UMod "UMod", Core SRem "SRem", Core SMod "SMod"
+        => |o| o.unsigned(1) == 0,
+        |o| format!("the remainder of {} divided by zero", o.describe(0, true));
     INT_DIV_OVERFLOW [0, 1]: Core SDiv "SDiv", Core SRem "SRem", Core SMod "SMod"
         => |o| o.signed(0) == o.least() && o.signed(1) == -1,
         |o| format!("the division of {}, the least integer, by -1", o.signed(0));
@@ -340,9 +343,15 @@ rows! {
     SQRT_DOMAIN [0]: Glsl Sqrt "Sqrt" => |o| o.float(0) < 0.0, |o| format!("sqrt({})", o.describe(0, false));
     SQRT_DOMAIN [0]: Glsl InverseSqrt "InverseSqrt"
         => |o| o.float(0) <= 0.0, |o| format!("inversesqrt({})", o.describe(0, false));
-    MINMAX_NAN [0, 1]: Glsl FMin "FMin", Glsl FMax "FMax", Glsl Step "Step"
+    MINMAX_NAN [0, 1]: Glsl FMin "FMin"
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
-        |o| format!("the minimum, maximum or step of {} and {}", o.describe(0, false), o.describe(1, false));
+        |o| format!("min({}, {})", o.describe(0, false), o.describe(1, false));
+    MINMAX_NAN [0, 1]: Glsl FMax "FMax"
+        => |o| o.float(0).is_nan() || o.float(1).is_nan(),
+        |o| format!("max({}, {})", o.describe(0, false), o.describe(1, false));
+    MINMAX_NAN [0, 1]: Glsl Step "Step"
+        => |o| o.float(0).is_nan() || o.float(1).is_nan(),
+        |o| format!("step({}, {})", o.describe(0, false), o.describe(1, false));
     MINMAX_NAN [0, 1, 2]: Glsl FClamp "FClamp"
         => |o| (0..3).any(|at| o.float(at).is_nan()),
         |o| format!("clamp({}, {}, {})", o.describe(0, false), o.describe(1, false), o.describe(2, false));

@@ -49,6 +49,8 @@ pub enum Flow {
     },
     /// Only the condition and the chosen operand count.
     Select,
+    /// The bits of a field replace those of the third operand.
+    Merge,
 }
 
 /// What is done at an operation.
@@ -285,6 +287,7 @@ fn flow(kernel: &LaneKernel) -> Flow {
         "LogicalOr" => Flow::Or { ones: 1 },
         "BitwiseOr" => Flow::Or { ones: u32::MAX },
         "SelectWord" => Flow::Select,
+        "FieldMerge" => Flow::Merge,
         _ => Flow::Any,
     }
 }

@@ -2,11 +2,14 @@
 
 pub mod specials;
 
+use rspirv::spirv::Op as Opcode;
+
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{Batch, Lanes, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
+use crate::module::Id;
 use crate::module::names::builtin_name;
 use crate::ops::pointer::storage;
-use crate::pipeline::{source_line, with_location};
+use crate::pipeline::{source_line, source_line_of, with_location};
 use crate::program::Program;
 use crate::sanitize::cause::{Cause, Causes, OpPlace};
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
@@ -15,6 +18,9 @@ use crate::sanitize::names::{function_of, word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
 use crate::sanitize::rule::{self, Level, Rule, contract, memory, race};
+
+/// `BuiltIn`
+const BUILT_IN: u32 = 11;
 
 /// What depends on a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -256,9 +262,10 @@ impl<const W: usize> Reporter<'_, W> {
 
     fn tell_undefined(&self, cause: u32, op: OpIndex, sink: Sink) -> Option<Told> {
         let here = OpPlace { shader: self.shader(), op };
+        let (cause, filled) = self.causes.unfilled(cause);
         let (cause, details) = self.causes.get(cause)?;
         let says = sink.says();
-        Some(match cause {
+        let mut told = match cause {
             Cause::Unwritten { shader, variable, storage_class, word } => {
                 let program = self.program(shader)?;
                 let path = word_path(&program.module, variable, program.module.pointee(variable)?, word);
@@ -314,7 +321,10 @@ impl<const W: usize> Reporter<'_, W> {
                     message: format!("{}, which this hit does not have, {says}", builtin_name(builtin)),
                     place: here,
                     label: format!("it {says} here"),
-                    notes: vec![format!("it is read in the {stage} shader `{name}`")],
+                    notes: vec![format!(
+                        "it is read in the {stage} shader `{name}`{}",
+                        line_of_read(program, builtin)
+                    )],
                     cause: (shader, builtin),
                     word: None,
                     key: None,
@@ -345,8 +355,12 @@ impl<const W: usize> Reporter<'_, W> {
                     key: None,
                 }
             }
-            Cause::Born { .. } => return None,
-        })
+            Cause::Filled { .. } | Cause::Born { .. } => return None,
+        };
+        if filled != 0 {
+            told.notes.push(format!("of its bits, only {filled:#010x} were written, by bitfieldInsert"));
+        }
+        Some(told)
     }
 
     /// The rule about a variable of a shader that is not written.
@@ -440,6 +454,30 @@ fn race_words(
 /// `1 byte`, `4 bytes`
 fn byte_count(bytes: u32) -> String {
     if bytes == 1 { "1 byte".to_owned() } else { format!("{bytes} bytes") }
+}
+
+/// ` at FILE:LINE` of the only line that loads a builtin, or nothing.
+fn line_of_read(program: &Program, builtin: u32) -> String {
+    let module = &program.module;
+    let variables = module.variables.iter().map(|variable| variable.id);
+    let mut pointers: Vec<Id> =
+        variables.filter(|&id| module.decorations.literal(id, BUILT_IN) == Some(builtin)).collect();
+    let mut loads = Vec::new();
+    for one in
+        module.functions.iter().flat_map(|function| &function.blocks).flat_map(|block| &block.instructions)
+    {
+        let base = module.operands(one).first().map(|&base| Id(base));
+        if !base.is_some_and(|base| pointers.contains(&base)) {
+            continue;
+        }
+        match Opcode::from_u32(one.opcode.into()) {
+            Some(Opcode::AccessChain | Opcode::InBoundsAccessChain) => pointers.extend(one.result),
+            Some(Opcode::Load) => loads.push(source_line_of(program, one.offset)),
+            _ => {}
+        }
+    }
+    loads.dedup();
+    if loads.len() == 1 { loads.remove(0) } else { String::new() }
 }
 
 /// The word of the instruction that an operation comes from.

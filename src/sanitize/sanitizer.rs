@@ -127,6 +127,18 @@ impl<'a> Sanitizer<'a> {
         self.unwritten.write_texel(image, index, program);
     }
 
+    /// The cause of what is undefined for a cause, once some of its bits are filled; `None` where
+    /// all that there are then are.
+    pub(super) fn filled_cause(&mut self, number: u32, bits: u32, all: u32) -> Option<u32> {
+        let (of, before) = self.causes.unfilled(number);
+        let bits = before | bits;
+        match bits {
+            0 => Some(of),
+            bits if bits & all == all => None,
+            bits => Some(self.cause(Cause::Filled { of, bits }, || None)),
+        }
+    }
+
     /// Whether a cause, by its number, is an instruction that made a NaN or an infinity.
     pub(super) fn is_born(&self, number: u32) -> bool {
         matches!(self.causes.get(number), Some((Cause::Born { .. }, _)))

@@ -114,6 +114,17 @@ fn a_missing_bracket_is_one_mistake() {
     );
     one_mistake(&format!("[geometry.floor\ntype = 'plane'\n{rest}"), "s/a.toml:2", &["not TOML: "]);
     one_mistake(&format!("title = \"open\n{rest}"), "s/a.toml:2", &["not TOML: "]);
+    // A table that is there twice closes its brackets.
+    for header in ["[shaders]", "[[instance]]\ngeometry = 'a'\n[geometry.grass]"] {
+        let error = mistake(&format!("{header}\n{header}\n"));
+        let text = error.render();
+        assert!(text.contains("not TOML: duplicate key"), "{text}");
+        assert!(!text.contains("closes this"), "{text}");
+    }
+    for twice in ["title = { a = 1, a = 2 }\n", "[geometry.a b]\n"] {
+        let text = mistake(twice).render();
+        assert!(text.contains("not TOML: ") && !text.contains("closes this"), "{text}");
+    }
     // Mistakes that have nothing to do with each other are all told.
     let error = mistake("version = 1\nx = = 1\ny = 2\nz = = 3\n");
     let text = error.render();

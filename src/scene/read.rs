@@ -127,8 +127,11 @@ impl Document {
             Span { source: source.clone(), range }.error(format!("not TOML: {}", error.message()))
         };
         // Where a bracket is open still, all that follows is read as if it stood in it: what is
-        // wrong there is no mistake of its own.
-        let inside = first_in_bracket(&source.text, errors.iter().map(start));
+        // wrong there is no mistake of its own. A key that is there twice is a mistake by itself,
+        // wherever it stands.
+        let is_duplicate = |error: &toml::de::Error| error.message().contains("duplicate key");
+        let inside = first_in_bracket(&source.text, errors.iter().map(start))
+            .filter(|inside| !is_duplicate(&errors[inside.error]));
         let errors = &errors[..inside.as_ref().map_or(errors.len(), |inside| inside.error + 1)];
         let most = usize::try_from(limits.get(InputLimit::ErrorsShown)).unwrap_or(usize::MAX).max(1);
         let mut shown: Vec<Error> = errors.iter().take(most).map(report).collect();

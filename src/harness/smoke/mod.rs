@@ -10,8 +10,8 @@
 //! somewhere. Where it goes beyond a buffer or image, these become larger.
 //!
 //! A ray generation shader is launched over 8 x 4 invocations, a compute shader dispatched in 2 x 2
-//! workgroups. Closest-hit and any-hit shaders see a
-//! hit of each kind of geometry that they may be called for, intersection shaders a box, miss
+//! workgroups, or fewer where it does not ask where along an axis it is. Closest-hit and any-hit
+//! shaders see a hit of each kind of geometry that they may be called for, intersection shaders a box, miss
 //! shaders a ray. Where a shader traces, the ray really is traced through a scene with all kinds of
 //! primitives; in the place of the shaders that are not there, the payload is filled like all else,
 //! one time in four as by a miss (floats -1, integers 0). So are callable data.
@@ -30,6 +30,7 @@ mod sets;
 mod specialized;
 mod subject;
 mod watch;
+mod workgroups;
 
 use std::cell::OnceCell;
 use std::collections::BTreeSet;

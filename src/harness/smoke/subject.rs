@@ -15,6 +15,7 @@ use crate::harness::smoke::judge::Try;
 use crate::harness::smoke::resources::{self, Given, MadeUpValues};
 use crate::harness::smoke::sets::{LAUNCH, Set};
 use crate::harness::smoke::watch::{BlockRecorder, Happened, StandIn};
+use crate::harness::smoke::workgroups::groups;
 use crate::harness::smoke::{SmokeOptions, specialized};
 use crate::machine::{Invocation, LaunchLimits, Observer, TrapCode};
 use crate::module::interface::{EntryPoint, InterfaceVariable, Stage};
@@ -27,10 +28,6 @@ use crate::program::Program;
 use crate::sanitize::rule::image::SAMPLER_MATCH;
 use crate::sanitize::{Findings, Level, Levels, ProgramPlan, Sanitizer};
 
-/// Workgroups of a compute shader.
-const GROUPS: [u32; 3] = [2, 2, 1];
-/// Invocations of a workgroup that is dispatched once only.
-const LARGE: u64 = 1024;
 /// Lanes of a batch.
 const LANES: usize = 64;
 /// Null records of each shader binding table.
@@ -418,7 +415,7 @@ impl EntryUnderTest<'_> {
             return Ok(LAUNCH);
         }
         let size = Compute::new(program.clone())?.workgroup_size();
-        let groups = groups(size, true);
+        let groups = groups(&program.module, size, true);
         Ok([0, 1, 2].map(|axis| size[axis].saturating_mul(groups[axis])))
     }
 
@@ -506,7 +503,7 @@ impl Once<'_> {
         let &Self { way, program, given, set, fuel, limits } = self;
         if let Way::Dispatch = way {
             let compute = Compute::new(program.clone())?.fuel(fuel).launch_limits(limits);
-            let groups = groups(compute.workgroup_size(), set.launch_size == LAUNCH);
+            let groups = groups(&program.module, compute.workgroup_size(), set.launch_size == LAUNCH);
             if !<O as Observer<LANES>>::is_active() {
                 return Ok(compute.run_to_trap::<LANES>(&given.resources, groups, &|_| ())?.err());
             }
@@ -582,12 +579,6 @@ impl Once<'_> {
         };
         Ok(ended.err())
     }
-}
-
-/// The workgroups of a dispatch: several of small ones, where several are wanted.
-fn groups(size: [u32; 3], several: bool) -> [u32; 3] {
-    let each = size.iter().map(|&side| u64::from(side)).product::<u64>();
-    if several && each <= LARGE { GROUPS } else { [1; 3] }
 }
 
 /// The pointer that a chain of access chains begins with.

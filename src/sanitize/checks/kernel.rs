@@ -27,7 +27,9 @@ pub(in crate::sanitize) fn check<const W: usize>(
     for word in 0..kernel.words {
         shadow.set_undefined(to.plus(word), undefined);
     }
-    if !undefined.is_empty() {
+    if step.flow == Flow::Merge {
+        merge_fields(sanitizer, batch, shadow, kernel, to, from);
+    } else if !undefined.is_empty() {
         for (operand, word) in operand_words(kernel, from) {
             let register = operand.plus(word);
             let lanes = shadow.undefined(register) & undefined;
@@ -76,6 +78,32 @@ pub(in crate::sanitize) fn check<const W: usize>(
     }
     if step.watches_special {
         births::compare(sanitizer, batch, shadow, place, kernel, from);
+    }
+}
+
+/// Copies the causes of a field and of what it is inserted into. Of the latter, the bits that a field
+/// was written to are defined, and so is a word of which all bits are.
+fn merge_fields<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    kernel: &LaneKernel,
+    to: Reg,
+    from: &[Reg; 3],
+) {
+    let all = if kernel.width < u32::BITS { (1 << kernel.width) - 1 } else { u32::MAX };
+    for word in 0..kernel.words {
+        let [mask, field, base, to] = [from[0], from[1], from[2], to].map(|first| first.plus(word));
+        let inserted = shadow.undefined(to);
+        for operand in [mask, field] {
+            shadow.copy_causes(to, operand, shadow.undefined(operand) & inserted);
+        }
+        for lane in (shadow.undefined(base) & batch.mask).without(inserted).lanes() {
+            let bits = batch.registers[mask].0[lane];
+            if let Some(number) = sanitizer.filled_cause(shadow.causes(base).0[lane], bits, all) {
+                shadow.undefine(to, Mask::lane(lane), number);
+            }
+        }
     }
 }
 
@@ -152,6 +180,7 @@ fn undefined_result<const W: usize>(
     match flow {
         Flow::Any => any,
         Flow::And => any.without(decided(0)),
+        Flow::Merge => each[0] | each[1],
         Flow::Or { ones } => any.without(decided(ones)),
         Flow::Select => {
             let first = registers.mask(from[0]);

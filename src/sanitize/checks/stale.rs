@@ -8,6 +8,7 @@
 use crate::machine::{Batch, Freshness, Mask, OpIndex, Reg, ShadowRegisters};
 use crate::ops::access::Access;
 use crate::ops::hit_object::HitObjectOp;
+use crate::ops::image::ImageOp;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::MemoryOp;
 use crate::ops::op::Op;
@@ -15,7 +16,7 @@ use crate::ops::ray_tracing::RayTracingOp;
 use crate::ops::subgroup::{BallotCount, SubgroupKind, SubgroupOp};
 use crate::sanitize::checks::lanes::{each_element, operand_words};
 use crate::sanitize::plan::Executed;
-use crate::sanitize::plan::stale::{StaleKind, StalePlan, may_repack, sink};
+use crate::sanitize::plan::stale::{StaleKind, StalePlan, elects, may_repack, sink};
 use crate::sanitize::rule::subgroup;
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -77,8 +78,9 @@ pub(in crate::sanitize) fn track<const W: usize>(
             let operands = operand_words(kernel, from);
             let held = operands.map(|(first, word)| held(shadow, tracked, first.plus(word)));
             let mut result = held.fold(Freshness::NONE, Freshness::joined);
-            // A comparison with the nearest hit is none itself, nor is a difference of clocks.
-            if plan.kind != StaleKind::Lanes && needs_current(plan.kind, kernel) {
+            // A comparison with the nearest hit is none itself, nor is a difference of clocks, nor
+            // a random number that is made of a lane's index.
+            if needs_current(plan.kind, kernel) || (plan.kind == StaleKind::OwnLane && mixes_bits(kernel)) {
                 result = Freshness::NONE;
             }
             (0..kernel.words).for_each(|word| shadow.set_freshness(kind, to.plus(word), Mask::ALL, result));
@@ -113,6 +115,18 @@ pub(in crate::sanitize) fn track<const W: usize>(
         Op::Subgroup(op) if plan.kind == StaleKind::Lanes => {
             track_subgroup(sanitizer, batch, shadow, executed.place.op, op, tracked);
         }
+        Op::Subgroup(op) if plan.kind == StaleKind::OwnLane && elects(op) => {
+            let current = Freshness { current: Mask::ALL, stale: Mask::NONE };
+            shadow.set_freshness(kind, op.to, batch.mask, current);
+        }
+        &Op::Memory(MemoryOp::BufferStore { from, ref chunk }) if plan.kind == StaleKind::OwnLane => {
+            let words = (0..chunk.count).map(|word| held(shadow, tracked, from.plus(word)));
+            tell_own_lane(sanitizer, batch, executed.place.op, words, "is stored");
+        }
+        Op::Image(ImageOp::Write(write)) if plan.kind == StaleKind::OwnLane => {
+            let words = write.from.iter().map(|&register| held(shadow, tracked, register));
+            tell_own_lane(sanitizer, batch, executed.place.op, words, "is stored");
+        }
         Op::HitObject(object) if **object == HitObjectOp::Reorder => {
             if plan.kind != StaleKind::RayTmax {
                 shadow.expire(kind, batch.mask);
@@ -128,10 +142,45 @@ pub(in crate::sanitize) fn track<const W: usize>(
     }
 }
 
+/// A block ends with a branch that a register decides.
+pub(in crate::sanitize) fn branch<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &ShadowRegisters<W>,
+    plans: &[StalePlan],
+    op: OpIndex,
+    register: Reg,
+) {
+    for tracked in plans.iter().enumerate().filter(|(_, plan)| plan.kind == StaleKind::OwnLane) {
+        let decides = std::iter::once(held(shadow, tracked, register));
+        tell_own_lane(sanitizer, batch, op, decides, "decides a branch");
+    }
+}
+
+/// Reports what an invocation was in a subgroup, where something depends on it behind an
+/// instruction that may repack lanes.
+fn tell_own_lane<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    op: OpIndex,
+    held: impl Iterator<Item = Freshness<W>>,
+    does: &str,
+) {
+    let stale = held.fold(Freshness::NONE, Freshness::joined).stale;
+    sanitizer.tell(batch, &subgroup::STALE_SUBGROUP, op, stale & batch.mask, |_| {
+        format!("a lane's index, or whether it was elected, from before lanes may be repacked, {does}")
+    });
+}
+
+/// Whether a kernel makes of a lane's index what no longer stands for the lane, as a hash does.
+fn mixes_bits(kernel: &LaneKernel) -> bool {
+    matches!(kernel.name, "IMul" | "BitwiseXor" | "ShiftLeftLogical" | "ShiftRightLogical")
+}
+
 /// Whether a kernel needs a value of a kind to be true: it compares it, or subtracts clocks.
 fn needs_current(kind: StaleKind, kernel: &LaneKernel) -> bool {
     match kind {
-        StaleKind::Lanes => false,
+        StaleKind::Lanes | StaleKind::OwnLane => false,
         StaleKind::RayTmax => {
             let compares = kernel.float_operands[0] > 0 && kernel.operands[1] > 0 && kernel.float_result == 0;
             compares || matches!(kernel.name, "FMin" | "FMax" | "FClamp" | "NMin" | "NMax" | "NClamp")
@@ -160,7 +209,7 @@ fn check_kernel<const W: usize>(
     };
     let each = [of(0), of(1), of(2)];
     match plan.kind {
-        StaleKind::Lanes => {}
+        StaleKind::Lanes | StaleKind::OwnLane => {}
         StaleKind::RayTmax => {
             let stale = each.iter().fold(Mask::NONE, |all, one| all | one.stale) & batch.mask;
             sanitizer.tell(batch, &subgroup::STALE_RAYTMAX, op, stale, |_| {

@@ -16,6 +16,8 @@ use crate::sanitize::plan::instruction::InstructionWords;
 
 /// `SubgroupLocalInvocationId`, `SubgroupEqMask` and its siblings.
 const LANE_BUILTINS: [u32; 6] = [41, 4416, 4417, 4418, 4419, 4420];
+/// `SubgroupLocalInvocationId`
+const LANE_INDEX: [u32; 1] = [41];
 /// `RayTmaxKHR`
 const RAY_T_MAX: [u32; 1] = [5326];
 
@@ -24,6 +26,8 @@ const RAY_T_MAX: [u32; 1] = [5326];
 pub enum StaleKind {
     /// The index or mask of lanes of a subgroup, until they may be repacked.
     Lanes,
+    /// Which lane of its subgroup an invocation is: its index, or whether it was elected.
+    OwnLane,
     /// The t of the nearest hit so far, until a report is accepted.
     RayTmax,
     /// The clock of a subgroup, until its lanes may go on elsewhere.
@@ -56,6 +60,10 @@ pub(super) fn stale_plans(program: &Program) -> Vec<StalePlan> {
     if repacks && has(&|op| matches!(op, Op::Subgroup(subgroup) if sink(subgroup).is_some())) {
         plans.push(StalePlan { kind: StaleKind::Lanes, inputs: registers_of(&LANE_BUILTINS) });
     }
+    let own = registers_of(&LANE_INDEX);
+    if repacks && (!own.is_empty() || has(&|op| matches!(op, Op::Subgroup(subgroup) if elects(subgroup)))) {
+        plans.push(StalePlan { kind: StaleKind::OwnLane, inputs: own });
+    }
     let limit = registers_of(&RAY_T_MAX);
     if program.stage == Stage::Intersection && !limit.is_empty() {
         plans.push(StalePlan { kind: StaleKind::RayTmax, inputs: limit });
@@ -79,6 +87,11 @@ pub(super) fn reads_clock(module: &Module, offset: u32) -> bool {
     }
 }
 
+/// Whether an operation elects a lane of the subgroup.
+pub(in crate::sanitize) fn elects(op: &SubgroupOp) -> bool {
+    op.kind == SubgroupKind::Elect
+}
+
 /// Whether the lanes of a batch may come back from the pipeline in other subgroups.
 pub(in crate::sanitize) fn may_repack(stop: &RayTracingOp) -> bool {
     !matches!(stop, RayTracingOp::HitObjectRecordHandle { .. })
@@ -94,6 +107,7 @@ pub(in crate::sanitize) fn sink(op: &SubgroupOp) -> Option<(bool, bool, &'static
         SubgroupKind::BallotCount(BallotCount::CountInclusive | BallotCount::CountExclusive) => {
             (true, false, "is counted up to the lane's own bit")
         }
+        SubgroupKind::BallotCount(BallotCount::Count) => (true, false, "is counted"),
         _ => return None,
     })
 }

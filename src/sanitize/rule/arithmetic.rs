@@ -4,7 +4,7 @@ rules! {
     INT_DIV_ZERO "int-div-zero" UndefinedBehavior
         "The divisor of an integer division is not 0."
         "SPIR-V 3.3.13, OpUDiv, OpSDiv, OpUMod, OpSRem, OpSMod: behavior is undefined if Operand 2 is 0"
-        "test the divisor before the division"
+        "test the divisor first"
     INT_DIV_OVERFLOW "int-div-overflow" UndefinedBehavior
         "The least integer is not divided by -1."
         "SPIR-V 3.3.13, OpSDiv, OpSRem, OpSMod: behavior is undefined if the division overflows"
@@ -72,7 +72,7 @@ rules! {
     MINMAX_NAN "minmax-nan" UndefinedValue
         "No operand of FMin, FMax, FClamp and Step is a NaN."
         "GLSL.std.450, FMin, FMax: which operand is the result is undefined if one of the operands is a NaN"
-        "treat 0 * infinity apart, as in box tests by slabs, or test for a NaN first"
+        "test for a NaN first, or mend what makes it: 0 * infinity, 0 / 0, the root of a negative number"
     CLAMP_INVERTED "clamp-inverted" UndefinedValue
         "The lower bound of a clamp is not above the upper one."
         "GLSL.std.450, FClamp, UClamp, SClamp, NClamp: the result is undefined if minVal > maxVal"
@@ -128,7 +128,7 @@ rules! {
     ULP_DOMAIN "ulp-domain" UndefinedValue
         "No quotient that does not exist, 0 / 0 or infinity / infinity, is written, printed or traced with."
         "Vulkan, \"Precision of Individual Operations\", ULP: a result that is not mathematically defined is undefined"
-        "test the divisor before the division"
+        "test the divisor first"
     FDIV_ZERO "fdiv-zero" Lint
         "No quotient by zero is written to a buffer or an image, printed, or the origin or direction of a ray."
         "Vulkan, \"Precision of Individual Operations\", ULP: a result that is not mathematically defined is undefined"

@@ -4,9 +4,9 @@ rules! {
     RACE_BUFFER "race-buffer" UndefinedBehavior
         "Of two invocations that access the same bytes, one of which writes, one is ordered behind the other."
         "Vulkan, Memory Model, Data Race"
-        "let each invocation write its own element, use atomic instructions, or put a barrier between the \
-         two: barrier() alone orders shared variables, and buffers only with memoryBarrierBuffer(); no \
-         barrier orders different workgroups or the invocations of a launch"
+        "let each invocation write its own element, use atomic instructions, or, within a workgroup, put a \
+         barrier that all of it reaches between the two: barrier() for shared variables, and for a buffer \
+         memoryBarrierBuffer() before it"
     RACE_IMAGE "race-image" UndefinedBehavior
         "Of two invocations that access the same texel, one of which writes, one is ordered behind the other."
         "Vulkan, Memory Model, Data Race"
@@ -57,5 +57,5 @@ rules! {
     RACE_SAME_VALUE "race-same-value" Lint
         "Two invocations do not write to the same bytes, not even the same value."
         "Vulkan, Memory Model, Data Race: it makes no difference which values are written"
-        "let one of the invocations write: if (gl_LocalInvocationIndex == 0)"
+        "let one invocation write, give each its own element, or use an atomic instruction"
 }

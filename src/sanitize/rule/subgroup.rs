@@ -34,9 +34,9 @@ rules! {
         "SPIR-V 3.3.24, OpGroupNonUniformInverseBallot: behavior is undefined unless Value is the same in all"
         "use subgroupBallotBitExtract(mask, gl_SubgroupInvocationID) for a mask of each lane's own"
     STALE_SUBGROUP "stale-subgroup" Lint
-        "A lane's index, a mask or a ballot is not kept over a trace, a report or a reordering."
+        "A lane's index or election, a mask or a ballot is not used behind a trace, a report or a reordering."
         "Vulkan, \"Shader Call Instructions\": they may repack invocations, whose subgroups change"
-        "take the ballot, and load the builtin, behind the instruction again"
+        "elect, take the ballot, and load the builtin, behind the instruction again"
     BARRIER_SUBGROUP_DIVERGENT "barrier-subgroup-divergent" Lint
         "All lanes of a subgroup reach its barriers together."
         "SPIR-V 3.3.21, OpControlBarrier: of scope Subgroup, it waits for the lanes alone that have come here together"

@@ -4,7 +4,9 @@ rules! {
     NONUNIFORM_RESOURCE "nonuniform-resource" UndefinedBehavior
         "Where the lanes of a subgroup use different descriptors, the operand of the access is NonUniform."
         "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149 (before: VUID-RuntimeSpirv-NonUniform-06274)"
-        "write textures[nonuniformEXT(index)], in HLSL and Slang NonUniformResourceIndex(index)"
+        "write textures[nonuniformEXT(index)], in HLSL and Slang NonUniformResourceIndex(index); where the \
+         source has it, the compiler has lost it on the way: index a texture and a sampler apart, or update \
+         the compiler"
     NONUNIFORM_PLACEMENT "nonuniform-placement" UndefinedBehavior
         "NonUniform decorates the operand of the access, not only the index that it is made of."
         "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149; GL_EXT_nonuniform_qualifier"
