@@ -16,6 +16,7 @@ mod declare_constant;
 mod declare_type;
 pub mod decoration;
 mod describe;
+pub mod dispatch_axes;
 mod functions;
 mod grammar;
 pub mod hit_ids;

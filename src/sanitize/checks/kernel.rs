@@ -81,8 +81,8 @@ pub(in crate::sanitize) fn check<const W: usize>(
     }
 }
 
-/// Copies the causes of a field and of what it is inserted into. Of the latter, the bits that a field
-/// was written to are defined, and so is a word of which all bits are.
+/// Copies the causes of a field and of what it is inserted into. Of the latter, the bits that a
+/// field was written to are defined, and so is a word of which all bits are.
 fn merge_fields<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,

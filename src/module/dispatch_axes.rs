@@ -1,0 +1,142 @@
+//! Which axes of a dispatch a shader asks for: the components of `GlobalInvocationId` and
+//! `WorkgroupId` that it reads.
+
+use rspirv::spirv::{BuiltIn, Op};
+use rustc_hash::FxHashSet;
+
+use crate::module::ty::Type;
+use crate::module::{Definition, Id, Instruction, Module};
+
+/// The components of `GlobalInvocationId` and `WorkgroupId` that the functions of a module read, as
+/// far as their way is seen: through loads, copies, local variables and calls.
+pub fn axes_read(module: &Module) -> [bool; 3] {
+    const BUILT_IN: u32 = 11;
+    let asks = |id: &Id| {
+        let builtin = module.decorations.literal(*id, BUILT_IN).and_then(BuiltIn::from_u32);
+        matches!(builtin, Some(BuiltIn::GlobalInvocationId | BuiltIn::WorkgroupId))
+    };
+    // Vectors and pointers to them.
+    let mut whole: FxHashSet<Id> = module.variables.iter().map(|variable| variable.id).filter(asks).collect();
+    let mut read = [false; 3];
+    loop {
+        let known = whole.len();
+        for block in module.functions.iter().flat_map(|function| &function.blocks) {
+            for instruction in &block.instructions {
+                follow(module, instruction, &mut whole, &mut read);
+            }
+        }
+        if whole.len() == known || read == [true; 3] {
+            return read;
+        }
+    }
+}
+
+/// Follows vectors of three components, and pointers to them, through an instruction.
+fn follow(module: &Module, instruction: &Instruction, whole: &mut FxHashSet<Id>, read: &mut [bool; 3]) {
+    let operands = module.operands(instruction);
+    let is_whole = |id: u32| whole.contains(&Id(id));
+    match (Op::from_u32(instruction.opcode.into()), operands) {
+        (Some(Op::Load | Op::CopyObject | Op::Bitcast), &[from, ..]) if is_whole(from) => {
+            whole.extend(instruction.result);
+        }
+        (Some(Op::AccessChain | Op::InBoundsAccessChain), &[base, index]) if is_whole(base) => {
+            read_component(read, module.scalar_value(Id(index)));
+        }
+        (Some(Op::CompositeExtract), &[vector, at]) if is_whole(vector) => {
+            read_component(read, Some(at.into()));
+        }
+        (Some(Op::VectorShuffle), &[left, right, ref components @ ..]) if is_whole(left) => {
+            let of_left = components.iter().filter(|&&at| at < 3);
+            of_left.for_each(|&at| read_component(read, Some(at.into())));
+            if is_whole(right) {
+                let of_right = components.iter().filter_map(|at| at.checked_sub(3));
+                of_right.for_each(|at| read_component(read, Some(at.into())));
+            }
+        }
+        (Some(Op::Store), &[pointer, value, ..]) => {
+            if is_whole(value) && is_variable(module, Id(pointer)) {
+                whole.insert(Id(pointer));
+            } else if is_whole(value) {
+                *read = [true; 3];
+            }
+        }
+        (Some(Op::FunctionCall), &[callee, ref arguments @ ..]) => {
+            let Some(callee) = module.function(Id(callee)) else { return };
+            for (&(parameter, _), &argument) in callee.parameters.iter().zip(arguments) {
+                if whole.contains(&Id(argument)) {
+                    whole.insert(parameter);
+                }
+            }
+        }
+        // What only debug information says of it.
+        (Some(Op::ExtInst), _) if is_void(module, instruction) => {}
+        _ if module.operand_ids(instruction).iter().any(|id| whole.contains(id)) => *read = [true; 3],
+        _ => {}
+    }
+}
+
+/// Notes that a component is read; all of them, where it is not known which.
+fn read_component(read: &mut [bool; 3], at: Option<u64>) {
+    match at.and_then(|at| read.get_mut(usize::try_from(at).ok()?)) {
+        Some(is_read) => *is_read = true,
+        None => *read = [true; 3],
+    }
+}
+
+/// Whether an id is a variable, not a part of one.
+fn is_variable(module: &Module, id: Id) -> bool {
+    match module.definition(id) {
+        Some(Definition::Variable(_)) => true,
+        Some(Definition::Result(function, block, at)) => {
+            let block = &module.functions[function as usize].blocks[block as usize];
+            block.instructions[at as usize].opcode == Op::Variable as u16
+        }
+        _ => false,
+    }
+}
+
+/// Whether an instruction has no value.
+fn is_void(module: &Module, instruction: &Instruction) -> bool {
+    let ty = instruction.result_type.and_then(|ty| module.type_with_id(ty));
+    ty.is_some_and(|ty| *module.ty(ty) == Type::Void)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::module::assemble::Assembler;
+
+    /// The axes of a shader that uses the `GlobalInvocationId` that it loads, `%41`:
+    /// `%5` is the type of unsigned integers, `%50` of vectors of three.
+    fn axes_of(uses: impl FnOnce(&mut Assembler)) -> [bool; 3] {
+        let mut a = Assembler::new();
+        a.op(Op::Decorate, &[35, 11, BuiltIn::GlobalInvocationId as u32]);
+        a.types();
+        a.op(Op::TypeVector, &[50, 5, 3]);
+        a.op(Op::TypePointer, &[51, 1, 50]);
+        a.op(Op::TypePointer, &[52, 7, 50]);
+        a.op(Op::Variable, &[51, 35, 1]);
+        a.function(30, 31, |a| {
+            a.op(Op::Variable, &[52, 40, 7]);
+            a.op(Op::Load, &[50, 41, 35]);
+            uses(a);
+            a.op(Op::Return, &[]);
+        });
+        axes_read(&a.loaded())
+    }
+
+    #[test]
+    fn an_axis_is_read_where_its_component_is() {
+        let x = axes_of(|a| _ = a.op(Op::CompositeExtract, &[5, 42, 41, 0]));
+        let y = axes_of(|a| {
+            a.op(Op::Store, &[40, 41]);
+            a.op(Op::Load, &[50, 42, 40]);
+            a.op(Op::CompositeExtract, &[5, 43, 42, 1]);
+        });
+        let both = axes_of(|a| _ = a.op(Op::VectorShuffle, &[50, 42, 41, 41, 1, 3, 1]));
+        let all = axes_of(|a| _ = a.op(Op::IAdd, &[50, 42, 41, 41]));
+        let [no, yes] = [false, true];
+        assert_eq!([x, y, both, all], [[yes, no, no], [no, yes, no], [yes, yes, no], [yes; 3]]);
+        assert_eq!(axes_of(|_| ()), [no; 3]);
+    }
+}
