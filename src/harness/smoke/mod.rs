@@ -12,9 +12,9 @@
 //! A ray generation shader is launched over 8 x 4 invocations, a compute shader dispatched in 2 x 2
 //! workgroups, or fewer where it does not ask where along an axis it is. Closest-hit and any-hit
 //! shaders see a hit of each kind of geometry that they may be called for, intersection shaders a
-//! box, miss shaders a ray. Where a shader traces, the ray really is traced through a scene with all kinds of
-//! primitives; in the place of the shaders that are not there, the payload is filled like all else,
-//! one time in four as by a miss (floats -1, integers 0). So are callable data.
+//! box, miss shaders a ray. Where a shader traces, the ray really is traced through a scene with
+//! all kinds of primitives; in the place of the shaders that are not there, the payload is filled
+//! like all else, one time in four as by a miss (floats -1, integers 0). So are callable data.
 //!
 //! One such set of values shows little of a shader: others follow until every block of it was
 //! entered, or new seeds enter no new one. The report says how many blocks that were, and how many
