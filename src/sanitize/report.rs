@@ -189,11 +189,8 @@ impl<const W: usize> Reporter<'_, W> {
         lanes: Mask<W>,
         sink: Sink,
     ) {
-        self.each_cause(shadow.causes(register), lanes, |reporter, cause, lanes| {
-            if let Some(told) = reporter.tell_undefined(cause, op, sink) {
-                reporter.add(told, op, lanes);
-            }
-        });
+        let told = |reporter: &Self, cause| reporter.tell_undefined(cause, op, sink);
+        self.add_for_causes(shadow.causes(register), op, lanes, told);
     }
 
     /// Reports two accesses that race, the later of which is that of an operation.
@@ -244,19 +241,22 @@ impl<const W: usize> Reporter<'_, W> {
         self.add(told, op, Mask::lane(found.lane));
     }
 
-    /// Calls a function for each cause, with the lanes that have it.
-    fn each_cause(
+    /// Adds what is told of each cause, where anything is, in the lanes that have it.
+    fn add_for_causes(
         &mut self,
         causes: &Lanes<W>,
+        op: OpIndex,
         lanes: Mask<W>,
-        mut visit: impl FnMut(&mut Self, u32, Mask<W>),
+        told: impl Fn(&Self, u32) -> Option<Told>,
     ) {
         let mut rest = lanes;
         while let Some(lane) = rest.lowest() {
             let cause = causes.0[lane];
             let same = rest & Mask::equal(causes, cause);
             rest = rest.without(same);
-            visit(self, cause, same);
+            if let Some(told) = told(self, cause) {
+                self.add(told, op, same);
+            }
         }
     }
 

@@ -37,11 +37,8 @@ impl<const W: usize> Reporter<'_, W> {
         lanes: Mask<W>,
         sink: SpecialSink,
     ) {
-        self.each_cause(shadow.causes(register), lanes, |reporter, cause, lanes| {
-            if let Some(told) = reporter.tell_special(cause, op, sink) {
-                reporter.add(told, op, lanes);
-            }
-        });
+        let told = |reporter: &Self, cause| reporter.tell_special(cause, op, sink);
+        self.add_for_causes(shadow.causes(register), op, lanes, told);
     }
 
     fn tell_special(&self, number: u32, op: OpIndex, sink: SpecialSink) -> Option<Told> {
