@@ -87,8 +87,13 @@ where
             batch.op = batch.op.plus(1);
         }
         batch.block = superblock.last;
-        if O::is_active() && !batch.mask.is_empty() {
-            observer.terminator(batch);
+        if O::is_active()
+            && !batch.mask.is_empty()
+            && !std::mem::take(&mut batch.paused)
+            && observer.terminator(batch)
+        {
+            batch.paused = true;
+            return Stop::Paused;
         }
         if !execute_terminator(batch, program, &program.blocks[superblock.last.index()].terminator, observer)
         {

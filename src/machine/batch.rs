@@ -51,7 +51,7 @@ pub struct Batch<const W: usize> {
     pub op: OpIndex,
     /// The block that runs now.
     pub block: BlockIndex,
-    /// Whether an observer paused the batch before the operation that runs next.
+    /// Whether an observer paused the batch before the operation or terminator that runs next.
     pub paused: bool,
     /// Whether traps of the operation that runs are suppressed, as the optimizer eliminates it; see
     /// [`Program::silent`](crate::program::Program::silent).

@@ -430,6 +430,12 @@ impl Image {
         (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
     }
 
+    /// The words that hold the resident texels.
+    #[doc(hidden)]
+    pub fn words(&self) -> &[AtomicU64] {
+        &self.words
+    }
+
     /// A deep copy of the image.
     #[must_use]
     pub fn copied(&self) -> Arc<Self> {

@@ -49,9 +49,11 @@ pub trait Observer<const W: usize> {
         let _ = (batch, bindings, op);
     }
 
-    /// The running lanes are about to leave the batch's block by its terminator.
-    fn terminator(&mut self, batch: &mut Batch<W>) {
+    /// Called before the running lanes leave the batch's block by its terminator; `true` pauses the
+    /// batch there.
+    fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
         let _ = batch;
+        false
     }
 
     /// A number of lanes take an edge of the conditional branch or switch that ends a block. Edge 0
@@ -95,8 +97,8 @@ impl<const W: usize> Observer<W> for &mut dyn Observer<W> {
         (**self).after(batch, bindings, op);
     }
 
-    fn terminator(&mut self, batch: &mut Batch<W>) {
-        (**self).terminator(batch);
+    fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
+        (**self).terminator(batch)
     }
 
     fn edge(&mut self, block: BlockIndex, edge: u32, lanes: u32) {

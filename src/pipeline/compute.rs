@@ -1,6 +1,7 @@
 //! Compute shaders and their dispatches.
 
 mod invocation;
+mod stepping;
 
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ use crate::program::race_analysis::{self, LaunchExtent, Memory};
 use crate::program::{Program, WorkgroupLayout};
 
 pub use invocation::{ObservedInvocation, RunPart};
+pub use stepping::{DispatchState, SteppedDispatch};
 
 /// A compute shader (`VkComputePipelineCreateInfo`), ready to be dispatched.
 ///

@@ -189,7 +189,7 @@ impl Launch<'_> {
         })
     }
 
-    fn ray_generation(&self) -> Result<&SbtRecord> {
+    pub(super) fn ray_generation(&self) -> Result<&SbtRecord> {
         self.pipeline.sbt.ray_generation.as_ref().ok_or_else(|| {
             Error::new(
                 ErrorKind::InvalidScene,

@@ -99,7 +99,7 @@ pub(super) struct Stack<'a, const W: usize, T, O> {
     pub trapped: Option<Trapped>,
     pub frames: Vec<ShaderCallFrame<W>>,
     /// Bytes of registers, for each invocation, of the shaders in the frames.
-    stack_size: u64,
+    pub stack_size: u64,
     /// What ends the launch; `None` where one shader runs by itself.
     pub watch: Option<Arc<TaskWatch>>,
     /// By shader, the batches whose memory can be reused.
@@ -243,8 +243,9 @@ where
         self.run()
     }
 
-    /// Runs until the stack is empty; returns the finished trace if the host called it.
-    fn run(&mut self) -> Option<Box<Trace<W>>> {
+    /// Runs until the stack is empty, or until the observer pauses it; returns the finished trace if
+    /// the host called it.
+    pub(super) fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
             if self.watch.is_some() && self.is_over() {
                 self.abandon();
@@ -290,7 +291,7 @@ where
                         Stop::ReportIntersection { mask, t, hit_kind, accepted } => {
                             self.begin_report(mask, ReportRegisters { t, hit_kind, accepted });
                         }
-                        Stop::Paused => {}
+                        Stop::Paused => return None,
                         Stop::Barrier { .. } => {
                             unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
                         }

@@ -38,10 +38,47 @@ struct WaitingLanes<const W: usize> {
 }
 
 /// A batch of the workgroups' invocations, with its lanes that wait at barriers.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct WorkgroupBatch<const W: usize> {
     batch: Batch<W>,
     waiting: SmallVec<[WaitingLanes<W>; 1]>,
+    /// Lanes that go on in this round, after those that run.
+    next: SmallVec<[WaitingLanes<W>; 1]>,
+    /// The lanes that run, or would if the observer had not paused them.
+    running: Mask<W>,
+}
+
+/// What a round of the batches came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Round {
+    /// Every lane has ended or waits at a barrier, and some wait.
+    Waiting,
+    /// Every lane has ended.
+    Over,
+    /// The observer paused a batch; the round is to be resumed.
+    Paused,
+}
+
+/// Everything about running workgroups that changes, but for the memory that they share.
+#[derive(Clone, Debug)]
+pub(super) struct WorkgroupState<const W: usize> {
+    batches: Vec<WorkgroupBatch<W>>,
+    /// The batch that runs in this round; those before it have run.
+    at: usize,
+    stats: Stats,
+    pub trapped: Option<Trapped>,
+}
+
+impl<const W: usize> WorkgroupState<W> {
+    /// The batch that runs, or is the next to run.
+    pub(super) fn current(&self) -> Option<&Batch<W>> {
+        Some(&self.batches.get(self.at)?.batch)
+    }
+
+    /// The batch that runs, or is the next to run.
+    pub(super) fn current_mut(&mut self) -> Option<&mut Batch<W>> {
+        Some(&mut self.batches.get_mut(self.at)?.batch)
+    }
 }
 
 /// The observers of running workgroups.
@@ -87,15 +124,13 @@ pub(super) struct WorkgroupRunner<'a, const W: usize> {
     program: &'a Program,
     limits: InvocationLimits,
     bindings: &'a Bindings,
-    batches: Vec<WorkgroupBatch<W>>,
+    state: WorkgroupState<W>,
     /// The number of workgroups that run together.
     concurrent: usize,
     group_size: usize,
     layout: WorkgroupLayout,
     /// The places of invocations in the order of lanes, if they are drawn.
     places: Option<Permutation>,
-    stats: Stats,
-    trapped: Option<Trapped>,
     watch: Arc<TaskWatch>,
 }
 
@@ -110,6 +145,27 @@ where
         layout: WorkgroupLayout,
         watch: &Arc<TaskWatch>,
     ) -> Self {
+        let state = WorkgroupState { batches: Vec::new(), at: 0, stats: Stats::default(), trapped: None };
+        let mut runner = Self::resumed(program, limits, bindings, layout, watch, state);
+        let batches = (0..(runner.group_size * runner.concurrent).div_ceil(W)).map(|_| {
+            let mut batch = program.batch();
+            batch.watch = Some(watch.clone());
+            let (waiting, next) = (SmallVec::new(), SmallVec::new());
+            WorkgroupBatch { batch, waiting, next, running: Mask::NONE }
+        });
+        runner.state.batches = batches.collect();
+        runner
+    }
+
+    /// A runner that goes on with a state.
+    pub(super) fn resumed(
+        program: &'a Program,
+        limits: InvocationLimits,
+        bindings: &'a Bindings,
+        layout: WorkgroupLayout,
+        watch: &Arc<TaskWatch>,
+        state: WorkgroupState<W>,
+    ) -> Self {
         let group_size = layout.size.iter().product::<u32>() as usize;
         // A call returns when all lanes of its batch have returned. So workgroups with barriers in
         // calls must not share a batch: each waits only for itself.
@@ -119,29 +175,8 @@ where
         let fitting = MAX_SHARED_BYTES.checked_div(layout.memory).unwrap_or(u32::MAX) as usize;
         let side_by_side = (W / group_size).min(fitting).max(1);
         let concurrent = if has_calls && has_barriers { 1 } else { side_by_side };
-        let batches = (0..(group_size * concurrent).div_ceil(W))
-            .map(|_| {
-                let mut batch = program.batch();
-                batch.watch = Some(watch.clone());
-                WorkgroupBatch { batch, waiting: SmallVec::new() }
-            })
-            .collect();
-        let (stats, trapped) = (Stats::default(), None);
-        let watch = watch.clone();
-        let places = None;
-        Self {
-            program,
-            limits,
-            bindings,
-            batches,
-            concurrent,
-            group_size,
-            layout,
-            places,
-            stats,
-            trapped,
-            watch,
-        }
+        let (watch, places) = (watch.clone(), None);
+        Self { program, limits, bindings, state, concurrent, group_size, layout, places, watch }
     }
 
     /// Returns the runner with the invocations of each workgroup at other places.
@@ -155,10 +190,7 @@ where
         groups: &mut dyn Iterator<Item = Workgroup>,
         observers: &mut Observers<'_, O>,
     ) -> (Stats, Option<Trapped>) {
-        for member in &mut self.batches {
-            member.batch.queries.events = observers.on_event.is_some().then(Vec::new);
-            member.batch.queries.records_traversal = observers.traversal;
-        }
+        self.record_queries(observers);
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let running: Vec<_> = groups.by_ref().take(self.concurrent).collect();
@@ -168,16 +200,52 @@ where
             }
             self.watch.begin_batch();
             self.begin(&running, observers);
-            while self.advance(&running, observers) {}
-            let charged = self.batches.iter_mut().map(|member| member.batch.take_charged());
+            while self.advance(&running, observers) != Round::Over {}
+            let state = &mut self.state;
+            let charged = state.batches.iter_mut().map(|member| member.batch.take_charged());
             self.watch.charge(charged.sum());
             let used = (running.len() * self.group_size).div_ceil(W);
-            for member in &self.batches[..used] {
-                self.stats.ray_queries += member.batch.queries.initialized;
-                self.stats.zero_directions += member.batch.queries.zero_directions;
+            for member in &state.batches[..used] {
+                state.stats.ray_queries += member.batch.queries.initialized;
+                state.stats.zero_directions += member.batch.queries.zero_directions;
             }
         }
-        (self.stats, self.trapped)
+        (self.state.stats, self.state.trapped)
+    }
+
+    /// Begins one workgroup, to be run by [`WorkgroupRunner::run_to_pause`].
+    pub(super) fn begin_one<O: Observer<W>>(
+        &mut self,
+        group: &Arc<Workgroup>,
+        observers: &mut Observers<'_, O>,
+    ) {
+        self.record_queries(observers);
+        self.begin(std::slice::from_ref(group), observers);
+    }
+
+    /// Runs one workgroup until the observer pauses it; `true` when all of it has ended. Returns
+    /// the state to go on with, too.
+    pub(super) fn run_to_pause<O: Observer<W>>(
+        mut self,
+        group: &Arc<Workgroup>,
+        observers: &mut Observers<'_, O>,
+    ) -> (bool, WorkgroupState<W>) {
+        let ended = loop {
+            match self.advance(std::slice::from_ref(group), observers) {
+                Round::Waiting => {}
+                Round::Over => break true,
+                Round::Paused => break false,
+            }
+        };
+        (ended, self.state)
+    }
+
+    /// Lets ray queries record what observers are told.
+    fn record_queries<O>(&mut self, observers: &Observers<'_, O>) {
+        for member in &mut self.state.batches {
+            member.batch.queries.events = observers.on_event.is_some().then(Vec::new);
+            member.batch.queries.records_traversal = observers.traversal;
+        }
     }
 
     /// The positions of a workgroup's invocations among the lanes of all batches.
@@ -187,7 +255,7 @@ where
 
     fn begin<O: Observer<W>>(&mut self, groups: &[Arc<Workgroup>], observers: &mut Observers<'_, O>) {
         let used = groups.len() * self.group_size;
-        for (at, member) in self.batches.iter_mut().enumerate() {
+        for (at, member) in self.state.batches.iter_mut().enumerate() {
             member.waiting.clear();
             let lanes = used.saturating_sub(at * W).min(W);
             for lane in 0..lanes {
@@ -217,36 +285,45 @@ where
             }
             self.watch.charge(u64::from(self.program.entry_cost()) * u64::from(mask.count()));
             member.waiting.push(WaitingLanes { block: member.batch.block, op: member.batch.op, mask });
-            self.stats.count(self.program.stage, mask.count());
+            self.state.stats.count(self.program.stage, mask.count());
         }
     }
 
-    /// Runs every waiting lane until it ends or arrives at a barrier; `false` when all have ended.
+    /// Runs every waiting lane until it ends or arrives at a barrier.
     fn advance<O: Observer<W>>(
         &mut self,
         groups: &[Arc<Workgroup>],
         observers: &mut Observers<'_, O>,
-    ) -> bool {
-        for member in &mut self.batches {
-            self.watch.look_at_clock();
-            if self.watch.expired().is_some() {
-                member.batch.look_soon();
+    ) -> Round {
+        while let Some(member) = self.state.batches.get_mut(self.state.at) {
+            // A round that was paused in this batch goes on there.
+            if member.running.is_empty() {
+                self.watch.look_at_clock();
+                if self.watch.expired().is_some() {
+                    member.batch.look_soon();
+                }
+                member.next = std::mem::take(&mut member.waiting);
             }
-            for start in std::mem::take(&mut member.waiting) {
-                member.run(start, self.program, self.bindings, observers);
+            if !member.run(self.program, self.bindings, observers) {
+                return Round::Paused;
             }
+            self.state.at += 1;
         }
+        self.state.at = 0;
         for (group, workgroup) in groups.iter().enumerate() {
             self.resolve_barrier(group, workgroup);
         }
-        self.batches.iter().any(|member| !member.waiting.is_empty())
+        match self.state.batches.iter().all(|member| member.waiting.is_empty()) {
+            true => Round::Over,
+            false => Round::Waiting,
+        }
     }
 
     /// Checks that either all invocations of a workgroup wait at the same barrier or none waits;
     /// otherwise traps and ends the workgroup.
     fn resolve_barrier(&mut self, group: usize, workgroup: &Workgroup) {
         let positions = self.positions(group);
-        let traps = positions.clone().filter_map(|at| match self.batches[at / W].batch.exits[at % W] {
+        let traps = positions.clone().filter_map(|at| match self.state.batches[at / W].batch.exits[at % W] {
             Exit::Trapped(trap) => Some((at, trap)),
             _ => None,
         });
@@ -260,12 +337,12 @@ where
             return self.end(positions);
         }
         let barrier = |at: usize| {
-            let waiting = &self.batches[at / W].waiting;
+            let waiting = &self.state.batches[at / W].waiting;
             waiting.iter().find(|waiting| waiting.mask.contains(at % W))?.op.previous()
         };
         let Some(first) = positions.clone().find(|&at| barrier(at).is_some()) else { return };
         let Some(other) = positions.clone().find(|&at| barrier(at) != barrier(first)) else { return };
-        let local_index = self.batches[other / W].batch.invocations.local_index(other % W);
+        let local_index = self.state.batches[other / W].batch.invocations.local_index(other % W);
         let [x, y, z] = workgroup.local_id(local_index);
         let note = match barrier(other) {
             None => format!("local invocation ({x}, {y}, {z}) has ended without it"),
@@ -282,7 +359,7 @@ where
     /// Ends all invocations of a workgroup.
     fn end(&mut self, positions: Range<usize>) {
         for at in positions {
-            let member = &mut self.batches[at / W];
+            let member = &mut self.state.batches[at / W];
             member.batch.exit(Mask::lane(at % W), Exit::Returned);
             for waiting in &mut member.waiting {
                 waiting.mask = waiting.mask.without(Mask::lane(at % W));
@@ -293,10 +370,10 @@ where
 
     /// Records a trap, if it is the first.
     fn report(&mut self, at: usize, trap: LaneTrap, workgroup: &Workgroup, note: Option<String>) {
-        if self.trapped.is_some() {
+        if self.state.trapped.is_some() {
             return;
         }
-        let batch = &self.batches[at / W].batch;
+        let batch = &self.state.batches[at / W].batch;
         let (lane, invocations) = (at % W, &batch.invocations);
         let local = workgroup.local_id(invocations.local_index(lane));
         let ids = [workgroup.id, local, invocations.launch_id(lane)];
@@ -313,7 +390,8 @@ where
         let offset = self.program.origins.get(trap.op.index()).map_or(0, |origin| origin.offset);
         let (launch_id, code, fault_value) =
             (invocations.launch_id(lane), trap.code, batch.fault_value[lane]);
-        self.trapped = Some(Trapped { launch_id, code, fault_value, shader: ShaderIndex(0), offset, error });
+        self.state.trapped =
+            Some(Trapped { launch_id, code, fault_value, shader: ShaderIndex(0), offset, error });
     }
 }
 
@@ -321,17 +399,39 @@ impl<const W: usize> WorkgroupBatch<W>
 where
     LaneKernel: Width<W>,
 {
-    /// Runs lanes until each has ended or waits at a barrier.
+    /// Runs lanes until each has ended or waits at a barrier; `false` where the observer paused one
+    /// of them.
     fn run<O: Observer<W>>(
         &mut self,
-        start: WaitingLanes<W>,
         program: &Program,
         bindings: &Bindings,
         observers: &mut Observers<'_, O>,
-    ) {
+    ) -> bool {
+        loop {
+            if self.running.is_empty() {
+                if self.next.is_empty() {
+                    return true;
+                }
+                let start = self.next.remove(0);
+                let batch = &mut self.batch;
+                (batch.block, batch.op, batch.mask) = (start.block, start.op, start.mask);
+                self.running = start.mask;
+            }
+            if !self.run_on(program, bindings, observers) {
+                return false;
+            }
+            self.running = Mask::NONE;
+        }
+    }
+
+    /// Lets the running lanes go on; `false` where the observer paused them.
+    fn run_on<O: Observer<W>>(
+        &mut self,
+        program: &Program,
+        bindings: &Bindings,
+        observers: &mut Observers<'_, O>,
+    ) -> bool {
         let batch = &mut self.batch;
-        (batch.block, batch.op, batch.mask) = (start.block, start.op, start.mask);
-        let mut running = start.mask;
         loop {
             if O::is_active() {
                 observers.observer.resumed(ShaderIndex(0), batch);
@@ -344,11 +444,11 @@ where
                 events.drain(..).for_each(|event| on_event(Event::RayQuery(event)));
             }
             match stop {
-                Stop::Done => return,
+                Stop::Done => return true,
                 Stop::Barrier { mask } => {
-                    running = running & batch.live();
+                    self.running = self.running & batch.live();
                     let in_call = !batch.frames().is_empty();
-                    if in_call && running != mask {
+                    if in_call && self.running != mask {
                         // Invocations inside a call cannot wait for those outside of it.
                         batch.trap(mask, TrapCode::BarrierDivergence, batch.stopped_at());
                     } else {
@@ -356,18 +456,18 @@ where
                             &mut self.waiting,
                             WaitingLanes { block: batch.block, op: batch.op, mask },
                         );
-                        running = running.without(mask);
-                        if in_call || running.is_empty() {
-                            return;
+                        self.running = self.running.without(mask);
+                        if in_call || self.running.is_empty() {
+                            return true;
                         }
                     }
                     batch.mask = Mask::NONE;
                     if !batch.follow([]) {
-                        return;
+                        return true;
                     }
                     batch.op = program.blocks[batch.block.index()].first;
                 }
-                Stop::Paused => {}
+                Stop::Paused => return false,
                 Stop::TraceRay { .. }
                 | Stop::ExecuteCallable { .. }
                 | Stop::ReportIntersection { .. }

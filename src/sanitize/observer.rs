@@ -172,7 +172,15 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         batch.registers.shadow = Some(shadow);
     }
 
-    fn terminator(&mut self, batch: &mut Batch<W>) {
+    fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
+        self.depend_on_branch(batch);
+        false
+    }
+}
+
+impl Sanitizer<'_> {
+    /// What a branch or switch depends on must be defined.
+    fn depend_on_branch<const W: usize>(&mut self, batch: &mut Batch<W>) {
         let Some((_, plan)) = self.plan() else { return };
         let (register, words, sink) = match plan.program.blocks[batch.block.index()].terminator {
             Terminator::BranchConditional { condition, .. } => (condition, 1, Sink::Branch),
@@ -185,9 +193,7 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         stale::branch(self, batch, &shadow, &plan.stale, op, register);
         batch.registers.shadow = Some(shadow);
     }
-}
 
-impl Sanitizer<'_> {
     /// What is kept of the nearest hit goes stale where a report that a batch made was accepted.
     fn accepted<const W: usize>(&mut self, batch: &mut Batch<W>) {
         let (Some((_, plan)), Some(frame)) = (self.plan(), self.frames.last()) else { return };

@@ -45,6 +45,16 @@ impl Compute {
         id: [u32; 3],
         on_part: &mut dyn FnMut(RunPart),
     ) -> Result<ObservedInvocation> {
+        self.check_invocation(groups, id)?;
+        Ok(match self.program.uses_subgroups.then_some(self.subgroup_size) {
+            None | Some(1) => self.observe_invocation::<1>(resources, groups, id, on_part),
+            Some(..=64) => self.observe_invocation::<64>(resources, groups, id, on_part),
+            Some(_) => self.observe_invocation::<128>(resources, groups, id, on_part),
+        })
+    }
+
+    /// Checks that a dispatch has an invocation.
+    pub(super) fn check_invocation(&self, groups: [u32; 3], id: [u32; 3]) -> Result<()> {
         self.check_size(groups)?;
         let size: [u32; 3] = std::array::from_fn(|axis| groups[axis] * self.layout.size[axis]);
         if id.iter().zip(size).any(|(&at, side)| at >= side) {
@@ -63,11 +73,14 @@ impl Compute {
                 }
             });
         }
-        Ok(match self.program.uses_subgroups.then_some(self.subgroup_size) {
-            None | Some(1) => self.observe_invocation::<1>(resources, groups, id, on_part),
-            Some(..=64) => self.observe_invocation::<64>(resources, groups, id, on_part),
-            Some(_) => self.observe_invocation::<128>(resources, groups, id, on_part),
-        })
+        Ok(())
+    }
+
+    /// The number of the workgroup that an invocation is in.
+    pub(super) fn group_of(&self, groups: [u32; 3], id: [u32; 3]) -> u64 {
+        let [x, y, z] = std::array::from_fn(|axis| u64::from(id[axis] / self.layout.size[axis]));
+        let [width, height, _] = groups.map(u64::from);
+        (z * height + y) * width + x
     }
 
     fn observe_invocation<const W: usize>(
@@ -83,9 +96,6 @@ impl Compute {
         let bindings = resources.bindings(self.program.bindings());
         let watch = &Watchdog::new(self.launch_limits, self.group_size()).watch();
         watch.begin_task(self.group_size());
-        let [x, y, z] = std::array::from_fn(|axis| u64::from(id[axis] / self.layout.size[axis]));
-        let [width, height, _] = groups.map(u64::from);
-        let index = (z * height + y) * width + x;
         let (events, lane) = (RefCell::new(Vec::new()), Cell::new(None));
         let mut one = OneInvocation {
             program: &self.program,
@@ -103,7 +113,7 @@ impl Compute {
         let trapped = {
             let observer: &mut dyn Observer<W> = &mut one;
             let mut observers = Observers::new(observer, &mut on_event).with_traversal();
-            let group = &mut std::iter::once(self.group(index, groups));
+            let group = &mut std::iter::once(self.group(self.group_of(groups, id), groups));
             self.runner::<W>(&bindings, watch).run(group, &mut observers).1
         };
         let exit = one.exit;
