@@ -7,7 +7,7 @@ use crate::debug::session::{ExplainRequest, Session, count_events, invalid, run_
 use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
 use crate::error::{Error, ErrorReport, Result};
 use crate::pipeline::{Pipeline, RunPart};
-use crate::scene::pass::{Pass, PassWork};
+use crate::scene::pass::{Dispatch, Pass, PassWork};
 
 impl Session {
     /// The invocation of a dispatch that a request means. By default that is the one in the middle
@@ -45,18 +45,24 @@ impl Session {
         })
     }
 
+    /// The dispatch of a number.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where the scene has no such dispatch.
+    pub(super) fn dispatch(&self, number: usize) -> Result<&Dispatch> {
+        let count = self.assembled.dispatches.len();
+        self.assembled.dispatches.get(number).ok_or_else(|| match count {
+            0 => invalid("the scene dispatches no compute shader, so there is no invocation to look at")
+                .note("give a pixel of its launch: --pixel 0,0"),
+            _ => invalid(format!("the scene has no dispatch {number}"))
+                .note(format!("they are counted from 0 to {}", count - 1)),
+        })
+    }
+
     /// Runs everything before a dispatch, then the workgroup of an invocation, and returns the
     /// transcript of the invocation with the changes that itself made.
     pub(super) fn run_invocation(&self, number: usize, id: [u32; 3]) -> Result<(Transcript, Option<Error>)> {
-        let count = self.assembled.dispatches.len();
-        let Some(dispatch) = self.assembled.dispatches.get(number) else {
-            return Err(match count {
-                0 => invalid("the scene dispatches no compute shader, so there is no invocation to look at")
-                    .note("give a pixel of its launch: --pixel 0,0"),
-                _ => invalid(format!("the scene has no dispatch {number}"))
-                    .note(format!("they are counted from 0 to {}", count - 1)),
-            });
-        };
+        let dispatch = self.dispatch(number)?;
         let all = &self.assembled.resources;
         let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
         let passes = &self.assembled.passes;

@@ -20,6 +20,8 @@ pub mod command;
 #[cfg(feature = "scenes")]
 mod compute;
 #[cfg(feature = "scenes")]
+pub mod debugger;
+#[cfg(feature = "scenes")]
 mod layout;
 #[cfg(feature = "scenes")]
 mod memory;

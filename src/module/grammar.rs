@@ -405,6 +405,13 @@ pub fn opcode_name(number: u16) -> Cow<'static, str> {
     }
 }
 
+/// The number of an opcode, by its name with or without `Op`.
+pub fn opcode_of(name: &str) -> Option<u16> {
+    let bare = name.strip_prefix("Op").unwrap_or(name);
+    let found = INSTRUCTION_TABLE.iter().find(|entry| entry.opname == bare || entry.opname == name)?;
+    Some(found.opcode as u16)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -94,6 +94,26 @@ impl Module {
         self.type_ids.get(ty.0 as usize).copied()
     }
 
+    /// The instruction at an offset, in words from the start of the module.
+    pub fn instruction_at(&self, offset: u32) -> Option<&Instruction> {
+        let function = self.functions.iter().rfind(|function| function.offset <= offset)?;
+        let mut all = function.blocks.iter().flat_map(|block| &block.instructions);
+        all.find(|instruction| instruction.offset == offset)
+    }
+
+    /// Whether the result of the instruction at an offset is a float of 32 bits, or made of such.
+    pub fn is_float_result(&self, offset: u32) -> bool {
+        let ty = self.instruction_at(offset).and_then(|instruction| self.type_of(instruction.result?));
+        let Some(mut ty) = ty else { return false };
+        loop {
+            match *self.ty(ty) {
+                Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => ty = part,
+                Type::Float { width, encoding } => return width == 32 && encoding.is_none(),
+                _ => return false,
+            }
+        }
+    }
+
     /// The operands of an instruction that are ids, result type and result id left out.
     ///
     /// Empty for unknown opcodes. The grammar distinguishes ids from literals.

@@ -18,7 +18,7 @@ pub mod decoration;
 mod describe;
 pub mod dispatch_axes;
 mod functions;
-mod grammar;
+pub mod grammar;
 pub mod hit_ids;
 pub mod id_map;
 pub mod interface;

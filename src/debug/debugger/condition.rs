@@ -1,0 +1,293 @@
+//! What stops the invocation that is debugged.
+
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
+use crate::machine::{Buffer, OpIndex, Reg};
+use crate::ops::access::Access;
+use crate::pipeline::Event;
+use crate::program::Program;
+
+use super::breakpoint::{BreakpointId, BreakpointTable};
+use super::tracker::{Moment, Time};
+
+/// How many places a search backwards keeps at a time.
+const MOST_HITS: usize = 1024;
+
+/// Why the invocation stopped.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reason {
+    /// It came to the wanted time.
+    Arrived,
+    /// A line, an instruction or the caller was reached, as a step asks.
+    Stepped,
+    /// A breakpoint.
+    Breakpoint(BreakpointId),
+    /// The traversal did what a breakpoint or a step waits for.
+    Traversal(Option<BreakpointId>),
+    /// What is watched was written.
+    Wrote(Write),
+    /// An operation made the first NaN.
+    Nan {
+        /// The step that made it.
+        time: Time,
+    },
+}
+
+/// A write to what a data breakpoint watches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Write {
+    /// Which of [`StopConditions::watches`].
+    pub watch: usize,
+    /// The step that wrote it; `None` where the pipeline did, as it returned to a caller.
+    pub time: Option<Time>,
+    /// The words before.
+    pub before: Vec<u32>,
+    /// The words after.
+    pub after: Vec<u32>,
+}
+
+/// A reason at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hit {
+    /// When: the step that is next then.
+    pub time: Time,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// What a data breakpoint watches.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    /// The breakpoint.
+    pub breakpoint: Option<BreakpointId>,
+    /// The words.
+    pub words: WatchedWords,
+    /// What they hold, as far as it is known.
+    pub last: Option<Vec<u32>>,
+}
+
+/// Words that a data breakpoint watches.
+#[derive(Clone, Debug)]
+pub enum WatchedWords {
+    /// Registers of one of the shaders that have begun and not ended.
+    Registers {
+        /// The shader's number, from the outermost.
+        shader: usize,
+        /// The registers.
+        registers: Vec<Reg>,
+    },
+    /// Bytes of a buffer, in whole words.
+    Memory {
+        /// The buffer.
+        buffer: Arc<Buffer>,
+        /// The offset of the first byte.
+        offset: u64,
+        /// How many words.
+        count: u32,
+    },
+}
+
+/// When the invocation is to stop.
+#[derive(Clone, Debug, Default)]
+pub struct StopConditions {
+    /// At this time, at the latest.
+    pub until: Time,
+    /// Where a line begins at this depth of calls or less.
+    pub line: Option<u32>,
+    /// Where an instruction begins at this depth of calls or less.
+    pub instruction: Option<u32>,
+    /// Where the depth of calls is less.
+    pub below: Option<u32>,
+    /// At what the traversal of a ray does next.
+    pub traversal: bool,
+    /// Where an operation has made a NaN.
+    pub nan: bool,
+    /// At breakpoints.
+    pub breakpoints: Option<Rc<BreakpointTable>>,
+    /// What is watched.
+    pub watches: Vec<Watch>,
+    /// Whether reasons are collected up to the time, instead of stopping at the first.
+    pub collects: bool,
+    /// What was collected, the earliest first; the last ones, if there are many.
+    pub hits: VecDeque<Hit>,
+    /// The reasons at the step that is next.
+    pub met: Vec<Reason>,
+}
+
+impl StopConditions {
+    /// Stops at a time only.
+    pub fn at(time: Time) -> Self {
+        Self { until: time, ..Self::default() }
+    }
+
+    /// Whether every step must be looked at, not only those where another line begins.
+    pub fn watches_every_step(&self) -> bool {
+        let opcodes = |table: &Rc<BreakpointTable>| !table.opcodes.is_empty();
+        self.instruction.is_some() || self.below.is_some() || self.breakpoints.as_ref().is_some_and(opcodes)
+    }
+
+    /// Whether the results of operations are looked at.
+    pub fn watches_results(&self) -> bool {
+        self.nan || !self.watches.is_empty()
+    }
+
+    /// Looks at a step that is next.
+    pub fn arrive(&mut self, moment: &Moment<'_>) {
+        let within = |limit: Option<u32>| limit.is_some_and(|limit| moment.depth <= limit);
+        let below = self.below.is_some_and(|limit| moment.depth < limit);
+        if below
+            || moment.begins_line && within(self.line)
+            || moment.begins_instruction && within(self.instruction)
+        {
+            self.met.push(Reason::Stepped);
+        }
+        if let Some(table) = &self.breakpoints {
+            table.arrive(moment, &mut |id| self.met.push(Reason::Breakpoint(id)));
+        }
+    }
+
+    /// Looks at what the pipeline reports.
+    pub fn event(&mut self, event: &Event) {
+        if self.traversal && is_step_of_traversal(event) {
+            self.met.push(Reason::Traversal(None));
+        }
+        let Some(table) = &self.breakpoints else { return };
+        for (id, filter) in &table.traversal {
+            if filter.matches(event) {
+                self.met.push(Reason::Traversal(Some(*id)));
+            }
+        }
+        if let Event::Enter { stage, .. } = event {
+            for (id, wanted) in &table.stages {
+                if wanted == stage {
+                    self.met.push(Reason::Breakpoint(*id));
+                }
+            }
+        }
+    }
+
+    /// Looks at what an operation of one of the shaders has done; `register` reads the registers of
+    /// the invocation there.
+    pub fn ran(
+        &mut self,
+        time: Time,
+        program: &Program,
+        shader: usize,
+        op: OpIndex,
+        register: &dyn Fn(Reg) -> u32,
+    ) {
+        for (number, watch) in self.watches.iter_mut().enumerate() {
+            let (now, wrote) = match &watch.words {
+                WatchedWords::Registers { shader: of, registers } if *of == shader => {
+                    let now: Vec<u32> = registers.iter().map(|&reg| register(reg)).collect();
+                    (now, writes(program, op, registers))
+                }
+                WatchedWords::Registers { .. } => continue,
+                WatchedWords::Memory { buffer, offset, count } => (memory(buffer, *offset, *count), false),
+            };
+            let before = watch.last.replace(now.clone()).unwrap_or_else(|| now.clone());
+            let changed = before != now;
+            if changed || wrote {
+                let is_own = wrote || matches!(watch.words, WatchedWords::Memory { .. });
+                let time = is_own.then_some(time);
+                self.met.push(Reason::Wrote(Write { watch: number, time, before, after: now }));
+            }
+        }
+        if self.nan && makes_nan(program, op, register) {
+            self.met.push(Reason::Nan { time });
+        }
+    }
+
+    /// Whether the invocation stops at the step that is next.
+    pub fn is_met(&mut self, time: Time) -> bool {
+        if self.collects {
+            for reason in self.met.drain(..) {
+                if self.hits.len() == MOST_HITS {
+                    self.hits.pop_front();
+                }
+                self.hits.push_back(Hit { time, reason });
+            }
+            return time >= self.until;
+        }
+        if self.met.is_empty() && time >= self.until {
+            self.met.push(Reason::Arrived);
+        }
+        !self.met.is_empty()
+    }
+}
+
+/// Whether a step through a traversal stops at an event.
+pub fn is_step_of_traversal(event: &Event) -> bool {
+    matches!(
+        event,
+        Event::Trace { .. }
+            | Event::Node(_)
+            | Event::Instance(..)
+            | Event::Primitive(..)
+            | Event::Candidate { .. }
+            | Event::Opaque(_)
+            | Event::Traversed { .. }
+            | Event::RayQuery(_)
+    )
+}
+
+/// The words of a buffer from an offset on; zeros outside.
+pub fn memory(buffer: &Buffer, offset: u64, count: u32) -> Vec<u32> {
+    (0..u64::from(count)).map(|word| buffer.load(offset + 4 * word, 32).unwrap_or(0)).collect()
+}
+
+/// Whether an operation writes one of the registers, as far as it is known before it runs.
+fn writes(program: &Program, op: OpIndex, registers: &[Reg]) -> bool {
+    let mut wrote = false;
+    let Some(op) = program.ops.get(op.index()) else { return false };
+    op.accesses(|access| {
+        if let Access::Write(first, count) = access {
+            wrote |= registers.iter().any(|reg| reg.0.wrapping_sub(first.0) < count);
+        }
+    });
+    wrote
+}
+
+/// Whether an operation's result is a NaN of 32 bits, and none of what it reads is one.
+fn makes_nan(program: &Program, op: OpIndex, register: &dyn Fn(Reg) -> u32) -> bool {
+    let is_nan = |word: u32| f32::from_bits(word).is_nan();
+    let Some(operation) = program.ops.get(op.index()) else { return false };
+    let (mut made, mut read) = (false, false);
+    operation.accesses(|access| match access {
+        Access::Write(first, count) => {
+            made |= (0..count).any(|word| is_nan(register(first.plus(word))));
+        }
+        Access::Read(first, count) => {
+            read |= (0..count).any(|word| is_nan(register(first.plus(word))));
+        }
+        Access::Effect => {}
+    });
+    made && !read && program.module.is_float_result(program.origins[op.index()].offset)
+}
+
+/// A name for a verdict of the traversal, as breakpoints and listings write it.
+pub fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
+    match verdict {
+        PrimitiveVerdict::Missed => "missed",
+        PrimitiveVerdict::OutsideInterval(_) => "outside-interval",
+        PrimitiveVerdict::Transparent(_) => "transparent",
+        PrimitiveVerdict::CulledByOpacity(_) => "culled-by-opacity",
+        PrimitiveVerdict::CulledByFace(_) => "culled-by-face",
+        PrimitiveVerdict::Behind(_) => "behind",
+        PrimitiveVerdict::Opaque(_) => "opaque",
+        PrimitiveVerdict::Candidate(_) => "candidate",
+    }
+}
+
+/// A name for what became of an instance.
+pub fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
+    match verdict {
+        InstanceVerdict::Entered => "entered",
+        InstanceVerdict::Masked => "masked",
+        InstanceVerdict::Skipped => "skipped",
+        InstanceVerdict::Missed => "missed-box",
+    }
+}

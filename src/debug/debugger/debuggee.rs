@@ -1,0 +1,178 @@
+//! What is debugged: one invocation or ray that runs in steps, whatever the width of its batches.
+
+use std::any::Any;
+use std::cell::RefCell;
+
+use crate::machine::{Batch, Bindings, BlockIndex, OpIndex, Reg, ShaderIndex};
+use crate::ops::lane_kernel::{LaneKernel, Width};
+use crate::pipeline::{Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch, Trapped};
+use crate::program::Program;
+
+use super::tracker::{Followed, Tracker};
+
+/// A shader that has begun and not ended, while everything is paused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoppedShader {
+    /// The shader.
+    pub shader: ShaderIndex,
+    /// The operation or terminator that is next; of a shader that waits, the one that it waits in.
+    pub op: OpIndex,
+    /// Where calls of functions that are not inlined go on, the outermost first.
+    pub calls: Vec<BlockIndex>,
+}
+
+/// A kept state of a debuggee.
+pub type SavedState = Box<dyn Any>;
+
+/// One invocation or ray that runs in steps.
+pub trait Debuggee {
+    /// Runs until the tracker pauses it, or to the end.
+    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed;
+
+    /// A copy of its state.
+    fn save(&self) -> SavedState;
+
+    /// Puts a state of its own back.
+    fn restore(&mut self, saved: &SavedState);
+
+    /// The lane that is followed.
+    fn followed(&self) -> Followed;
+
+    /// The shaders that have begun and not ended, the outermost first.
+    fn shaders(&self) -> Vec<StoppedShader>;
+
+    /// The word in a register of one of these shaders.
+    fn register(&self, shader: usize, register: Reg) -> u32;
+
+    /// Sets a register of one of these shaders.
+    fn set_register(&mut self, shader: usize, register: Reg, word: u32);
+
+    /// The bindings of a shader of the pipeline.
+    fn bindings(&self, shader: ShaderIndex) -> &Bindings;
+
+    /// The trap that ended it.
+    fn trapped(&self) -> Option<&Trapped>;
+}
+
+impl<const W: usize> Debuggee for SteppedLaunch<W>
+where
+    LaneKernel: Width<W>,
+{
+    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
+        let resumed = Self::resume(self, tracker, &mut |event| inbox.borrow_mut().push(event));
+        tracker.take_events();
+        resumed
+    }
+
+    fn save(&self) -> SavedState {
+        Box::new(self.state().clone())
+    }
+
+    fn restore(&mut self, saved: &SavedState) {
+        let saved = saved.downcast_ref::<LaunchState<W>>();
+        self.set_state(saved.expect("bug in anyhit: the state of another debuggee").clone());
+    }
+
+    fn followed(&self) -> Followed {
+        Followed::Lane(self.lane())
+    }
+
+    fn shaders(&self) -> Vec<StoppedShader> {
+        let mut all: Vec<StoppedShader> = SteppedLaunch::shaders(self)
+            .filter(|active| active.batch.live().contains(self.lane()))
+            .map(|active| {
+                let calls = active.batch.frames().iter().map(|frame| frame.return_to).collect();
+                StoppedShader { shader: active.shader, op: active.batch.stopped_at(), calls }
+            })
+            .collect();
+        if let (Some(last), Some(active)) = (all.last_mut(), SteppedLaunch::shaders(self).last()) {
+            last.op = next_step(&self.pipeline().programs[active.shader.index()], active.batch);
+        }
+        all
+    }
+
+    fn register(&self, shader: usize, register: Reg) -> u32 {
+        let active = SteppedLaunch::shaders(self).nth(shader);
+        active.map_or(0, |active| active.batch.registers[register].0[self.lane()])
+    }
+
+    fn set_register(&mut self, shader: usize, register: Reg, word: u32) {
+        let lane = self.lane();
+        if let Some(batch) = self.batch_mut(shader) {
+            batch.registers[register].0[lane] = word;
+        }
+    }
+
+    fn bindings(&self, shader: ShaderIndex) -> &Bindings {
+        Self::bindings(self, shader)
+    }
+
+    fn trapped(&self) -> Option<&Trapped> {
+        Self::trapped(self)
+    }
+}
+
+impl<const W: usize> Debuggee for SteppedDispatch<W>
+where
+    LaneKernel: Width<W>,
+{
+    fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed {
+        // Events of ray queries are taken where they happen, as other invocations have some, too.
+        let resumed = Self::resume(self, tracker, &mut |_| ());
+        inbox.borrow_mut().clear();
+        resumed
+    }
+
+    fn save(&self) -> SavedState {
+        Box::new(self.state())
+    }
+
+    fn restore(&mut self, saved: &SavedState) {
+        let saved = saved.downcast_ref::<crate::pipeline::DispatchState<W>>();
+        self.set_state(saved.expect("bug in anyhit: the state of another debuggee"));
+    }
+
+    fn followed(&self) -> Followed {
+        Followed::Invocation(self.id())
+    }
+
+    fn shaders(&self) -> Vec<StoppedShader> {
+        let Some(batch) = self.batch().filter(|batch| self.followed().lane(batch).is_some()) else {
+            return Vec::new();
+        };
+        let calls = batch.frames().iter().map(|frame| frame.return_to).collect();
+        let op = next_step(&self.compute().program, batch);
+        vec![StoppedShader { shader: ShaderIndex(0), op, calls }]
+    }
+
+    fn register(&self, _: usize, register: Reg) -> u32 {
+        let lane = |batch: &Batch<W>| self.followed().lane(batch);
+        let found = self.batch().and_then(|batch| Some((batch, lane(batch)?)));
+        found.map_or(0, |(batch, lane)| batch.registers[register].0[lane])
+    }
+
+    fn set_register(&mut self, _: usize, register: Reg, word: u32) {
+        let followed = self.followed();
+        if let Some(batch) = self.batch_mut()
+            && let Some(lane) = followed.lane(batch)
+        {
+            batch.registers[register].0[lane] = word;
+        }
+    }
+
+    fn bindings(&self, _: ShaderIndex) -> &Bindings {
+        Self::bindings(self)
+    }
+
+    fn trapped(&self) -> Option<&Trapped> {
+        Self::trapped(self)
+    }
+}
+
+/// The operation of a paused batch that runs next, or the terminator of its block.
+fn next_step<const W: usize>(program: &Program, batch: &Batch<W>) -> OpIndex {
+    match batch.op == program.blocks[batch.block.index()].end {
+        true => program.terminator_index(batch.block),
+        false => batch.op,
+    }
+}

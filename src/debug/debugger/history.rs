@@ -1,0 +1,156 @@
+//! The way back: states of a debuggee at some times, from which any other time is reached by
+//! running.
+
+use rustc_hash::FxHashSet;
+
+use super::debuggee::SavedState;
+use super::memory_state::MemoryState;
+use super::source_map::LineIndex;
+use super::tracker::{Course, Time};
+
+/// How many checkpoints are kept: when there are more, every other one is dropped.
+const MOST_CHECKPOINTS: usize = 128;
+/// How many steps are between two checkpoints at first.
+const FIRST_INTERVAL: Time = 20_000;
+
+/// A state at a time.
+pub struct Checkpoint {
+    /// The course up to there.
+    pub course: Course,
+    /// The debuggee.
+    pub state: SavedState,
+    /// The memory.
+    pub memory: MemoryState,
+    /// Whether something was set by hand at this time: whoever runs up to it goes on from here.
+    pub is_edited: bool,
+}
+
+/// What happened for the first time after a checkpoint, up to the next one: enough to know where a
+/// search need not look.
+#[derive(Clone, Debug)]
+pub struct SegmentSummary {
+    min_depth: u32,
+    lines: FxHashSet<LineIndex>,
+}
+
+impl Default for SegmentSummary {
+    fn default() -> Self {
+        Self { min_depth: u32::MAX, lines: FxHashSet::default() }
+    }
+}
+
+impl SegmentSummary {
+    /// Notes that a line begins.
+    pub fn add(&mut self, depth: u32, line: LineIndex) {
+        self.min_depth = self.min_depth.min(depth);
+        self.lines.insert(line);
+    }
+
+    /// Whether a line begins at a depth of calls or less.
+    pub fn has_line_within(&self, depth: u32) -> bool {
+        self.min_depth <= depth
+    }
+
+    /// Whether one of these lines begins.
+    pub fn has_one_of(&self, mut lines: impl Iterator<Item = LineIndex>) -> bool {
+        lines.any(|line| self.lines.contains(&line))
+    }
+
+    fn append(&mut self, later: Self) {
+        self.min_depth = self.min_depth.min(later.min_depth);
+        self.lines.extend(later.lines);
+    }
+}
+
+/// Checkpoints, ascending in time, each with what happened after it.
+pub struct History {
+    checkpoints: Vec<(Checkpoint, SegmentSummary)>,
+    interval: Time,
+    /// The time up to which the invocation has run once.
+    pub frontier: Time,
+    /// When it ends, once that is known.
+    pub end: Option<Time>,
+}
+
+impl History {
+    /// A history that begins with a state at time 0.
+    pub fn new(beginning: Checkpoint) -> Self {
+        let checkpoints = vec![(beginning, SegmentSummary::default())];
+        Self { checkpoints, interval: FIRST_INTERVAL, frontier: 0, end: None }
+    }
+
+    /// When the next checkpoint is due.
+    pub fn next_due(&self) -> Time {
+        self.last().course.time + self.interval
+    }
+
+    /// The latest checkpoint.
+    pub fn last(&self) -> &Checkpoint {
+        let last = self.checkpoints.last();
+        &last.expect("bug in anyhit: a history without a beginning").0
+    }
+
+    /// The summary of what happens now for the first time.
+    pub fn open_summary(&mut self) -> &mut SegmentSummary {
+        let last = self.checkpoints.last_mut();
+        &mut last.expect("bug in anyhit: a history without a beginning").1
+    }
+
+    /// Adds the state at the frontier.
+    pub fn push(&mut self, checkpoint: Checkpoint) {
+        self.checkpoints.push((checkpoint, SegmentSummary::default()));
+        if self.checkpoints.len() > MOST_CHECKPOINTS {
+            self.thin_out();
+        }
+    }
+
+    /// Drops every other checkpoint, and takes half as many from now on.
+    fn thin_out(&mut self) {
+        self.interval *= 2;
+        let mut kept: Vec<(Checkpoint, SegmentSummary)> = Vec::new();
+        for (at, (checkpoint, summary)) in self.checkpoints.drain(..).enumerate() {
+            match kept.last_mut() {
+                Some((_, before)) if at % 2 == 1 && !checkpoint.is_edited => before.append(summary),
+                _ => kept.push((checkpoint, summary)),
+            }
+        }
+        self.checkpoints = kept;
+    }
+
+    /// Forgets everything after a checkpoint, which is the last one from now on: something was set
+    /// by hand there, and the invocation goes another way.
+    pub fn go_another_way(&mut self, edited: Checkpoint) {
+        let time = edited.course.time;
+        self.checkpoints.retain(|(checkpoint, _)| checkpoint.course.time < time);
+        (self.frontier, self.end) = (time, None);
+        self.checkpoints.push((edited, SegmentSummary::default()));
+    }
+
+    /// The first checkpoint after a time at which something was set by hand.
+    pub fn next_edit(&self, time: Time) -> Option<&Checkpoint> {
+        let mut all = self.checkpoints.iter().map(|(checkpoint, _)| checkpoint);
+        all.find(|checkpoint| checkpoint.is_edited && checkpoint.course.time > time)
+    }
+
+    /// The last checkpoint at a time or before it.
+    pub fn before(&self, time: Time) -> &Checkpoint {
+        let after = self.checkpoints.partition_point(|(one, _)| one.course.time <= time);
+        &self.checkpoints[after.max(1) - 1].0
+    }
+
+    /// How many segments there are: what lies between two checkpoints, or behind the last.
+    pub fn segments(&self) -> usize {
+        self.checkpoints.len()
+    }
+
+    /// A segment: the checkpoint that it begins with, and what happens in it. Its steps are those
+    /// after the checkpoint's, up to the next one's, included; the first has step 0, too.
+    pub fn segment(&self, number: usize) -> &(Checkpoint, SegmentSummary) {
+        &self.checkpoints[number]
+    }
+
+    /// The last step of a segment.
+    pub fn segment_end(&self, number: usize) -> Time {
+        self.checkpoints.get(number + 1).map_or(Time::MAX, |(next, _)| next.course.time)
+    }
+}

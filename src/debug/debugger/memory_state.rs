@@ -1,0 +1,86 @@
+//! Copies of the memory that shaders can change, to go back in time.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use crate::machine::image::Image;
+use crate::machine::{Buffer, Descriptor, Resources};
+use crate::program::Program;
+
+/// The buffers and images that an invocation can change.
+#[derive(Clone, Debug, Default)]
+pub struct ChangingMemory {
+    buffers: Vec<Arc<Buffer>>,
+    images: Vec<Arc<Image>>,
+}
+
+/// What they held at one time. Those that have not changed since the copy before are shared with it.
+#[derive(Clone, Debug, Default)]
+pub struct MemoryState {
+    buffers: Vec<Arc<[u32]>>,
+    images: Vec<Arc<[u64]>>,
+}
+
+impl ChangingMemory {
+    /// The memory that shaders can store to; nothing where none of them stores.
+    pub fn of(programs: &[Arc<Program>], resources: &Resources) -> Self {
+        let mut all = Self::default();
+        if !programs.iter().any(|program| program.accesses.iter().any(|access| access.stores)) {
+            return all;
+        }
+        let mut known = HashSet::new();
+        let descriptors = resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
+        for descriptor in descriptors {
+            match descriptor {
+                Descriptor::Buffer(buffer) => all.add(buffer, &mut known),
+                Descriptor::Image(image) if known.insert(Arc::as_ptr(image).addr()) => {
+                    all.images.push(image.clone());
+                }
+                _ => {}
+            }
+        }
+        resources.memory.named_buffers().for_each(|(_, buffer)| all.add(buffer, &mut known));
+        all
+    }
+
+    /// Adds a buffer; of several views of one memory, each that is another part of it.
+    fn add(&mut self, buffer: &Arc<Buffer>, known: &mut HashSet<usize>) {
+        if buffer.is_null() || self.buffers.iter().any(|other| other.is_same(buffer)) {
+            return;
+        }
+        known.insert(buffer.memory_id());
+        self.buffers.push(buffer.clone());
+    }
+
+    /// A copy of what is there now.
+    pub fn state(&self, before: Option<&MemoryState>) -> MemoryState {
+        let buffers = self.buffers.iter().enumerate().map(|(at, buffer)| {
+            let now = || buffer.words().iter().map(|word| word.load(Relaxed));
+            let same = before.and_then(|before| before.buffers.get(at));
+            match same.filter(|same| now().eq(same.iter().copied())) {
+                Some(same) => same.clone(),
+                None => now().collect(),
+            }
+        });
+        let images = self.images.iter().enumerate().map(|(at, image)| {
+            let now = || image.words().iter().map(|word| word.load(Relaxed));
+            let same = before.and_then(|before| before.images.get(at));
+            match same.filter(|same| now().eq(same.iter().copied())) {
+                Some(same) => same.clone(),
+                None => now().collect(),
+            }
+        });
+        MemoryState { buffers: buffers.collect(), images: images.collect() }
+    }
+
+    /// Puts back what was there.
+    pub fn restore(&self, state: &MemoryState) {
+        for (buffer, words) in self.buffers.iter().zip(&state.buffers) {
+            buffer.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
+        }
+        for (image, words) in self.images.iter().zip(&state.images) {
+            image.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
+        }
+    }
+}

@@ -1,0 +1,439 @@
+//! A debugger of one invocation or ray: it steps by line and by instruction, into the shaders that a
+//! ray calls and through traversal, forwards and backwards.
+//!
+//! An invocation runs in an unoptimised program, in which every variable has registers of its own.
+//! [`tracker`] follows it and counts its steps; [`history`] keeps states at some times, so that any
+//! step is reached again by running on from the state before it. Nothing here reads or writes a file
+//! or a terminal.
+
+mod breakpoint;
+mod condition;
+mod debuggee;
+mod history;
+mod memory_state;
+mod source_map;
+mod stack;
+mod start;
+mod tracker;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use crate::error::Error;
+use crate::machine::printed::Printed;
+use crate::pipeline::{Event, Pipeline, Resumed};
+
+use condition::{Hit, StopConditions};
+use debuggee::Debuggee;
+use history::{Checkpoint, History};
+use memory_state::ChangingMemory;
+use tracker::{Course, Tracker};
+
+pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
+pub use condition::{Reason, Watch, WatchedWords, Write};
+pub use source_map::{SourceMap, SourcePosition, SourceText};
+pub use stack::StackFrame;
+pub use tracker::Time;
+
+/// A step of the debugger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// To the next line, in functions and shaders that this one calls, too.
+    Into,
+    /// To the next line of this function, or of its caller where it ends.
+    Over,
+    /// To the caller.
+    Out,
+    /// To the next instruction, in functions and shaders that this one calls, too.
+    IntoInstruction,
+    /// To the next instruction of this function, or of its caller where it ends.
+    OverInstruction,
+    /// To what the traversal of a ray does next: a node, an instance, a primitive, a candidate.
+    Traversal,
+}
+
+/// Why the debugger stopped.
+#[derive(Clone, Debug)]
+pub enum Stop {
+    /// At the first line.
+    Entry,
+    /// A step came to its end.
+    Step,
+    /// At breakpoints.
+    Breakpoints(Vec<BreakpointId>),
+    /// The traversal did what a breakpoint, if one is given, or a step waits for.
+    Traversal(Option<BreakpointId>),
+    /// What is watched was written.
+    Wrote(Write),
+    /// The step before made a NaN from numbers.
+    Nan,
+    /// The step that is next traps.
+    Trap(Error),
+    /// Nothing is before this.
+    Beginning,
+    /// Everything has run.
+    End,
+}
+
+/// One invocation or ray that is debugged.
+pub struct Debugger {
+    debuggee: Box<dyn Debuggee>,
+    pipeline: Arc<Pipeline>,
+    sources: Rc<SourceMap>,
+    memory: ChangingMemory,
+    printed: Option<Arc<Printed>>,
+    course: Course,
+    history: History,
+    breakpoints: Vec<Breakpoint>,
+    table: Rc<BreakpointTable>,
+    last_breakpoint: u32,
+    /// What was printed, with the time after it.
+    output: Vec<(Time, String)>,
+    ended: bool,
+}
+
+impl Debugger {
+    fn new(
+        debuggee: Box<dyn Debuggee>,
+        pipeline: Arc<Pipeline>,
+        memory: ChangingMemory,
+        printed: Option<Arc<Printed>>,
+    ) -> Self {
+        let sources = Rc::new(SourceMap::new(&pipeline.programs));
+        let course = Course::default();
+        let history = History::new(Checkpoint {
+            course: course.clone(),
+            state: debuggee.save(),
+            memory: memory.state(None),
+            is_edited: false,
+        });
+        Self {
+            debuggee,
+            pipeline,
+            sources,
+            memory,
+            printed,
+            course,
+            history,
+            breakpoints: Vec::new(),
+            table: Rc::default(),
+            last_breakpoint: 0,
+            output: Vec::new(),
+            ended: false,
+        }
+    }
+
+    /// Runs to the first line.
+    pub fn begin(&mut self) -> Stop {
+        let line = StopConditions { until: Time::MAX, line: Some(u32::MAX), ..StopConditions::default() };
+        match self.run(line) {
+            Stop::Step => Stop::Entry,
+            other => other,
+        }
+    }
+
+    /// The number of the step that is next.
+    pub fn time(&self) -> Time {
+        self.course.time
+    }
+
+    /// The sources of all shaders.
+    pub fn sources(&self) -> &Rc<SourceMap> {
+        &self.sources
+    }
+
+    /// The pipeline that is debugged, not optimised.
+    pub fn pipeline(&self) -> &Arc<Pipeline> {
+        &self.pipeline
+    }
+
+    /// What the pipeline did between the step before and the one that is next.
+    pub fn events(&self) -> &[Event] {
+        &self.course.events
+    }
+
+    /// What shaders have printed before the step that is next.
+    pub fn output(&self) -> impl Iterator<Item = &str> {
+        let now = self.course.time;
+        let before = self.output.iter().filter(move |(time, _)| *time <= now);
+        before.map(|(_, text)| text.as_str())
+    }
+
+    /// Makes a step.
+    pub fn step(&mut self, step: Step) -> Stop {
+        let conditions = self.step_conditions(step, self.course.depth());
+        let conditions = StopConditions { breakpoints: Some(self.table.clone()), ..conditions };
+        self.run(conditions)
+    }
+
+    fn step_conditions(&self, step: Step, depth: u32) -> StopConditions {
+        let any = Some(u32::MAX);
+        let none = StopConditions { until: Time::MAX, ..StopConditions::default() };
+        match step {
+            Step::Into => StopConditions { line: any, ..none },
+            // The caller goes on in the middle of a line.
+            Step::Over => StopConditions { line: Some(depth), below: Some(depth), ..none },
+            Step::Out => StopConditions { below: Some(depth), ..none },
+            Step::IntoInstruction => StopConditions { instruction: any, ..none },
+            Step::OverInstruction => StopConditions { instruction: Some(depth), ..none },
+            Step::Traversal => StopConditions { traversal: true, ..none },
+        }
+    }
+
+    /// Runs on to the next breakpoint, watched write or trap.
+    pub fn resume(&mut self, watches: Vec<Watch>) -> Stop {
+        self.run(StopConditions {
+            until: Time::MAX,
+            breakpoints: Some(self.table.clone()),
+            watches,
+            ..StopConditions::default()
+        })
+    }
+
+    /// Runs on to the first NaN that an operation makes of numbers.
+    pub fn resume_to_nan(&mut self) -> Stop {
+        self.run(StopConditions { until: Time::MAX, nan: true, ..StopConditions::default() })
+    }
+
+    /// Runs on until conditions are met.
+    fn run(&mut self, mut conditions: StopConditions) -> Stop {
+        if self.ended {
+            return Stop::End;
+        }
+        if self.advance(&mut conditions) == Resumed::Ended {
+            return self.at_end();
+        }
+        let reasons = std::mem::take(&mut conditions.met);
+        let of_breakpoint = |reason: &Reason| match reason {
+            Reason::Breakpoint(id) => Some(*id),
+            _ => None,
+        };
+        let hit: Vec<BreakpointId> = reasons.iter().filter_map(of_breakpoint).collect();
+        if !hit.is_empty() {
+            return Stop::Breakpoints(hit);
+        }
+        stop_of(reasons)
+    }
+
+    /// What the end is: the step before it, if that trapped.
+    fn at_end(&mut self) -> Stop {
+        let Some(trapped) = self.debuggee.trapped() else {
+            self.ended = true;
+            return Stop::End;
+        };
+        let error = trapped.error.clone();
+        let last = self.course.time.saturating_sub(1);
+        self.seek(last);
+        Stop::Trap(error)
+    }
+
+    /// Runs on until conditions are met or everything has run.
+    fn advance(&mut self, conditions: &mut StopConditions) -> Resumed {
+        let until = conditions.until;
+        loop {
+            let is_new = self.course.time >= self.history.frontier;
+            let edit = self.history.next_edit(self.course.time).map(|edit| edit.course.time);
+            let chunk = match is_new {
+                true => self.history.next_due(),
+                false => self.history.frontier,
+            };
+            conditions.until = until.min(chunk).min(edit.unwrap_or(Time::MAX));
+            conditions.met.clear();
+            let resumed = self.run_once(conditions, is_new);
+            if is_new {
+                self.history.frontier = self.course.time;
+            }
+            if resumed == Resumed::Ended {
+                self.history.end = Some(self.course.time);
+                return resumed;
+            }
+            if edit == Some(self.course.time) {
+                let time = self.course.time;
+                self.restore_before(time);
+            }
+            if is_new && self.course.time >= self.history.next_due() {
+                let checkpoint = self.checkpoint(false);
+                self.history.push(checkpoint);
+            }
+            let only_arrived = conditions.met.iter().all(|reason| *reason == Reason::Arrived);
+            if self.course.time >= until || !only_arrived {
+                conditions.until = until;
+                return resumed;
+            }
+        }
+    }
+
+    fn run_once(&mut self, conditions: &mut StopConditions, is_new: bool) -> Resumed {
+        let inbox = RefCell::new(Vec::new());
+        let summary = is_new.then(|| self.history.open_summary());
+        let followed = self.debuggee.followed();
+        let mut tracker =
+            Tracker::new(&mut self.course, &self.sources, followed, conditions, &inbox, summary);
+        let resumed = self.debuggee.resume(&mut tracker, &inbox);
+        let printed = self.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
+        if is_new {
+            let time = self.course.time;
+            self.output.extend(printed.into_iter().map(|line| (time, line.text)));
+        }
+        resumed
+    }
+
+    fn checkpoint(&self, is_edited: bool) -> Checkpoint {
+        Checkpoint {
+            course: self.course.clone(),
+            state: self.debuggee.save(),
+            memory: self.memory.state(Some(&self.history.last().memory)),
+            is_edited,
+        }
+    }
+
+    /// Puts the last state at a time or before it back.
+    fn restore_before(&mut self, time: Time) {
+        let checkpoint = self.history.before(time);
+        self.course = checkpoint.course.clone();
+        self.debuggee.restore(&checkpoint.state);
+        self.memory.restore(&checkpoint.memory);
+        self.ended = false;
+    }
+
+    /// Goes to a step.
+    pub fn seek(&mut self, time: Time) {
+        let kept = self.history.before(time).course.time;
+        if time < self.course.time || kept > self.course.time || self.ended {
+            self.restore_before(time);
+        }
+        if self.course.time < time || !self.course.paused {
+            self.advance(&mut StopConditions::at(time));
+        }
+    }
+
+    /// Makes a step backwards: to the begin of the line before, in the same function or its caller
+    /// (`Over`), or wherever it is (`Into`); to the call of this function (`Out`).
+    pub fn step_back(&mut self, step: Step) -> Stop {
+        let depth = self.course.depth();
+        let conditions = match step {
+            Step::Out if depth == 0 => return self.to_beginning(),
+            Step::Out => StopConditions { line: Some(depth - 1), ..StopConditions::default() },
+            Step::Over => StopConditions { line: Some(depth), ..StopConditions::default() },
+            step => self.step_conditions(step, depth),
+        };
+        match self.last_hit(&conditions, self.course.time) {
+            Some(hit) => {
+                self.seek(hit.time);
+                match hit.reason {
+                    Reason::Traversal(id) => Stop::Traversal(id),
+                    _ => Stop::Step,
+                }
+            }
+            None => self.to_beginning(),
+        }
+    }
+
+    /// Runs backwards to the breakpoint before.
+    pub fn resume_back(&mut self) -> Stop {
+        let conditions =
+            StopConditions { breakpoints: Some(self.table.clone()), ..StopConditions::default() };
+        match self.last_hit(&conditions, self.course.time) {
+            Some(hit) => {
+                self.seek(hit.time);
+                stop_of(vec![hit.reason])
+            }
+            None => self.to_beginning(),
+        }
+    }
+
+    fn to_beginning(&mut self) -> Stop {
+        self.seek(0);
+        Stop::Beginning
+    }
+
+    /// The last time before a time at which conditions were met.
+    fn last_hit(&mut self, conditions: &StopConditions, before: Time) -> Option<Hit> {
+        self.hits_before(conditions, before, &mut |hits| hits.into_iter().next_back())
+    }
+
+    /// Searches backwards, segment by segment: `choose` is given what is met in one, the earliest
+    /// first, and chooses the hit that is wanted. Leaves the debuggee somewhere.
+    fn hits_before<T>(
+        &mut self,
+        conditions: &StopConditions,
+        before: Time,
+        choose: &mut dyn FnMut(Vec<Hit>) -> Option<T>,
+    ) -> Option<T> {
+        let last = before.checked_sub(1)?;
+        for number in (0..self.history.segments()).rev() {
+            let (checkpoint, summary) = self.history.segment(number);
+            let begins = checkpoint.course.time;
+            if begins > last || number > 0 && begins == last || !can_be_in(conditions, summary) {
+                continue;
+            }
+            let until = last.min(self.history.segment_end(number));
+            self.restore_segment(number);
+            let mut collecting = StopConditions { collects: true, until, ..conditions.clone() };
+            self.advance(&mut collecting);
+            let hits: Vec<Hit> = collecting.hits.into_iter().filter(|hit| hit.time <= last).collect();
+            if let Some(chosen) = choose(hits) {
+                return Some(chosen);
+            }
+        }
+        None
+    }
+
+    fn restore_segment(&mut self, number: usize) {
+        let (checkpoint, _) = self.history.segment(number);
+        self.course = checkpoint.course.clone();
+        self.debuggee.restore(&checkpoint.state);
+        self.memory.restore(&checkpoint.memory);
+        self.ended = false;
+    }
+
+    /// Sets breakpoints, in the place of those that there were; returns them with the lines that
+    /// they stop at.
+    pub fn set_breakpoints(&mut self, breakpoints: Vec<Breakpoint>) -> &[Breakpoint] {
+        self.breakpoints = breakpoints;
+        let mut table = BreakpointTable::default();
+        for breakpoint in &mut self.breakpoints {
+            let mut one = BreakpointTable::default();
+            let into = if breakpoint.is_enabled { &mut table } else { &mut one };
+            let opcode = |name: &str| crate::module::grammar::opcode_of(name);
+            breakpoint.resolved = into.add(breakpoint.id, &breakpoint.place, &self.sources, &opcode);
+        }
+        self.table = Rc::new(table);
+        &self.breakpoints
+    }
+
+    /// A number for a new breakpoint.
+    pub fn new_breakpoint_id(&mut self) -> BreakpointId {
+        self.last_breakpoint += 1;
+        BreakpointId(self.last_breakpoint)
+    }
+
+    /// The breakpoints.
+    pub fn breakpoints(&self) -> &[Breakpoint] {
+        &self.breakpoints
+    }
+}
+
+/// Whether conditions can be met in a segment.
+fn can_be_in(conditions: &StopConditions, summary: &history::SegmentSummary) -> bool {
+    let at_lines = match &conditions.breakpoints {
+        None => false,
+        Some(table) => table.only_lines().is_none_or(|lines| summary.has_one_of(lines)),
+    };
+    let others = conditions.instruction.is_some()
+        || conditions.below.is_some()
+        || conditions.traversal
+        || conditions.watches_results();
+    others || at_lines || conditions.line.is_some_and(|depth| summary.has_line_within(depth))
+}
+
+fn stop_of(reasons: Vec<Reason>) -> Stop {
+    match reasons.into_iter().next() {
+        Some(Reason::Breakpoint(id)) => Stop::Breakpoints(vec![id]),
+        Some(Reason::Traversal(id)) => Stop::Traversal(id),
+        Some(Reason::Wrote(write)) => Stop::Wrote(write),
+        Some(Reason::Nan { .. }) => Stop::Nan,
+        Some(Reason::Arrived | Reason::Stepped) | None => Stop::Step,
+    }
+}

@@ -1,0 +1,249 @@
+//! Where in the sources each operation of a pipeline's shaders is.
+
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
+
+use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
+use crate::module::Id;
+use crate::program::{Program, Terminator};
+
+/// A line of a source, by its number in [`SourceMap::line`]; 0 where an operation has none.
+pub type LineIndex = u32;
+
+/// Where an operation is: its line, and the inlined call that it belongs to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Site {
+    /// The line.
+    pub line: LineIndex,
+    /// The inlined call, an index into [`Program::scopes`].
+    pub scope: u32,
+}
+
+/// The sites of one shader.
+#[derive(Debug)]
+pub struct ShaderSites {
+    /// The shader.
+    pub program: Arc<Program>,
+    /// By operation, then by block for its terminator.
+    sites: Vec<Site>,
+    /// By inlined call: in how many others it is.
+    depths: Vec<u32>,
+    /// By file of the module: its index in [`SourceMap::files`].
+    files: Vec<u32>,
+    /// Whether its lines are instructions, as its module has no debug information.
+    pub is_disassembled: bool,
+}
+
+/// A line of a source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct SourcePosition {
+    /// An index into [`SourceMap::files`].
+    pub file: u32,
+    /// The line, from 1.
+    pub line: u32,
+}
+
+/// A source file that debug information names, or the disassembly of a module without any.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceText {
+    /// The file's name as the compiler wrote it.
+    pub name: String,
+    /// Its text, where a module holds it.
+    pub text: Option<Arc<str>>,
+}
+
+/// The sources of a pipeline's shaders.
+#[derive(Debug, Default)]
+pub struct SourceMap {
+    files: Vec<SourceText>,
+    lines: Vec<SourcePosition>,
+    shaders: Vec<ShaderSites>,
+}
+
+impl SourceMap {
+    /// The sources of shaders, in the order of a pipeline.
+    pub fn new(programs: &[Arc<Program>]) -> Self {
+        let mut builder = Builder::default();
+        programs.iter().for_each(|program| builder.add(program));
+        builder.map
+    }
+
+    /// The sites of a shader.
+    pub fn shader(&self, shader: ShaderIndex) -> &ShaderSites {
+        &self.shaders[shader.index()]
+    }
+
+    /// The shaders, in the order of the pipeline.
+    pub fn shaders(&self) -> &[ShaderSites] {
+        &self.shaders
+    }
+
+    /// The files.
+    pub fn files(&self) -> &[SourceText] {
+        &self.files
+    }
+
+    /// The position of a line; `None` for 0.
+    pub fn line(&self, line: LineIndex) -> Option<SourcePosition> {
+        self.lines.get((line as usize).checked_sub(1)?).copied()
+    }
+
+    /// The lines of files that a path means, each with its index: a file's whole name, or its last
+    /// components.
+    pub fn lines_of<'a>(&'a self, path: &'a str) -> impl Iterator<Item = (LineIndex, SourcePosition)> + 'a {
+        let is_meant = move |file: u32| names_file(&self.files[file as usize].name, path);
+        (1..).zip(self.lines.iter().copied()).filter(move |(_, position)| is_meant(position.file))
+    }
+
+    /// The text of a line without its indent, where a module holds it.
+    pub fn text(&self, position: SourcePosition) -> Option<&str> {
+        let text = self.files.get(position.file as usize)?.text.as_deref()?;
+        text.lines().nth(position.line.checked_sub(1)? as usize).map(str::trim)
+    }
+}
+
+/// Whether a path means a file: it is its name, or the last components of it.
+pub fn names_file(name: &str, path: &str) -> bool {
+    let normal = |path: &str| path.replace('\\', "/");
+    let (name, path) = (normal(name), normal(path));
+    let path = path.strip_prefix("./").unwrap_or(&path);
+    let ends = |long: &str, short: &str| {
+        long.strip_suffix(short).is_some_and(|rest| rest.is_empty() || rest.ends_with('/'))
+    };
+    !path.is_empty() && (ends(&name, path) || ends(path, &name))
+}
+
+impl ShaderSites {
+    /// The site of an operation or terminator.
+    pub fn site(&self, op: OpIndex) -> Site {
+        self.sites.get(op.index()).copied().unwrap_or_default()
+    }
+
+    /// In how many inlined calls an inlined call is.
+    pub fn depth(&self, scope: u32) -> u32 {
+        self.depths[scope as usize]
+    }
+
+    /// The function of an inlined call.
+    pub fn function(&self, scope: u32) -> Id {
+        self.program.scopes[scope as usize].function
+    }
+
+    /// The name of the function of an inlined call, as its source has it.
+    pub fn function_name(&self, scope: u32) -> String {
+        let id = self.function(scope);
+        let debug = &self.program.module.debug_info;
+        let name = debug.function_names.get(&id).map(|name| name.to_string());
+        let name = name.or_else(|| debug.names.get(&id).cloned());
+        // glslang writes the types of parameters behind the name.
+        let name = name.map(|name| name.split('(').next().unwrap_or_default().to_owned());
+        name.filter(|name| !name.is_empty()).unwrap_or_else(|| format!("%{}", id.0))
+    }
+
+    /// The terminator of the block that calls a function and goes on in a block.
+    pub fn call_before(&self, return_to: BlockIndex) -> Option<OpIndex> {
+        let calls = |terminator: &Terminator| matches!(terminator, Terminator::Call { return_to: to, .. } if *to == return_to);
+        let block = self.program.blocks.iter().position(|block| calls(&block.terminator))?;
+        Some(self.program.terminator_index(BlockIndex::new(block)))
+    }
+
+    /// The line at which a function begins, inlined in a call: that of its first operation that has
+    /// one.
+    pub fn first_line(&self, scope: u32) -> LineIndex {
+        let is_in = |site: &&Site| site.scope == scope && site.line != 0;
+        self.sites.iter().find(is_in).map_or(0, |site| site.line)
+    }
+
+    /// The opcode of the instruction of an operation.
+    pub fn opcode(&self, op: OpIndex) -> u16 {
+        let word = self.program.module.words.get(self.offset(op) as usize);
+        word.map_or(0, |word| *word as u16)
+    }
+
+    /// The position of an instruction, given by its offset in words from the start of the module.
+    pub fn position(&self, offset: u32) -> Option<SourcePosition> {
+        if self.is_disassembled {
+            return Some(SourcePosition { file: *self.files.first()?, line: offset });
+        }
+        let line = self.program.module.debug_info.line_at(offset)?;
+        Some(SourcePosition { file: *self.files.get(line.file as usize)?, line: line.line })
+    }
+
+    /// The instruction of an operation, in words from the start of its module.
+    pub fn offset(&self, op: OpIndex) -> u32 {
+        self.program.origins.get(op.index()).map_or(0, |origin| origin.offset)
+    }
+}
+
+/// A source map that grows shader by shader.
+#[derive(Default)]
+struct Builder {
+    map: SourceMap,
+    files: FxHashMap<String, u32>,
+    lines: FxHashMap<SourcePosition, LineIndex>,
+}
+
+impl Builder {
+    fn add(&mut self, program: &Arc<Program>) {
+        let debug = &program.module.debug_info;
+        let is_disassembled = debug.lines.iter().all(|(_, line)| line.is_none());
+        let files: Vec<u32> = match is_disassembled {
+            true => vec![self.file(&format!("{} (disassembly)", program.name), None)],
+            false => debug.files.iter().map(|file| self.file(&file.name, file.text.as_ref())).collect(),
+        };
+        let mut sites = ShaderSites {
+            program: program.clone(),
+            sites: Vec::with_capacity(program.origins.len()),
+            depths: Vec::with_capacity(program.scopes.len()),
+            files,
+            is_disassembled,
+        };
+        for origin in &program.origins {
+            let position = sites.position(origin.offset).filter(|position| position.line > 0);
+            let line = position.map_or(0, |position| self.line(position));
+            sites.sites.push(Site { line, scope: origin.scope });
+        }
+        for (at, scope) in program.scopes.iter().enumerate() {
+            // A function that is called, not inlined, has a frame of its own.
+            let is_root = at == 0 || scope.call == 0;
+            let depth = if is_root { 0 } else { sites.depths[scope.parent as usize] + 1 };
+            sites.depths.push(depth);
+        }
+        self.map.shaders.push(sites);
+    }
+
+    fn file(&mut self, name: &str, text: Option<&Arc<str>>) -> u32 {
+        let files = &mut self.map.files;
+        let index = *self.files.entry(name.to_owned()).or_insert_with(|| {
+            files.push(SourceText { name: name.to_owned(), text: None });
+            files.len() as u32 - 1
+        });
+        let file = &mut files[index as usize];
+        file.text = file.text.take().or_else(|| text.cloned());
+        index
+    }
+
+    fn line(&mut self, position: SourcePosition) -> LineIndex {
+        let lines = &mut self.map.lines;
+        *self.lines.entry(position).or_insert_with(|| {
+            lines.push(position);
+            lines.len() as LineIndex
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::names_file;
+
+    #[test]
+    fn a_path_means_files_by_whole_components() {
+        assert!(names_file("shaders/glass/main.rgen", "main.rgen"));
+        assert!(names_file("shaders/glass/main.rgen", "./glass/main.rgen"));
+        assert!(names_file("main.rgen", "/home/me/glass/main.rgen"));
+        assert!(names_file("glass\\main.rgen", "glass/main.rgen"));
+        assert!(!names_file("shaders/other-main.rgen", "main.rgen"));
+        assert!(!names_file("shaders/main.rgen", ""));
+    }
+}

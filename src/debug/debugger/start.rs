@@ -1,0 +1,97 @@
+//! Begins to debug an invocation or ray of a scene.
+
+use std::sync::Arc;
+
+use crate::accel::Tlas;
+use crate::debug::session::{ExplainRequest, Session, SingleRun};
+use crate::error::Result;
+use crate::machine::Resources;
+use crate::pipeline::{Compute, Pipeline, SteppedDispatch, SteppedLaunch};
+use crate::scene::pass::{Pass, PassWork};
+
+use super::Debugger;
+use super::debuggee::Debuggee;
+use super::memory_state::ChangingMemory;
+
+impl Debugger {
+    /// Debugs an invocation or ray of a scene, which has not begun. The passes before it have run.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn of_scene(session: &Session, request: &ExplainRequest) -> Result<Self> {
+        if let Some((dispatch, id)) = session.invocation(request)? {
+            return Self::of_dispatch(session, dispatch, id);
+        }
+        let (_, request) = session.resolve(request)?;
+        let all = &session.assembled.resources;
+        let single = session.assembled.single_launch(request.pass.as_deref())?;
+        single.run_before(all)?;
+        let resources = single.resources(all).into_owned();
+        let pipeline = Arc::new(single.pipeline.unoptimized()?);
+        let needs_subgroup = pipeline.uses_subgroups() && pipeline.subgroup_size > 1;
+        let debuggee: Box<dyn Debuggee> = match request.what {
+            SingleRun::Pixel(id) => match needs_subgroup.then_some(pipeline.subgroup_size) {
+                None => Box::new(SteppedLaunch::<1>::of_invocation(
+                    pipeline.clone(),
+                    &resources,
+                    id,
+                    single.size,
+                )?),
+                Some(..=64) => Box::new(SteppedLaunch::<64>::of_invocation(
+                    pipeline.clone(),
+                    &resources,
+                    id,
+                    single.size,
+                )?),
+                Some(_) => Box::new(SteppedLaunch::<128>::of_invocation(
+                    pipeline.clone(),
+                    &resources,
+                    id,
+                    single.size,
+                )?),
+            },
+            SingleRun::Ray(ray) => {
+                let tlas = match session.scene.tlas.first() {
+                    Some((_, tlas)) => tlas,
+                    None => Tlas::empty(),
+                };
+                let operands = ray.operands(&pipeline)?;
+                Box::new(SteppedLaunch::<1>::of_ray(pipeline.clone(), &resources, tlas, operands)?)
+            }
+        };
+        Ok(Self::with(debuggee, pipeline, &resources))
+    }
+
+    fn of_dispatch(session: &Session, number: usize, id: [u32; 3]) -> Result<Self> {
+        let dispatch = session.dispatch(number)?;
+        let all = &session.assembled.resources;
+        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
+        let passes = &session.assembled.passes;
+        let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
+        for before in &passes[..at] {
+            session.assembled.run_pass::<64>(before, all, &|_| ())?;
+        }
+        let resources = session.assembled.pass_resources(&passes[at], all).into_owned();
+        let compute: Compute = dispatch.compute.unoptimized()?;
+        let mut builder = Pipeline::builder();
+        builder.shader(compute.program.clone());
+        let pipeline = Arc::new(builder.build()?);
+        let subgroup = compute.program.uses_subgroups.then_some(compute.subgroup_size);
+        let groups = dispatch.groups;
+        let debuggee: Box<dyn Debuggee> = match subgroup {
+            None | Some(1) => Box::new(SteppedDispatch::<1>::new(compute, &resources, groups, id)?),
+            Some(..=64) => Box::new(SteppedDispatch::<64>::new(compute, &resources, groups, id)?),
+            Some(_) => Box::new(SteppedDispatch::<128>::new(compute, &resources, groups, id)?),
+        };
+        Ok(Self::with(debuggee, pipeline, &resources))
+    }
+
+    fn with(debuggee: Box<dyn Debuggee>, pipeline: Arc<Pipeline>, resources: &Resources) -> Self {
+        let memory = ChangingMemory::of(&pipeline.programs, resources);
+        if let Some(printed) = &resources.printed {
+            // What was printed before is not the invocation's.
+            printed.take();
+        }
+        Self::new(debuggee, pipeline, memory, resources.printed.clone())
+    }
+}

@@ -1,0 +1,284 @@
+//! Follows one invocation while it runs: counts its steps, knows its function calls, and tells where
+//! lines begin and what is asked to stop it.
+
+use std::cell::RefCell;
+
+use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, ShaderIndex};
+use crate::pipeline::Event;
+
+use super::condition::StopConditions;
+use super::history::SegmentSummary;
+use super::source_map::{LineIndex, ShaderSites, Site, SourceMap};
+
+/// How many steps the invocation has made: operations and terminators of its shaders, the
+/// pipeline's own work not counted. Step 0 is the first operation of all.
+pub type Time = u64;
+
+/// The invocation that is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Followed {
+    /// The lane that it has in every batch of a pipeline.
+    Lane(usize),
+    /// The lane with this `GlobalInvocationId`, in whichever batch of its workgroup it is.
+    Invocation([u32; 3]),
+}
+
+impl Followed {
+    /// Its lane in a batch.
+    pub fn lane<const W: usize>(self, batch: &Batch<W>) -> Option<usize> {
+        match self {
+            Self::Lane(lane) => Some(lane),
+            Self::Invocation(id) => {
+                batch.live().lanes().find(|&lane| batch.invocations.launch_id(lane) == id)
+            }
+        }
+    }
+}
+
+/// A shader that has begun and not ended.
+#[derive(Clone, Copy, Debug)]
+struct ActiveShader {
+    /// The depth of its entry point among all function calls.
+    base: u32,
+    last_block: Option<BlockIndex>,
+    last_calls: usize,
+}
+
+/// The line that a function call is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct FrameLine {
+    scope: u32,
+    line: LineIndex,
+}
+
+/// What is known of the invocation's course so far: a part of every checkpoint.
+#[derive(Clone, Debug, Default)]
+pub struct Course {
+    /// The steps made.
+    pub time: Time,
+    active: Vec<ActiveShader>,
+    frames: Vec<FrameLine>,
+    last: Option<(ShaderIndex, Site)>,
+    last_origin: Option<(ShaderIndex, u32, u32)>,
+    /// What the pipeline did since the step before.
+    pub events: Vec<Event>,
+    /// The last pause came before the step that is next.
+    pub paused: bool,
+}
+
+impl Course {
+    /// The depth of the function that runs: how many calls it is in, of functions and of shaders.
+    pub fn depth(&self) -> u32 {
+        (self.frames.len() as u32).saturating_sub(1)
+    }
+}
+
+/// A moment at which the invocation is about to make a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<'a> {
+    /// The steps made before.
+    pub time: Time,
+    /// The shader.
+    pub shader: ShaderIndex,
+    /// Its sites.
+    pub sites: &'a ShaderSites,
+    /// The operation or terminator.
+    pub op: OpIndex,
+    /// Its site.
+    pub site: Site,
+    /// How many calls of functions and shaders it is in.
+    pub depth: u32,
+    /// Whether a line begins here.
+    pub begins_line: bool,
+    /// Whether a function begins here.
+    pub begins_function: bool,
+    /// Whether an instruction begins here: an instruction may be several operations.
+    pub begins_instruction: bool,
+}
+
+/// The observer that follows an invocation.
+pub struct Tracker<'a> {
+    pub course: &'a mut Course,
+    sources: &'a SourceMap,
+    followed: Followed,
+    /// What stops it.
+    conditions: &'a mut StopConditions,
+    /// What the pipeline reports.
+    inbox: &'a RefCell<Vec<Event>>,
+    /// Where lines are noted that begin for the first time.
+    summary: Option<&'a mut SegmentSummary>,
+    shader: ShaderIndex,
+    lane: Option<usize>,
+}
+
+impl<'a> Tracker<'a> {
+    pub fn new(
+        course: &'a mut Course,
+        sources: &'a SourceMap,
+        followed: Followed,
+        conditions: &'a mut StopConditions,
+        inbox: &'a RefCell<Vec<Event>>,
+        summary: Option<&'a mut SegmentSummary>,
+    ) -> Self {
+        // The step at which it was paused is made without another call of the observer.
+        if std::mem::take(&mut course.paused) {
+            course.time += 1;
+            course.events.clear();
+        }
+        let (shader, lane) = (ShaderIndex(0), None);
+        Self { course, sources, followed, conditions, inbox, summary, shader, lane }
+    }
+
+    /// Takes what the pipeline has reported.
+    pub fn take_events(&mut self) {
+        for event in self.inbox.borrow_mut().drain(..) {
+            match &event {
+                Event::Enter { .. } => self.enter(),
+                Event::Leave { .. } => {
+                    if let Some(ended) = self.course.active.pop() {
+                        self.course.frames.truncate(ended.base as usize);
+                    }
+                    self.course.last = None;
+                }
+                _ => {}
+            }
+            self.conditions.event(&event);
+            self.course.events.push(event);
+        }
+    }
+
+    fn enter(&mut self) {
+        let base = self.course.frames.len() as u32;
+        self.course.active.push(ActiveShader { base, last_block: None, last_calls: 0 });
+        self.course.last = None;
+    }
+
+    /// The invocation is about to make a step; whether it is to be paused.
+    fn arrive(&mut self, op: OpIndex, calls: usize) -> bool {
+        let sources = self.sources;
+        let sites = sources.shader(self.shader);
+        let site = sites.site(op);
+        let moved = self.course.last != Some((self.shader, site));
+        if moved || self.conditions.watches_every_step() {
+            let moment = self.moment(sites, op, site, calls, moved);
+            if moment.begins_line
+                && let Some(summary) = &mut self.summary
+            {
+                summary.add(moment.depth, site.line);
+            }
+            self.conditions.arrive(&moment);
+        }
+        if self.conditions.is_met(self.course.time) {
+            self.course.paused = true;
+            return true;
+        }
+        self.course.time += 1;
+        if !self.course.events.is_empty() {
+            self.course.events.clear();
+        }
+        false
+    }
+
+    /// Follows calls and returns to the function of a site.
+    fn moment(
+        &mut self,
+        sites: &'a ShaderSites,
+        op: OpIndex,
+        site: Site,
+        calls: usize,
+        moved: bool,
+    ) -> Moment<'a> {
+        let course = &mut *self.course;
+        let base = course.active.last().map_or(0, |active| active.base);
+        let depth = base + calls as u32 + sites.depth(site.scope);
+        let (mut begins_line, mut begins_function) = (false, false);
+        if moved {
+            course.frames.truncate(depth as usize + 1);
+            let nowhere = FrameLine { scope: u32::MAX, line: 0 };
+            course.frames.resize(depth as usize + 1, nowhere);
+            let frame = &mut course.frames[depth as usize];
+            if frame.scope != site.scope {
+                *frame = FrameLine { scope: site.scope, line: 0 };
+                begins_function = true;
+            }
+            if site.line != 0 && frame.line != site.line {
+                frame.line = site.line;
+                begins_line = true;
+            }
+            course.last = Some((self.shader, site));
+        }
+        let origin = (self.shader, site.scope, sites.offset(op));
+        let begins_instruction = course.last_origin.replace(origin) != Some(origin);
+        Moment {
+            time: course.time,
+            shader: self.shader,
+            sites,
+            op,
+            site,
+            depth,
+            begins_line,
+            begins_function,
+            begins_instruction,
+        }
+    }
+
+    /// The lane, where it is among those that run.
+    fn running_lane<const W: usize>(&self, batch: &Batch<W>) -> Option<usize> {
+        self.lane.filter(|&lane| batch.mask.contains(lane))
+    }
+}
+
+impl<const W: usize> Observer<W> for Tracker<'_> {
+    fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        self.take_events();
+        self.shader = shader;
+        self.lane = self.followed.lane(batch);
+        // Compute shaders report no begin.
+        if self.course.active.is_empty() && self.lane.is_some() {
+            self.enter();
+        }
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        if self.running_lane(batch).is_none() {
+            return;
+        }
+        let calls = batch.frames().len();
+        let Some(active) = self.course.active.last_mut() else { return };
+        // A loop begins its lines anew in each turn.
+        if active.last_calls == calls && active.last_block.is_some_and(|last| batch.block <= last) {
+            if let Some(frame) = self.course.frames.last_mut() {
+                frame.line = 0;
+            }
+            self.course.last = None;
+        }
+        (active.last_block, active.last_calls) = (Some(batch.block), calls);
+    }
+
+    fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
+        self.running_lane(batch).is_some() && self.arrive(op, batch.frames().len())
+    }
+
+    fn after(&mut self, batch: &mut Batch<W>, _: &Bindings, op: OpIndex) {
+        if let Some(events) = batch.queries.events.as_mut().filter(|events| !events.is_empty()) {
+            let lane = self.lane.map(|lane| lane as u32);
+            let own = events.drain(..).filter(|event| Some(event.lane) == lane);
+            self.inbox.borrow_mut().extend(own.map(Event::RayQuery));
+            self.take_events();
+        }
+        if self.conditions.watches_results()
+            && let Some(lane) = self.running_lane(batch)
+        {
+            let program = &self.sources.shader(self.shader).program;
+            let number = self.course.active.len().saturating_sub(1);
+            // The step was counted before it was made.
+            let time = self.course.time - 1;
+            self.conditions.ran(time, program, number, op, &|reg| batch.registers[reg].0[lane]);
+        }
+    }
+
+    fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
+        let terminator = self.sources.shader(self.shader).program.terminator_index(batch.block);
+        self.running_lane(batch).is_some() && self.arrive(terminator, batch.frames().len())
+    }
+}
