@@ -5,6 +5,7 @@
 //! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
+pub mod debugger;
 pub mod names;
 mod page;
 mod query_reader;
@@ -19,8 +20,6 @@ pub mod values;
 pub mod command;
 #[cfg(feature = "scenes")]
 mod compute;
-#[cfg(feature = "scenes")]
-pub mod debugger;
 #[cfg(feature = "scenes")]
 mod layout;
 #[cfg(feature = "scenes")]

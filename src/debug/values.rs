@@ -45,6 +45,8 @@ pub enum ValueContent {
     List(Vec<ValueContent>),
     /// A struct.
     Members(Vec<ValueMember>),
+    /// What is told in words: a resource, an array too long to be listed.
+    Text(String),
 }
 
 /// A member of a struct.
@@ -161,7 +163,7 @@ impl ValueContent {
             Self::Members(members) => {
                 members.iter_mut().for_each(|member| member.value.content.find_places(memory));
             }
-            Self::Bool(_) | Self::Int(_) | Self::Uint(_) | Self::Float(_) => {}
+            Self::Bool(_) | Self::Int(_) | Self::Uint(_) | Self::Float(_) | Self::Text(_) => {}
         }
     }
 
@@ -194,6 +196,7 @@ impl fmt::Display for ValueContent {
             Self::Uint(value) => write!(f, "{value}"),
             Self::Float(value) => write!(f, "{value}"),
             Self::Address(value) => write!(f, "{value}"),
+            Self::Text(text) => f.write_str(text),
             Self::List(items) => {
                 f.write_str("(")?;
                 for (at, item) in items.iter().take(MAX_ELEMENTS).enumerate() {
@@ -272,7 +275,7 @@ fn shortest(format: FloatFormat, value: f32) -> String {
 }
 
 /// The name of a type, for a struct without the word `struct`.
-fn type_name(module: &Module, ty: TypeId) -> String {
+pub(in crate::debug) fn type_name(module: &Module, ty: TypeId) -> String {
     let described = module.describe_type(ty);
     described.strip_prefix("struct ").map_or_else(|| described.clone(), str::to_owned)
 }

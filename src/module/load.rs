@@ -6,6 +6,7 @@
 //! to which they may refer forward. All work is linear in the number of words.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::OnceLock;
 
 use rspirv::spirv::Op;
 
@@ -148,6 +149,7 @@ impl<'w> Loader<'w> {
                 functions: Vec::new(),
                 decorations: Decorations::default(),
                 debug_info: DebugInfo::default(),
+                scopes: OnceLock::new(),
                 result_types: IdMap::like(&definitions),
                 definitions,
                 warnings: Vec::new(),

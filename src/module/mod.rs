@@ -12,6 +12,8 @@ pub mod constant;
 mod copy_budget;
 pub mod debug_info;
 mod debug_reader;
+mod debug_scope_reader;
+pub mod debug_scopes;
 mod declare_constant;
 mod declare_type;
 pub mod decoration;
@@ -41,11 +43,13 @@ mod refuse_tests;
 use crate::error::Warning;
 use crate::module::constant::Constant;
 use crate::module::debug_info::DebugInfo;
+use crate::module::debug_scopes::DebugScopes;
 use crate::module::decoration::Decorations;
 use crate::module::id_map::IdMap;
 use crate::module::interface::EntryPoint;
 use crate::module::ty::{Type, TypeId};
 use std::ops::Range;
+use std::sync::OnceLock;
 
 pub use load::{load, load_with};
 
@@ -189,6 +193,9 @@ pub struct Module {
     /// Names, source files, lines.
     #[doc(hidden)]
     pub debug_info: DebugInfo,
+    /// Lexical scopes and local variables, once somebody has asked for them; see
+    /// [`Module::debug_scopes`].
+    scopes: OnceLock<DebugScopes>,
     /// What each id defines.
     #[doc(hidden)]
     pub definitions: IdMap<Definition>,

@@ -35,7 +35,7 @@ use fingerprint::Fingerprint;
 use values::Values;
 
 pub use constants::array_length;
-pub use values::IdValue;
+pub use values::{IdValue, IdValues};
 
 /// A descriptor binding that a program uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,6 +149,8 @@ pub struct Translator<'m> {
     /// Instructions since the clock was set last.
     ticks: u32,
     values: Values,
+    /// What ids of functions stood for, where nothing is optimised.
+    recorded: IdValues,
     registers: u32,
     /// The most registers that there may be ([`InputLimit::Registers`]).
     max_registers: u32,
@@ -200,6 +202,7 @@ impl<'m> Translator<'m> {
             clock: None,
             ticks: 0,
             values: Values::new(module),
+            recorded: IdValues::default(),
             registers: 0,
             max_registers: module.limits.get(InputLimit::Registers) as u32,
             named_registers: 0,
@@ -502,7 +505,20 @@ impl<'m> Translator<'m> {
     /// Defines what an id stands for.
     pub fn define(&mut self, id: Id, value: IdValue) {
         self.named_registers += named(&value);
+        if !self.optimizes {
+            self.recorded.record(self.origin.scope, id, &value);
+        }
         self.values.define(id, value);
+    }
+
+    /// What ids stood for, for debuggers: nothing where the program is optimised. It is called when
+    /// all is translated.
+    pub fn take_id_values(&mut self) -> IdValues {
+        let mut recorded = std::mem::take(&mut self.recorded);
+        if !self.optimizes {
+            std::mem::replace(&mut self.values, Values::new(self.module)).add_globals(&mut recorded);
+        }
+        recorded
     }
 
     /// What an id of the function that is lowered stands for.

@@ -549,7 +549,7 @@ impl<'m> Lowering<'m> {
 
     /// Returns the lowered program, and the registers that computed register numbers can address.
     fn finish(
-        self,
+        mut self,
         module: &Arc<Module>,
         entry: &EntryPoint,
         workgroup: Option<WorkgroupLayout>,
@@ -575,6 +575,7 @@ impl<'m> Lowering<'m> {
             self.functions.iter().zip(ends).map(|(&first, end)| (first, until(end) - until(first))).collect();
         let constants = self.translator.constant_registers().collect();
         let register_count = self.translator.register_count();
+        let id_values = self.translator.take_id_values();
         let program = Program {
             module: module.clone(),
             stage: entry.stage,
@@ -603,6 +604,7 @@ impl<'m> Lowering<'m> {
             addresses_records: false,
             eliminated: Eliminated::default(),
             payloads: Payloads::default(),
+            id_values,
         };
         (program, self.translator.addressed)
     }

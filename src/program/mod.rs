@@ -39,7 +39,7 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::module::{Id, Module};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
-use crate::ops::translate::{InputRegisters, InterfaceRegisters, Origin, Slot, WorkgroupVariable};
+use crate::ops::translate::{IdValues, InputRegisters, InterfaceRegisters, Origin, Slot, WorkgroupVariable};
 use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
@@ -238,6 +238,9 @@ pub struct Program {
     /// Which words of payloads it reads and writes.
     #[doc(hidden)]
     pub payloads: Payloads,
+    /// What each id stands for, for debuggers; empty where the program is optimised.
+    #[doc(hidden)]
+    pub id_values: IdValues,
 }
 
 /// How much dead code lowering eliminated: no output of the program depends on it.

@@ -51,7 +51,7 @@ pub struct Write {
 
 /// A reason at a time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Hit {
+pub(super) struct Hit {
     /// When: the step that is next then.
     pub time: Time,
     /// Why.
@@ -92,7 +92,7 @@ pub enum WatchedWords {
 
 /// When the invocation is to stop.
 #[derive(Clone, Debug, Default)]
-pub struct StopConditions {
+pub(super) struct StopConditions {
     /// At this time, at the latest.
     pub until: Time,
     /// Where a line begins at this depth of calls or less.
@@ -119,23 +119,23 @@ pub struct StopConditions {
 
 impl StopConditions {
     /// Stops at a time only.
-    pub fn at(time: Time) -> Self {
+    pub(super) fn at(time: Time) -> Self {
         Self { until: time, ..Self::default() }
     }
 
     /// Whether every step must be looked at, not only those where another line begins.
-    pub fn watches_every_step(&self) -> bool {
+    pub(super) fn watches_every_step(&self) -> bool {
         let opcodes = |table: &Rc<BreakpointTable>| !table.opcodes.is_empty();
         self.instruction.is_some() || self.below.is_some() || self.breakpoints.as_ref().is_some_and(opcodes)
     }
 
     /// Whether the results of operations are looked at.
-    pub fn watches_results(&self) -> bool {
+    pub(super) fn watches_results(&self) -> bool {
         self.nan || !self.watches.is_empty()
     }
 
     /// Looks at a step that is next.
-    pub fn arrive(&mut self, moment: &Moment<'_>) {
+    pub(super) fn arrive(&mut self, moment: &Moment<'_>) {
         let within = |limit: Option<u32>| limit.is_some_and(|limit| moment.depth <= limit);
         let below = self.below.is_some_and(|limit| moment.depth < limit);
         if below
@@ -150,7 +150,7 @@ impl StopConditions {
     }
 
     /// Looks at what the pipeline reports.
-    pub fn event(&mut self, event: &Event) {
+    pub(super) fn event(&mut self, event: &Event) {
         if self.traversal && is_step_of_traversal(event) {
             self.met.push(Reason::Traversal(None));
         }
@@ -171,7 +171,7 @@ impl StopConditions {
 
     /// Looks at what an operation of one of the shaders has done; `register` reads the registers of
     /// the invocation there.
-    pub fn ran(
+    pub(super) fn ran(
         &mut self,
         time: Time,
         program: &Program,
@@ -202,7 +202,7 @@ impl StopConditions {
     }
 
     /// Whether the invocation stops at the step that is next.
-    pub fn is_met(&mut self, time: Time) -> bool {
+    pub(super) fn is_met(&mut self, time: Time) -> bool {
         if self.collects {
             for reason in self.met.drain(..) {
                 if self.hits.len() == MOST_HITS {
@@ -220,7 +220,7 @@ impl StopConditions {
 }
 
 /// Whether a step through a traversal stops at an event.
-pub fn is_step_of_traversal(event: &Event) -> bool {
+pub(super) fn is_step_of_traversal(event: &Event) -> bool {
     matches!(
         event,
         Event::Trace { .. }
@@ -235,7 +235,7 @@ pub fn is_step_of_traversal(event: &Event) -> bool {
 }
 
 /// The words of a buffer from an offset on; zeros outside.
-pub fn memory(buffer: &Buffer, offset: u64, count: u32) -> Vec<u32> {
+pub(super) fn memory(buffer: &Buffer, offset: u64, count: u32) -> Vec<u32> {
     (0..u64::from(count)).map(|word| buffer.load(offset + 4 * word, 32).unwrap_or(0)).collect()
 }
 
@@ -269,7 +269,7 @@ fn makes_nan(program: &Program, op: OpIndex, register: &dyn Fn(Reg) -> u32) -> b
 }
 
 /// A name for a verdict of the traversal, as breakpoints and listings write it.
-pub fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
+pub(super) fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
     match verdict {
         PrimitiveVerdict::Missed => "missed",
         PrimitiveVerdict::OutsideInterval(_) => "outside-interval",
@@ -283,7 +283,7 @@ pub fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
 }
 
 /// A name for what became of an instance.
-pub fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
+pub(super) fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
     match verdict {
         InstanceVerdict::Entered => "entered",
         InstanceVerdict::Masked => "masked",

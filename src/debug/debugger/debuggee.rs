@@ -2,8 +2,10 @@
 
 use std::any::Any;
 use std::cell::RefCell;
+use std::sync::Arc;
 
-use crate::machine::{Batch, Bindings, BlockIndex, OpIndex, Reg, ShaderIndex};
+use crate::machine::{Batch, Bindings, BlockIndex, Buffer, Lanes, Mask, OpIndex, Reg, ShaderIndex};
+use crate::ops::builtin::{Builtin, stage_letter};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch, Trapped};
 use crate::program::Program;
@@ -12,7 +14,7 @@ use super::tracker::{Followed, Tracker};
 
 /// A shader that has begun and not ended, while everything is paused.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StoppedShader {
+pub(super) struct StoppedShader {
     /// The shader.
     pub shader: ShaderIndex,
     /// The operation or terminator that is next; of a shader that waits, the one that it waits in.
@@ -22,10 +24,10 @@ pub struct StoppedShader {
 }
 
 /// A kept state of a debuggee.
-pub type SavedState = Box<dyn Any>;
+pub(super) type SavedState = Box<dyn Any>;
 
 /// One invocation or ray that runs in steps.
-pub trait Debuggee {
+pub(super) trait Debuggee {
     /// Runs until the tracker pauses it, or to the end.
     fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed;
 
@@ -49,6 +51,15 @@ pub trait Debuggee {
 
     /// The bindings of a shader of the pipeline.
     fn bindings(&self, shader: ShaderIndex) -> &Bindings;
+
+    /// The words of a builtin in one of these shaders; `None` where its stage has none.
+    fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>>;
+
+    /// The data of the shader record of one of these shaders: its buffer, where it begins, its size.
+    fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)>;
+
+    /// The memory of its workgroup.
+    fn workgroup_memory(&self) -> Option<Arc<Buffer>>;
 
     /// The trap that ended it.
     fn trapped(&self) -> Option<&Trapped>;
@@ -105,6 +116,22 @@ where
 
     fn bindings(&self, shader: ShaderIndex) -> &Bindings {
         Self::bindings(self, shader)
+    }
+
+    fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
+        let active = SteppedLaunch::shaders(self).nth(shader)?;
+        let program = &self.pipeline().programs[active.shader.index()];
+        builtin_words(program, active.batch, self.lane(), builtin)
+    }
+
+    fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
+        let active = SteppedLaunch::shaders(self).nth(shader)?;
+        let record = active.batch.invocations.record(self.lane())?;
+        Some((record.data.clone(), record.offset, record.size))
+    }
+
+    fn workgroup_memory(&self) -> Option<Arc<Buffer>> {
+        None
     }
 
     fn trapped(&self) -> Option<&Trapped> {
@@ -164,9 +191,36 @@ where
         Self::bindings(self)
     }
 
+    fn builtin(&self, _: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
+        let batch = self.batch()?;
+        builtin_words(&self.compute().program, batch, self.followed().lane(batch)?, builtin)
+    }
+
+    fn shader_record(&self, _: usize) -> Option<(Arc<Buffer>, u64, u64)> {
+        None
+    }
+
+    fn workgroup_memory(&self) -> Option<Arc<Buffer>> {
+        Some(self.workgroup().memory.clone())
+    }
+
     fn trapped(&self) -> Option<&Trapped> {
         Self::trapped(self)
     }
+}
+
+/// The words of a builtin in a lane of a shader; `None` where its stage has none.
+fn builtin_words<const W: usize>(
+    program: &Program,
+    batch: &Batch<W>,
+    lane: usize,
+    builtin: &'static Builtin,
+) -> Option<Vec<u32>> {
+    builtin.stages.contains(stage_letter(program.stage)).then(|| {
+        let mut registers = vec![Lanes([0; W]); builtin.shape.words() as usize];
+        builtin.read.read(&batch.invocations, Mask::lane(lane), &mut registers);
+        registers.iter().map(|register| register.0[lane]).collect()
+    })
 }
 
 /// The operation of a paused batch that runs next, or the terminator of its block.

@@ -14,7 +14,7 @@ const MOST_CHECKPOINTS: usize = 128;
 const FIRST_INTERVAL: Time = 20_000;
 
 /// A state at a time.
-pub struct Checkpoint {
+pub(super) struct Checkpoint {
     /// The course up to there.
     pub course: Course,
     /// The debuggee.
@@ -28,7 +28,7 @@ pub struct Checkpoint {
 /// What happened for the first time after a checkpoint, up to the next one: enough to know where a
 /// search need not look.
 #[derive(Clone, Debug)]
-pub struct SegmentSummary {
+pub(super) struct SegmentSummary {
     min_depth: u32,
     lines: FxHashSet<LineIndex>,
 }
@@ -41,18 +41,18 @@ impl Default for SegmentSummary {
 
 impl SegmentSummary {
     /// Notes that a line begins.
-    pub fn add(&mut self, depth: u32, line: LineIndex) {
+    pub(super) fn add(&mut self, depth: u32, line: LineIndex) {
         self.min_depth = self.min_depth.min(depth);
         self.lines.insert(line);
     }
 
     /// Whether a line begins at a depth of calls or less.
-    pub fn has_line_within(&self, depth: u32) -> bool {
+    pub(super) fn has_line_within(&self, depth: u32) -> bool {
         self.min_depth <= depth
     }
 
     /// Whether one of these lines begins.
-    pub fn has_one_of(&self, mut lines: impl Iterator<Item = LineIndex>) -> bool {
+    pub(super) fn has_one_of(&self, mut lines: impl Iterator<Item = LineIndex>) -> bool {
         lines.any(|line| self.lines.contains(&line))
     }
 
@@ -63,7 +63,7 @@ impl SegmentSummary {
 }
 
 /// Checkpoints, ascending in time, each with what happened after it.
-pub struct History {
+pub(super) struct History {
     checkpoints: Vec<(Checkpoint, SegmentSummary)>,
     interval: Time,
     /// The time up to which the invocation has run once.
@@ -74,30 +74,30 @@ pub struct History {
 
 impl History {
     /// A history that begins with a state at time 0.
-    pub fn new(beginning: Checkpoint) -> Self {
+    pub(super) fn new(beginning: Checkpoint) -> Self {
         let checkpoints = vec![(beginning, SegmentSummary::default())];
         Self { checkpoints, interval: FIRST_INTERVAL, frontier: 0, end: None }
     }
 
     /// When the next checkpoint is due.
-    pub fn next_due(&self) -> Time {
+    pub(super) fn next_due(&self) -> Time {
         self.last().course.time + self.interval
     }
 
     /// The latest checkpoint.
-    pub fn last(&self) -> &Checkpoint {
+    pub(super) fn last(&self) -> &Checkpoint {
         let last = self.checkpoints.last();
         &last.expect("bug in anyhit: a history without a beginning").0
     }
 
     /// The summary of what happens now for the first time.
-    pub fn open_summary(&mut self) -> &mut SegmentSummary {
+    pub(super) fn open_summary(&mut self) -> &mut SegmentSummary {
         let last = self.checkpoints.last_mut();
         &mut last.expect("bug in anyhit: a history without a beginning").1
     }
 
     /// Adds the state at the frontier.
-    pub fn push(&mut self, checkpoint: Checkpoint) {
+    pub(super) fn push(&mut self, checkpoint: Checkpoint) {
         self.checkpoints.push((checkpoint, SegmentSummary::default()));
         if self.checkpoints.len() > MOST_CHECKPOINTS {
             self.thin_out();
@@ -119,7 +119,7 @@ impl History {
 
     /// Forgets everything after a checkpoint, which is the last one from now on: something was set
     /// by hand there, and the invocation goes another way.
-    pub fn go_another_way(&mut self, edited: Checkpoint) {
+    pub(super) fn go_another_way(&mut self, edited: Checkpoint) {
         let time = edited.course.time;
         self.checkpoints.retain(|(checkpoint, _)| checkpoint.course.time < time);
         (self.frontier, self.end) = (time, None);
@@ -127,30 +127,30 @@ impl History {
     }
 
     /// The first checkpoint after a time at which something was set by hand.
-    pub fn next_edit(&self, time: Time) -> Option<&Checkpoint> {
+    pub(super) fn next_edit(&self, time: Time) -> Option<&Checkpoint> {
         let mut all = self.checkpoints.iter().map(|(checkpoint, _)| checkpoint);
         all.find(|checkpoint| checkpoint.is_edited && checkpoint.course.time > time)
     }
 
     /// The last checkpoint at a time or before it.
-    pub fn before(&self, time: Time) -> &Checkpoint {
+    pub(super) fn before(&self, time: Time) -> &Checkpoint {
         let after = self.checkpoints.partition_point(|(one, _)| one.course.time <= time);
         &self.checkpoints[after.max(1) - 1].0
     }
 
     /// How many segments there are: what lies between two checkpoints, or behind the last.
-    pub fn segments(&self) -> usize {
+    pub(super) fn segments(&self) -> usize {
         self.checkpoints.len()
     }
 
     /// A segment: the checkpoint that it begins with, and what happens in it. Its steps are those
     /// after the checkpoint's, up to the next one's, included; the first has step 0, too.
-    pub fn segment(&self, number: usize) -> &(Checkpoint, SegmentSummary) {
+    pub(super) fn segment(&self, number: usize) -> &(Checkpoint, SegmentSummary) {
         &self.checkpoints[number]
     }
 
     /// The last step of a segment.
-    pub fn segment_end(&self, number: usize) -> Time {
+    pub(super) fn segment_end(&self, number: usize) -> Time {
         self.checkpoints.get(number + 1).map_or(Time::MAX, |(next, _)| next.course.time)
     }
 }

@@ -10,21 +10,21 @@ use crate::program::Program;
 
 /// The buffers and images that an invocation can change.
 #[derive(Clone, Debug, Default)]
-pub struct ChangingMemory {
+pub(super) struct ChangingMemory {
     buffers: Vec<Arc<Buffer>>,
     images: Vec<Arc<Image>>,
 }
 
 /// What they held at one time. Those that have not changed since the copy before are shared with it.
 #[derive(Clone, Debug, Default)]
-pub struct MemoryState {
+pub(super) struct MemoryState {
     buffers: Vec<Arc<[u32]>>,
     images: Vec<Arc<[u64]>>,
 }
 
 impl ChangingMemory {
     /// The memory that shaders can store to; nothing where none of them stores.
-    pub fn of(programs: &[Arc<Program>], resources: &Resources) -> Self {
+    pub(super) fn of(programs: &[Arc<Program>], resources: &Resources) -> Self {
         let mut all = Self::default();
         if !programs.iter().any(|program| program.accesses.iter().any(|access| access.stores)) {
             return all;
@@ -54,7 +54,7 @@ impl ChangingMemory {
     }
 
     /// A copy of what is there now.
-    pub fn state(&self, before: Option<&MemoryState>) -> MemoryState {
+    pub(super) fn state(&self, before: Option<&MemoryState>) -> MemoryState {
         let buffers = self.buffers.iter().enumerate().map(|(at, buffer)| {
             let now = || buffer.words().iter().map(|word| word.load(Relaxed));
             let same = before.and_then(|before| before.buffers.get(at));
@@ -75,7 +75,7 @@ impl ChangingMemory {
     }
 
     /// Puts back what was there.
-    pub fn restore(&self, state: &MemoryState) {
+    pub(super) fn restore(&self, state: &MemoryState) {
         for (buffer, words) in self.buffers.iter().zip(&state.buffers) {
             buffer.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
         }

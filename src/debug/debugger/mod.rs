@@ -10,11 +10,22 @@ mod breakpoint;
 mod condition;
 mod debuggee;
 mod history;
+mod id_places;
+mod inspect;
+pub mod lane_state;
 mod memory_state;
+pub mod source_frames;
+mod source_locals;
 mod source_map;
 mod stack;
+#[cfg(feature = "scenes")]
 mod start;
+mod stopped_lane;
 mod tracker;
+mod value_layout;
+mod value_paths;
+pub mod variable_place;
+pub mod variables;
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -32,9 +43,15 @@ use tracker::{Course, Tracker};
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
+pub use lane_state::LaneState;
+pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
 pub use stack::StackFrame;
 pub use tracker::Time;
+pub use variable_place::VariablePlace;
+pub use variables::{
+    Variable, VariableKind, global_variables, temporaries_in_frame, variables_in_frame, variables_in_scope,
+};
 
 /// A step of the debugger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,8 +8,10 @@ use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
 use crate::module::Id;
 use crate::program::{Program, Terminator};
 
+use super::source_frames::SourceFrame;
+
 /// A line of a source, by its number in [`SourceMap::line`]; 0 where an operation has none.
-pub type LineIndex = u32;
+pub(super) type LineIndex = u32;
 
 /// Where an operation is: its line, and the inlined call that it belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,7 +106,7 @@ impl SourceMap {
 }
 
 /// Whether a path means a file: it is its name, or the last components of it.
-pub fn names_file(name: &str, path: &str) -> bool {
+pub(super) fn names_file(name: &str, path: &str) -> bool {
     let normal = |path: &str| path.replace('\\', "/");
     let (name, path) = (normal(name), normal(path));
     let path = path.strip_prefix("./").unwrap_or(&path);
@@ -167,6 +169,15 @@ impl ShaderSites {
             return Some(SourcePosition { file: *self.files.first()?, line: offset });
         }
         let line = self.program.module.debug_info.line_at(offset)?;
+        Some(SourcePosition { file: *self.files.get(line.file as usize)?, line: line.line })
+    }
+
+    /// The position of a function of the source that is stopped.
+    pub fn position_of(&self, frame: &SourceFrame) -> Option<SourcePosition> {
+        if self.is_disassembled {
+            return self.position(frame.origin.offset);
+        }
+        let line = frame.line?;
         Some(SourcePosition { file: *self.files.get(line.file as usize)?, line: line.line })
     }
 

@@ -5,6 +5,7 @@ use crate::machine::ShaderIndex;
 use crate::module::interface::Stage;
 
 use super::Debugger;
+use super::source_frames::{SourceFrame, source_frames};
 use super::source_map::SourcePosition;
 
 /// A function that has been called and not returned, of one of the shaders.
@@ -16,19 +17,14 @@ pub struct StackFrame {
     pub shader: ShaderIndex,
     /// The shader's stage.
     pub stage: Stage,
+    /// The name of the shader's entry point.
+    pub entry_point: String,
     /// The operation or terminator of the shader that is next, or that waits.
     pub op: OpIndex,
-    /// The inlined call that the function is, an index into the program's scopes.
-    pub scope: u32,
-    /// The instruction that is next or waits in this function, in words from the start of the
-    /// module.
-    pub offset: u32,
-    /// The function's name.
-    pub function: String,
+    /// The function, and the instruction in it that is next or waits.
+    pub source: SourceFrame,
     /// Where it is.
     pub position: Option<SourcePosition>,
-    /// Whether it is the entry point of its shader.
-    pub is_entry: bool,
 }
 
 impl Debugger {
@@ -39,26 +35,16 @@ impl Debugger {
             let sites = self.sources.shader(stopped.shader);
             let calls = stopped.calls.iter().rev().filter_map(|&return_to| sites.call_before(return_to));
             for op in std::iter::once(stopped.op).chain(calls) {
-                let (mut scope, mut offset) = (sites.site(op).scope, sites.offset(op));
-                loop {
-                    let within = sites.program.scopes[scope as usize];
-                    let is_called = scope != 0 && within.call == 0;
-                    frames.push(StackFrame {
-                        number,
-                        shader: stopped.shader,
-                        stage: sites.program.stage,
-                        op,
-                        scope,
-                        offset,
-                        function: sites.function_name(scope),
-                        position: sites.position(offset),
-                        is_entry: scope == 0,
-                    });
-                    if scope == 0 || is_called {
-                        break;
-                    }
-                    (scope, offset) = (within.parent, within.call);
-                }
+                let Some(&origin) = sites.program.origins.get(op.index()) else { continue };
+                frames.extend(source_frames(&sites.program, origin).into_iter().map(|source| StackFrame {
+                    number,
+                    shader: stopped.shader,
+                    stage: sites.program.stage,
+                    entry_point: sites.program.name.clone(),
+                    op,
+                    position: sites.position_of(&source),
+                    source,
+                }));
             }
         }
         frames

@@ -16,7 +16,7 @@ pub type Time = u64;
 
 /// The invocation that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Followed {
+pub(super) enum Followed {
     /// The lane that it has in every batch of a pipeline.
     Lane(usize),
     /// The lane with this `GlobalInvocationId`, in whichever batch of its workgroup it is.
@@ -25,7 +25,7 @@ pub enum Followed {
 
 impl Followed {
     /// Its lane in a batch.
-    pub fn lane<const W: usize>(self, batch: &Batch<W>) -> Option<usize> {
+    pub(super) fn lane<const W: usize>(self, batch: &Batch<W>) -> Option<usize> {
         match self {
             Self::Lane(lane) => Some(lane),
             Self::Invocation(id) => {
@@ -53,7 +53,7 @@ struct FrameLine {
 
 /// What is known of the invocation's course so far: a part of every checkpoint.
 #[derive(Clone, Debug, Default)]
-pub struct Course {
+pub(super) struct Course {
     /// The steps made.
     pub time: Time,
     active: Vec<ActiveShader>,
@@ -68,7 +68,7 @@ pub struct Course {
 
 impl Course {
     /// The depth of the function that runs: how many calls it is in, of functions and of shaders.
-    pub fn depth(&self) -> u32 {
+    pub(super) fn depth(&self) -> u32 {
         (self.frames.len() as u32).saturating_sub(1)
     }
 }
@@ -97,7 +97,7 @@ pub struct Moment<'a> {
 }
 
 /// The observer that follows an invocation.
-pub struct Tracker<'a> {
+pub(super) struct Tracker<'a> {
     pub course: &'a mut Course,
     sources: &'a SourceMap,
     followed: Followed,
@@ -112,7 +112,7 @@ pub struct Tracker<'a> {
 }
 
 impl<'a> Tracker<'a> {
-    pub fn new(
+    pub(super) fn new(
         course: &'a mut Course,
         sources: &'a SourceMap,
         followed: Followed,
@@ -130,7 +130,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// Takes what the pipeline has reported.
-    pub fn take_events(&mut self) {
+    pub(super) fn take_events(&mut self) {
         for event in self.inbox.borrow_mut().drain(..) {
             match &event {
                 Event::Enter { .. } => self.enter(),

@@ -16,6 +16,29 @@ pub enum IdValue {
     Pointer(Box<Pointer>),
 }
 
+/// What ids stood for when a program was lowered, for debuggers: a program that is not optimised
+/// keeps them.
+#[derive(Clone, Debug, Default)]
+pub struct IdValues {
+    /// The values of constants and of variables of the module.
+    globals: FxHashMap<Id, IdValue>,
+    /// By inlined call, the values of its function.
+    locals: FxHashMap<(u32, Id), IdValue>,
+}
+
+impl IdValues {
+    /// What an id stands for in an inlined call, or in the whole module; `None` where the program
+    /// does not use it.
+    pub fn find(&self, scope: u32, id: Id) -> Option<&IdValue> {
+        self.locals.get(&(scope, id)).or_else(|| self.globals.get(&id))
+    }
+
+    /// Records what an id of a function stands for. The last record of an id holds.
+    pub(super) fn record(&mut self, scope: u32, id: Id, value: &IdValue) {
+        self.locals.insert((scope, id), value.clone());
+    }
+}
+
 /// The values of ids: those of a module's constants and variables stay, those of a function last as
 /// long as it is lowered.
 #[derive(Debug)]
@@ -64,6 +87,11 @@ impl Values {
     /// Gives a constant or a variable of the module its value.
     pub(super) fn define_global(&mut self, id: Id, value: IdValue) {
         self.globals.insert(id, value);
+    }
+
+    /// Adds the values of constants and variables of the module to a record.
+    pub(super) fn add_globals(self, record: &mut IdValues) {
+        record.globals = self.globals;
     }
 
     /// The number of values of functions; [`Values::truncate_locals`] goes back to it.

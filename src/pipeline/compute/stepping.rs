@@ -85,6 +85,11 @@ where
         self.id
     }
 
+    /// The workgroup.
+    pub fn workgroup(&self) -> &Arc<Workgroup> {
+        &self.group
+    }
+
     /// The shader.
     pub fn compute(&self) -> &Compute {
         &self.compute

@@ -40,15 +40,15 @@ impl Lowering<'_> {
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
         let locals = self.translator.local_count();
+        let outer = self.translator.origin;
+        self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
+        self.translator.origin.scope = self.scopes.len() as u32 - 1;
         for (&argument, &(parameter, _)) in arguments.iter().zip(&function.parameters) {
             let value = self.translator.value(argument)?;
             self.translator.define(parameter, value);
         }
         let result = self.result_registers(function)?;
         let label = self.label();
-        let outer = self.translator.origin;
-        self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });
-        self.translator.origin.scope = self.scopes.len() as u32 - 1;
         self.depth += 1;
         self.body(function, &ReturnTarget::Inlined { label, result: result.clone() })?;
         self.depth -= 1;

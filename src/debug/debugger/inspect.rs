@@ -1,0 +1,41 @@
+//! What a stopped invocation holds: the variables of a frame.
+
+use super::Debugger;
+use super::lane_state::LaneState;
+use super::stack::StackFrame;
+use super::stopped_lane::StoppedLane;
+use super::variables::{Variable, global_variables, temporaries_in_frame, variables_in_frame};
+
+impl Debugger {
+    /// Calls a function with the lane of a frame's shader.
+    pub fn with_lane<T>(&mut self, frame: &StackFrame, read: impl FnOnce(&mut dyn LaneState) -> T) -> T {
+        read(&mut StoppedLane::new(&mut *self.debuggee, frame.number, frame.shader))
+    }
+
+    /// The local variables of a frame.
+    pub fn locals(&mut self, frame: &StackFrame) -> Vec<Variable> {
+        let program = self.sources.shader(frame.shader).program.clone();
+        self.with_lane(frame, |lane| variables_in_frame(&program, &frame.source, lane))
+    }
+
+    /// The variables of the module of a frame's shader: payload, builtins, buffers and others.
+    pub fn globals(&mut self, frame: &StackFrame) -> Vec<Variable> {
+        let program = self.sources.shader(frame.shader).program.clone();
+        self.with_lane(frame, |lane| global_variables(&program, lane))
+    }
+
+    /// The values of the compiler's own in the block that a frame is in.
+    pub fn temporaries(&mut self, frame: &StackFrame) -> Vec<Variable> {
+        let program = self.sources.shader(frame.shader).program.clone();
+        self.with_lane(frame, |lane| temporaries_in_frame(&program, &frame.source, lane))
+    }
+
+    /// After something was set by hand: what ran after this step before is forgotten, and the
+    /// invocation goes on from here with what was set.
+    pub fn keep_edit(&mut self) {
+        let edited = self.checkpoint(true);
+        self.history.go_another_way(edited);
+        let now = self.course.time;
+        self.output.retain(|(time, _)| *time <= now);
+    }
+}
