@@ -1,5 +1,6 @@
 //! The source-level debugger: variables of a stopped invocation and expressions of them.
 
+pub mod expression;
 mod id_places;
 pub mod lane_state;
 pub mod source_frames;
