@@ -9,8 +9,9 @@ use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::{output, precision};
+use crate::cli::{interactive, output, precision};
 use crate::debug::command;
+use crate::debug::debugger::Debugger;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
 use crate::error::{Error, ErrorKind, Result};
@@ -49,6 +50,10 @@ pub struct TraceOneRayArgs {
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
+    /// Debug it: step by line, forwards and backwards, with breakpoints and variables; commands come
+    /// from the terminal, or from standard input
+    #[arg(long, short, conflicts_with_all = ["json", "all"])]
+    interactive: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -131,6 +136,12 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         let (_, resolved) = session.resolve(&request)?;
         return Ok(args.sanitize.run_one(session.scene(), session.assembled(), &resolved).err());
     }
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let colour = !plain && stdout().is_terminal();
+    if args.interactive {
+        interactive::run(Debugger::of_scene(&session, &request)?, colour)?;
+        return Ok(None);
+    }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
         transcript.scene = "swept-spheres (part of the program)".into();
@@ -140,8 +151,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
         output::print(format_args!("{json}\n"))?;
     } else {
-        let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        let options = RenderOptions { colour: !plain && stdout().is_terminal(), all: args.all };
+        let options = RenderOptions { colour, all: args.all };
         output::print(render::text(&transcript, options))?;
     }
     Ok(trap)

@@ -62,7 +62,8 @@ impl Listing {
         })?;
         let mut text = String::new();
         let first = position.line.saturating_sub(AROUND).max(1);
-        for (number, line) in (1..).zip(source.lines()).skip(first as usize - 1).take(2 * AROUND as usize + 1) {
+        for (number, line) in (1..).zip(source.lines()).skip(first as usize - 1).take(2 * AROUND as usize + 1)
+        {
             let is_current = current == Some(SourcePosition { file: position.file, line: number });
             let mark = if is_current { ">" } else { " " };
             let shown = self.styled("33", &format!("{number:>5}"));

@@ -11,12 +11,14 @@ use std::fmt::Write as _;
 use crate::debug::debugger::{
     Breakpoint, BreakpointPlace, Debugger, StackFrame, Step, Stop, Variable, VariableKind, Watch,
 };
+use crate::debug::values::TypedValue;
 
-pub use command::{COMMANDS, Command, complete};
 use command::{Action, help};
+pub use command::{COMMANDS, Command, complete};
 use listing::Listing;
 
 /// A debugger that understands commands.
+#[derive(Debug)]
 pub struct Console {
     debugger: Debugger,
     /// The frame that commands are about, counted from the innermost.
@@ -68,6 +70,22 @@ impl Console {
         &mut self.debugger
     }
 
+    /// What may complete a line: where the last word begins, and the words that it may become.
+    pub fn complete(&self, line: &str) -> (usize, Vec<String>) {
+        let start =
+            line.rfind(|c: char| !(c.is_alphanumeric() || c == '_' || c == '-')).map_or(0, |at| at + 1);
+        let word = &line[start..];
+        if line[..start].trim().is_empty() {
+            return (start, complete(word).into_iter().map(str::to_owned).collect());
+        }
+        let names = self.debugger.variable_names(self.frame);
+        let names = names.into_iter().chain(self.debugger.sources().function_names());
+        let mut fitting: Vec<String> = names.filter(|name| name.starts_with(word)).collect();
+        fitting.sort_unstable();
+        fitting.dedup();
+        (start, fitting)
+    }
+
     /// Executes a line. An empty one repeats the last step.
     pub fn execute(&mut self, line: &str) -> Reply {
         let line = line.trim();
@@ -105,7 +123,9 @@ impl Console {
                 Ok(self.stopped(&stop))
             }
             Action::Goto => {
-                let time = rest.parse().map_err(|_| format!("`{rest}` is no step number; `where` tells the one here"))?;
+                let time = rest
+                    .parse()
+                    .map_err(|_| format!("`{rest}` is no step number; `where` tells the one here"))?;
                 self.debugger.seek(time);
                 Ok(self.stopped(&Stop::Step))
             }
@@ -121,8 +141,13 @@ impl Console {
                 let stop = self.debugger.back_to_last_write(&frame, &place)?;
                 let text = match &stop {
                     Stop::Wrote(write) => {
-                        let value = place.value_of_words(&write.after);
-                        format!("the step that is next wrote {rest} = {value}\n")
+                        let value = match place.own_registers() {
+                            Some(_) => {
+                                TypedValue::of_type(place.module(), place.ty(), &write.after).to_string()
+                            }
+                            None => listing::words(&write.after),
+                        };
+                        format!("the step that is next writes {rest} = {value}\n")
                     }
                     _ => format!("nothing has written {rest} before\n"),
                 };
@@ -210,7 +235,9 @@ impl Console {
     /// The frame that commands are about.
     fn selected(&self) -> Result<StackFrame, String> {
         let frame = self.debugger.stack().into_iter().nth(self.frame);
-        frame.ok_or_else(|| "everything has run: nothing is stopped (`rnext` goes back, `begin` to the begin)".into())
+        frame.ok_or_else(|| {
+            "everything has run: nothing is stopped (`rnext` goes back, `begin` to the begin)".into()
+        })
     }
 
     fn current_file(&self) -> Option<String> {
@@ -311,7 +338,9 @@ impl Console {
             false => self.frame.saturating_sub(count),
         };
         if wanted == self.frame {
-            return Err(if outwards { "this is the outermost frame" } else { "this is the innermost frame" }.into());
+            return Err(
+                if outwards { "this is the outermost frame" } else { "this is the innermost frame" }.into()
+            );
         }
         self.frame = wanted;
         let frame = self.selected()?;

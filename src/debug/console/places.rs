@@ -166,7 +166,10 @@ pub(super) fn describe(breakpoint: &Breakpoint, sources: &SourceMap) -> String {
                 filter.any_hit.then(|| "for an any-hit shader".to_owned()),
             ];
             let parts: Vec<String> = parts.into_iter().flatten().collect();
-            format!("where traversal decides: {}", if parts.is_empty() { "anything".into() } else { parts.join(", ") })
+            format!(
+                "where traversal decides: {}",
+                if parts.is_empty() { "anything".into() } else { parts.join(", ") }
+            )
         }
     };
     let condition = breakpoint.condition.as_ref().map_or_else(String::new, |text| format!(" if {text}"));

@@ -1,6 +1,11 @@
 //! What a traversal does, in words.
 
+use crate::accel::hit::HitPrimitive;
+use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
+use crate::accel::{Committed, TraceRay};
 use crate::debug::debugger::{instance_verdict_name, is_step_of_traversal, verdict_name};
+use crate::geometry::Ray;
+use crate::machine::RayQueryStep;
 use crate::pipeline::Event;
 
 /// The events that a step through a traversal shows, each in a line.
@@ -18,24 +23,11 @@ pub(super) fn list(events: &[Event]) -> String {
 }
 
 fn describe(event: &Event) -> String {
-    let triple = |[x, y, z]: [f32; 3]| format!("({x}, {y}, {z})");
     match event {
-        Event::Trace { depth, trace, .. } => {
-            let (origin, direction) = (triple(trace.ray.origin), triple(trace.ray.direction));
-            let (near, far) = (trace.ray.t_min, trace.ray.t_max);
-            format!("ray at depth {depth}: origin {origin}, direction {direction}, t from {near} to {far}")
-        }
-        Event::Node(None) => "node of the tree over the instances".into(),
-        Event::Node(Some(instance)) => format!("node of instance {instance}"),
-        Event::Instance(instance, verdict) => {
-            format!("instance {instance}: {}", instance_verdict_name(*verdict))
-        }
-        Event::Primitive(hit, verdict) => {
-            let t = verdict.t().map_or_else(String::new, |t| format!(" at t {t}"));
-            let (instance, geometry, primitive) = (hit.instance, hit.geometry, hit.primitive);
-            let verdict = verdict_name(*verdict);
-            format!("instance {instance}, geometry {geometry}, primitive {primitive}: {verdict}{t}")
-        }
+        Event::Trace { depth, trace, .. } => format!("ray at depth {depth}: {}", ray(trace)),
+        Event::Node(of) => node(*of),
+        Event::Instance(at, verdict) => instance(*at, *verdict),
+        Event::Primitive(hit, verdict) => primitive(*hit, *verdict),
         Event::Candidate { candidate, record, shader, .. } => {
             let decides = match shader {
                 Some(_) if candidate.is_box() => "an intersection shader runs",
@@ -44,24 +36,72 @@ fn describe(event: &Event) -> String {
                 None => "no shader: accepted",
             };
             let (instance, primitive) = (candidate.instance, candidate.primitive);
-            format!("candidate: instance {instance}, primitive {primitive}, hit record {}: {decides}", record.0)
-        }
-        Event::Opaque(committed) => {
-            let candidate = &committed.candidate;
             format!(
-                "committed: instance {}, primitive {} at t {}",
-                candidate.instance, candidate.primitive, candidate.intersection.t
+                "candidate: instance {instance}, primitive {primitive}, hit record {}: {decides}",
+                record.0
             )
         }
+        Event::Opaque(committed) => format!("committed: {}", hit(committed)),
         Event::Traversed { committed: None, record, .. } => format!("a miss: miss record {}", record.0),
         Event::Traversed { committed: Some(committed), record, .. } => {
-            let candidate = &committed.candidate;
-            format!(
-                "the closest hit: instance {}, primitive {} at t {}, hit record {}",
-                candidate.instance, candidate.primitive, candidate.intersection.t, record.0
-            )
+            format!("the closest hit: {}, hit record {}", hit(committed), record.0)
         }
-        Event::RayQuery(query) => format!("ray query: {}", query.step.describe()),
+        Event::RayQuery(query) => format!("ray query: {}", describe_query(&query.step)),
         _ => String::new(),
     }
+}
+
+fn describe_query(step: &RayQueryStep) -> String {
+    match step {
+        RayQueryStep::Initialize(_, trace) => format!("begins: {}", ray(trace)),
+        RayQueryStep::Node(of) => node(*of),
+        RayQueryStep::Instance(at, verdict) => instance(*at, *verdict),
+        RayQueryStep::Primitive(hit, verdict) => primitive(*hit, *verdict),
+        RayQueryStep::Proceed(Some(candidate)) => {
+            format!("a candidate: instance {}, primitive {}", candidate.instance, candidate.primitive)
+        }
+        RayQueryStep::Proceed(None) => "traversal is over".into(),
+        RayQueryStep::Confirm => "the candidate is confirmed".into(),
+        RayQueryStep::Generate(t) => format!("an intersection is generated at t {t}"),
+        RayQueryStep::Terminate => "terminated".into(),
+        RayQueryStep::Commit(committed) => format!("committed: {}", hit(committed)),
+    }
+}
+
+fn ray(trace: &TraceRay) -> String {
+    let triple = |[x, y, z]: [f32; 3]| format!("({x}, {y}, {z})");
+    let Ray { origin, direction, t_min, t_max } = trace.ray;
+    format!("origin {}, direction {}, t from {t_min} to {t_max}", triple(origin), triple(direction))
+}
+
+fn node(instance: Option<u32>) -> String {
+    match instance {
+        None => "node of the tree over the instances".into(),
+        Some(instance) => format!("node of instance {instance}"),
+    }
+}
+
+fn instance(instance: u32, verdict: InstanceVerdict) -> String {
+    format!("instance {instance}: {}", instance_verdict_name(verdict))
+}
+
+fn primitive(hit: HitPrimitive, verdict: PrimitiveVerdict) -> String {
+    let t = match verdict {
+        PrimitiveVerdict::Missed => String::new(),
+        PrimitiveVerdict::OutsideInterval(at)
+        | PrimitiveVerdict::Transparent(at)
+        | PrimitiveVerdict::CulledByOpacity(at)
+        | PrimitiveVerdict::CulledByFace(at)
+        | PrimitiveVerdict::Behind(at)
+        | PrimitiveVerdict::Opaque(at)
+        | PrimitiveVerdict::Candidate(at) => format!(" at t {}", at.t),
+    };
+    let HitPrimitive { instance, geometry, primitive } = hit;
+    format!("instance {instance}, geometry {geometry}, primitive {primitive}: {}{t}", verdict_name(verdict))
+}
+
+fn hit(committed: &Committed) -> String {
+    let candidate = &committed.candidate;
+    let (instance, primitive, t) = (candidate.instance, candidate.primitive, candidate.intersection.t);
+    format!("instance {instance}, primitive {primitive} at t {t}")
 }

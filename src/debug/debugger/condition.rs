@@ -74,7 +74,7 @@ pub struct Watch {
 
 /// An operation that ran.
 #[derive(Clone, Copy, Debug)]
-pub struct Ran<'a> {
+pub(super) struct Ran<'a> {
     /// The shader.
     pub program: &'a Program,
     /// The number of the shader's run: how many shaders had begun before it.
@@ -238,7 +238,7 @@ impl StopConditions {
 }
 
 /// Whether a step through a traversal stops at an event.
-pub(super) fn is_step_of_traversal(event: &Event) -> bool {
+pub fn is_step_of_traversal(event: &Event) -> bool {
     matches!(
         event,
         Event::Trace { .. }
@@ -295,7 +295,7 @@ fn makes_nan(program: &Program, op: OpIndex, register: &dyn Fn(Reg) -> u32) -> b
 }
 
 /// A name for a verdict of the traversal, as breakpoints and listings write it.
-pub(super) fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
+pub fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
     match verdict {
         PrimitiveVerdict::Missed => "missed",
         PrimitiveVerdict::OutsideInterval(_) => "outside-interval",
@@ -309,7 +309,7 @@ pub(super) fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
 }
 
 /// A name for what became of an instance.
-pub(super) fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
+pub fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
     match verdict {
         InstanceVerdict::Entered => "entered",
         InstanceVerdict::Masked => "masked",
