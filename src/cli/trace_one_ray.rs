@@ -1,7 +1,7 @@
 //! `anyhit trace-one-ray`: explains what a ray met and which shaders it called.
 
 use std::io::{IsTerminal, stdout};
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
 use clap::Args;
 
@@ -19,6 +19,7 @@ use crate::geometry::Precision;
 use crate::geometry::Ray;
 use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
+use crate::scene::files::{DiskFiles, Files};
 use crate::scene::{LoadOptions, demo};
 
 /// Traces one ray and explains everything that happened to it.
@@ -139,7 +140,9 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let colour = !plain && stdout().is_terminal();
     if args.interactive {
-        interactive::run(Debugger::of_scene(&session, &request)?, colour)?;
+        let mut debugger = Debugger::of_scene(&session, &request)?;
+        debugger.supply_texts(&mut |name| source_text(args.scene.as_deref(), name));
+        interactive::run(debugger, colour)?;
         return Ok(None);
     }
     let (mut transcript, trap) = session.run(&request)?;
@@ -188,6 +191,22 @@ impl TraceOneRayArgs {
             ..unset
         }))
     }
+}
+
+/// The text of a source that a compiler names and no module holds: from the current folder, the
+/// scene's or one above it.
+fn source_text(scene: Option<&Path>, name: &str) -> Option<String> {
+    // A module may name any file: only those below these folders are read.
+    let is_below = |component: Component<'_>| matches!(component, Component::Normal(_) | Component::CurDir);
+    if !Path::new(name).components().all(is_below) {
+        return None;
+    }
+    let above = scene.into_iter().flat_map(|scene| scene.ancestors().skip(1));
+    let mut folders = std::iter::once(Path::new("")).chain(above);
+    folders.find_map(|folder| {
+        let bytes = DiskFiles.read(&folder.join(name)).ok()?;
+        String::from_utf8(bytes).ok()
+    })
 }
 
 /// A whole number, decimal or with `0x` or `0b`.

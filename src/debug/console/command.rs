@@ -141,6 +141,9 @@ pub fn complete(begin: &str) -> Vec<&'static str> {
     names.filter(|name| name.starts_with(begin)).collect()
 }
 
+/// How wide the list's first column is.
+const USAGE: usize = 28;
+
 /// The list of commands, or what one does.
 pub(super) fn help(word: &str) -> Result<String, String> {
     if !word.is_empty() {
@@ -153,7 +156,10 @@ pub(super) fn help(word: &str) -> Result<String, String> {
     for command in COMMANDS {
         let short = command.names.get(1).map_or_else(String::new, |short| format!(", {short}"));
         let usage = format!("{}{short} {}", command.names[0], command.arguments);
-        let _ = writeln!(text, "{usage:<36}{}", command.about);
+        let usage = usage.trim_end();
+        let gap = if usage.len() < USAGE { "" } else { "\n" };
+        let indent = if gap.is_empty() { USAGE - usage.len() } else { USAGE };
+        let _ = writeln!(text, "{usage}{gap}{:indent$}{}", "", command.about);
     }
     Ok(text + "An empty line repeats the last step.\n")
 }

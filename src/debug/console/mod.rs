@@ -9,7 +9,8 @@ mod traversal_events;
 use std::fmt::Write as _;
 
 use crate::debug::debugger::{
-    Breakpoint, BreakpointPlace, Debugger, StackFrame, Step, Stop, Variable, VariableKind, Watch,
+    Breakpoint, BreakpointPlace, Debugger, StackFrame, Step, Stop, Variable, VariableKind, VariablePlace,
+    Watch,
 };
 use crate::debug::values::TypedValue;
 
@@ -25,8 +26,8 @@ pub struct Console {
     frame: usize,
     /// What is shown at every stop.
     displays: Vec<String>,
-    /// Names of watched expressions, by the number of their breakpoint.
-    watched: Vec<(u32, String)>,
+    /// What is watched, by the number of its breakpoint: the expression and its place.
+    watched: Vec<(u32, String, VariablePlace)>,
     /// How much of the output has been shown.
     shown_output: usize,
     /// Which of the traversal's events at this time was shown last.
@@ -119,7 +120,8 @@ impl Console {
             Action::Nan => self.steps("", Debugger::resume_to_nan),
             Action::Begin => {
                 self.debugger.seek(0);
-                let stop = self.debugger.begin();
+                let is_at_line = self.selected().is_ok_and(|frame| frame.position.is_some());
+                let stop = if is_at_line { Stop::Entry } else { self.debugger.begin() };
                 Ok(self.stopped(&stop))
             }
             Action::Goto => {
@@ -287,11 +289,12 @@ impl Console {
             }
             Stop::Wrote(write) => {
                 let watch = self.debugger.watches().get(write.watch).and_then(|watch| watch.breakpoint);
-                let name = watch.and_then(|id| self.watched.iter().find(|(number, _)| *number == id.0));
-                let name = name.map_or_else(|| "what is watched".to_owned(), |(_, name)| name.clone());
-                let number = watch.map_or_else(String::new, |id| format!("breakpoint {}: ", id.0));
-                let words = |words: &[u32]| listing::words(words);
-                format!("{number}{name} was written: {} -> {}\n", words(&write.before), words(&write.after))
+                let known = watch.and_then(|id| self.watched.iter().find(|(number, ..)| *number == id.0));
+                let Some((number, name, place)) = known else {
+                    return "what is watched was written\n".into();
+                };
+                let [before, after] = [&write.before, &write.after].map(|words| value_of(place, words));
+                format!("breakpoint {number}: {name} was written: {before} -> {after}\n")
             }
             Stop::Nan => "the step before made the first NaN\n".into(),
             Stop::Trap(error) => format!("trapped: {}\n", error.message()),
@@ -368,15 +371,17 @@ impl Console {
 
     fn variables(&mut self, frame: &StackFrame, all: &[Variable]) -> String {
         let mut text = String::new();
-        for variable in all {
-            let value = match variable.is_declared {
-                false => "not declared yet".into(),
-                true => self.debugger.with_lane(frame, |lane| match variable.place.value(lane) {
-                    Ok(value) => value.to_string(),
-                    Err(why) => format!("<{why}>"),
-                }),
-            };
+        let (declared, others): (Vec<_>, Vec<_>) = all.iter().partition(|variable| variable.is_declared);
+        for variable in declared {
+            let value = self.debugger.with_lane(frame, |lane| match variable.place.value(lane) {
+                Ok(value) => value.to_string(),
+                Err(why) => format!("<{why}>"),
+            });
             let _ = writeln!(text, "  {} = {value}", variable.name);
+        }
+        if !others.is_empty() {
+            let names: Vec<&str> = others.iter().map(|variable| &*variable.name).collect();
+            let _ = writeln!(text, "  not declared yet: {}", names.join(", "));
         }
         text
     }
@@ -488,7 +493,7 @@ impl Console {
         let mut watches = self.debugger.watches().to_vec();
         watches.push(Watch { breakpoint: Some(id), words, last: None });
         self.debugger.set_watches(watches);
-        self.watched.push((id.0, rest.to_owned()));
+        self.watched.push((id.0, rest.to_owned(), place));
         Ok(format!("breakpoint {}: where {rest} is written\n", id.0))
     }
 
@@ -530,11 +535,19 @@ impl Console {
         for breakpoint in self.debugger.breakpoints() {
             text += &places::describe(breakpoint, self.debugger.sources());
         }
-        for (number, name) in &self.watched {
+        for (number, name, _) in &self.watched {
             if self.debugger.watches().iter().any(|one| one.breakpoint.is_some_and(|id| id.0 == *number)) {
                 let _ = writeln!(text, "breakpoint {number}: where {name} is written");
             }
         }
         if text.is_empty() { "no breakpoints\n".into() } else { text }
+    }
+}
+
+/// The value of words that lay at a place.
+fn value_of(place: &VariablePlace, words: &[u32]) -> String {
+    match place.own_registers() {
+        Some(_) => TypedValue::of_type(place.module(), place.ty(), words).to_string(),
+        None => listing::words(words),
     }
 }

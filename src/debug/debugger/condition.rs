@@ -131,6 +131,8 @@ pub(super) struct StopConditions {
     pub hits: VecDeque<Hit>,
     /// The reasons at the step that is next.
     pub met: Vec<Reason>,
+    /// Writes of the instruction that runs, of which not all operations may have run.
+    pub writes: Vec<Write>,
 }
 
 impl StopConditions {
@@ -152,6 +154,9 @@ impl StopConditions {
 
     /// Looks at a step that is next.
     pub(super) fn arrive(&mut self, moment: &Moment<'_>) {
+        if moment.begins_instruction {
+            self.met.extend(self.writes.drain(..).map(Reason::Wrote));
+        }
         let within = |limit: Option<u32>| limit.is_some_and(|limit| moment.depth <= limit);
         let below = self.below.is_some_and(|limit| moment.depth < limit);
         if below
@@ -211,7 +216,11 @@ impl StopConditions {
             let is_memory = matches!(watch.words, WatchedWords::Memory(_));
             if before != now || wrote && !is_memory {
                 let time = wrote.then_some(time);
-                self.met.push(Reason::Wrote(Write { watch: watched, time, before, after: now }));
+                // An instruction may be several operations.
+                match self.writes.iter_mut().find(|write| write.watch == watched) {
+                    Some(write) => write.after = now,
+                    None => self.writes.push(Write { watch: watched, time, before, after: now }),
+                }
             }
         }
         if self.nan && makes_nan(program, op, register) {

@@ -175,6 +175,13 @@ impl Debugger {
         &self.sources
     }
 
+    /// Gives sources that no module holds a text; `read` finds it by the file's name.
+    pub fn supply_texts(&mut self, read: &mut dyn FnMut(&str) -> Option<String>) {
+        if let Some(sources) = Rc::get_mut(&mut self.sources) {
+            sources.supply_texts(read);
+        }
+    }
+
     /// The pipeline that is debugged, not optimised.
     pub fn pipeline(&self) -> &Arc<Pipeline> {
         &self.pipeline

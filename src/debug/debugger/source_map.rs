@@ -81,6 +81,13 @@ impl SourceMap {
         &self.shaders
     }
 
+    /// Gives files that no module holds the text of one; `read` finds it by the file's name.
+    pub fn supply_texts(&mut self, read: &mut dyn FnMut(&str) -> Option<String>) {
+        for file in self.files.iter_mut().filter(|file| file.text.is_none()) {
+            file.text = read(&file.name).map(Arc::from);
+        }
+    }
+
     /// The files.
     pub fn files(&self) -> &[SourceText] {
         &self.files
