@@ -406,6 +406,9 @@ impl Console {
                 places::find_line(self.debugger.sources(), &file, line)?
             }
         };
+        if rest.is_empty() && self.debugger.sources().is_disassembly(position) {
+            return self.instructions();
+        }
         let current = self.selected().ok().and_then(|frame| frame.position);
         self.listing.around(self.debugger.sources(), position, current)
     }

@@ -181,13 +181,6 @@ impl StopConditions {
                 self.met.push(Reason::Traversal(Some(*id)));
             }
         }
-        if let Event::Enter { stage, .. } = event {
-            for (id, wanted) in &table.stages {
-                if wanted == stage {
-                    self.met.push(Reason::Breakpoint(*id));
-                }
-            }
-        }
     }
 
     /// Looks at what an operation of one of the shaders has done; `register` reads the registers of

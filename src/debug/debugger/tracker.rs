@@ -51,6 +51,8 @@ struct ActiveShader {
 struct FrameLine {
     scope: u32,
     line: LineIndex,
+    /// Whether its first line has begun.
+    has_begun: bool,
 }
 
 /// What is known of the invocation's course so far: a part of every checkpoint.
@@ -99,7 +101,7 @@ pub struct Moment<'a> {
     pub depth: u32,
     /// Whether a line begins here.
     pub begins_line: bool,
-    /// Whether a function begins here.
+    /// Whether a function begins here: its first line.
     pub begins_function: bool,
     /// Whether an instruction begins here: an instruction may be several operations.
     pub begins_instruction: bool,
@@ -205,16 +207,16 @@ impl<'a> Tracker<'a> {
         let (mut begins_line, mut begins_function) = (false, false);
         if moved {
             course.frames.truncate(depth as usize + 1);
-            let nowhere = FrameLine { scope: u32::MAX, line: 0 };
+            let nowhere = FrameLine { scope: u32::MAX, line: 0, has_begun: false };
             course.frames.resize(depth as usize + 1, nowhere);
             let frame = &mut course.frames[depth as usize];
             if frame.scope != site.scope {
-                *frame = FrameLine { scope: site.scope, line: 0 };
-                begins_function = true;
+                *frame = FrameLine { scope: site.scope, ..nowhere };
             }
             if site.line != 0 && frame.line != site.line {
                 frame.line = site.line;
                 begins_line = true;
+                begins_function = !std::mem::replace(&mut frame.has_begun, true);
             }
             course.last = Some((self.shader, site));
         }

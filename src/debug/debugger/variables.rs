@@ -92,7 +92,28 @@ pub fn variables_in_frame(program: &Program, frame: &SourceFrame, state: &dyn La
         found.push((local.depth, last.unwrap_or(0), variable));
     }
     found.sort_by_key(|(depth, last, variable)| (*depth, !variable.is_declared, Reverse(*last)));
-    found.into_iter().map(|(.., variable)| variable).collect()
+    let mut variables: Vec<Variable> = found.into_iter().map(|(.., variable)| variable).collect();
+    if frame.origin.scope == 0 {
+        find_interface_parameters(program, state, &mut variables);
+    }
+    variables
+}
+
+/// Slang's entry points have payload and attributes as parameters, of which debug information tells
+/// only values that are stored. The variable of the interface that has the name is the parameter.
+fn find_interface_parameters(program: &Program, state: &dyn LaneState, variables: &mut [Variable]) {
+    let is_parameter = |variable: &Variable| variable.kind == VariableKind::Parameter;
+    if !variables.iter().any(is_parameter) {
+        return;
+    }
+    let kinds = [VariableKind::Payload, VariableKind::CallableData, VariableKind::HitAttribute];
+    let interface = global_variables(program, state);
+    let interface: Vec<&Variable> = interface.iter().filter(|one| kinds.contains(&one.kind)).collect();
+    for parameter in variables.iter_mut().filter(|variable| is_parameter(variable)) {
+        if let Some(own) = interface.iter().find(|one| one.name == parameter.name) {
+            (parameter.place, parameter.is_declared) = (own.place.clone(), true);
+        }
+    }
 }
 
 /// The variables of the module that the program uses.
