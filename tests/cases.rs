@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhit::internals::harness::case::Case;
 use anyhit::internals::harness::expect::Expectations;
-use anyhit::internals::harness::many_seeds::ManySeeds;
+use anyhit::internals::harness::many_seeds::{FloatChoices, ManySeeds};
 use anyhit::internals::harness::sanitize_table::scene_levels;
 use anyhit::internals::harness::sanitized::run_sanitized;
 use anyhit::internals::sanitize::{Findings, Levels, Rule, choices, rule};
@@ -163,7 +163,8 @@ fn sanitize(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
 
 /// What depends on drawn choices in a scene.
 fn many_seeds(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
-    ManySeeds { seeds: 0..64, levels: Levels::default(), contracts: true }.run(scene, &assemble(scene)?)
+    let floats = FloatChoices::Fast;
+    ManySeeds { seeds: 0..64, floats, ..ManySeeds::default() }.run(scene, &assemble(scene)?)
 }
 
 /// Under the sanitizer, and with drawn choices, nothing is denied but what the scene allows, as it
@@ -174,7 +175,7 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
     let assembled = assemble(&scene).map_err(failed)?;
     let levels = scene_levels(&scene.document).map_err(failed)?;
     let run = run_sanitized(&scene, &assembled, &assembled.resources, &levels).map_err(failed)?;
-    let drawn = ManySeeds { seeds: 0..8, levels, contracts: false }.run(&scene, &assembled);
+    let drawn = ManySeeds { seeds: 0..8, levels, ..ManySeeds::default() }.run(&scene, &assembled);
     for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn.map_err(failed)?)] {
         let denied: String = findings.denied().map(|finding| finding.render() + "\n").collect();
         if !denied.is_empty() {

@@ -36,13 +36,31 @@ pub enum ChoiceKind {
     RobustRead,
     /// What an undefined value is.
     UndefinedValue,
+    /// What an operation gives whose operands leave its result undefined.
+    UndefinedResult,
+    /// What the memory of a workgroup holds before it is written.
+    WorkgroupMemory,
+    /// What a robust read outside its image gives.
+    RobustTexel,
     /// Whether a sum takes a product that is not rounded.
     Contraction,
+    /// In which order a dot or matrix product adds its products, and which of them are rounded.
+    DotOrder,
+    /// In which order the terms of a sum are added, or the factors of a product multiplied.
+    Reassociation,
+    /// How a quotient is rounded.
+    Division,
+    /// How exact an elementary function is.
+    FunctionPrecision,
+    /// Which sign a zero has.
+    ZeroSign,
+    /// Whether a denormal number is flushed to zero.
+    DenormalFlush,
 }
 
 impl ChoiceKind {
     /// All choices.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 19] = [
         Self::AnyHitOrder,
         Self::AnyHitDuplicate,
         Self::IntersectionRepeat,
@@ -52,12 +70,43 @@ impl ChoiceKind {
         Self::SubgroupSize,
         Self::RobustRead,
         Self::UndefinedValue,
+        Self::UndefinedResult,
+        Self::WorkgroupMemory,
+        Self::RobustTexel,
         Self::Contraction,
+        Self::DotOrder,
+        Self::Reassociation,
+        Self::Division,
+        Self::FunctionPrecision,
+        Self::ZeroSign,
+        Self::DenormalFlush,
     ];
 
-    /// Whether it is about values in registers: what an observer of shaders draws.
+    /// Whether an observer of shaders draws it: it is about values in registers, or about memory
+    /// that shaders alone see.
     pub fn is_of_values(self) -> bool {
-        matches!(self, Self::UndefinedValue | Self::Contraction)
+        let is_undefined = matches!(
+            self,
+            Self::UndefinedValue | Self::UndefinedResult | Self::WorkgroupMemory | Self::RobustTexel
+        );
+        is_undefined || self.is_contracted() || self.is_of_fast_math()
+    }
+
+    /// Whether it is about sums of products that are rounded once.
+    pub fn is_contracted(self) -> bool {
+        matches!(self, Self::Contraction | Self::DotOrder)
+    }
+
+    /// Whether it is about how floats are calculated with, other than sums of products.
+    pub fn is_of_fast_math(self) -> bool {
+        matches!(
+            self,
+            Self::Reassociation
+                | Self::Division
+                | Self::FunctionPrecision
+                | Self::ZeroSign
+                | Self::DenormalFlush
+        )
     }
 }
 
@@ -85,8 +134,8 @@ pub enum DrawnDetails {
         shader: ShaderIndex,
         /// The operation that leaves it open; `None` for what is open when the shader begins.
         op: Option<OpIndex>,
-        /// The id of the variable or the result.
-        id: u32,
+        /// What is drawn there, in words, where there is more to tell than the operation.
+        what: Option<String>,
     },
 }
 
@@ -207,7 +256,7 @@ impl OpenChoices {
         let place = Random::of(0, [self.shader.0.into(), op.index() as u64, offset]).bits();
         let site = self.site(ChoiceKind::RobustRead, launch_id, place);
         let seed = self.draw(site)?.bits();
-        self.note(site, || DrawnDetails::Value { shader: self.shader, op: Some(op), id: 0 });
+        self.note(site, || DrawnDetails::Value { shader: self.shader, op: Some(op), what: None });
         Some(seed)
     }
 

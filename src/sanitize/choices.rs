@@ -14,7 +14,16 @@ pub fn rule_of(kind: ChoiceKind) -> &'static Rule {
         ChoiceKind::SubgroupComposition | ChoiceKind::SubgroupSize => &choice::LANE_DEPENDENT_RESULT,
         ChoiceKind::RobustRead => &choice::ROBUST_READ,
         ChoiceKind::UndefinedValue => &choice::UNDEFINED_DRAWN,
+        ChoiceKind::UndefinedResult => &choice::UNDEFINED_RESULT,
+        ChoiceKind::WorkgroupMemory => &choice::WORKGROUP_DRAWN,
+        ChoiceKind::RobustTexel => &choice::ROBUST_TEXEL,
         ChoiceKind::Contraction => &choice::CONTRACTION,
+        ChoiceKind::DotOrder => &choice::DOT_ORDER,
+        ChoiceKind::Reassociation => &choice::REASSOCIATION,
+        ChoiceKind::Division => &choice::DIVISION_ROUNDING,
+        ChoiceKind::FunctionPrecision => &choice::FUNCTION_PRECISION,
+        ChoiceKind::ZeroSign => &choice::ZERO_SIGN,
+        ChoiceKind::DenormalFlush => &choice::DENORMAL_FLUSH,
     }
 }
 

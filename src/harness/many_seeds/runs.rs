@@ -3,16 +3,19 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::accel::Tlas;
+use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::{Expectations, Observed};
 use crate::harness::many_seeds::values::{OpenValues, ValueDraws};
-use crate::harness::observe::{fresh_resources, read_resources};
+use crate::harness::observe::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::UnstableOutput;
 use crate::harness::stability::outputs::OutputComparison;
-use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite, OpenChoices, Resources, ShaderIndex};
+use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite, Observer, OpenChoices, Resources, ShaderIndex};
 use crate::math::random::Random;
-use crate::pipeline::Launch;
+use crate::pipeline::{Event, Launch};
 use crate::program::Program;
+use crate::sanitize::Levels;
 use crate::scene::pass::{Pass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -69,6 +72,8 @@ fn resource_of(value: &str) -> Option<&str> {
 /// A scene that is run again and again.
 pub(super) struct Runs<'a> {
     scene: &'a ResolvedScene,
+    /// The ray or invocation that runs alone; `None` for all passes.
+    which: Option<&'a ResolvedRequest>,
     /// The scene with its pipelines and resources, which no run changes.
     assembled: &'a Assembled,
     /// Its shaders without optimization, for runs in which values are drawn.
@@ -86,19 +91,29 @@ impl<'a> Runs<'a> {
     ///
     /// # Errors
     /// The trap, those of lowering a shader without optimization, and mistakes in `[expect]`.
-    pub(super) fn new(scene: &'a ResolvedScene, assembled: &'a Assembled) -> Result<Self> {
+    pub(super) fn new(
+        scene: &'a ResolvedScene,
+        assembled: &'a Assembled,
+        which: Option<&'a ResolvedRequest>,
+        levels: &Levels,
+    ) -> Result<Self> {
         let reference = assembled.unoptimized()?;
+        let of_program = |program: &Arc<Program>| OpenValues::of(program, levels);
         let of_pass = |pass: &Pass| match &pass.work {
             PassWork::Launch(launch) => {
-                reference.pipeline_at(launch.pipeline).programs.iter().map(OpenValues::of).collect()
+                reference.pipeline_at(launch.pipeline).programs.iter().map(of_program).collect()
             }
-            PassWork::Dispatch(at) => vec![OpenValues::of(&reference.dispatches[*at].compute.program)],
+            PassWork::Dispatch(at) => vec![of_program(&reference.dispatches[*at].compute.program)],
         };
-        let values = reference.passes.iter().map(of_pass).collect();
+        // A ray from the host needs no launch: then the pipeline stands alone.
+        let mut values: Vec<_> = reference.passes.iter().map(of_pass).collect();
+        if values.is_empty() {
+            values.push(reference.pipeline.programs.iter().map(of_program).collect());
+        }
         let mut expectations = Expectations::read(&scene.document)?;
         expectations.read_with(&scene.files);
         let own = Observed::default();
-        let mut runs = Self { scene, assembled, reference, values, expectations, own };
+        let mut runs = Self { scene, which, assembled, reference, values, expectations, own };
         runs.own = runs.run(None)?;
         Ok(runs)
     }
@@ -106,7 +121,10 @@ impl<'a> Runs<'a> {
     /// The program of a shader of a pass, as it runs where some choice is drawn.
     pub(super) fn program(&self, site: ChoiceSite, shader: ShaderIndex) -> Option<Arc<Program>> {
         let assembled = if site.kind.is_of_values() { &self.reference } else { self.assembled };
-        match &assembled.passes.get(site.pass as usize)?.work {
+        let Some(pass) = assembled.passes.get(site.pass as usize) else {
+            return assembled.pipeline.programs.get(shader.index()).cloned();
+        };
+        match &pass.work {
             PassWork::Launch(launch) => {
                 assembled.pipeline_at(launch.pipeline).programs.get(shader.index()).cloned()
             }
@@ -144,6 +162,9 @@ impl<'a> Runs<'a> {
     /// Runs all passes on a copy of the resources.
     fn run(&self, drawing: Option<&Drawing>) -> Result<Observed> {
         let resources = fresh_resources(&self.assembled.resources);
+        if let Some(which) = self.which {
+            return self.run_one(which, &resources, drawing);
+        }
         for (number, pass) in self.assembled.passes.iter().enumerate() {
             let mut own = self.assembled.pass_resources(pass, &resources).into_owned();
             own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(number as u32)));
@@ -161,6 +182,56 @@ impl<'a> Runs<'a> {
         let mut observed = Observed::default();
         read_resources(self.scene, &resources, &mut observed);
         Ok(observed)
+    }
+
+    /// Runs one ray or invocation, after the passes before it, in which nothing is drawn.
+    fn run_one(
+        &self,
+        which: &ResolvedRequest,
+        resources: &Resources,
+        drawing: Option<&Drawing>,
+    ) -> Result<Observed> {
+        let is_of_values =
+            drawing.is_some_and(|drawing| drawing.kinds.iter().any(|kind| kind.is_of_values()));
+        let assembled = if is_of_values { &self.reference } else { self.assembled };
+        let single = assembled.single_launch(which.pass.as_deref())?;
+        single.run_before(resources)?;
+        let mut own = single.resources(resources).into_owned();
+        own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(single.number as u32)));
+        let launch = Launch { pipeline: &single.pipeline, resources: &own };
+        let mut events = Vec::new();
+        let mut sink: &mut dyn FnMut(Event) = &mut |event| events.push(event);
+        match own.choices.as_deref().filter(|_| is_of_values) {
+            Some(choices) => {
+                let mut draws = ValueDraws::new(&self.values[single.number], choices);
+                let mut draws: &mut dyn Observer<1> = &mut draws;
+                self.run_single(&launch, single.size, which, &mut sink, &mut draws)?;
+            }
+            None => self.run_single(&launch, single.size, which, &mut sink, &mut ())?,
+        }
+        let mut observed = Observed::default();
+        observed.rays.push((None, Ok(first_ray(&single.pipeline, &events))));
+        read_resources(self.scene, resources, &mut observed);
+        Ok(observed)
+    }
+
+    /// Runs one ray or invocation of a launch under an observer.
+    fn run_single(
+        &self,
+        launch: &Launch<'_>,
+        size: [u32; 3],
+        which: &ResolvedRequest,
+        sink: &mut &mut dyn FnMut(Event),
+        observer: &mut impl Observer<1>,
+    ) -> Result<()> {
+        match &which.what {
+            SingleRun::Pixel(id) => launch.run_one(*id, size, sink, observer)?,
+            SingleRun::Ray(given) => {
+                let tlas = self.scene.tlas.first().map_or_else(|| Tlas::empty(), |(_, tlas)| tlas);
+                launch.trace_observed(tlas, given.operands(launch.pipeline)?, sink, observer)?.stats
+            }
+        };
+        Ok(())
     }
 
     /// Runs a pass, with subgroups of another size where that is drawn.
