@@ -13,6 +13,7 @@ use anyhit::internals::harness::expect::Expectations;
 use anyhit::internals::harness::many_seeds::{FloatChoices, ManySeeds};
 use anyhit::internals::harness::sanitize_table::scene_levels;
 use anyhit::internals::harness::sanitized::run_sanitized;
+use anyhit::internals::machine::ChoiceKind;
 use anyhit::internals::sanitize::{Findings, Levels, Rule, choices, rule};
 use anyhit::internals::scene::{LoadOptions, ResolvedScene, SceneFiles, assemble, load_text};
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -161,9 +162,13 @@ fn sanitize(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
     Ok(findings)
 }
 
-/// What depends on drawn choices in a scene.
+/// What depends on drawn choices in the scene of a rule's folder; how floats are calculated is drawn
+/// as far as the rule is about it.
 fn many_seeds(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
-    let floats = FloatChoices::Fast;
+    let folder = scene.path.parent().and_then(Path::file_name);
+    let about =
+        ChoiceKind::ALL.into_iter().filter(|&kind| Some(choices::rule_of(kind).id.as_ref()) == folder);
+    let floats = about.map(FloatChoices::that_include).max().unwrap_or_default();
     ManySeeds { seeds: 0..64, floats, ..ManySeeds::default() }.run(scene, &assemble(scene)?)
 }
 

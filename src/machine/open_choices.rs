@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::accel::{Candidate, Cursor, Tlas, TraceRay, TraversalSeeds};
 use crate::geometry::Ray;
 use crate::machine::index::{OpIndex, ShaderIndex};
+use crate::math::permutation::{OrderLimit, Permutation};
 use crate::math::random::Random;
 
 /// The most draws that a log keeps; each takes some 60 bytes.
@@ -137,6 +138,34 @@ pub enum DrawnDetails {
         /// What is drawn there, in words, where there is more to tell than the operation.
         what: Option<String>,
     },
+    /// Which of two units of an order comes first: the first one, which it does not in this crate's
+    /// order.
+    Order {
+        /// What is in an order.
+        part: OrderPart,
+        /// How many of them move together.
+        unit: u64,
+        /// The numbers of the first ones of both.
+        pair: [u64; 2],
+    },
+}
+
+/// What of a pass is in an order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OrderPart {
+    /// The invocations of a launch, or the workgroups of a dispatch.
+    Grid,
+    /// The invocations of each workgroup.
+    Workgroup,
+}
+
+/// How much of the orders that are drawn is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OrderLimits {
+    /// Of the invocations of a launch, or the workgroups of a dispatch.
+    pub grid: OrderLimit,
+    /// Of the invocations of each workgroup.
+    pub workgroup: OrderLimit,
 }
 
 /// What was drawn of a traversal.
@@ -177,7 +206,8 @@ impl ChoiceLog {
         let details = details.filter(|_| self.keeps_details).map(|details| details());
         let mut draws = self.draws.lock().unwrap_or_else(PoisonError::into_inner);
         if draws.len() < MOST_DRAWS {
-            draws.insert(site, details);
+            let known = draws.entry(site).or_default();
+            *known = details.or(known.take());
         }
     }
 }
@@ -195,6 +225,8 @@ pub struct OpenChoices {
     pub kinds: BTreeSet<ChoiceKind>,
     /// Where they are drawn; `None` for everywhere.
     pub only: Option<Arc<BTreeSet<ChoiceSite>>>,
+    /// How much of the orders that are drawn is kept; `None` for all.
+    pub orders: Option<OrderLimits>,
     /// Where it is noted what was drawn.
     pub log: Option<Arc<ChoiceLog>>,
 }
@@ -229,6 +261,29 @@ impl OpenChoices {
             log.add(site, None::<fn() -> DrawnDetails>);
         }
         Some(drawn)
+    }
+
+    /// Draws the order of so many invocations or workgroups, in units that move together; `None`
+    /// where this crate's own order holds.
+    pub fn draw_order(
+        &self,
+        kind: ChoiceKind,
+        part: OrderPart,
+        count: u64,
+        unit: u64,
+    ) -> Option<Permutation> {
+        let drawn = Permutation::draw(count, unit, &mut self.draw_of_pass(kind)?);
+        let Some(limits) = &self.orders else { return Some(drawn) };
+        let limit = match part {
+            OrderPart::Grid => limits.grid,
+            OrderPart::Workgroup => limits.workgroup,
+        };
+        let (order, pair) = drawn.limited(limit);
+        if let Some(pair) = pair {
+            let pair = pair.map(|number| number * unit);
+            self.note(self.site(kind, [0; 3], 0), || DrawnDetails::Order { part, unit, pair });
+        }
+        Some(order)
     }
 
     /// Whether invocations that see each other's memory run one after the other, not side by side.
@@ -317,7 +372,7 @@ mod tests {
 
     fn choices(seed: u64, kinds: &[ChoiceKind]) -> OpenChoices {
         let kinds = kinds.iter().copied().collect();
-        OpenChoices { seed, pass: 0, shader: ShaderIndex(0), kinds, only: None, log: None }
+        OpenChoices { seed, pass: 0, shader: ShaderIndex(0), kinds, only: None, orders: None, log: None }
     }
 
     #[test]

@@ -119,7 +119,8 @@ impl EntryModes {
                 (SIGNED_ZERO_INF_NAN_PRESERVE, &[width]) => modes.zero_signs_count |= width,
                 (FP_FAST_MATH_DEFAULT, &[ty, mode]) => {
                     let ty = module.type_with_id(Id(ty)).map(|ty| module.ty(ty));
-                    if let (Some(&Type::Float { width, .. }), Some(mode)) = (ty, module.scalar_value(Id(mode)))
+                    if let (Some(&Type::Float { width, .. }), Some(mode)) =
+                        (ty, module.scalar_value(Id(mode)))
                     {
                         modes.defaults.push((width, mode));
                     }

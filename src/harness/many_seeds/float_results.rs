@@ -166,11 +166,7 @@ impl LaneOperation {
 
 /// A quotient: the dividend times the reciprocal of the divisor, or within 2.5 units in the last
 /// place.
-fn quotient(
-    mut random: Random,
-    operation: LaneOperation,
-    arithmetic: &mut FloatArithmetic,
-) -> Option<u64> {
+fn quotient(mut random: Random, operation: LaneOperation, arithmetic: &mut FloatArithmetic) -> Option<u64> {
     let (width, operands) = (operation.kernel.float_result, operation.operands);
     if operands.float(1) == 0.0 || !operands.float(1).is_finite() {
         return None;

@@ -12,6 +12,7 @@ mod float_results;
 mod lane_bits;
 mod live_registers;
 mod minimise;
+mod orders;
 mod report;
 mod robust_texels;
 mod runs;
@@ -29,6 +30,7 @@ use crate::debug::session::ResolvedRequest;
 use crate::debug::shell;
 use crate::error::{ErrorKind, Result};
 use crate::harness::many_seeds::minimise::minimise;
+use crate::harness::many_seeds::orders::{SmallestOrder, smallest};
 use crate::harness::many_seeds::report::DifferenceReport;
 use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
 use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite};
@@ -65,14 +67,13 @@ pub enum FloatChoices {
 }
 
 impl FloatChoices {
-    /// Whether a choice is drawn, as far as this decides.
-    fn include(self, kind: ChoiceKind) -> bool {
-        let least = match kind {
+    /// The least of them in which a choice is drawn.
+    pub fn that_include(kind: ChoiceKind) -> Self {
+        match kind {
             kind if kind.is_contracted() => Self::Contracted,
             kind if kind.is_of_fast_math() => Self::Fast,
             _ => Self::Exact,
-        };
-        self >= least
+        }
     }
 }
 
@@ -114,7 +115,7 @@ impl ManySeeds {
         };
         let levels = &self.levels;
         let is_drawn = |kind: &ChoiceKind| {
-            self.floats.include(*kind) && levels.of(rule_of(*kind)) != Level::Allow
+            self.floats >= FloatChoices::that_include(*kind) && levels.of(rule_of(*kind)) != Level::Allow
         };
         let (values, others): (BTreeSet<_>, BTreeSet<_>) =
             ChoiceKind::ALL.into_iter().filter(is_drawn).partition(|kind| kind.is_of_values());
@@ -173,13 +174,29 @@ impl Search<'_> {
         let (runs, scene, level, command) = (&self.runs, self.scene, self.levels.of(rule), &self.command);
         self.findings.add_of_output(rule, runs.output_hash(&difference), || {
             let least = Self::least(runs, drawing, sites);
+            let order = Self::smallest_order(runs, &least);
+            let orders = order.map(|order| match order {
+                SmallestOrder::Exchange(limits) | SmallestOrder::OneByOne(limits) => limits,
+            });
+            let least = Drawing { orders, ..least };
             let log = ChoiceLog::new(true);
             let logged = Drawing { log: Some(log.clone()), ..least };
             let difference = runs.difference(&logged).unwrap_or(difference);
             let draws: BTreeMap<_, _> = log.take();
+            let is_one_by_one = matches!(order, Some(SmallestOrder::OneByOne(_)));
             let (drawing, draws, difference) = (&logged, &draws, &difference);
-            DifferenceReport { scene, runs, command, kind, drawing, draws, difference }.finding(rule, level)
+            DifferenceReport { scene, runs, command, kind, drawing, draws, difference, is_one_by_one }
+                .finding(rule, level)
         });
+    }
+
+    /// What of the orders of the only pass in which something is drawn suffices, if only orders are.
+    fn smallest_order(runs: &Runs<'_>, drawing: &Drawing) -> Option<SmallestOrder> {
+        let is_order =
+            |kind: &ChoiceKind| matches!(kind, ChoiceKind::InvocationOrder | ChoiceKind::SubgroupComposition);
+        let mut sites = drawing.only.iter().flat_map(|only| only.iter());
+        let (Some(site), None) = (sites.next(), sites.next()) else { return None };
+        drawing.kinds.iter().all(is_order).then(|| smallest(runs, drawing, site.pass))?
     }
 
     /// The drawing of the fewest sites that still makes a difference.

@@ -29,6 +29,8 @@ pub(super) struct DifferenceReport<'a> {
     /// What was drawn there, where it makes a difference to this crate's own choice.
     pub draws: &'a BTreeMap<ChoiceSite, Option<DrawnDetails>>,
     pub difference: &'a RunDifference,
+    /// Whether it suffices that invocations run one after the other, not side by side.
+    pub is_one_by_one: bool,
 }
 
 impl DifferenceReport<'_> {
@@ -50,6 +52,14 @@ impl DifferenceReport<'_> {
             Some((site, Some(DrawnDetails::Traversal(drawn)))) => self.describe_ray(error, site, drawn),
             Some((site, Some(DrawnDetails::Value { shader, op, what }))) => {
                 self.describe_value(error, site, *shader, *op, what.as_deref())
+            }
+            Some((site, Some(DrawnDetails::Order { part, unit, pair }))) => {
+                let [first, second] =
+                    pair.map(|number| self.runs.name_of_unit(site.pass, *part, *unit, number));
+                error.note(format!("the difference is made by {first} coming before {second}"))
+            }
+            _ if self.is_one_by_one => {
+                error.note("it suffices that invocations run one after the other instead of side by side")
             }
             _ => error,
         };

@@ -11,7 +11,9 @@ use crate::harness::many_seeds::values::{OpenValues, ValueDraws};
 use crate::harness::observe::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::UnstableOutput;
 use crate::harness::stability::outputs::OutputComparison;
-use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite, Observer, OpenChoices, Resources, ShaderIndex};
+use crate::machine::{
+    ChoiceKind, ChoiceLog, ChoiceSite, Observer, OpenChoices, OrderLimits, OrderPart, Resources, ShaderIndex,
+};
 use crate::math::random::Random;
 use crate::pipeline::{Event, Launch};
 use crate::program::Program;
@@ -31,6 +33,8 @@ pub(super) struct Drawing {
     pub kinds: BTreeSet<ChoiceKind>,
     /// Where they are drawn; `None` for everywhere.
     pub only: Option<Arc<BTreeSet<ChoiceSite>>>,
+    /// How much of the orders that are drawn is kept; `None` for all.
+    pub orders: Option<OrderLimits>,
     /// Where it is noted what was drawn.
     pub log: Option<Arc<ChoiceLog>>,
 }
@@ -38,13 +42,13 @@ pub(super) struct Drawing {
 impl Drawing {
     /// All draws of some choices.
     pub(super) fn of(seed: u64, kinds: BTreeSet<ChoiceKind>) -> Self {
-        Self { seed, kinds, only: None, log: None }
+        Self { seed, kinds, only: None, orders: None, log: None }
     }
 
     /// The choices of a pass.
     fn of_pass(&self, pass: u32) -> OpenChoices {
-        let Self { seed, kinds, only, log } = self.clone();
-        OpenChoices { seed, pass, shader: ShaderIndex(0), kinds, only, log }
+        let Self { seed, kinds, only, orders, log } = self.clone();
+        OpenChoices { seed, pass, shader: ShaderIndex(0), kinds, only, orders, log }
     }
 }
 
@@ -130,6 +134,48 @@ impl<'a> Runs<'a> {
             }
             PassWork::Dispatch(index) => Some(assembled.dispatches[*index].compute.program.clone()),
         }
+    }
+
+    /// How many invocations or workgroups of a pass stand in an order.
+    pub(super) fn ordered_count(&self, pass: u32, part: OrderPart) -> u64 {
+        let count = |sides: [u32; 3]| sides.into_iter().map(u64::from).product();
+        match (self.pass_work(pass), part) {
+            (Some(PassWork::Launch(launch)), OrderPart::Grid) => count(launch.size),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => count(self.assembled.dispatches[at].groups),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Workgroup) => count(self.workgroup_size(at)),
+            _ => 0,
+        }
+    }
+
+    /// The name of an invocation or a workgroup of a pass, or of the units of them that move
+    /// together from there on.
+    pub(super) fn name_of_unit(&self, pass: u32, part: OrderPart, unit: u64, number: u64) -> String {
+        let place = |[width, height, _]: [u32; 3], number: u64| {
+            let (width, height) = (u64::from(width), u64::from(height));
+            format!("({}, {}, {})", number % width, number / width % height, number / (width * height))
+        };
+        let name = match (self.pass_work(pass), part) {
+            (Some(PassWork::Launch(launch)), _) => format!("invocation {}", place(launch.size, number)),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => {
+                format!("workgroup {}", place(self.assembled.dispatches[at].groups, number))
+            }
+            (Some(&PassWork::Dispatch(at)), OrderPart::Workgroup) => {
+                let layout = self.assembled.dispatches[at].compute.program.workgroup;
+                let number = layout.map_or(number, |layout| layout.index_of(number as u32).into());
+                format!("local invocation {}", place(self.workgroup_size(at), number))
+            }
+            (None, _) => format!("invocation {number}"),
+        };
+        if unit > 1 { format!("the {unit} invocations from {name} on") } else { name }
+    }
+
+    fn pass_work(&self, pass: u32) -> Option<&PassWork> {
+        self.assembled.passes.get(pass as usize).map(|pass| &pass.work)
+    }
+
+    fn workgroup_size(&self, dispatch: usize) -> [u32; 3] {
+        let program = &self.assembled.dispatches[dispatch].compute.program;
+        program.workgroup.map_or([1; 3], |layout| layout.size)
     }
 
     /// Runs the scene with draws; how its outputs then differ, if they do.
