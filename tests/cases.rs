@@ -8,6 +8,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use anyhit::internals::debug::session::ResolvedRequest;
 use anyhit::internals::harness::case::Case;
 use anyhit::internals::harness::expect::Expectations;
 use anyhit::internals::harness::many_seeds::{FloatChoices, ManySeeds};
@@ -180,8 +181,13 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
     let assembled = assemble(&scene).map_err(failed)?;
     let levels = scene_levels(&scene.document).map_err(failed)?;
     let run = run_sanitized(&scene, &assembled, &assembled.resources, &levels).map_err(failed)?;
-    let drawn = ManySeeds { seeds: 0..8, levels, ..ManySeeds::default() }.run(&scene, &assembled);
-    for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn.map_err(failed)?)] {
+    let seeds = ManySeeds { seeds: 0..8, levels, ..ManySeeds::default() };
+    let mut drawn = seeds.run(&scene, &assembled).map_err(failed)?;
+    for (at, _) in &case.rays {
+        let ray = ResolvedRequest::of(&scene.rays[*at]).map_err(failed)?;
+        drawn.extend(seeds.run_one(&scene, &assembled, &ray).map_err(failed)?);
+    }
+    for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn)] {
         let denied: String = findings.denied().map(|finding| finding.render() + "\n").collect();
         if !denied.is_empty() {
             return Err(format!("{what}: this is denied:\n{denied}").into());

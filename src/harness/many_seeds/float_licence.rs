@@ -111,9 +111,14 @@ impl EntryModes {
         let module = &program.module;
         let mut entries = module.entry_points.iter();
         let entry = entries.find(|entry| entry.stage == program.stage && entry.name == program.name);
+        Self::of_modes(module, entry.map_or(&[], |entry| &entry.modes))
+    }
+
+    /// The modes that a list of execution modes says.
+    fn of_modes(module: &Module, list: &[(u32, Vec<u32>)]) -> Self {
         let mut modes =
             Self { has_fast_math_modes: module.capabilities.contains(&FLOAT_CONTROLS2), ..Self::default() };
-        for (number, operands) in entry.into_iter().flat_map(|entry| &entry.modes) {
+        for (number, operands) in list {
             match (*number, &operands[..]) {
                 (DENORM_PRESERVE | DENORM_FLUSH_TO_ZERO, &[width]) => modes.denormals_are_fixed |= width,
                 (SIGNED_ZERO_INF_NAN_PRESERVE, &[width]) => modes.zero_signs_count |= width,
@@ -163,5 +168,71 @@ fn is_formula(module: &Module, words: &[u32]) -> bool {
             _ => false,
         },
         _ => FORMULAS.contains(&opcode),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::module::assemble::Assembler;
+
+    /// The licence of `%22 = OpFAdd %float %21 %21`, which has a decoration with its operands, under
+    /// execution modes. `%23` and `%24` are fast-math modes: none, and `AllowReassoc`.
+    fn licence(capability: Option<u32>, decoration: &[u32], modes: &[(u32, Vec<u32>)]) -> FloatLicence {
+        let mut a = Assembler::bare(100);
+        a.raw(17, &[1]);
+        capability.iter().for_each(|&capability| {
+            a.raw(17, &[capability]);
+        });
+        a.raw(14, &[0, 1]);
+        if !decoration.is_empty() {
+            a.raw(71, &[&[22], decoration].concat());
+        }
+        a.types();
+        a.raw(43, &[6, 21, 1f32.to_bits()]);
+        a.raw(43, &[5, 23, 0]);
+        a.raw(43, &[5, 24, ALLOW_REASSOC as u32]);
+        let mut offset = 0;
+        a.function(30, 31, |a| {
+            offset = a.raw(129, &[6, 22, 21, 21]);
+            a.raw(253, &[]);
+        });
+        let module = a.loaded();
+        EntryModes::of_modes(&module, modes).licence(&module, offset as u32, 32)
+    }
+
+    #[test]
+    fn everything_is_allowed_that_nothing_forbids() {
+        let free = licence(None, &[], &[]);
+        assert!(free.contracts && free.reassociates && free.ignores_zero_sign && free.flushes);
+        assert!(!free.is_formula);
+    }
+
+    #[test]
+    fn no_contraction_forbids_to_join_and_to_reorder() {
+        let bound = licence(None, &[NO_CONTRACTION], &[]);
+        assert!(!bound.contracts && !bound.reassociates && bound.ignores_zero_sign && bound.flushes);
+    }
+
+    #[test]
+    fn modes_of_a_width_preserve_zeros_and_denormals() {
+        let of = |mode, width| licence(None, &[], &[(mode, vec![width])]);
+        assert!(!of(SIGNED_ZERO_INF_NAN_PRESERVE, 32).ignores_zero_sign);
+        assert!(of(SIGNED_ZERO_INF_NAN_PRESERVE, 16).ignores_zero_sign);
+        assert!(!of(DENORM_PRESERVE, 32).flushes && !of(DENORM_FLUSH_TO_ZERO, 32).flushes);
+        assert!(of(DENORM_PRESERVE, 64).flushes);
+    }
+
+    #[test]
+    fn a_fast_math_mode_says_what_is_allowed() {
+        let none = &[(FP_FAST_MATH_DEFAULT, vec![6, 23])][..];
+        let some = &[(FP_FAST_MATH_DEFAULT, vec![6, 24])][..];
+        let strict = licence(Some(FLOAT_CONTROLS2), &[], none);
+        assert!(!strict.contracts && !strict.reassociates && !strict.ignores_zero_sign && strict.flushes);
+        assert!(licence(Some(FLOAT_CONTROLS2), &[], some).reassociates);
+        // The instruction's own mode stands before that of the entry point.
+        let own = [FP_FAST_MATH_MODE, (ALLOW_CONTRACT | IGNORE_ZERO_SIGN) as u32];
+        let own = licence(Some(FLOAT_CONTROLS2), &own, some);
+        assert!(own.contracts && !own.reassociates && own.ignores_zero_sign);
     }
 }

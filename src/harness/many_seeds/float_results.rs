@@ -217,3 +217,74 @@ fn flushed(mut random: Random, operation: LaneOperation, arithmetic: &mut FloatA
         _ => result,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::machine::Registers;
+    use crate::ops::arithmetic::{FDiv, FMul};
+    use crate::ops::glsl::Log2;
+    use crate::ops::lane_kernel::OpFamily;
+    use crate::ops::relational_logical::FOrdGreaterThan;
+
+    /// An operation on two floats of 32 bits, with its own result.
+    fn operation(family: &'static OpFamily, operands: [f32; 2]) -> LaneOperation {
+        let kernel = family.kernel(32).expect("a kernel");
+        let mut registers = Registers::<1>::new(4);
+        let from = [Reg(0), Reg(2), Reg(2)];
+        for (register, operand) in from.into_iter().zip(operands) {
+            registers.set_lane_words(register, 0, [operand.to_bits()]);
+        }
+        let operands = LaneOperands::read(&registers, kernel, &from, 0, 0);
+        let bits = [operands.unsigned(0), operands.unsigned(1), 0];
+        LaneOperation { kernel, operands, result: FloatArithmetic::default().run(kernel, bits) }
+    }
+
+    fn drawn(mut draw: impl FnMut(Random) -> Option<u64>) -> BTreeSet<u64> {
+        (0..400).filter_map(|seed| draw(Random::new(seed))).collect()
+    }
+
+    #[test]
+    fn quotients_are_within_their_bounds() {
+        let of = operation(&FDiv, [41.0, 41.0]);
+        let arithmetic = &mut FloatArithmetic::default();
+        let found = drawn(|random| quotient(random, of, arithmetic));
+        // Below 1 a unit in the last place is half as large: 2.5 of those of 1 are up to 5 floats.
+        let one = u64::from(1f32.to_bits());
+        assert!(found.iter().all(|&bits| (one - 5..=one + 2).contains(&bits)), "{found:?}");
+        assert!(found.contains(&(one - 1)) && found.contains(&(one + 1)), "{found:?}");
+        let by_zero = operation(&FDiv, [1.0, 0.0]);
+        assert!(drawn(|random| quotient(random, by_zero, arithmetic)).is_empty());
+    }
+
+    #[test]
+    fn functions_are_within_their_precision_and_repeat_their_results() {
+        // log2(8) = 3 to 3 units in the last place.
+        let of = operation(&Log2, [8.0, 0.0]);
+        let found = drawn(|random| function_value(random, of));
+        let three = u64::from(3f32.to_bits());
+        assert!(found.len() > 3 && found.iter().all(|&bits| (three - 3..=three + 3).contains(&bits)));
+        let once = |seed| function_value(Random::new(seed), of);
+        assert!((0..20).all(|seed| once(seed) == once(seed)));
+    }
+
+    #[test]
+    fn zeros_have_either_sign_and_other_numbers_keep_theirs() {
+        let both: BTreeSet<u64> = [0f32, -0.0].map(|zero| u64::from(zero.to_bits())).into();
+        assert_eq!(drawn(|random| zero(random, operation(&FMul, [0.0, 3.0]))), both);
+        assert!(drawn(|random| zero(random, operation(&FMul, [-1.0, 3.0]))).is_empty());
+    }
+
+    #[test]
+    fn denormal_operands_and_results_are_flushed() {
+        let arithmetic = &mut FloatArithmetic::default();
+        let product = operation(&FMul, [-1e-20, 1e-20]);
+        let found = drawn(|random| flushed(random, product, arithmetic));
+        assert_eq!(found, [u64::from((-0f32).to_bits())].into());
+        // 1e-40 is above 0 only where it is not flushed; it is where results alone are.
+        let comparison = operation(&FOrdGreaterThan, [1e-40, 0.0]);
+        assert_eq!(drawn(|random| flushed(random, comparison, arithmetic)), [0, 1].into());
+    }
+}

@@ -34,8 +34,8 @@ use crate::harness::many_seeds::orders::{SmallestOrder, smallest};
 use crate::harness::many_seeds::report::DifferenceReport;
 use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
 use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite};
-use crate::sanitize::choices::rule_of;
-use crate::sanitize::{Findings, Level, Levels};
+use crate::sanitize::choices::{is_drawn, rule_of};
+use crate::sanitize::{Findings, Levels};
 use crate::scene::{Assembled, ResolvedScene};
 
 /// How many runs may be spent on leaving out draws of one finding.
@@ -114,11 +114,10 @@ impl ManySeeds {
             Err(error) => return Err(error),
         };
         let levels = &self.levels;
-        let is_drawn = |kind: &ChoiceKind| {
-            self.floats >= FloatChoices::that_include(*kind) && levels.of(rule_of(*kind)) != Level::Allow
-        };
+        let is_wanted =
+            |kind: &ChoiceKind| self.floats >= FloatChoices::that_include(*kind) && is_drawn(*kind, levels);
         let (values, others): (BTreeSet<_>, BTreeSet<_>) =
-            ChoiceKind::ALL.into_iter().filter(is_drawn).partition(|kind| kind.is_of_values());
+            ChoiceKind::ALL.into_iter().filter(is_wanted).partition(|kind| kind.is_of_values());
         let path = scene.path.display().to_string();
         let command = self.command.clone().unwrap_or_else(|| format!("anyhit run {}", shell::word(&path)));
         let mut search = Search { scene, runs, levels, command, findings: Findings::default() };

@@ -64,3 +64,32 @@ fn draw(image: &Image, random: &mut Random) -> [u64; 4] {
     let alphas = [0, format.one(), greatest];
     [0, 0, 0, alphas[random.below(if of_buffer { 3 } else { 2 }) as usize]]
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::machine::format::{Component, Format};
+    use crate::machine::image::ImageShape;
+
+    fn drawn(image: &Image) -> BTreeSet<[u64; 4]> {
+        (0..200).map(|seed| draw(image, &mut Random::new(seed))).collect()
+    }
+
+    #[test]
+    fn outside_an_image_the_alpha_is_0_or_1() {
+        let image = Image::filled(Format::new(Component::Unorm8, 4), ImageShape::plane(2, 1), &[255; 4]);
+        let one = u64::from(1f32.to_bits());
+        assert_eq!(drawn(&image.expect("an image")), [[0; 4], [0, 0, 0, one]].into());
+    }
+
+    #[test]
+    fn outside_a_texel_buffer_any_of_its_texels_is_read() {
+        let shape = ImageShape { dimension: Dimension::Buffer, ..ImageShape::plane(2, 1) };
+        let bytes = [5u32, 7].map(u32::to_le_bytes).concat();
+        let image = Image::new(Format::new(Component::Uint32, 1), shape, &bytes).expect("an image");
+        let zeros = [0, 1, u64::from(u32::MAX)].map(|x| [0, 0, 0, x]);
+        assert_eq!(drawn(&image), zeros.into_iter().chain([[5, 0, 0, 1], [7, 0, 0, 1]]).collect());
+    }
+}

@@ -114,7 +114,11 @@ impl<const W: usize> Observer<W> for ValueDraws<'_> {
         let (shader, choices) = (&self.shaders[self.shader.index()], &self.choices[self.shader.index()]);
         shader.undefined.after(choices, op, batch);
         let executed = &shader.program.ops[op.index()];
-        shader.results.after(choices, op, executed, batch);
-        robust_texels::after(&shader.program, choices, op, executed, batch, bindings);
+        if choices.kinds.contains(&ChoiceKind::UndefinedResult) {
+            shader.results.after(choices, op, executed, batch);
+        }
+        if choices.kinds.contains(&ChoiceKind::RobustTexel) {
+            robust_texels::after(&shader.program, choices, op, executed, batch, bindings);
+        }
     }
 }
