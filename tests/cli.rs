@@ -153,12 +153,12 @@ name = "far away"
     );
     let scene = scratch("drawn-variant.toml", text.as_bytes());
     let scene = scene.to_str().expect("UTF-8");
-    let (code, _, err) =
+    let (code, out, err) =
         run(&["run", scene, "--variant", "far away", "--memory", "robust", "--many-seeds", "4"]);
-    assert_eq!(code, Some(6), "{err}");
+    assert_eq!(code, Some(6), "{out}{err}");
     let told = format!("anyhit run {scene} --variant \"far away\" --memory robust --seed-range ");
-    assert!(err.contains(&told), "{err}");
-    let seed = err.split("--seed-range ").nth(1).and_then(|rest| rest.split_whitespace().next());
+    assert!(out.contains(&told), "{out}");
+    let seed = out.split("--seed-range ").nth(1).and_then(|rest| rest.split_whitespace().next());
     let again = ["--variant", "far away", "--memory", "robust", "--seed-range", seed.expect("a seed")];
     let (code, _, err) = run(&[&["run", scene][..], &again].concat());
     assert_eq!(code, Some(6), "{err}");

@@ -395,7 +395,7 @@ fn a_single_ray_runs_with_many_seeds() {
     let scene = "shaders/many-seeds/tie-order/scene.toml";
     let found = |arguments: &[&str]| {
         let output = run(&[&[scene, "--many-seeds", "8"], arguments].concat());
-        (String::from_utf8(output.stderr).expect("UTF-8"), output.status.code())
+        (String::from_utf8(output.stdout).expect("UTF-8"), output.status.code())
     };
     let ray = "1.25,1,0.25 0,-1,0";
     let (text, code) = found(&["--ray", ray]);
