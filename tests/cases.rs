@@ -163,8 +163,8 @@ fn sanitize(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
     Ok(findings)
 }
 
-/// What depends on drawn choices in the scene of a rule's folder; how floats are calculated is drawn
-/// as far as the rule is about it.
+/// What depends on drawn choices in the scene of a rule's folder; how floats are calculated is
+/// drawn as far as the rule is about it.
 fn many_seeds(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
     let folder = scene.path.parent().and_then(Path::file_name);
     let about =

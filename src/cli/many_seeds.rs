@@ -29,8 +29,8 @@ pub(super) struct ManySeedsArgs {
     /// neither NoContraction nor a fast-math mode forbids it
     #[arg(long, requires = "seeds")]
     contract: bool,
-    /// With --many-seeds: also draw the rest of fast math, within the precision that Vulkan asks
-    /// for and what the module allows: the order of sums, quotients, elementary functions, the sign
+    /// With --many-seeds: also draw the rest of fast math, within the precision of Vulkan
+    /// and what the module allows: the order of sums, quotients, elementary functions, the sign
     /// of zeros, denormal numbers; implies --contract
     #[arg(long, requires = "seeds")]
     fast_math: bool,

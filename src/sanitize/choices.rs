@@ -28,8 +28,8 @@ pub fn rule_of(kind: ChoiceKind) -> &'static Rule {
     }
 }
 
-/// Whether a choice is drawn where rules have these levels: it is not where its own rule is allowed,
-/// or that by which the sanitizer tells of the same undefined value.
+/// Whether a choice is drawn where rules have these levels: it is not where its own rule is
+/// allowed, or that by which the sanitizer tells of the same undefined value.
 pub fn is_drawn(kind: ChoiceKind, levels: &Levels) -> bool {
     let told_otherwise = match kind {
         ChoiceKind::WorkgroupMemory => Some(&memory::UNINIT_WORKGROUP),

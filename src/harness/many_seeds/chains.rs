@@ -24,7 +24,7 @@ enum ChainKind {
     Formula(u32),
     /// Sums and differences.
     Sum,
-    /// Products.
+    /// Products alone.
     Product,
 }
 

@@ -1,7 +1,7 @@
 //! What a module lets compilers and devices do with its floats, operation by operation.
 //!
-//! With `SPV_KHR_float_controls2` the fast-math mode of an instruction says it, or that of the entry
-//! point for floats of its width. Otherwise everything is allowed but what `NoContraction` forbids
+//! With `SPV_KHR_float_controls2` the fast-math mode of an instruction says it, or that of the
+//! entry point for floats of its width. Otherwise everything is allowed but what `NoContraction` forbids
 //! ("the operation cannot be combined with another instruction", and may not be reassociated), and
 //! what `SignedZeroInfNanPreserve` and `DenormPreserve` preserve.
 
@@ -176,8 +176,8 @@ mod tests {
     use super::*;
     use crate::module::assemble::Assembler;
 
-    /// The licence of `%22 = OpFAdd %float %21 %21`, which has a decoration with its operands, under
-    /// execution modes. `%23` and `%24` are fast-math modes: none, and `AllowReassoc`.
+    /// The licence of `%22 = OpFAdd %float %21 %21`, which has a decoration with its operands,
+    /// under execution modes. `%23` and `%24` are fast-math modes: none, and `AllowReassoc`.
     fn licence(capability: Option<u32>, decoration: &[u32], modes: &[(u32, Vec<u32>)]) -> FloatLicence {
         let mut a = Assembler::bare(100);
         a.raw(17, &[1]);

@@ -57,7 +57,7 @@ pub struct ManySeeds {
 /// What is drawn of how floats are calculated with, within what the module allows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FloatChoices {
-    /// Nothing.
+    /// Nothing is drawn of it.
     #[default]
     Exact,
     /// Sums of products.
@@ -189,7 +189,8 @@ impl Search<'_> {
         });
     }
 
-    /// What of the orders of the only pass in which something is drawn suffices, if only orders are.
+    /// What of the orders of the only pass in which something is drawn suffices, if only orders
+    /// are.
     fn smallest_order(runs: &Runs<'_>, drawing: &Drawing) -> Option<SmallestOrder> {
         let is_order =
             |kind: &ChoiceKind| matches!(kind, ChoiceKind::InvocationOrder | ChoiceKind::SubgroupComposition);

@@ -2,8 +2,8 @@
 //!
 //! Of an image, `robustImageAccess` gives zeros, and an alpha of 0 or 1. Of a texel buffer,
 //! `robustBufferAccess` gives any texel that is there, or three zeros and 0, 1 or the greatest
-//! integer. This crate's own choice is that of `robustImageAccess2` and `robustBufferAccess2`: zeros,
-//! and for an alpha that the format lacks 1.
+//! integer. This crate's own choice is that of `robustImageAccess2` and `robustBufferAccess2`:
+//! zeros, and for an alpha that the format lacks 1.
 
 use crate::harness::many_seeds::lane_bits::set_words;
 use crate::machine::format::Class;
