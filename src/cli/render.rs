@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
-use crate::cli::many_seeds::ManySeedsArgs;
+use crate::cli::many_seeds::{ManySeedsArgs, command_line};
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -141,7 +141,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         true => assembled.invocations(),
         false => size.iter().map(|&side| u64::from(side)).product(),
     });
-    let drawn = args.many_seeds.run(&args.sanitize, &resolved, &assembled)?;
+    let drawn = args.many_seeds.run(&args.sanitize, &resolved, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
@@ -197,6 +197,14 @@ pub fn run(args: RenderArgs) -> Result<()> {
         args.stability.run(&resolved, &initial, None, args.json)?;
     }
     Ok(())
+}
+
+/// The command that renders the same again.
+fn repeated(args: &RenderArgs) -> String {
+    let size = args.size.map(|[width, height]| format!("{width}x{height}"));
+    let precision = args.precision.map(|precision| precision.name().to_owned());
+    let flags = [("--size", size), ("--variant", args.variant.variant.clone()), ("--precision", precision)];
+    command_line("render", args.scene.as_deref(), &flags)
 }
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.

@@ -38,7 +38,9 @@ pub use lanes::{
     Freshness, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
 };
 pub use observe::Observer;
-pub use open_choices::{ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices};
+pub use open_choices::{
+    ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices, OrderLimits, OrderPart,
+};
 pub use out_of_bounds::OutOfBoundsIndices;
 pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{QueryNotes, RayQuery, RayQueryEvent, RayQueryStep};

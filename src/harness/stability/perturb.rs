@@ -168,7 +168,7 @@ impl ShaderFacts {
 }
 
 /// The words of the instructions of a module that are decorated `NoContraction`.
-pub(in crate::harness) fn no_contraction(module: &Module) -> HashSet<u32> {
+fn no_contraction(module: &Module) -> HashSet<u32> {
     const NO_CONTRACTION: u32 = 42;
     let blocks = module.functions.iter().flat_map(|function| &function.blocks);
     let instructions = blocks.flat_map(|block| &block.instructions);

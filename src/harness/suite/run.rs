@@ -249,7 +249,7 @@ impl Suite {
         };
         for test in tests {
             let begin = Instant::now();
-            let tester = Tester { loaded: &loaded, test, options, is_variant: case.variant.is_some() };
+            let tester = Tester { loaded: &loaded, test, options, variant: case.variant.as_deref() };
             let outcome = match test.part {
                 Part::Launch => tester.launch(&mut recorder),
                 Part::Ray(ray) => tester.ray(ray, &mut recorder),
@@ -268,7 +268,7 @@ impl Suite {
                 let found = tester.sanitized(levels).map(|run| run.findings);
                 outcome = tester.judge(found, &mut findings);
             }
-            if let (Outcome::Passed, Some(drawn), None) = (&outcome, &options.many_seeds, tester.part()) {
+            if let (Outcome::Passed, Some(drawn)) = (&outcome, &options.many_seeds) {
                 outcome = tester.judge(tester.drawn(drawn), &mut findings);
             }
             if options.shadow {
@@ -353,7 +353,8 @@ struct Tester<'a> {
     loaded: &'a Loaded,
     test: &'a Test,
     options: &'a SuiteOptions,
-    is_variant: bool,
+    /// The variant of the scene that is tested.
+    variant: Option<&'a str>,
 }
 
 impl Tester<'_> {
@@ -397,11 +398,24 @@ impl Tester<'_> {
         }
     }
 
-    /// What depends on drawn choices in the launch.
+    /// What depends on drawn choices in the test.
     fn drawn(&self, drawn: &ManySeeds) -> Result<Findings> {
         let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
         let levels = scene_levels(&scene.document)?.overridden_by(&drawn.levels);
-        ManySeeds { levels, ..drawn.clone() }.run(scene, assembled)
+        let path = scene.path.display().to_string();
+        let ray = self.part().map(|at| &scene.rays[at]);
+        let mut command = match ray {
+            None => format!("anyhit run {}", shell::word(&path)),
+            Some(ray) => command_line(&path, &request(ray)),
+        };
+        if let Some(variant) = self.variant {
+            command += &format!(" --variant {}", shell::word(variant));
+        }
+        let drawn = ManySeeds { levels, command: Some(command), ..drawn.clone() };
+        match ray {
+            None => drawn.run(scene, assembled),
+            Some(ray) => drawn.run_one(scene, assembled, &ResolvedRequest::of(ray)?),
+        }
     }
 
     /// The outcome of a test that passed but for findings, which are kept.
@@ -459,7 +473,7 @@ impl Tester<'_> {
             }
         }
         let mut differences = expectations.differences(&observed);
-        differences.extend(rendering::differences(self.loaded, &observed, self.is_variant)?);
+        differences.extend(rendering::differences(self.loaded, &observed, self.variant.is_some())?);
         Ok(self.outcome(differences, expectations.known_failure.as_ref().map(|why| &why.value), None))
     }
 
