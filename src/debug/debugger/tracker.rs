@@ -3,7 +3,8 @@
 
 use std::cell::RefCell;
 
-use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, ShaderIndex};
+use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Reg, ShaderIndex};
+use crate::ops::op::Op;
 use crate::pipeline::Event;
 
 use super::condition::{Ran, StopConditions};
@@ -42,6 +43,8 @@ struct ActiveShader {
     run: u64,
     /// The depth of its entry point among all function calls.
     base: u32,
+    /// The first register of the payload or callable data of its last call.
+    passes: Option<Reg>,
     last_block: Option<BlockIndex>,
     last_calls: usize,
 }
@@ -81,6 +84,12 @@ impl Course {
     /// The run of a shader that has begun and not ended, by its number from the outermost.
     pub(super) fn run(&self, number: usize) -> Option<u64> {
         Some(self.active.get(number)?.run)
+    }
+
+    /// The run of the shader that called one of them, and the first register of what that was given.
+    pub(super) fn caller(&self, number: usize) -> Option<(u64, Reg)> {
+        let caller = self.active.get(number.checked_sub(1)?)?;
+        Some((caller.run, caller.passes?))
     }
 }
 
@@ -162,7 +171,7 @@ impl<'a> Tracker<'a> {
         let base = self.course.frames.len() as u32;
         let run = self.course.begun;
         self.course.begun += 1;
-        self.course.active.push(ActiveShader { run, base, last_block: None, last_calls: 0 });
+        self.course.active.push(ActiveShader { run, base, passes: None, last_block: None, last_calls: 0 });
         self.course.last = None;
     }
 
@@ -250,6 +259,22 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         if self.course.active.is_empty() && self.lane.is_some() {
             self.enter();
         }
+        if self.conditions.watches_results()
+            && let Some(lane) = self.running_lane(batch)
+            && let Some(active) = self.course.active.last()
+        {
+            self.conditions.resumed(active.run, &|reg| batch.registers[reg].0[lane]);
+        }
+    }
+
+    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+        let program = &self.sources.shader(shader).program;
+        if self.lane.is_some()
+            && let Some(Op::Stop(call)) = program.ops.get(batch.stopped_at().index())
+            && let Some(active) = self.course.active.last_mut()
+        {
+            active.passes = call.payload_span().map(|span| span.first);
+        }
     }
 
     fn block(&mut self, batch: &Batch<W>) {
@@ -287,7 +312,7 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
             let run = self.course.run(number).unwrap_or_default();
             // The step was counted before it was made.
             let time = self.course.time - 1;
-            let ran = Ran { program, run, number, op };
+            let ran = Ran { program, run, caller: self.course.caller(number), op };
             self.conditions.ran(time, ran, &|reg| batch.registers[reg].0[lane]);
         }
     }
