@@ -89,16 +89,19 @@ impl Module {
     }
 
     /// The name of an id in the source, or its number: `%12`.
+    #[doc(hidden)]
     pub fn name_or_number(&self, id: Id) -> String {
         self.name(id).map_or_else(|| format!("%{}", id.0), str::to_owned)
     }
 
     /// The name of an id in quotes, or its number.
+    #[doc(hidden)]
     pub fn quoted_name(&self, id: Id) -> String {
         self.name(id).map_or_else(|| format!("%{}", id.0), |name| format!("`{name}`"))
     }
 
     /// The type of a part of a composite, by its index where that is known.
+    #[doc(hidden)]
     pub fn part(&self, ty: TypeId, index: Option<u64>) -> Option<TypeId> {
         Some(match *self.ty(ty) {
             Type::Struct { ref members, .. } => members.get(usize::try_from(index?).ok()?)?.ty,
@@ -111,6 +114,7 @@ impl Module {
     }
 
     /// Whether the module declares the capability `VulkanMemoryModel`.
+    #[doc(hidden)]
     pub fn has_vulkan_memory_model(&self) -> bool {
         const VULKAN_MEMORY_MODEL: u32 = 5345;
         self.capabilities.contains(&VULKAN_MEMORY_MODEL)
