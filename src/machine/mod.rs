@@ -46,7 +46,7 @@ pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{QueryNotes, RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, BindingSummary, Bindings, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
-pub use trap::{AccessFault, Exit, LaneTrap, TrapCode};
+pub use trap::{AccessFault, Exit, HitRecordTerms, LaneTrap, TrapCode};
 pub use turns::{LoopTurns, Turns};
 pub use watchdog::{LaunchFuel, LaunchLimits, TaskWatch, Watchdog};
 pub use workgroup::Workgroup;

@@ -88,6 +88,38 @@ impl Module {
         Some(name).map(|name| &**name).filter(|name| !name.is_empty())
     }
 
+    /// The name of an id in the source, or its number: `%12`.
+    #[doc(hidden)]
+    pub fn name_or_number(&self, id: Id) -> String {
+        self.name(id).map_or_else(|| format!("%{}", id.0), str::to_owned)
+    }
+
+    /// The name of an id in quotes, or its number.
+    #[doc(hidden)]
+    pub fn quoted_name(&self, id: Id) -> String {
+        self.name(id).map_or_else(|| format!("%{}", id.0), |name| format!("`{name}`"))
+    }
+
+    /// The type of a part of a composite, by its index where that is known.
+    #[doc(hidden)]
+    pub fn part(&self, ty: TypeId, index: Option<u64>) -> Option<TypeId> {
+        Some(match *self.ty(ty) {
+            Type::Struct { ref members, .. } => members.get(usize::try_from(index?).ok()?)?.ty,
+            Type::Array { element: part, .. }
+            | Type::RuntimeArray { element: part, .. }
+            | Type::Vector { component: part, .. }
+            | Type::Matrix { column: part, .. } => part,
+            _ => return None,
+        })
+    }
+
+    /// Whether the module declares the capability `VulkanMemoryModel`.
+    #[doc(hidden)]
+    pub fn has_vulkan_memory_model(&self) -> bool {
+        const VULKAN_MEMORY_MODEL: u32 = 5345;
+        self.capabilities.contains(&VULKAN_MEMORY_MODEL)
+    }
+
     /// The id that declares a type.
     #[doc(hidden)]
     pub fn id_of_type(&self, ty: TypeId) -> Option<Id> {

@@ -70,7 +70,8 @@ fn extension(ty: &Type) -> &'static str {
     }
 }
 
-/// Rejects loads, stores and copies of objects that can only be used through a pointer.
+/// Rejects loads, stores, copies and initializers of objects that can only be used through a
+/// pointer.
 ///
 /// # Errors
 /// `InvalidModule`
@@ -79,8 +80,9 @@ pub fn check_copyable(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
         return Ok(());
     }
     let found = translator.module.describe_type(ty);
-    let error = translator
-        .invalid(format!("{found} cannot be loaded, stored or copied: only pointers to it can be used"));
+    let error = translator.invalid(format!(
+        "{found} cannot be loaded, stored, copied or initialized: only pointers to it can be used"
+    ));
     Err(error.note("SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"))
 }
 
