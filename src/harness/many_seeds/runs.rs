@@ -11,7 +11,7 @@ use crate::harness::stability::UnstableOutput;
 use crate::harness::stability::outputs::OutputComparison;
 use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite, OpenChoices, Resources, ShaderIndex};
 use crate::math::random::Random;
-use crate::pipeline::Launch;
+use crate::pipeline::{Event, Launch};
 use crate::program::Program;
 use crate::scene::pass::{Pass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
@@ -190,7 +190,7 @@ impl<'a> Runs<'a> {
             PassWork::Launch(launch) => {
                 let pipeline = self.reference.pass_pipeline(launch);
                 let one = Launch { pipeline: &pipeline, resources };
-                one.run_observed(launch.size, &mut |_| (), &mut draws)?;
+                one.run_observed(launch.size, &mut |_: Event| (), &mut draws)?;
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.reference.dispatches[*index];
