@@ -64,6 +64,8 @@ pub mod many_seeds;
 #[cfg(feature = "scenes")]
 mod observe;
 #[cfg(feature = "scenes")]
+pub mod pixel_cost;
+#[cfg(feature = "scenes")]
 pub mod rendering;
 #[cfg(feature = "scenes")]
 pub mod run;
