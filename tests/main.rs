@@ -34,6 +34,7 @@ mod limits;
 mod load_fixtures;
 mod load_hostile;
 mod load_limits;
+mod looking;
 mod lower_fixtures;
 mod lower_hostile;
 mod misuse;
