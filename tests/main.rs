@@ -35,6 +35,7 @@ mod limits;
 mod load_fixtures;
 mod load_hostile;
 mod load_limits;
+mod looking;
 mod lower_fixtures;
 mod lower_hostile;
 mod misuse;

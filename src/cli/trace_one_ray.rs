@@ -8,6 +8,7 @@ use clap::Args;
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
+use crate::cli::render::size;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{interactive, output, precision};
@@ -48,6 +49,9 @@ pub struct TraceOneRayArgs {
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
+    /// Width and height of the launch, instead of the scene's own, as for `anyhit render`
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
     /// The precision of intersections, instead of the scene's own; only `exact` is right on every
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
@@ -119,6 +123,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         None => args.request()?,
     };
     let options = LoadOptions {
+        size: args.size,
         precision: args.precision,
         variant: args.variant.variant.clone(),
         ..LoadOptions::default()

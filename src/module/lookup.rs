@@ -71,6 +71,16 @@ impl Module {
         }
     }
 
+    /// A function's name in the source: from debug information, else from `OpName`, without the
+    /// types of its parameters that glslang appends to both.
+    #[doc(hidden)]
+    pub fn function_name(&self, function: Id) -> Option<&str> {
+        let info = &self.debug_info;
+        let name = info.function_names.get(&function).map(|name| &**name);
+        let name = name.or_else(|| info.names.get(&function).map(String::as_str))?;
+        name.split(['(', ',']).next().filter(|name| !name.is_empty())
+    }
+
     /// The name of an id in the source: from `OpName`, else from debug information.
     ///
     /// glslang writes a function's parameters into its name, `divide(f1;f1;`: these are removed.

@@ -307,7 +307,7 @@ impl<'a> Runs<'a> {
             PassWork::Launch(launch) => {
                 let pipeline = self.reference.pass_pipeline(launch);
                 let one = Launch { pipeline: &pipeline, resources };
-                one.run_observed(launch.size, &mut |_| (), &mut draws)?;
+                one.run_observed(launch.size, &mut |_: Event| (), &mut draws)?;
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.reference.dispatches[*index];

@@ -10,6 +10,8 @@ use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::blame::{Writer, writer};
 use crate::harness::case::Loaded;
 use crate::harness::coverage::Recorder;
+#[cfg(feature = "cli")]
+use crate::harness::expect::PictureDifference;
 use crate::harness::expect::{Difference, Subject};
 use crate::harness::many_seeds::ManySeeds;
 use crate::harness::observe::fresh_resources;
@@ -254,11 +256,28 @@ impl Tester<'_> {
                 saved.push(&picture.name);
                 match pictures::save(&self.options.pictures, &self.test.name, picture) {
                     Ok(paths) => failure.pictures.extend(paths),
-                    Err(error) => failure.errors.push(error),
+                    Err(error) => {
+                        failure.errors.push(error);
+                        continue;
+                    }
                 }
+                #[cfg(feature = "cli")]
+                self.add_page(picture, &mut failure);
             }
         }
         Outcome::Failed(Box::new(failure))
+    }
+
+    /// Saves the page about a picture that differs. Without it the pictures still stand.
+    #[cfg(feature = "cli")]
+    fn add_page(&self, picture: &PictureDifference, failure: &mut TestFailure) {
+        let explains = !self.options.no_explanation;
+        let (folder, test) = (&self.options.pictures, &self.test.name);
+        let is_variant = self.variant.is_some();
+        match pictures::save_page(folder, test, picture, self.loaded, explains, is_variant) {
+            Ok(path) => failure.pictures.push(path),
+            Err(error) => failure.errors.push(error),
+        }
     }
 
     /// Explains the ray that a difference is about.
