@@ -174,10 +174,8 @@ impl<'m> ScopeReader<'m> {
                 let parts = self.number(*count).unwrap_or(0);
                 self.types.insert(result, SourceType { name: None, parts });
             }
-            (DebugOp::DebugOperation, [operation, ..]) => {
-                if self.number(*operation) == Some(DEREF) {
-                    self.derefs.insert(result);
-                }
+            (DebugOp::DebugOperation, [operation, ..]) if self.number(*operation) == Some(DEREF) => {
+                self.derefs.insert(result);
             }
             (DebugOp::DebugExpression, operations) => match operations {
                 [] => {}

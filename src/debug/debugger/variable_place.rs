@@ -150,10 +150,7 @@ impl MemoryBase {
             }
             Self::Address(address) => {
                 if DeviceMemory::is_null(address) {
-                    return Err(match address {
-                        0 => "the pointer is null".to_owned(),
-                        _ => format!("{address:#x} is too near to the null pointer"),
-                    });
+                    return Err(format!("{address:#x} is too near to the null pointer"));
                 }
                 let (buffer, first) = state
                     .bindings()
@@ -611,6 +608,7 @@ impl VariablePlace {
             Self::memory(context, ty, MemoryPlace { base, offset, layout: PointeeLayout::default(), packed })
         };
         Ok(match (storage_class, words) {
+            (storage::PHYSICAL_STORAGE_BUFFER, &[0, 0]) => return Err("the pointer is null".into()),
             (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
                 memory(MemoryBase::Address(u64::from(low) | u64::from(high) << 32), 0, false)
             }

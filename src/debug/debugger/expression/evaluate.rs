@@ -174,10 +174,6 @@ impl<'a> Evaluator<'a> {
         if let Some(variable) = known().find(|variable| variable.is_declared) {
             return place(variable.place.clone());
         }
-        if let Some(later) = known().next() {
-            let line = later.declared_line.map_or_else(String::new, |line| format!(" before line {line}"));
-            return Err(format!("`{name}` is not declared{line}"));
-        }
         let anonymous =
             self.variables.iter().filter(|variable| variable.is_anonymous || variable.name == "this");
         if let Some(member) = anonymous.filter_map(|variable| self.member_place(&variable.place, name)).next()
@@ -186,6 +182,10 @@ impl<'a> Evaluator<'a> {
         }
         if let Some(constant) = self.constant(name) {
             return place(constant);
+        }
+        if let Some(later) = known().next() {
+            let line = later.declared_line.map_or_else(String::new, |line| format!(" before line {line}"));
+            return Err(format!("`{name}` is not declared{line}"));
         }
         match builtin_of_name(name) {
             Some(builtin) => self.builtin(name, builtin),
