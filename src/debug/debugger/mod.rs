@@ -3,6 +3,7 @@
 pub mod expression;
 mod id_places;
 pub mod lane_state;
+mod place_memory;
 pub mod source_frames;
 mod source_locals;
 mod value_layout;

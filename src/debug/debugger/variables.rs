@@ -7,10 +7,11 @@ use smallvec::SmallVec;
 
 use crate::debug::debugger::id_places::IdPlaces;
 use crate::debug::debugger::lane_state::LaneState;
+use crate::debug::debugger::place_memory::PlaceContext;
 use crate::debug::debugger::source_frames::{SourceFrame, source_frames};
 use crate::debug::debugger::source_locals::{SourceLocal, locals_of};
 use crate::debug::debugger::value_paths::{FoundPart, assemble, reaching};
-use crate::debug::debugger::variable_place::{PlaceContext, VariablePlace};
+use crate::debug::debugger::variable_place::VariablePlace;
 use crate::machine::OpIndex;
 use crate::module::debug_scopes::{LocationForm, VariableLocation};
 use crate::module::ty::Type;
