@@ -194,7 +194,7 @@ impl<'m> ScopeReader<'m> {
                 self.add_location(offset, Id(*variable), Id(*value), form, path);
             }
             (DebugOp::DebugValue, [variable, value, expression, path @ ..]) => {
-                let form = self.expressions.get(&Id(*expression)).copied().unwrap_or(LocationForm::Value);
+                let form = self.expressions.get(&Id(*expression)).copied().unwrap_or(LocationForm::Direct);
                 self.add_location(offset, Id(*variable), Id(*value), form, path);
             }
             _ => {}

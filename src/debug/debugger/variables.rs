@@ -240,7 +240,7 @@ fn place_of_local(
 fn place_of(places: &IdPlaces<'_>, location: &VariableLocation) -> VariablePlace {
     match location.form {
         LocationForm::Declared | LocationForm::Pointer => places.pointee(location.value),
-        LocationForm::Value => places.value(location.value),
+        LocationForm::Direct => places.value(location.value),
         LocationForm::Calculated => {
             let why: Arc<str> = "it is an expression of debug information that is not evaluated".into();
             let ty = places.program.module.type_of(location.value).unwrap_or_else(|| places.void());
