@@ -24,6 +24,7 @@ mod driver_golden;
 #[cfg(feature = "stress")]
 mod exact_intersections;
 mod examples;
+mod expressions;
 mod file_circles;
 mod first_tests;
 mod fixtures;
@@ -61,6 +62,7 @@ mod scene_init;
 mod skips;
 mod skips_payload;
 mod smoke;
+mod source_variables;
 mod stability;
 #[cfg(feature = "stress")]
 mod stress;

@@ -64,7 +64,7 @@ impl Debugger {
     pub fn place(&mut self, frame: &StackFrame, text: &str) -> Result<VariablePlace, String> {
         self.with_value(frame, text, |value, _| match value {
             Evaluated::Place(place) => Ok(place),
-            Evaluated::Numbers(_) => Err(format!("`{text}` is calculated: it lies nowhere")),
+            Evaluated::CalculatedValue(_) => Err(format!("`{text}` is calculated: it lies nowhere")),
         })
     }
 

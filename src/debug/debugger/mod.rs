@@ -16,6 +16,7 @@ mod inspect;
 pub mod lane_state;
 mod last_write;
 mod memory_state;
+mod place_memory;
 pub mod source_frames;
 mod source_locals;
 mod source_map;

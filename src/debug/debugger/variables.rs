@@ -7,10 +7,11 @@ use smallvec::SmallVec;
 
 use crate::debug::debugger::id_places::IdPlaces;
 use crate::debug::debugger::lane_state::LaneState;
+use crate::debug::debugger::place_memory::PlaceContext;
 use crate::debug::debugger::source_frames::{SourceFrame, source_frames};
 use crate::debug::debugger::source_locals::{SourceLocal, locals_of};
 use crate::debug::debugger::value_paths::{FoundPart, assemble, reaching};
-use crate::debug::debugger::variable_place::{PlaceContext, VariablePlace};
+use crate::debug::debugger::variable_place::VariablePlace;
 use crate::machine::OpIndex;
 use crate::module::debug_scopes::{LocationForm, VariableLocation};
 use crate::module::ty::Type;
@@ -260,7 +261,7 @@ fn place_of_local(
 fn place_of(places: &IdPlaces<'_>, location: &VariableLocation) -> VariablePlace {
     match location.form {
         LocationForm::Declared | LocationForm::Pointer => places.pointee(location.value),
-        LocationForm::Value => places.value(location.value),
+        LocationForm::Direct => places.value(location.value),
         LocationForm::Calculated => {
             let why: Arc<str> = "it is an expression of debug information that is not evaluated".into();
             let ty = places.program.module.type_of(location.value).unwrap_or_else(|| places.void());
