@@ -30,6 +30,7 @@ pub mod variables;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use crate::error::Error;
 use crate::machine::printed::Printed;
@@ -87,6 +88,8 @@ pub enum Stop {
     Nan,
     /// The step that is next traps.
     Trap(Error),
+    /// Another thread asked for it; [`Debugger::proceed`] goes on with what was interrupted.
+    Interrupted,
     /// Nothing is before this.
     Beginning,
     /// Everything has run.
@@ -108,6 +111,11 @@ pub struct Debugger {
     /// What was printed, with the time after it.
     output: Vec<(Time, String)>,
     ended: bool,
+    /// Whether it stops where an operation makes a NaN of numbers, too.
+    stops_at_nan: bool,
+    interrupt: Option<Arc<AtomicBool>>,
+    /// What was interrupted.
+    interrupted: Option<StopConditions>,
 }
 
 impl Debugger {
@@ -138,6 +146,27 @@ impl Debugger {
             last_breakpoint: 0,
             output: Vec::new(),
             ended: false,
+            stops_at_nan: false,
+            interrupt: None,
+            interrupted: None,
+        }
+    }
+
+    /// Sets the flag with which another thread interrupts runs forwards.
+    pub fn interrupted_by(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = Some(flag);
+    }
+
+    /// Whether [`Debugger::resume`] also stops where an operation makes a NaN of numbers.
+    pub fn stop_at_nan(&mut self, stops: bool) {
+        self.stops_at_nan = stops;
+    }
+
+    /// Goes on with what was interrupted.
+    pub fn proceed(&mut self) -> Stop {
+        match self.interrupted.take() {
+            Some(conditions) => self.run(conditions),
+            None => Stop::Step,
         }
     }
 
@@ -204,6 +233,7 @@ impl Debugger {
             until: Time::MAX,
             breakpoints: Some(self.table.clone()),
             watches,
+            nan: self.stops_at_nan,
             ..StopConditions::default()
         })
     }
@@ -218,8 +248,14 @@ impl Debugger {
         if self.ended {
             return Stop::End;
         }
+        conditions.interrupt.clone_from(&self.interrupt);
+        self.interrupted = None;
         if self.advance(&mut conditions) == Resumed::Ended {
             return self.at_end();
+        }
+        if conditions.only_arrived() && self.course.time < conditions.until {
+            self.interrupted = Some(conditions);
+            return Stop::Interrupted;
         }
         let reasons = std::mem::take(&mut conditions.met);
         let of_breakpoint = |reason: &Reason| match reason {
@@ -255,6 +291,7 @@ impl Debugger {
                 true => self.history.next_due(),
                 false => self.history.frontier,
             };
+            let chunk = chunk.min(conditions.next_look(self.course.time));
             conditions.until = until.min(chunk).min(edit.unwrap_or(Time::MAX));
             conditions.met.clear();
             let resumed = self.run_once(conditions, is_new);
@@ -273,8 +310,7 @@ impl Debugger {
                 let checkpoint = self.checkpoint(false);
                 self.history.push(checkpoint);
             }
-            let only_arrived = conditions.met.iter().all(|reason| *reason == Reason::Arrived);
-            if self.course.time >= until || !only_arrived {
+            if self.course.time >= until || !conditions.only_arrived() || conditions.is_interrupted() {
                 conditions.until = until;
                 return resumed;
             }
