@@ -39,7 +39,7 @@ pub fn instruction_text(module: &Module, offset: u32) -> String {
     let (mut text, mut ids) = (String::new(), Vec::new());
     let mut add = |text: &mut String, id: u32| {
         ids.push(id);
-        drop(write!(text, "%{id}"));
+        let _ = write!(text, "%{id}");
     };
     let (has_type, has_result) = known.map_or((false, false), |known| (known.has_type, known.has_result));
     let result = span.start + 1 + usize::from(has_type);
@@ -61,17 +61,17 @@ pub fn instruction_text(module: &Module, offset: u32) -> String {
             OperandKind::LiteralString => text.push_str(&format!("{:?}", string_at(words, at))),
             OperandKind::LiteralContextDependentNumber => {
                 let number = words[at..].iter().take(literal_words.min(MOST_LITERAL_WORDS)).rev();
-                text.push_str("0x");
-                number.for_each(|word| drop(write!(text, "{word:08x}")));
+                text += "0x";
+                text += &number.map(|word| format!("{word:08x}")).collect::<String>();
             }
-            _ => drop(write!(text, "{}", words[at])),
+            _ => text += &words[at].to_string(),
         }
         Ok(())
     });
     let mut seen = Vec::new();
     for id in ids {
         if let Some(name) = module.name(Id(id)).filter(|_| !seen.contains(&id)) {
-            drop(write!(text, "{}%{id} {name}", if seen.is_empty() { " ; " } else { ", " }));
+            let _ = write!(text, "{}%{id} {name}", if seen.is_empty() { " ; " } else { ", " });
             seen.push(id);
         }
     }

@@ -1,13 +1,16 @@
 //! What stops the invocation that is debugged.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use crate::machine::{Buffer, OpIndex, Reg};
 use crate::ops::access::Access;
+use crate::ops::pointer::storage;
 use crate::pipeline::Event;
 use crate::program::Program;
 
@@ -44,7 +47,7 @@ pub enum Reason {
 pub struct Write {
     /// Which of [`StopConditions::watches`].
     pub watch: usize,
-    /// The step that wrote it; `None` where the pipeline did, as it returned to a caller.
+    /// The step that wrote it; `None` where the pipeline did, as a call of a shader returned.
     pub time: Option<Time>,
     /// The words before.
     pub before: Vec<u32>,
@@ -68,29 +71,42 @@ pub struct Watch {
     pub breakpoint: Option<BreakpointId>,
     /// The words.
     pub words: WatchedWords,
-    /// What they hold, as far as it is known.
-    pub last: Option<Vec<u32>>,
+    /// What they held last, and the run of the shader that was looked at.
+    pub last: Option<(u64, Vec<u32>)>,
+}
+
+/// An operation that ran.
+#[derive(Clone, Copy, Debug)]
+pub struct Ran<'a> {
+    /// The shader.
+    pub program: &'a Program,
+    /// The number of the shader's run: how many shaders had begun before it.
+    pub run: u64,
+    /// How many calls of shaders it is in.
+    pub number: usize,
+    /// The operation.
+    pub op: OpIndex,
 }
 
 /// Words that a data breakpoint watches.
 #[derive(Clone, Debug)]
 pub enum WatchedWords {
-    /// Registers of one of the shaders that have begun and not ended.
+    /// Registers of a run of a shader.
     Registers {
-        /// The shader's number, from the outermost.
-        shader: usize,
+        /// The shader's run: how many shaders had begun before it.
+        run: u64,
         /// The registers.
         registers: Vec<Reg>,
     },
-    /// Bytes of a buffer, in whole words.
-    Memory {
-        /// The buffer.
-        buffer: Arc<Buffer>,
-        /// The offset of the first byte.
-        offset: u64,
-        /// How many words.
-        count: u32,
+    /// Words of the payload or callable data that shaders are given which a shader calls.
+    Passed {
+        /// How many calls of shaders lie between them and the outermost.
+        number: usize,
+        /// The words.
+        words: Range<u32>,
     },
+    /// A buffer, or a part of one, in whole words.
+    Memory(Arc<Buffer>),
 }
 
 /// When the invocation is to stop.
@@ -141,7 +157,7 @@ impl StopConditions {
 
     /// Whether another thread interrupts.
     pub(super) fn is_interrupted(&self) -> bool {
-        self.interrupt.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+        self.interrupt.as_ref().is_some_and(|flag| flag.load(Relaxed))
     }
 
     /// Whether every step must be looked at, not only those where another line begins.
@@ -194,29 +210,31 @@ impl StopConditions {
 
     /// Looks at what an operation of one of the shaders has done; `register` reads the registers of
     /// the invocation there.
-    pub(super) fn ran(
-        &mut self,
-        time: Time,
-        program: &Program,
-        shader: usize,
-        op: OpIndex,
-        register: &dyn Fn(Reg) -> u32,
-    ) {
-        for (number, watch) in self.watches.iter_mut().enumerate() {
-            let (now, wrote) = match &watch.words {
-                WatchedWords::Registers { shader: of, registers } if *of == shader => {
-                    let now: Vec<u32> = registers.iter().map(|&reg| register(reg)).collect();
-                    (now, writes(program, op, registers))
+    pub(super) fn ran(&mut self, time: Time, ran: Ran<'_>, register: &dyn Fn(Reg) -> u32) {
+        let Ran { program, op, .. } = ran;
+        for (watched, watch) in self.watches.iter_mut().enumerate() {
+            let own = match &watch.words {
+                WatchedWords::Registers { run, registers } if *run == ran.run => Some(registers.clone()),
+                WatchedWords::Passed { number, words } if *number == ran.number => {
+                    Some(passed_registers(program, words.clone()))
                 }
-                WatchedWords::Registers { .. } => continue,
-                WatchedWords::Memory { buffer, offset, count } => (memory(buffer, *offset, *count), false),
+                WatchedWords::Registers { .. } | WatchedWords::Passed { .. } => continue,
+                WatchedWords::Memory(_) => None,
             };
-            let before = watch.last.replace(now.clone()).unwrap_or_else(|| now.clone());
-            let changed = before != now;
-            if changed || wrote {
-                let is_own = wrote || matches!(watch.words, WatchedWords::Memory { .. });
-                let time = is_own.then_some(time);
-                self.met.push(Reason::Wrote(Write { watch: number, time, before, after: now }));
+            let now = match (&own, &watch.words) {
+                (Some(registers), _) => registers.iter().map(|&reg| register(reg)).collect(),
+                (None, WatchedWords::Memory(buffer)) => words_of(buffer),
+                (None, _) => continue,
+            };
+            let wrote = own.is_none_or(|registers| writes(program, op, &registers));
+            // What a run of another shader holds is no change.
+            let before = watch.last.take().filter(|(run, _)| *run == ran.run || wrote);
+            let before = before.map_or_else(|| now.clone(), |(_, words)| words);
+            watch.last = Some((ran.run, now.clone()));
+            let is_memory = matches!(watch.words, WatchedWords::Memory(_));
+            if before != now || wrote && !is_memory {
+                let time = wrote.then_some(time);
+                self.met.push(Reason::Wrote(Write { watch: watched, time, before, after: now }));
             }
         }
         if self.nan && makes_nan(program, op, register) {
@@ -257,9 +275,17 @@ pub(super) fn is_step_of_traversal(event: &Event) -> bool {
     )
 }
 
-/// The words of a buffer from an offset on; zeros outside.
-pub(super) fn memory(buffer: &Buffer, offset: u64, count: u32) -> Vec<u32> {
-    (0..u64::from(count)).map(|word| buffer.load(offset + 4 * word, 32).unwrap_or(0)).collect()
+/// The words of a buffer.
+pub(super) fn words_of(buffer: &Buffer) -> Vec<u32> {
+    buffer.words().iter().map(|word| word.load(Relaxed)).collect()
+}
+
+/// The registers of words of the payload, or of the callable data, that a shader is given.
+fn passed_registers(program: &Program, words: Range<u32>) -> Vec<Reg> {
+    let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
+    let given = classes.into_iter().find_map(|class| program.interface_registers(class));
+    let all = given.map_or(0..0, |given| words.start.min(given.count)..words.end.min(given.count));
+    all.map(|word| given.map_or(Reg(0), |given| given.first.plus(word))).collect()
 }
 
 /// Whether an operation writes one of the registers, as far as it is known before it runs.

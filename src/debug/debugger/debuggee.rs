@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::machine::{Batch, Bindings, BlockIndex, Buffer, Lanes, Mask, OpIndex, Reg, ShaderIndex};
 use crate::ops::builtin::{Builtin, stage_letter};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch, Trapped};
+use crate::pipeline::{ActiveShader, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch, Trapped};
 use crate::program::Program;
 
 use super::tracker::{Followed, Tracker};
@@ -89,27 +89,27 @@ where
     }
 
     fn shaders(&self) -> Vec<StoppedShader> {
-        let mut all: Vec<StoppedShader> = SteppedLaunch::shaders(self)
-            .filter(|active| active.batch.live().contains(self.lane()))
-            .map(|active| {
+        let mut all: Vec<StoppedShader> = own_shaders(self)
+            .map(|(_, active)| {
                 let calls = active.batch.frames().iter().map(|frame| frame.return_to).collect();
                 StoppedShader { shader: active.shader, op: active.batch.stopped_at(), calls }
             })
             .collect();
-        if let (Some(last), Some(active)) = (all.last_mut(), SteppedLaunch::shaders(self).last()) {
+        if let (Some(last), Some((_, active))) = (all.last_mut(), own_shaders(self).last()) {
             last.op = next_step(&self.pipeline().programs[active.shader.index()], active.batch);
         }
         all
     }
 
     fn register(&self, shader: usize, register: Reg) -> u32 {
-        let active = SteppedLaunch::shaders(self).nth(shader);
-        active.map_or(0, |active| active.batch.registers[register].0[self.lane()])
+        let active = own_shaders(self).nth(shader);
+        active.map_or(0, |(_, active)| active.batch.registers[register].0[self.lane()])
     }
 
     fn set_register(&mut self, shader: usize, register: Reg, word: u32) {
         let lane = self.lane();
-        if let Some(batch) = self.batch_mut(shader) {
+        let position = own_shaders(self).nth(shader).map(|(position, _)| position);
+        if let Some(batch) = position.and_then(|position| self.batch_mut(position)) {
             batch.registers[register].0[lane] = word;
         }
     }
@@ -119,13 +119,13 @@ where
     }
 
     fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
-        let active = SteppedLaunch::shaders(self).nth(shader)?;
+        let (_, active) = own_shaders(self).nth(shader)?;
         let program = &self.pipeline().programs[active.shader.index()];
         builtin_words(program, active.batch, self.lane(), builtin)
     }
 
     fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
-        let active = SteppedLaunch::shaders(self).nth(shader)?;
+        let (_, active) = own_shaders(self).nth(shader)?;
         let record = active.batch.invocations.record(self.lane())?;
         Some((record.data.clone(), record.offset, record.size))
     }
@@ -207,6 +207,17 @@ where
     fn trapped(&self) -> Option<&Trapped> {
         Self::trapped(self)
     }
+}
+
+/// The shaders that the followed lane is in, each with its place among all.
+fn own_shaders<const W: usize>(
+    launch: &SteppedLaunch<W>,
+) -> impl Iterator<Item = (usize, ActiveShader<'_, W>)>
+where
+    LaneKernel: Width<W>,
+{
+    let lane = launch.lane();
+    launch.shaders().enumerate().filter(move |(_, active)| active.batch.live().contains(lane))
 }
 
 /// The words of a builtin in a lane of a shader; `None` where its stage has none.

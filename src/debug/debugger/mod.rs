@@ -13,6 +13,7 @@ mod history;
 mod id_places;
 mod inspect;
 pub mod lane_state;
+mod last_write;
 mod memory_state;
 pub mod source_frames;
 mod source_locals;
@@ -33,10 +34,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::error::Error;
+use crate::machine::Reg;
 use crate::machine::printed::Printed;
 use crate::pipeline::{Event, Pipeline, Resumed};
 
-use condition::{Hit, StopConditions};
+use condition::{Hit, StopConditions, words_of};
 use debuggee::Debuggee;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
@@ -96,6 +98,13 @@ pub enum Stop {
     End,
 }
 
+/// Where a run goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Direction {
+    Forwards,
+    Backwards,
+}
+
 /// One invocation or ray that is debugged.
 pub struct Debugger {
     debuggee: Box<dyn Debuggee>,
@@ -107,6 +116,7 @@ pub struct Debugger {
     history: History,
     breakpoints: Vec<Breakpoint>,
     table: Rc<BreakpointTable>,
+    watches: Vec<Watch>,
     last_breakpoint: u32,
     /// What was printed, with the time after it.
     output: Vec<(Time, String)>,
@@ -143,6 +153,7 @@ impl Debugger {
             history,
             breakpoints: Vec::new(),
             table: Rc::default(),
+            watches: Vec::new(),
             last_breakpoint: 0,
             output: Vec::new(),
             ended: false,
@@ -165,7 +176,7 @@ impl Debugger {
     /// Goes on with what was interrupted.
     pub fn proceed(&mut self) -> Stop {
         match self.interrupted.take() {
-            Some(conditions) => self.run(conditions),
+            Some(conditions) => self.run_on(conditions),
             None => Stop::Step,
         }
     }
@@ -228,14 +239,23 @@ impl Debugger {
     }
 
     /// Runs on to the next breakpoint, watched write or trap.
-    pub fn resume(&mut self, watches: Vec<Watch>) -> Stop {
+    pub fn resume(&mut self) -> Stop {
         self.run(StopConditions {
             until: Time::MAX,
             breakpoints: Some(self.table.clone()),
-            watches,
             nan: self.stops_at_nan,
             ..StopConditions::default()
         })
+    }
+
+    /// Sets what is watched, in the place of what was: a run stops where it is written.
+    pub fn set_watches(&mut self, watches: Vec<Watch>) {
+        self.watches = watches;
+    }
+
+    /// What is watched.
+    pub fn watches(&self) -> &[Watch] {
+        &self.watches
     }
 
     /// Runs on to the first NaN that an operation makes of numbers.
@@ -248,25 +268,103 @@ impl Debugger {
         if self.ended {
             return Stop::End;
         }
+        conditions.watches.extend(self.watches.iter().cloned());
+        self.look_at_watched(&mut conditions);
         conditions.interrupt.clone_from(&self.interrupt);
+        self.run_on(conditions)
+    }
+
+    fn run_on(&mut self, mut conditions: StopConditions) -> Stop {
         self.interrupted = None;
-        if self.advance(&mut conditions) == Resumed::Ended {
-            return self.at_end();
+        loop {
+            if self.advance(&mut conditions) == Resumed::Ended {
+                return self.at_end();
+            }
+            if conditions.only_arrived() && self.course.time < conditions.until {
+                self.interrupted = Some(conditions);
+                return Stop::Interrupted;
+            }
+            let reasons = std::mem::take(&mut conditions.met);
+            if let Some(stop) = self.decide(&reasons, Direction::Forwards) {
+                return stop;
+            }
         }
-        if conditions.only_arrived() && self.course.time < conditions.until {
-            self.interrupted = Some(conditions);
-            return Stop::Interrupted;
+    }
+
+    /// What reasons come to; `None` where only breakpoints are met whose condition does not hold, or
+    /// that print and go on.
+    fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<Stop> {
+        let mut hit = Vec::new();
+        for reason in reasons {
+            match reason {
+                Reason::Breakpoint(id) if self.stops_at(*id, direction) => hit.push(*id),
+                Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => {
+                    return Some(Stop::Traversal(Some(*id)));
+                }
+                Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
+                Reason::Wrote(write) => return Some(Stop::Wrote(write.clone())),
+                Reason::Nan { .. } => return Some(Stop::Nan),
+                Reason::Traversal(None) => return Some(Stop::Traversal(None)),
+                Reason::Stepped | Reason::Arrived => {}
+            }
         }
-        let reasons = std::mem::take(&mut conditions.met);
-        let of_breakpoint = |reason: &Reason| match reason {
-            Reason::Breakpoint(id) => Some(*id),
-            _ => None,
-        };
-        let hit: Vec<BreakpointId> = reasons.iter().filter_map(of_breakpoint).collect();
         if !hit.is_empty() {
-            return Stop::Breakpoints(hit);
+            return Some(Stop::Breakpoints(hit));
         }
-        stop_of(reasons)
+        let stepped = |reason: &Reason| matches!(reason, Reason::Stepped | Reason::Arrived);
+        reasons.iter().any(stepped).then_some(Stop::Step)
+    }
+
+    /// Whether a breakpoint that was reached stops: its condition holds, it was hit often enough,
+    /// and it does not only print.
+    fn stops_at(&mut self, id: BreakpointId, direction: Direction) -> bool {
+        let Some(at) = self.breakpoints.iter().position(|breakpoint| breakpoint.id == id) else {
+            return false;
+        };
+        let frame = self.stack().into_iter().next();
+        if let (Some(condition), Some(frame)) = (self.breakpoints[at].condition.clone(), &frame) {
+            match self.evaluate(frame, &condition) {
+                Ok(value) if value.content.is_zero() => return false,
+                Ok(_) => {}
+                Err(why) => self.print(format!("breakpoint {}: {why}", id.0)),
+            }
+        }
+        let breakpoint = &mut self.breakpoints[at];
+        if direction == Direction::Forwards {
+            breakpoint.hits += 1;
+            if breakpoint.hits < breakpoint.from_hit {
+                return false;
+            }
+        }
+        let Some(log) = breakpoint.log.clone() else { return true };
+        if direction == Direction::Forwards
+            && let Some(frame) = &frame
+        {
+            let text = self.interpolate(frame, &log);
+            self.print(text);
+        }
+        false
+    }
+
+    /// A text in which the values of expressions stand for `{expression}`.
+    fn interpolate(&mut self, frame: &StackFrame, text: &str) -> String {
+        let mut printed = String::new();
+        let mut rest = text;
+        while let Some((before, after)) = rest.split_once('{') {
+            printed += before;
+            let Some((expression, after)) = after.split_once('}') else { return printed + "{" + after };
+            printed += &match self.evaluate(frame, expression) {
+                Ok(value) => value.content.to_string(),
+                Err(why) => format!("<{why}>"),
+            };
+            rest = after;
+        }
+        printed + rest
+    }
+
+    /// Adds a text to the output.
+    fn print(&mut self, text: String) {
+        self.output.push((self.course.time, text));
     }
 
     /// What the end is: the step before it, if that trapped.
@@ -371,28 +469,32 @@ impl Debugger {
             Step::Over => StopConditions { line: Some(depth), ..StopConditions::default() },
             step => self.step_conditions(step, depth),
         };
-        match self.last_hit(&conditions, self.course.time) {
-            Some(hit) => {
-                self.seek(hit.time);
-                match hit.reason {
-                    Reason::Traversal(id) => Stop::Traversal(id),
-                    _ => Stop::Step,
-                }
-            }
-            None => self.to_beginning(),
+        let hits = self.last_hits(&conditions, self.course.time);
+        let Some(hit) = hits.into_iter().next() else { return self.to_beginning() };
+        self.seek(hit.time);
+        match hit.reason {
+            Reason::Traversal(id) => Stop::Traversal(id),
+            _ => Stop::Step,
         }
     }
 
-    /// Runs backwards to the breakpoint before.
+    /// Runs backwards to the breakpoint before, or to the step that wrote what is watched.
     pub fn resume_back(&mut self) -> Stop {
-        let conditions =
-            StopConditions { breakpoints: Some(self.table.clone()), ..StopConditions::default() };
-        match self.last_hit(&conditions, self.course.time) {
-            Some(hit) => {
-                self.seek(hit.time);
-                stop_of(vec![hit.reason])
+        let conditions = StopConditions {
+            breakpoints: Some(self.table.clone()),
+            watches: self.watches.clone(),
+            ..StopConditions::default()
+        };
+        let mut before = self.course.time;
+        loop {
+            let hits = self.last_hits(&conditions, before);
+            let Some(time) = hits.first().map(|hit| hit.time) else { return self.to_beginning() };
+            self.seek(time);
+            let reasons: Vec<Reason> = hits.into_iter().map(|hit| hit.reason).collect();
+            if let Some(stop) = self.decide(&reasons, Direction::Backwards) {
+                return stop;
             }
-            None => self.to_beginning(),
+            before = time;
         }
     }
 
@@ -401,20 +503,10 @@ impl Debugger {
         Stop::Beginning
     }
 
-    /// The last time before a time at which conditions were met.
-    fn last_hit(&mut self, conditions: &StopConditions, before: Time) -> Option<Hit> {
-        self.hits_before(conditions, before, &mut |hits| hits.into_iter().next_back())
-    }
-
-    /// Searches backwards, segment by segment: `choose` is given what is met in one, the earliest
-    /// first, and chooses the hit that is wanted. Leaves the debuggee somewhere.
-    fn hits_before<T>(
-        &mut self,
-        conditions: &StopConditions,
-        before: Time,
-        choose: &mut dyn FnMut(Vec<Hit>) -> Option<T>,
-    ) -> Option<T> {
-        let last = before.checked_sub(1)?;
+    /// The reasons at the last time before a time at which conditions were met. Searches backwards,
+    /// segment by segment, and leaves the debuggee somewhere.
+    fn last_hits(&mut self, conditions: &StopConditions, before: Time) -> Vec<Hit> {
+        let Some(last) = before.checked_sub(1) else { return Vec::new() };
         for number in (0..self.history.segments()).rev() {
             let (checkpoint, summary) = self.history.segment(number);
             let begins = checkpoint.course.time;
@@ -424,13 +516,31 @@ impl Debugger {
             let until = last.min(self.history.segment_end(number));
             self.restore_segment(number);
             let mut collecting = StopConditions { collects: true, until, ..conditions.clone() };
+            self.look_at_watched(&mut collecting);
             self.advance(&mut collecting);
-            let hits: Vec<Hit> = collecting.hits.into_iter().filter(|hit| hit.time <= last).collect();
-            if let Some(chosen) = choose(hits) {
-                return Some(chosen);
-            }
+            let hits = collecting.hits;
+            let Some(time) = hits.iter().map(|hit| hit.time).filter(|&time| time <= last).max() else {
+                continue;
+            };
+            return hits.into_iter().filter(|hit| hit.time == time).collect();
         }
-        None
+        Vec::new()
+    }
+
+    /// Reads what is watched, so that the next step's write is seen.
+    fn look_at_watched(&self, conditions: &mut StopConditions) {
+        for watch in &mut conditions.watches {
+            watch.last = match &watch.words {
+                WatchedWords::Registers { run, registers } => {
+                    let number = (0..).map_while(|number| self.course.run(number));
+                    let number = number.into_iter().position(|one| one == *run);
+                    let word = |number: usize, reg: &Reg| self.debuggee.register(number, *reg);
+                    number.map(|number| (*run, registers.iter().map(|reg| word(number, reg)).collect()))
+                }
+                WatchedWords::Passed { .. } => None,
+                WatchedWords::Memory(buffer) => Some((0, words_of(buffer))),
+            };
+        }
     }
 
     fn restore_segment(&mut self, number: usize) {
@@ -479,14 +589,4 @@ fn can_be_in(conditions: &StopConditions, summary: &history::SegmentSummary) -> 
         || conditions.traversal
         || conditions.watches_results();
     others || at_lines || conditions.line.is_some_and(|depth| summary.has_line_within(depth))
-}
-
-fn stop_of(reasons: Vec<Reason>) -> Stop {
-    match reasons.into_iter().next() {
-        Some(Reason::Breakpoint(id)) => Stop::Breakpoints(vec![id]),
-        Some(Reason::Traversal(id)) => Stop::Traversal(id),
-        Some(Reason::Wrote(write)) => Stop::Wrote(write),
-        Some(Reason::Nan { .. }) => Stop::Nan,
-        Some(Reason::Arrived | Reason::Stepped) | None => Stop::Step,
-    }
 }

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, ShaderIndex};
 use crate::pipeline::Event;
 
-use super::condition::StopConditions;
+use super::condition::{Ran, StopConditions};
 use super::history::SegmentSummary;
 use super::source_map::{LineIndex, ShaderSites, Site, SourceMap};
 
@@ -38,6 +38,8 @@ impl Followed {
 /// A shader that has begun and not ended.
 #[derive(Clone, Copy, Debug)]
 struct ActiveShader {
+    /// How many shaders had begun before it.
+    run: u64,
     /// The depth of its entry point among all function calls.
     base: u32,
     last_block: Option<BlockIndex>,
@@ -57,6 +59,8 @@ pub(super) struct Course {
     /// The steps made.
     pub time: Time,
     active: Vec<ActiveShader>,
+    /// How many shaders have begun.
+    begun: u64,
     frames: Vec<FrameLine>,
     last: Option<(ShaderIndex, Site)>,
     last_origin: Option<(ShaderIndex, u32, u32)>,
@@ -70,6 +74,11 @@ impl Course {
     /// The depth of the function that runs: how many calls it is in, of functions and of shaders.
     pub(super) fn depth(&self) -> u32 {
         (self.frames.len() as u32).saturating_sub(1)
+    }
+
+    /// The run of a shader that has begun and not ended, by its number from the outermost.
+    pub(super) fn run(&self, number: usize) -> Option<u64> {
+        Some(self.active.get(number)?.run)
     }
 }
 
@@ -149,7 +158,9 @@ impl<'a> Tracker<'a> {
 
     fn enter(&mut self) {
         let base = self.course.frames.len() as u32;
-        self.course.active.push(ActiveShader { base, last_block: None, last_calls: 0 });
+        let run = self.course.begun;
+        self.course.begun += 1;
+        self.course.active.push(ActiveShader { run, base, last_block: None, last_calls: 0 });
         self.course.last = None;
     }
 
@@ -271,9 +282,11 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         {
             let program = &self.sources.shader(self.shader).program;
             let number = self.course.active.len().saturating_sub(1);
+            let run = self.course.run(number).unwrap_or_default();
             // The step was counted before it was made.
             let time = self.course.time - 1;
-            self.conditions.ran(time, program, number, op, &|reg| batch.registers[reg].0[lane]);
+            let ran = Ran { program, run, number, op };
+            self.conditions.ran(time, ran, &|reg| batch.registers[reg].0[lane]);
         }
     }
 

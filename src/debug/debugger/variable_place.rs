@@ -326,6 +326,24 @@ impl VariablePlace {
         }
     }
 
+    /// The registers that hold the value, where registers do.
+    pub fn own_registers(&self) -> Option<&[Reg]> {
+        match &self.storage {
+            PlaceStorage::Registers { registers, .. } => Some(registers),
+            _ => None,
+        }
+    }
+
+    /// The memory that holds the value, in whole words, where memory does.
+    pub fn own_memory(&self, state: &dyn LaneState) -> Option<Arc<Buffer>> {
+        let PlaceStorage::Memory(memory) = &self.storage else { return None };
+        let scalars = self.scalars(memory).ok()?;
+        let (buffer, range) = memory.base.buffer(state).ok()?;
+        let first = scalars.iter().map(|&(offset, _)| range.start + offset).min()? / 4 * 4;
+        let end = scalars.iter().map(|&(offset, width)| range.start + offset + u64::from(width / 8)).max()?;
+        buffer.view(first, end.next_multiple_of(4) - first, "watched")
+    }
+
     fn scalars(&self, memory: &MemoryPlace) -> Result<Vec<(u64, u32)>, String> {
         if memory.packed {
             let count = word_count(self.module(), self.ty).ok_or("it is not read as a whole")?;
