@@ -10,6 +10,7 @@ pub mod check_math;
 pub mod compile;
 mod input;
 pub mod inspect;
+mod interactive;
 mod interrupt;
 mod limits;
 mod many_seeds;

@@ -1,7 +1,7 @@
 //! `anyhit trace-one-ray`: explains what a ray met and which shaders it called.
 
 use std::io::{IsTerminal, stdout};
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
 use clap::Args;
 
@@ -9,8 +9,9 @@ use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::{output, precision};
+use crate::cli::{interactive, output, precision};
 use crate::debug::command;
+use crate::debug::debugger::Debugger;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
 use crate::error::{Error, ErrorKind, Result};
@@ -18,6 +19,7 @@ use crate::geometry::Precision;
 use crate::geometry::Ray;
 use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
+use crate::scene::files::{DiskFiles, Files};
 use crate::scene::{LoadOptions, demo};
 
 /// Traces one ray and explains everything that happened to it.
@@ -49,6 +51,10 @@ pub struct TraceOneRayArgs {
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
+    /// Debug it: step by line, forwards and backwards, with breakpoints and variables; commands come
+    /// from the terminal, or from standard input
+    #[arg(long, short, conflicts_with_all = ["json", "all"])]
+    interactive: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -131,6 +137,14 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         let (_, resolved) = session.resolve(&request)?;
         return Ok(args.sanitize.run_one(session.scene(), session.assembled(), &resolved).err());
     }
+    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let colour = !plain && stdout().is_terminal();
+    if args.interactive {
+        let mut debugger = Debugger::of_scene(&session, &request)?;
+        debugger.supply_texts(&mut |name| source_text(args.scene.as_deref(), name));
+        interactive::run(debugger, colour)?;
+        return Ok(None);
+    }
     let (mut transcript, trap) = session.run(&request)?;
     if args.scene.is_none() {
         transcript.scene = "swept-spheres (part of the program)".into();
@@ -140,8 +154,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
         output::print(format_args!("{json}\n"))?;
     } else {
-        let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        let options = RenderOptions { colour: !plain && stdout().is_terminal(), all: args.all };
+        let options = RenderOptions { colour, all: args.all };
         output::print(render::text(&transcript, options))?;
     }
     Ok(trap)
@@ -178,6 +191,22 @@ impl TraceOneRayArgs {
             ..unset
         }))
     }
+}
+
+/// The text of a source that a compiler names and no module holds: from the current folder, the
+/// scene's or one above it.
+fn source_text(scene: Option<&Path>, name: &str) -> Option<String> {
+    // A module may name any file: only those below these folders are read.
+    let is_below = |component: Component<'_>| matches!(component, Component::Normal(_) | Component::CurDir);
+    if !Path::new(name).components().all(is_below) {
+        return None;
+    }
+    let above = scene.into_iter().flat_map(|scene| scene.ancestors().skip(1));
+    let mut folders = std::iter::once(Path::new("")).chain(above);
+    folders.find_map(|folder| {
+        let bytes = DiskFiles.read(&folder.join(name)).ok()?;
+        String::from_utf8(bytes).ok()
+    })
 }
 
 /// A whole number, decimal or with `0x` or `0b`.

@@ -5,6 +5,7 @@
 //! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
+pub mod console;
 pub mod debugger;
 pub mod names;
 mod page;

@@ -156,20 +156,6 @@ impl TypedValue {
 }
 
 impl ValueContent {
-    /// Whether it is false, or a zero, or made of such.
-    pub fn is_zero(&self) -> bool {
-        match self {
-            Self::Bool(value) => !value,
-            Self::Int(value) => *value == 0,
-            Self::Uint(value) => *value == 0,
-            Self::Float(value) => value.to_string().parse() == Ok(0.0),
-            Self::Address(value) => value.address == 0,
-            Self::List(items) => items.iter().all(Self::is_zero),
-            Self::Members(members) => members.iter().all(|member| member.value.content.is_zero()),
-            Self::Text(_) => false,
-        }
-    }
-
     fn find_places(&mut self, memory: &DeviceMemory) {
         match self {
             Self::Address(value) => value.place = memory.describe(value.address),

@@ -1,10 +1,13 @@
 //! Describes ids and types in error messages and listings.
 
 use crate::math::float_format::FloatFormat;
-use crate::module::grammar::opcode_name;
-use crate::module::names::storage_class_name;
+use crate::module::grammar::{id_operands, opcode_name};
+use crate::module::names::{ext_inst_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
+
+/// `OpExtInst`
+const EXT_INST: u16 = 12;
 
 impl Module {
     /// Describes an id in an error: `%7 (a label)`, `%12 (the constant "scale")`.
@@ -28,6 +31,66 @@ impl Module {
             Some(name) => format!("%{} ({what} `{name}`)", id.0),
             None => format!("%{} ({what})", id.0),
         }
+    }
+
+    /// The instruction at an offset, in words from the start of the module, as a disassembler writes
+    /// it: `%12 (normal) = OpFMul vec3 %10 (direction) %11`. Constants are told by their values.
+    #[doc(hidden)]
+    pub fn describe_instruction(&self, offset: u32) -> String {
+        let Some(instruction) = self.instruction_at(offset) else {
+            let opcode = self.words.get(offset as usize).map_or(0, |word| *word as u16);
+            return opcode_name(opcode).into_owned();
+        };
+        let named = |id: Id| match (self.scalar_text(id), self.name(id)) {
+            (Some(value), _) => value,
+            (None, Some(name)) => format!("%{} ({name})", id.0),
+            (None, None) => format!("%{}", id.0),
+        };
+        let mut text = match instruction.result {
+            Some(id) => format!("{} = ", named(id)),
+            None => String::new(),
+        };
+        text += &opcode_name(instruction.opcode);
+        if let Some(ty) = instruction.result_type.and_then(|_| self.type_of(instruction.result?)) {
+            text += " ";
+            text += &self.describe_type(ty);
+        }
+        let mut ids = Vec::new();
+        let operands = instruction.operands.start as usize..instruction.operands.end as usize;
+        let literal_words = self.switch_literal_words(instruction);
+        id_operands(&self.words, instruction.opcode, operands.clone(), literal_words, &mut |at| ids.push(at));
+        let set = match instruction.opcode {
+            EXT_INST => self.words.get(operands.start).and_then(|&id| match self.definition(Id(id)) {
+                Some(Definition::InstructionSet(at)) => Some(&self.instruction_sets[at as usize]),
+                _ => None,
+            }),
+            _ => None,
+        };
+        for at in operands.clone() {
+            let word = self.words[at];
+            text += " ";
+            text += &match set {
+                Some(set) if at == operands.start => set.to_string(),
+                Some(set) if at == operands.start + 1 => ext_inst_name(set, word).into_owned(),
+                _ if ids.contains(&at) => named(Id(word)),
+                _ => word.to_string(),
+            };
+        }
+        text
+    }
+
+    /// The value of a scalar constant.
+    fn scalar_text(&self, id: Id) -> Option<String> {
+        let bits = self.constant_scalar(id)?;
+        let Some(Definition::Constant(index)) = self.definition(id) else { return None };
+        Some(match *self.ty(self.constants[index as usize].ty) {
+            Type::Bool => (bits != 0).to_string(),
+            Type::Int { width: 32, signed: true } => (bits as u32).cast_signed().to_string(),
+            Type::Int { signed: false, .. } => bits.to_string(),
+            Type::Float { width: 32, encoding: None } => format!("{:?}", f32::from_bits(bits as u32)),
+            Type::Float { width: 64, encoding: None } => format!("{:?}", f64::from_bits(bits)),
+            _ => return None,
+        })
     }
 
     /// Describes a type in GLSL's notation: `vec3`, `float[2]`, `struct Payload`.

@@ -23,7 +23,7 @@ use crate::module::interface::{EntryPoint, Stage};
 use crate::module::span::{Span, invalid};
 use crate::module::ty::{Type, TypeExtent, TypeId};
 use crate::module::words::{Header, Walker, header, string, words_of};
-use crate::module::{Definition, GlobalVariable, Id, Module, check_flow};
+use crate::module::{Definition, GlobalVariable, Id, Module, check_flow, included_lines};
 
 /// The storage class of variables inside functions.
 pub(super) const FUNCTION_STORAGE: u32 = 7;
@@ -436,6 +436,7 @@ impl<'w> Loader<'w> {
         self.check_entry_points()?;
         self.apply_modes()?;
         self.module.debug_info = self.debug.finish();
+        included_lines::repair(&mut self.module.debug_info, &self.module.functions, self.module.generator);
         std::mem::take(&mut self.pending).apply(&mut self.module, &self.unknown, self.words.len())?;
         Ok((self.module, self.unknown))
     }

@@ -24,6 +24,7 @@ mod functions;
 pub mod grammar;
 pub mod hit_ids;
 pub mod id_map;
+mod included_lines;
 pub mod interface;
 pub mod load;
 mod lookup;

@@ -3,7 +3,8 @@
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
-use crate::machine::ShaderIndex;
+use crate::machine::{RayQueryEvent, RayQueryStep, ShaderIndex};
+use crate::module::grammar;
 use crate::module::interface::Stage;
 use crate::pipeline::Event;
 
@@ -78,6 +79,31 @@ pub struct Breakpoint {
     pub hits: u64,
 }
 
+impl Breakpoint {
+    /// A breakpoint that always stops.
+    pub fn new(id: BreakpointId, place: BreakpointPlace) -> Self {
+        Self {
+            id,
+            place,
+            resolved: Vec::new(),
+            is_enabled: true,
+            condition: None,
+            from_hit: 0,
+            log: None,
+            hits: 0,
+        }
+    }
+
+    /// Whether the shaders have a place where it stops. Those of traversal may have one.
+    pub fn is_somewhere(&self) -> bool {
+        match &self.place {
+            BreakpointPlace::Line { .. } | BreakpointPlace::Function(_) => !self.resolved.is_empty(),
+            BreakpointPlace::Opcode(name) => grammar::opcode_of(name).is_some(),
+            BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => true,
+        }
+    }
+}
+
 /// Breakpoints as a run looks them up.
 #[derive(Clone, Debug, Default)]
 pub struct BreakpointTable {
@@ -94,20 +120,20 @@ pub struct BreakpointTable {
 }
 
 impl BreakpointTable {
-    /// Adds a breakpoint; returns the lines that it stops at. `opcode` finds an opcode by its name.
+    /// Adds a breakpoint; returns the lines that it stops at.
     pub fn add(
         &mut self,
         id: BreakpointId,
         place: &BreakpointPlace,
         sources: &SourceMap,
-        opcode: &dyn Fn(&str) -> Option<u16>,
     ) -> Vec<SourcePosition> {
         match place {
             BreakpointPlace::Line { file, line } => self.add_lines(id, file, *line, sources),
             BreakpointPlace::Function(name) => self.add_functions(id, name, sources),
             BreakpointPlace::Opcode(name) => {
-                let known = opcode(name);
-                known.into_iter().for_each(|opcode| self.opcodes.entry(opcode).or_default().push(id));
+                grammar::opcode_of(name)
+                    .into_iter()
+                    .for_each(|opcode| self.opcodes.entry(opcode).or_default().push(id));
                 Vec::new()
             }
             BreakpointPlace::Instruction { shader, offset } => {
@@ -212,7 +238,8 @@ impl TraversalFilter {
         let given = |wanted: Option<u32>, is: Option<u32>| wanted.is_none() || wanted == is;
         let (instance, geometry, primitive, verdict) = match event {
             Event::Instance(instance, verdict) => (*instance, None, None, instance_verdict_name(*verdict)),
-            Event::Primitive(hit, verdict) => {
+            Event::RayQuery(RayQueryEvent { step: RayQueryStep::Primitive(hit, verdict), .. })
+            | Event::Primitive(hit, verdict) => {
                 (hit.instance, Some(hit.geometry), Some(hit.primitive), verdict_name(*verdict))
             }
             Event::Candidate { candidate, .. } => {

@@ -77,7 +77,7 @@ pub struct Watch {
 
 /// An operation that ran.
 #[derive(Clone, Copy, Debug)]
-pub struct Ran<'a> {
+pub(super) struct Ran<'a> {
     /// The shader.
     pub program: &'a Program,
     /// The number of the shader's run: how many shaders had begun before it.
@@ -136,6 +136,8 @@ pub(super) struct StopConditions {
     pub met: Vec<Reason>,
     /// Set by another thread that interrupts the run.
     pub interrupt: Option<Arc<AtomicBool>>,
+    /// Writes of the instruction that runs, of which not all operations may have run.
+    pub writes: Vec<Write>,
 }
 
 impl StopConditions {
@@ -175,6 +177,9 @@ impl StopConditions {
 
     /// Looks at a step that is next.
     pub(super) fn arrive(&mut self, moment: &Moment<'_>) {
+        if moment.begins_instruction {
+            self.met.extend(self.writes.drain(..).map(Reason::Wrote));
+        }
         let within = |limit: Option<u32>| limit.is_some_and(|limit| moment.depth <= limit);
         let below = self.below.is_some_and(|limit| moment.depth < limit);
         if below
@@ -234,7 +239,11 @@ impl StopConditions {
             let is_memory = matches!(watch.words, WatchedWords::Memory(_));
             if before != now || wrote && !is_memory {
                 let time = wrote.then_some(time);
-                self.met.push(Reason::Wrote(Write { watch: watched, time, before, after: now }));
+                // An instruction may be several operations.
+                match self.writes.iter_mut().find(|write| write.watch == watched) {
+                    Some(write) => write.after = now,
+                    None => self.writes.push(Write { watch: watched, time, before, after: now }),
+                }
             }
         }
         if self.nan && makes_nan(program, op, register) {
@@ -261,7 +270,7 @@ impl StopConditions {
 }
 
 /// Whether a step through a traversal stops at an event.
-pub(super) fn is_step_of_traversal(event: &Event) -> bool {
+pub fn is_step_of_traversal(event: &Event) -> bool {
     matches!(
         event,
         Event::Trace { .. }
@@ -318,7 +327,7 @@ fn makes_nan(program: &Program, op: OpIndex, register: &dyn Fn(Reg) -> u32) -> b
 }
 
 /// A name for a verdict of the traversal, as breakpoints and listings write it.
-pub(super) fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
+pub fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
     match verdict {
         PrimitiveVerdict::Missed => "missed",
         PrimitiveVerdict::OutsideInterval(_) => "outside-interval",
@@ -332,7 +341,7 @@ pub(super) fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
 }
 
 /// A name for what became of an instance.
-pub(super) fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
+pub fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
     match verdict {
         InstanceVerdict::Entered => "entered",
         InstanceVerdict::Masked => "masked",

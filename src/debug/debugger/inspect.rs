@@ -3,6 +3,7 @@
 use crate::debug::values::TypedValue;
 
 use super::Debugger;
+use super::expression::{self, Evaluated};
 use super::lane_state::LaneState;
 use super::stack::StackFrame;
 use super::stopped_lane::StoppedLane;
@@ -33,23 +34,38 @@ impl Debugger {
         self.with_lane(frame, |lane| temporaries_in_frame(&program, &frame.source, lane))
     }
 
-    /// The place that a name means in a frame, with members: `payload.colour`, `positions[1]`.
+    /// The names of the variables of a frame, counted from the innermost, and of its shader.
+    pub fn variable_names(&self, frame: usize) -> Vec<String> {
+        let Some(frame) = self.stack().into_iter().nth(frame) else { return Vec::new() };
+        let module = &self.sources.shader(frame.shader).program.module;
+        let debug = &module.debug_info;
+        let names = debug.variable_names.values().map(|name| name.to_string());
+        names.chain(module.variables.iter().filter_map(|one| debug.names.get(&one.id).cloned())).collect()
+    }
+
+    /// Calls a function with what an expression comes to in a frame, and its lane.
+    fn with_value<T>(
+        &mut self,
+        frame: &StackFrame,
+        text: &str,
+        read: impl FnOnce(Evaluated, &dyn LaneState) -> Result<T, String>,
+    ) -> Result<T, String> {
+        let program = self.sources.shader(frame.shader).program.clone();
+        self.with_lane(frame, |lane| {
+            let evaluated = expression::evaluate(&program, &frame.source, lane, text);
+            read(evaluated.map_err(|error| error.to_string())?, lane)
+        })
+    }
+
+    /// The place that an expression names in a frame: `payload.colour`, `positions[1]`.
     ///
     /// # Errors
-    /// Why there is none, in words.
+    /// Why it names none, in words.
     pub fn place(&mut self, frame: &StackFrame, text: &str) -> Result<VariablePlace, String> {
-        let mut parts = text.split(['.', '[']).map(|part| part.trim_end_matches(']').trim());
-        let name = parts.next().unwrap_or_default();
-        let variables = [self.locals(frame), self.globals(frame)].concat();
-        let found = variables.iter().find(|variable| variable.name == name);
-        let mut place = found.ok_or_else(|| format!("no variable `{name}` here"))?.place.clone();
-        for part in parts {
-            place = match part.parse() {
-                Ok(index) => place.child(index)?,
-                Err(_) => place.member(part).ok_or_else(|| format!("no member `{part}`"))?,
-            };
-        }
-        Ok(place)
+        self.with_value(frame, text, |value, _| match value {
+            Evaluated::Place(place) => Ok(place),
+            Evaluated::Numbers(_) => Err(format!("`{text}` is calculated: it lies nowhere")),
+        })
     }
 
     /// The value of an expression in a frame.
@@ -57,13 +73,34 @@ impl Debugger {
     /// # Errors
     /// Why it has none, in words, with the column.
     pub fn evaluate(&mut self, frame: &StackFrame, text: &str) -> Result<TypedValue, String> {
-        let place = self.place(frame, text)?;
-        self.with_lane(frame, |lane| place.value(lane))
+        self.with_value(frame, text, |value, lane| value.value(lane))
+    }
+
+    /// Whether a condition holds in a frame.
+    ///
+    /// # Errors
+    /// Why it cannot be told, in words.
+    pub(super) fn holds(&mut self, frame: &StackFrame, text: &str) -> Result<bool, String> {
+        self.with_value(frame, text, |value, lane| value.is_true(lane))
+    }
+
+    /// Sets what an expression names to the value of another, and goes on with it: what ran after
+    /// this step before is forgotten. Returns the new value.
+    ///
+    /// # Errors
+    /// Why it cannot be set, in words.
+    pub fn assign(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<TypedValue, String> {
+        let program = self.sources.shader(frame.shader).program.clone();
+        let set =
+            self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));
+        set.map_err(|error| error.to_string())?;
+        self.keep_edit();
+        self.evaluate(frame, target)
     }
 
     /// After something was set by hand: what ran after this step before is forgotten, and the
     /// invocation goes on from here with what was set.
-    pub fn keep_edit(&mut self) {
+    fn keep_edit(&mut self) {
         let edited = self.checkpoint(true);
         self.history.go_another_way(edited);
         let now = self.course.time;

@@ -9,6 +9,7 @@
 mod breakpoint;
 mod condition;
 mod debuggee;
+pub mod expression;
 mod history;
 mod id_places;
 mod inspect;
@@ -29,6 +30,7 @@ pub mod variable_place;
 pub mod variables;
 
 use std::cell::RefCell;
+use std::fmt;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -45,7 +47,9 @@ use memory_state::ChangingMemory;
 use tracker::{Course, Tracker};
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
-pub use condition::{Reason, Watch, WatchedWords, Write};
+pub use condition::{
+    Reason, Watch, WatchedWords, Write, instance_verdict_name, is_step_of_traversal, verdict_name,
+};
 pub use lane_state::LaneState;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
@@ -200,6 +204,13 @@ impl Debugger {
         &self.sources
     }
 
+    /// Gives sources that no module holds a text; `read` finds it by the file's name.
+    pub fn supply_texts(&mut self, read: &mut dyn FnMut(&str) -> Option<String>) {
+        if let Some(sources) = Rc::get_mut(&mut self.sources) {
+            sources.supply_texts(read);
+        }
+    }
+
     /// The pipeline that is debugged, not optimised.
     pub fn pipeline(&self) -> &Arc<Pipeline> {
         &self.pipeline
@@ -323,10 +334,10 @@ impl Debugger {
         };
         let frame = self.stack().into_iter().next();
         if let (Some(condition), Some(frame)) = (self.breakpoints[at].condition.clone(), &frame) {
-            match self.evaluate(frame, &condition) {
-                Ok(value) if value.content.is_zero() => return false,
-                Ok(_) => {}
-                Err(why) => self.print(format!("breakpoint {}: {why}", id.0)),
+            match self.holds(frame, &condition) {
+                Ok(true) => {}
+                Ok(false) => return false,
+                Err(why) => self.print(format!("the condition of breakpoint {}: {why}", id.0)),
             }
         }
         let breakpoint = &mut self.breakpoints[at];
@@ -559,8 +570,7 @@ impl Debugger {
         for breakpoint in &mut self.breakpoints {
             let mut one = BreakpointTable::default();
             let into = if breakpoint.is_enabled { &mut table } else { &mut one };
-            let opcode = |name: &str| crate::module::grammar::opcode_of(name);
-            breakpoint.resolved = into.add(breakpoint.id, &breakpoint.place, &self.sources, &opcode);
+            breakpoint.resolved = into.add(breakpoint.id, &breakpoint.place, &self.sources);
         }
         self.table = Rc::new(table);
         &self.breakpoints
@@ -589,4 +599,10 @@ fn can_be_in(conditions: &StopConditions, summary: &history::SegmentSummary) -> 
         || conditions.traversal
         || conditions.watches_results();
     others || at_lines || conditions.line.is_some_and(|depth| summary.has_line_within(depth))
+}
+
+impl fmt::Debug for Debugger {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Debugger").field("time", &self.course.time).finish_non_exhaustive()
+    }
 }

@@ -81,6 +81,13 @@ impl SourceMap {
         &self.shaders
     }
 
+    /// Gives files that no module holds the text of one; `read` finds it by the file's name.
+    pub fn supply_texts(&mut self, read: &mut dyn FnMut(&str) -> Option<String>) {
+        for file in self.files.iter_mut().filter(|file| file.text.is_none()) {
+            file.text = read(&file.name).map(Arc::from);
+        }
+    }
+
     /// The files.
     pub fn files(&self) -> &[SourceText] {
         &self.files
@@ -96,6 +103,54 @@ impl SourceMap {
     pub fn lines_of<'a>(&'a self, path: &'a str) -> impl Iterator<Item = (LineIndex, SourcePosition)> + 'a {
         let is_meant = move |file: u32| names_file(&self.files[file as usize].name, path);
         (1..).zip(self.lines.iter().copied()).filter(move |(_, position)| is_meant(position.file))
+    }
+
+    /// The file that a path means, if one does.
+    pub fn file(&self, path: &str) -> Option<u32> {
+        let at = self.files.iter().position(|file| names_file(&file.name, path))?;
+        Some(at as u32)
+    }
+
+    /// A position as `file:line`.
+    pub fn describe(&self, position: SourcePosition) -> String {
+        format!("{}:{}", self.files[position.file as usize].name, position.line)
+    }
+
+    /// Whether a position is an instruction of a module without debug information.
+    pub fn is_disassembly(&self, position: SourcePosition) -> bool {
+        let mut own = self.shaders.iter().filter(|sites| sites.is_disassembled);
+        own.any(|sites| sites.files.contains(&position.file))
+    }
+
+    /// The names of all functions, without repetition.
+    pub fn function_names(&self) -> Vec<String> {
+        let of = |sites: &ShaderSites| -> Vec<String> {
+            (0..sites.program.scopes.len() as u32).map(|scope| sites.function_name(scope)).collect()
+        };
+        let mut names: Vec<String> = self.shaders.iter().flat_map(of).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    /// An instruction in words, given by its offset in words from the start of the module.
+    pub fn instruction_text(&self, shader: ShaderIndex, offset: u32) -> String {
+        self.shader(shader).program.module.describe_instruction(offset)
+    }
+
+    /// The offsets of instructions around one of them: as many before and after it.
+    pub fn instructions_around(&self, shader: ShaderIndex, offset: u32, around: usize) -> Vec<u32> {
+        let module = &self.shader(shader).program.module;
+        let function = module.functions.iter().rfind(|function| function.offset <= offset);
+        let blocks = function.map_or(&[][..], |function| &function.blocks);
+        let all: Vec<u32> = blocks
+            .iter()
+            .flat_map(|block| &block.instructions)
+            .map(|instruction| instruction.offset)
+            .collect();
+        let at = all.iter().position(|&one| one == offset).unwrap_or(0);
+        let range = at.saturating_sub(around)..(at + around + 1).min(all.len());
+        all[range].to_vec()
     }
 
     /// The text of a line without its indent, where a module holds it.

@@ -1,0 +1,128 @@
+//! The debugger's prompt: lines from a terminal, with history and completion, or from a script.
+
+use std::io::{BufRead, IsTerminal, stdin, stdout};
+use std::path::PathBuf;
+
+use rustyline::completion::Completer;
+use rustyline::config::CompletionType;
+use rustyline::error::ReadlineError;
+use rustyline::highlight::Highlighter;
+use rustyline::hint::Hinter;
+use rustyline::history::FileHistory;
+use rustyline::validate::Validator;
+use rustyline::{Config, Context, Editor, Helper};
+
+use crate::cli::output;
+use crate::debug::console::Console;
+use crate::debug::debugger::Debugger;
+use crate::error::{Error, ErrorKind, Result};
+
+const PROMPT: &str = "(anyhit) ";
+
+/// Reads commands and answers them, until `quit` or the end of the input. A script's commands are
+/// printed before their answers, so that the whole reads as a transcript.
+///
+/// # Errors
+/// Where the terminal or the script cannot be read, or nothing can be printed. In a script, the
+/// first command that fails ends the session with an error of its own.
+pub(super) fn run(debugger: Debugger, colours: bool) -> Result<()> {
+    let (console, reply) = Console::new(debugger, colours);
+    output::print(&reply.text)?;
+    match stdin().is_terminal() && stdout().is_terminal() {
+        true => from_terminal(console),
+        false => from_script(console),
+    }
+}
+
+fn from_script(mut console: Console) -> Result<()> {
+    for (number, line) in (1..).zip(stdin().lock().lines()) {
+        let line = line.map_err(|error| Error::new(ErrorKind::Io, format!("standard input: {error}")))?;
+        let command = line.trim();
+        // A comment of the script.
+        if command.starts_with('#') {
+            output::print(format_args!("{command}\n"))?;
+            continue;
+        }
+        let reply = console.execute(command);
+        output::print(format_args!("{PROMPT}{command}\n{}", reply.text))?;
+        if reply.quits {
+            break;
+        }
+        if reply.failed {
+            let message = format!("command {number} of the script failed: `{command}`");
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+    }
+    Ok(())
+}
+
+fn from_terminal(console: Console) -> Result<()> {
+    let failed = |error: ReadlineError| Error::new(ErrorKind::Io, format!("the terminal: {error}"));
+    let config = Config::builder().completion_type(CompletionType::List).build();
+    let mut editor: Editor<Prompt, FileHistory> = Editor::with_config(config).map_err(failed)?;
+    editor.set_helper(Some(Prompt { console }));
+    let history = history_file();
+    if let Some(path) = &history {
+        // Without a history the prompt works as well.
+        let _ = editor.load_history(path);
+    }
+    loop {
+        match editor.readline(PROMPT) {
+            Ok(line) => {
+                if !line.trim().is_empty() {
+                    let _ = editor.add_history_entry(line.trim());
+                }
+                let Some(prompt) = editor.helper_mut() else { break };
+                let reply = prompt.console.execute(&line);
+                output::print(&reply.text)?;
+                if reply.quits {
+                    break;
+                }
+            }
+            Err(ReadlineError::Interrupted) => {}
+            Err(ReadlineError::Eof) => break,
+            Err(error) => return Err(failed(error)),
+        }
+    }
+    if let Some(path) = &history {
+        if let Some(folder) = path.parent() {
+            let _ = std::fs::create_dir_all(folder);
+        }
+        let _ = editor.save_history(path);
+    }
+    Ok(())
+}
+
+/// Where the history is kept: in the user's state folder, where one is known.
+fn history_file() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let state = folder("XDG_STATE_HOME").or_else(|| Some(folder("HOME")?.join(".local/state")));
+    let state = state.or_else(|| folder("LOCALAPPDATA"))?;
+    Some(state.join("anyhit").join("debugger-history"))
+}
+
+/// Completes commands and names at the prompt.
+struct Prompt {
+    console: Console,
+}
+
+impl Helper for Prompt {}
+impl Highlighter for Prompt {}
+impl Validator for Prompt {}
+
+impl Hinter for Prompt {
+    type Hint = String;
+}
+
+impl Completer for Prompt {
+    type Candidate = String;
+
+    fn complete(
+        &self,
+        line: &str,
+        position: usize,
+        _: &Context<'_>,
+    ) -> rustyline::Result<(usize, Vec<String>)> {
+        Ok(self.console.complete(&line[..position]))
+    }
+}

@@ -1,0 +1,165 @@
+//! The commands, their names and what they do.
+
+use std::fmt::Write as _;
+
+use crate::debug::debugger::Step;
+
+/// What a command does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Action {
+    Step(Step),
+    StepBack(Step),
+    Continue,
+    ContinueBack,
+    Nan,
+    Begin,
+    Goto,
+    Until,
+    Traversal,
+    TraversalBack,
+    LastWrite,
+    Break,
+    Log,
+    Watch,
+    Delete,
+    Enable,
+    Disable,
+    Breakpoints,
+    Print,
+    Set,
+    Display,
+    Undisplay,
+    Locals,
+    Globals,
+    Temporaries,
+    Backtrace,
+    Frame,
+    Up,
+    Down,
+    List,
+    Sources,
+    Instructions,
+    Output,
+    Help,
+    Quit,
+}
+
+/// A command.
+#[derive(Debug)]
+pub struct Command {
+    /// Its name, then other spellings.
+    pub names: &'static [&'static str],
+    /// What follows the name.
+    pub arguments: &'static str,
+    /// What it does, in a line.
+    pub about: &'static str,
+    pub(super) action: Action,
+    /// Whether an empty line repeats it.
+    pub(super) repeats: bool,
+}
+
+const fn command(
+    names: &'static [&'static str],
+    arguments: &'static str,
+    about: &'static str,
+    action: Action,
+    repeats: bool,
+) -> Command {
+    Command { names, arguments, about, action, repeats }
+}
+
+/// The commands, in the order in which `help` lists them.
+#[rustfmt::skip]
+pub static COMMANDS: &[Command] = &[
+    command(&["step", "s"], "[N]", "to the next line, into functions and the shaders that a ray calls", Action::Step(Step::Into), true),
+    command(&["next", "n"], "[N]", "to the next line of this function", Action::Step(Step::Over), true),
+    command(&["finish", "fin", "out"], "", "to the caller", Action::Step(Step::Out), true),
+    command(&["stepi", "si"], "[N]", "to the next instruction, into calls", Action::Step(Step::IntoInstruction), true),
+    command(&["nexti", "ni"], "[N]", "to the next instruction of this function", Action::Step(Step::OverInstruction), true),
+    command(&["continue", "c", "run", "r"], "[N]", "to the next breakpoint, or the end", Action::Continue, true),
+    command(&["until", "u"], "PLACE", "to a place: `until 27`, `until shade`", Action::Until, false),
+    command(&["traversal", "t"], "", "to what the traversal of a ray does next", Action::Traversal, true),
+    command(&["nan"], "", "to the first NaN that an operation makes of numbers", Action::Nan, false),
+    command(&["rstep", "rs", "reverse-step"], "[N]", "back to the line before, wherever it is", Action::StepBack(Step::Into), true),
+    command(&["rnext", "rn", "reverse-next"], "[N]", "back to the line before in this function, or to its call", Action::StepBack(Step::Over), true),
+    command(&["rfinish", "rout", "reverse-finish"], "", "back to the line that called this function", Action::StepBack(Step::Out), true),
+    command(&["rstepi", "rsi", "reverse-stepi"], "[N]", "back to the instruction before", Action::StepBack(Step::IntoInstruction), true),
+    command(&["rcontinue", "rc", "reverse-continue"], "[N]", "back to the breakpoint before, or the begin", Action::ContinueBack, true),
+    command(&["rtraversal", "rt", "reverse-traversal"], "", "back to what the traversal did before", Action::TraversalBack, true),
+    command(&["who", "last-write"], "EXPRESSION", "back to the step that wrote a value last, in whichever shader", Action::LastWrite, false),
+    command(&["begin", "start"], "", "back to the first line", Action::Begin, false),
+    command(&["goto"], "STEP", "to a step by its number, forwards or backwards", Action::Goto, false),
+    command(&["break", "b"], "PLACE [if CONDITION] [from N]", "stops at a line (`27`, `main.rgen:27`), a function, an opcode (`OpTraceRayKHR`), a stage (`any-hit`), or where traversal decides (`primitive=62 instance=2 verdict=opaque`)", Action::Break, false),
+    command(&["log"], "PLACE TEXT", "prints a text with {expressions} at a place and goes on", Action::Log, false),
+    command(&["watch", "w"], "EXPRESSION", "stops where a variable, a member of a payload or a part of a buffer is written", Action::Watch, false),
+    command(&["breakpoints", "info"], "", "the breakpoints", Action::Breakpoints, false),
+    command(&["delete", "d"], "[N ...]", "deletes breakpoints, all without a number", Action::Delete, false),
+    command(&["enable"], "[N ...]", "lets breakpoints stop again", Action::Enable, false),
+    command(&["disable"], "[N ...]", "lets breakpoints rest", Action::Disable, false),
+    command(&["print", "p"], "EXPRESSION", "the value of an expression", Action::Print, false),
+    command(&["set"], "NAME = EXPRESSION", "sets a variable, a member or an element, and goes on with it", Action::Set, false),
+    command(&["display"], "EXPRESSION", "shows a value at every stop", Action::Display, false),
+    command(&["undisplay"], "[EXPRESSION]", "shows it no longer; all without an expression", Action::Undisplay, false),
+    command(&["locals", "l"], "", "the variables of this function", Action::Locals, false),
+    command(&["globals", "g"], "[NAME]", "the variables of the shader: payload, builtins, buffers", Action::Globals, false),
+    command(&["temporaries", "tmp"], "", "the compiler's own values in this block", Action::Temporaries, false),
+    command(&["where", "backtrace", "bt"], "", "the calls of functions and shaders that led here", Action::Backtrace, false),
+    command(&["frame", "f"], "[N]", "looks at another of them", Action::Frame, false),
+    command(&["up"], "[N]", "looks at the caller", Action::Up, true),
+    command(&["down"], "[N]", "looks at what was called", Action::Down, true),
+    command(&["list", "ls"], "[LINE]", "the source around here, or around a line", Action::List, false),
+    command(&["sources"], "", "the source files", Action::Sources, false),
+    command(&["instructions", "x"], "", "the instructions around here", Action::Instructions, false),
+    command(&["output", "o"], "", "all that shaders have printed so far", Action::Output, false),
+    command(&["help", "h", "?"], "[COMMAND]", "this list, or one command", Action::Help, false),
+    command(&["quit", "q", "exit"], "", "ends the session", Action::Quit, false),
+];
+
+/// The command of a name, or of the begin of one that no other command has.
+///
+/// # Errors
+/// That there is none, or several, in words.
+pub(super) fn find(word: &str) -> Result<&'static Command, String> {
+    if let Some(found) = COMMANDS.iter().find(|command| command.names.contains(&word)) {
+        return Ok(found);
+    }
+    let begins = |command: &&Command| command.names[0].starts_with(word);
+    let near: Vec<&Command> = COMMANDS.iter().filter(begins).collect();
+    match near[..] {
+        [only] => Ok(only),
+        [] => Err(format!("there is no command `{word}`; `help` lists them")),
+        _ => {
+            let names: Vec<&str> = near.iter().map(|command| command.names[0]).collect();
+            Err(format!("`{word}` may be {}", names.join(", ")))
+        }
+    }
+}
+
+/// The names of commands that begin with a text.
+pub fn complete(begin: &str) -> Vec<&'static str> {
+    let names = COMMANDS.iter().map(|command| command.names[0]);
+    names.filter(|name| name.starts_with(begin)).collect()
+}
+
+/// How wide the list's first column is.
+const USAGE: usize = 28;
+
+/// The list of commands, or what one does.
+pub(super) fn help(word: &str) -> Result<String, String> {
+    if !word.is_empty() {
+        let found = find(word)?;
+        let others = found.names[1..].join(", ");
+        let others = if others.is_empty() { others } else { format!("\nalso: {others}") };
+        return Ok(format!("{} {}\n{}{others}\n", found.names[0], found.arguments, found.about));
+    }
+    let mut text = String::new();
+    for command in COMMANDS {
+        let short = command.names.get(1).map_or_else(String::new, |short| format!(", {short}"));
+        let usage = format!("{}{short} {}", command.names[0], command.arguments);
+        let usage = usage.trim_end();
+        let gap = if usage.len() < USAGE { "" } else { "\n" };
+        let indent = if gap.is_empty() { USAGE - usage.len() } else { USAGE };
+        let _ = writeln!(text, "{usage}{gap}{:indent$}{}", "", command.about);
+    }
+    Ok(text + "An empty line repeats the last step.\n")
+}

@@ -1,0 +1,278 @@
+//! Operators on numbers, with GLSL's conversions: a scalar meets each component, integers become
+//! floats, signed integers unsigned ones.
+
+use half::f16;
+
+use crate::debug::debugger::expression::numbers::{
+    ComponentBits, NumberShape, Numbers, ScalarType, float, mask, signed,
+};
+use crate::debug::debugger::expression::syntax::{BinaryOperator as Operator, UnaryOperator};
+
+/// The result of an operator, or the message why there is none.
+pub(super) type Calculated = Result<Numbers, String>;
+
+/// Applies an operator to one operand.
+pub(super) fn unary(operator: UnaryOperator, operand: &Numbers) -> Calculated {
+    let ty = operand.ty();
+    let map = |apply: fn(u64) -> u64| {
+        let bits = operand.bits().iter().map(|&bits| apply(bits) & mask(ty)).collect();
+        Ok(Numbers::new(ty, operand.shape(), bits))
+    };
+    match (operator, ty) {
+        (UnaryOperator::Plus, ScalarType::Int(_) | ScalarType::Uint(_) | ScalarType::Float(_)) => {
+            Ok(operand.clone())
+        }
+        (UnaryOperator::Minus, ScalarType::Int(_) | ScalarType::Uint(_)) => map(u64::wrapping_neg),
+        (UnaryOperator::Minus, ScalarType::Float(width)) => {
+            let flipped = operand.bits().iter().map(|&bits| bits ^ 1 << (width - 1));
+            Ok(Numbers::new(ty, operand.shape(), flipped.collect()))
+        }
+        (UnaryOperator::Complement, ScalarType::Int(_) | ScalarType::Uint(_)) => map(|bits| !bits),
+        (UnaryOperator::Not, _) => {
+            let inverted = operand.converted(ScalarType::Bool);
+            let bits = inverted.bits().iter().map(|&bits| 1 - bits).collect();
+            Ok(Numbers::new(ScalarType::Bool, operand.shape(), bits))
+        }
+        _ => {
+            let spelling = match operator {
+                UnaryOperator::Plus => "+",
+                UnaryOperator::Minus => "-",
+                UnaryOperator::Complement => "~",
+                UnaryOperator::Not => "!",
+                UnaryOperator::Dereference => "*",
+            };
+            Err(format!("no `{spelling}` of {}", operand.type_name()))
+        }
+    }
+}
+
+/// Applies an operator to two operands.
+pub(super) fn binary(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
+    match operator {
+        Operator::Multiply => multiply(a, b),
+        Operator::ShiftLeft | Operator::ShiftRight => shift(operator, a, b),
+        Operator::And | Operator::Or => {
+            let (a, b) = a.as_bool().zip(b.as_bool()).ok_or_else(|| mismatch(operator, a, b))?;
+            Ok(Numbers::of_bool(if operator == Operator::And { a && b } else { a || b }))
+        }
+        Operator::Equal | Operator::NotEqual => {
+            let equal = by_components(operator, a, b, &|ty, a, b| Ok(u64::from(is_equal(ty, a, b))))?;
+            let all = equal.bits().iter().all(|&bits| bits != 0);
+            Ok(Numbers::of_bool(all == (operator == Operator::Equal)))
+        }
+        Operator::Less | Operator::LessEqual | Operator::Greater | Operator::GreaterEqual => {
+            let compare = |ty, a, b| Ok(u64::from(is_ordered(operator, ty, a, b)));
+            let result = by_components(operator, a, b, &compare)?;
+            Ok(Numbers::new(ScalarType::Bool, result.shape(), result.bits().into()))
+        }
+        Operator::BitAnd | Operator::BitOr | Operator::BitXor => {
+            if [a, b].iter().any(|one| matches!(one.ty(), ScalarType::Float(_))) {
+                return Err(mismatch(operator, a, b));
+            }
+            by_components(operator, a, b, &|_, a, b| {
+                Ok(match operator {
+                    Operator::BitAnd => a & b,
+                    Operator::BitOr => a | b,
+                    _ => a ^ b,
+                })
+            })
+        }
+        Operator::Add | Operator::Subtract | Operator::Divide | Operator::Remainder => {
+            calculated(operator, a, b)
+        }
+    }
+}
+
+/// Adds, subtracts, multiplies or divides component by component.
+pub(super) fn calculated(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
+    if a.ty() == ScalarType::Bool || b.ty() == ScalarType::Bool {
+        return Err(mismatch(operator, a, b));
+    }
+    by_components(operator, a, b, &|ty, a, b| scalar(operator, ty, a, b))
+}
+
+fn mismatch(operator: Operator, a: &Numbers, b: &Numbers) -> String {
+    format!("no `{}` of {} and {}", operator.spelling(), a.type_name(), b.type_name())
+}
+
+/// The type in which two operands meet (GLSL 4.60, 4.1.10).
+pub(super) fn common_type(a: ScalarType, b: ScalarType) -> Option<ScalarType> {
+    use ScalarType::{Bool, Float, Int, Uint};
+    Some(match (a, b) {
+        (Bool, Bool) => Bool,
+        (Bool, _) | (_, Bool) => return None,
+        (Float(a), Float(b)) => Float(a.max(b)),
+        (Float(float), Int(width) | Uint(width)) | (Int(width) | Uint(width), Float(float)) => {
+            Float(if width == 64 { 64 } else { float })
+        }
+        (Int(a), Int(b)) => Int(a.max(b)),
+        (Uint(a), Uint(b)) => Uint(a.max(b)),
+        (Int(signed), Uint(unsigned)) | (Uint(unsigned), Int(signed)) => {
+            if signed > unsigned {
+                Int(signed)
+            } else {
+                Uint(unsigned)
+            }
+        }
+    })
+}
+
+/// Applies a function to each pair of components, of one type; a scalar meets all components of
+/// the other operand.
+pub(super) fn by_components(
+    operator: Operator,
+    a: &Numbers,
+    b: &Numbers,
+    apply: &dyn Fn(ScalarType, u64, u64) -> Result<u64, String>,
+) -> Calculated {
+    let shape = match (a.shape(), b.shape()) {
+        (NumberShape::Scalar, shape) | (shape, NumberShape::Scalar) => shape,
+        (one, other) if one == other => one,
+        _ => return Err(mismatch(operator, a, b)),
+    };
+    let ty = common_type(a.ty(), b.ty()).ok_or_else(|| mismatch(operator, a, b))?;
+    let (a, b) = (a.converted(ty), b.converted(ty));
+    let at = |of: &Numbers, at: usize| of.bits()[if of.bits().len() == 1 { 0 } else { at }];
+    let components = 0..shape.components() as usize;
+    let bits: Result<ComponentBits, String> =
+        components.map(|index| apply(ty, at(&a, index), at(&b, index))).collect();
+    Ok(Numbers::new(ty, shape, bits?))
+}
+
+/// Calculates with two components of a type.
+pub(super) fn scalar(operator: Operator, ty: ScalarType, a: u64, b: u64) -> Result<u64, String> {
+    let floats = |a: f32, b: f32| match operator {
+        Operator::Add => a + b,
+        Operator::Subtract => a - b,
+        Operator::Multiply => a * b,
+        Operator::Divide => a / b,
+        _ => a % b,
+    };
+    let by_zero = || "a division by zero".to_owned();
+    Ok(match ty {
+        ScalarType::Float(32) => floats(f32::from_bits(a as u32), f32::from_bits(b as u32)).to_bits().into(),
+        // The exact result, rounded to f32 first, is rounded to f16 as if at once: f32 has more than
+        // twice as many bits.
+        ScalarType::Float(16) => {
+            let [a, b] = [a, b].map(|bits| f16::from_bits(bits as u16).to_f32());
+            f16::from_f32(floats(a, b)).to_bits().into()
+        }
+        ScalarType::Float(_) => {
+            let [a, b] = [a, b].map(f64::from_bits);
+            let value = match operator {
+                Operator::Add => a + b,
+                Operator::Subtract => a - b,
+                Operator::Multiply => a * b,
+                Operator::Divide => a / b,
+                _ => a % b,
+            };
+            value.to_bits()
+        }
+        ScalarType::Bool | ScalarType::Int(_) | ScalarType::Uint(_) => {
+            let bits = match (operator, ty) {
+                (Operator::Add, _) => a.wrapping_add(b),
+                (Operator::Subtract, _) => a.wrapping_sub(b),
+                (Operator::Multiply, _) => a.wrapping_mul(b),
+                (_, _) if b == 0 => return Err(by_zero()),
+                (Operator::Divide, ScalarType::Int(width)) => {
+                    signed(a, width).wrapping_div(signed(b, width)) as u64
+                }
+                (Operator::Divide, _) => a / b,
+                (_, ScalarType::Int(width)) => signed(a, width).wrapping_rem(signed(b, width)) as u64,
+                _ => a % b,
+            };
+            bits & mask(ty)
+        }
+    })
+}
+
+fn is_equal(ty: ScalarType, a: u64, b: u64) -> bool {
+    match ty {
+        ScalarType::Float(width) => float(a, width) == float(b, width),
+        _ => a == b,
+    }
+}
+
+fn is_ordered(operator: Operator, ty: ScalarType, a: u64, b: u64) -> bool {
+    let order = match ty {
+        ScalarType::Float(width) => float(a, width).partial_cmp(&float(b, width)),
+        ScalarType::Int(width) => Some(signed(a, width).cmp(&signed(b, width))),
+        _ => Some(a.cmp(&b)),
+    };
+    order.is_some_and(|order| match operator {
+        Operator::Less => order.is_lt(),
+        Operator::LessEqual => order.is_le(),
+        Operator::Greater => order.is_gt(),
+        _ => order.is_ge(),
+    })
+}
+
+/// Shifts; the result is of the type of the left operand.
+fn shift(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
+    let is_integer = |one: &Numbers| matches!(one.ty(), ScalarType::Int(_) | ScalarType::Uint(_));
+    let spread = b.bits().len() == 1;
+    if !is_integer(a) || !is_integer(b) || !(spread || a.shape() == b.shape()) {
+        return Err(mismatch(operator, a, b));
+    }
+    let width = a.ty().width();
+    let mut shifted = ComponentBits::new();
+    for (at, &bits) in a.bits().iter().enumerate() {
+        let count = b.bits()[if spread { 0 } else { at }];
+        if count >= width.into() {
+            return Err(format!("a shift by {count} of a value of {width} bits"));
+        }
+        shifted.push(
+            match (operator, a.ty()) {
+                (Operator::ShiftLeft, _) => bits << count,
+                (_, ScalarType::Int(width)) => (signed(bits, width) >> count) as u64,
+                _ => bits >> count,
+            } & mask(a.ty()),
+        );
+    }
+    Ok(Numbers::new(a.ty(), a.shape(), shifted))
+}
+
+/// Multiplies: matrices as in linear algebra (GLSL 4.60, 5.9), all else by components.
+pub(super) fn multiply(a: &Numbers, b: &Numbers) -> Calculated {
+    let wrong = || mismatch(Operator::Multiply, a, b);
+    let (left, right, shape) = match (a.shape(), b.shape()) {
+        // The operands as matrices: columns and rows. A vector is a column to the right of a matrix,
+        // and a row to the left of one.
+        (NumberShape::Matrix { columns, rows }, NumberShape::Vector(count)) => {
+            ([columns, rows], [1, count], NumberShape::Vector(rows))
+        }
+        (NumberShape::Vector(count), NumberShape::Matrix { columns, rows }) => {
+            ([count, 1], [columns, rows], NumberShape::Vector(columns))
+        }
+        (NumberShape::Matrix { columns, rows }, NumberShape::Matrix { columns: others, rows: inner }) => {
+            let shape = NumberShape::Matrix { columns: others, rows };
+            ([columns, rows], [others, inner], shape)
+        }
+        _ => return calculated(Operator::Multiply, a, b),
+    };
+    let ty = common_type(a.ty(), b.ty()).filter(|ty| *ty != ScalarType::Bool).ok_or_else(wrong)?;
+    if left[0] != right[1] {
+        return Err(wrong());
+    }
+    let (a, b) = (a.converted(ty), b.converted(ty));
+    let mut bits = ComponentBits::new();
+    for column in 0..right[0] {
+        for row in 0..left[1] {
+            let products = (0..left[0]).map(|inner| {
+                let (x, y) = (a.bits()[(inner * left[1] + row) as usize], column * right[1] + inner);
+                scalar(Operator::Multiply, ty, x, b.bits()[y as usize])
+            });
+            bits.push(sum(ty, products)?);
+        }
+    }
+    Ok(Numbers::new(ty, shape, bits))
+}
+
+/// The sum of components, from the first on.
+pub(super) fn sum(
+    ty: ScalarType,
+    mut parts: impl Iterator<Item = Result<u64, String>>,
+) -> Result<u64, String> {
+    let first = parts.next().unwrap_or(Ok(0))?;
+    parts.try_fold(first, |sum, part| scalar(Operator::Add, ty, sum, part?))
+}

@@ -1,0 +1,126 @@
+//! Expressions of a stopped invocation's variables, in the notation that GLSL, HLSL and Slang share:
+//! names, members, indices, swizzles, pointers, operators, constructors and functions.
+//!
+//! Conversions are those of GLSL. A comparison with `==` is one bool, the other comparisons of
+//! vectors are vectors of bools. Floats are calculated with in their own width.
+
+mod arithmetic;
+mod builtin_names;
+mod error;
+mod evaluate;
+mod functions;
+mod lexer;
+mod numbers;
+mod parser;
+mod syntax;
+mod type_names;
+
+pub use error::ExpressionError;
+pub use evaluate::Evaluated;
+pub use numbers::{NumberShape, Numbers, ScalarType};
+
+use crate::debug::debugger::lane_state::LaneState;
+use crate::debug::debugger::source_frames::SourceFrame;
+use crate::debug::debugger::variable_place::VariablePlace;
+use crate::program::Program;
+use evaluate::Evaluator;
+use syntax::Node;
+
+/// An expression that was parsed, to be evaluated as often as needed.
+#[derive(Clone, Debug)]
+pub struct Expression {
+    root: Node,
+}
+
+impl Expression {
+    /// Parses an expression.
+    ///
+    /// # Errors
+    /// What is wrong with the text, and where.
+    pub fn parse(text: &str) -> Result<Self, ExpressionError> {
+        Ok(Self { root: parser::parse(text)? })
+    }
+
+    /// Its value in a frame of a stopped invocation.
+    ///
+    /// # Errors
+    /// Which part of it has no value, and why.
+    pub fn evaluate(
+        &self,
+        program: &Program,
+        frame: &SourceFrame,
+        state: &dyn LaneState,
+    ) -> Result<Evaluated, ExpressionError> {
+        Evaluator::new(program, frame, state).evaluate(&self.root)
+    }
+}
+
+/// Evaluates a text in a frame of a stopped invocation.
+///
+/// # Errors
+/// As [`Expression::parse`] and [`Expression::evaluate`].
+pub fn evaluate(
+    program: &Program,
+    frame: &SourceFrame,
+    state: &dyn LaneState,
+    text: &str,
+) -> Result<Evaluated, ExpressionError> {
+    Expression::parse(text)?.evaluate(program, frame, state)
+}
+
+/// Sets what an expression names, `payload.colour.xy`, to the value of another.
+///
+/// # Errors
+/// As [`evaluate`], and why a place cannot be set or takes no such value. Columns are those of the
+/// text that is wrong.
+pub fn assign(
+    program: &Program,
+    frame: &SourceFrame,
+    state: &mut dyn LaneState,
+    target: &str,
+    value: &str,
+) -> Result<(), ExpressionError> {
+    let (target, value) = (parser::parse(target)?, parser::parse(value)?);
+    for (place, words) in assignments(program, frame, &*state, &target, &value)? {
+        let set = place.set_words(state, &words);
+        set.map_err(|message| ExpressionError::new(target.column, message))?;
+    }
+    Ok(())
+}
+
+/// The places that are set, each with its words.
+fn assignments(
+    program: &Program,
+    frame: &SourceFrame,
+    state: &dyn LaneState,
+    target: &Node,
+    value: &Node,
+) -> Result<Vec<(VariablePlace, Vec<u32>)>, ExpressionError> {
+    let evaluator = Evaluator::new(program, frame, state);
+    if let Some(places) = evaluator.swizzled_places(target)? {
+        let numbers = evaluator.numbers_for(value)?;
+        let one = numbers.bits().len() == 1;
+        if !one && numbers.bits().len() != places.len() {
+            let message = format!("{} is not of {} components", numbers.type_name(), places.len());
+            return Err(ExpressionError::new(value.column, message));
+        }
+        let words = places.into_iter().zip(0..).map(|(place, at)| {
+            let part = if one { Some(numbers.clone()) } else { numbers.part(at) };
+            let words = part.map_or_else(
+                || Err("no such component".into()),
+                |part| part.words_as(place.module(), place.ty()),
+            );
+            Ok((place, words.map_err(|message| ExpressionError::new(value.column, message))?))
+        });
+        return words.collect();
+    }
+    match evaluator.evaluate(target)? {
+        Evaluated::Place(place) => {
+            let words = evaluator.words_for(value, &place)?;
+            Ok(vec![(place, words)])
+        }
+        Evaluated::Numbers(_) => {
+            Err(ExpressionError::new(target.column, "only variables and their parts can be set"))
+        }
+    }
+}
