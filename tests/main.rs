@@ -16,6 +16,7 @@ mod bands;
 mod cli;
 mod compile;
 mod conformance;
+mod dap;
 mod descriptors;
 mod device;
 mod device_buffers;

@@ -255,11 +255,9 @@ impl Adapter {
                 line: Some(self.client.line(sources.shown_line(position))),
                 ..ShownBreakpoint::default()
             },
-            None if found.is_some_and(Breakpoint::is_somewhere) => ShownBreakpoint {
-                id: Some(id.0.into()),
-                verified: true,
-                ..ShownBreakpoint::default()
-            },
+            None if found.is_some_and(Breakpoint::is_somewhere) => {
+                ShownBreakpoint { id: Some(id.0.into()), verified: true, ..ShownBreakpoint::default() }
+            }
             None => unverified(nowhere(requested, sources)),
         }
     }

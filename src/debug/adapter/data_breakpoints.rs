@@ -6,6 +6,8 @@ use serde_json::{Value, json};
 
 use crate::debug::debugger::{BreakpointId, VariablePlace, Watch, WatchedWords, Write};
 
+use crate::debug::values::TypedValue;
+
 use super::Adapter;
 use super::protocol::{Answer, Request};
 use super::stopped::Handle;
@@ -115,7 +117,8 @@ impl Adapter {
             return (Vec::new(), String::new());
         };
         let known = &self.data_breakpoints.known[at];
-        let value = |words: &[u32]| known.place.value_of_words(words);
+        let (module, ty) = (known.place.module(), known.place.ty());
+        let value = |words: &[u32]| TypedValue::of_type(module, ty, words);
         let text = format!("{}: {} -> {}", known.name, value(&write.before), value(&write.after));
         (vec![id.0], text)
     }

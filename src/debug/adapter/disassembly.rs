@@ -60,8 +60,7 @@ pub(super) fn shader_and_offset(reference: &str, bytes: i64) -> Result<(usize, u
 impl Adapter {
     pub(super) fn disassemble(&mut self, request: &Request) -> Answer {
         let arguments: DisassembleArguments = request.arguments()?;
-        let (shader, offset) =
-            shader_and_offset(&arguments.memory_reference, arguments.offset.unwrap_or(0))?;
+        let (shader, offset) = shader_and_offset(&arguments.memory_reference, arguments.offset.unwrap_or(0))?;
         let client = self.client;
         let launched = self.launched()?;
         let Some(sites) = launched.debugger.sources().shaders().get(shader) else {
@@ -77,7 +76,8 @@ impl Adapter {
         let instruction = |at: i64| {
             let found = usize::try_from(at).ok().and_then(|at| offsets.get(at).copied());
             let Some(offset) = found else {
-                let behind = module.words.len() as i64 + (at - offsets.len() as i64);
+                let behind = (at - offsets.len() as i64).saturating_add(module.words.len() as i64);
+                // Before the first is before the module, too.
                 let outside = if at < 0 { at } else { behind };
                 let address = ((shader as i64 + 1) << 32).wrapping_add(outside.wrapping_mul(4));
                 return DisassembledInstruction {

@@ -54,9 +54,7 @@ impl GivenText {
         match self {
             Self::Text(text) => text.clone(),
             Self::Number(number) => number.to_string(),
-            Self::Numbers(numbers) => {
-                numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(",")
-            }
+            Self::Numbers(numbers) => numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(","),
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::error::Error;
 
 /// A request of the client.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Request {
+pub(super) struct Request {
     /// Its number, which the response repeats.
     pub seq: i64,
     /// Its name.
@@ -23,7 +23,7 @@ pub struct Request {
 
 /// Why a request is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
+pub(super) struct Refusal {
     /// The reason, one line.
     pub message: String,
     /// The whole report, which may have several lines.
@@ -34,13 +34,13 @@ pub struct Refusal {
 
 impl Refusal {
     /// A refusal that the client may show or not.
-    pub fn new(message: impl Into<String>) -> Self {
+    pub(super) fn new(message: impl Into<String>) -> Self {
         let message = message.into();
         Self { report: message.clone(), message, is_shown: false }
     }
 
     /// A refusal that the client is to show to the user.
-    pub fn shown(message: impl Into<String>) -> Self {
+    pub(super) fn shown(message: impl Into<String>) -> Self {
         Self { is_shown: true, ..Self::new(message) }
     }
 }
@@ -59,21 +59,23 @@ impl From<String> for Refusal {
 }
 
 /// The answer to a request: the body of its response.
-pub type Answer = Result<Value, Refusal>;
+pub(super) type Answer = Result<Value, Refusal>;
 
 impl Request {
     /// Reads a message.
     ///
     /// # Errors
     /// Where it is no request: with its number, as far as it has one, and why.
-    pub fn read(message: Value) -> Result<Self, (i64, Refusal)> {
+    pub(super) fn read(message: Value) -> Result<Self, (i64, Refusal)> {
         let Value::Object(mut message) = message else {
             return Err((0, Refusal::new("a message is a JSON object")));
         };
         let seq = message.get("seq").and_then(Value::as_i64).unwrap_or(0);
         match message.get("type").and_then(Value::as_str) {
             Some("request") => {}
-            Some(other) => return Err((seq, Refusal::new(format!("a message of type `{other}` is no request")))),
+            Some(other) => {
+                return Err((seq, Refusal::new(format!("a message of type `{other}` is no request"))));
+            }
             None => return Err((seq, Refusal::new("the message has no `type`"))),
         }
         let Some(command) = message.get("command").and_then(Value::as_str) else {
@@ -88,7 +90,7 @@ impl Request {
     ///
     /// # Errors
     /// Which of them is missing or of the wrong type.
-    pub fn arguments<T: DeserializeOwned>(&self) -> Result<T, Refusal> {
+    pub(super) fn arguments<T: DeserializeOwned>(&self) -> Result<T, Refusal> {
         let arguments = match without_nulls(self.arguments.clone()) {
             Value::Null => Value::Object(Map::new()),
             arguments => arguments,

@@ -4,6 +4,7 @@ use emmy_dap_types::requests::NextArguments;
 use emmy_dap_types::types::SteppingGranularity;
 use serde_json::{Value, json};
 
+use crate::debug::console::traversal_events;
 use crate::debug::debugger::{Step, Stop};
 use crate::error::Error;
 
@@ -175,6 +176,12 @@ impl Adapter {
         self.outbox.event("thread", json!({ "reason": "exited", "threadId": THREAD }));
         self.outbox.event("exited", json!({ "exitCode": code }));
         self.outbox.event("terminated", Value::Null);
+    }
+
+    /// What the traversal of a ray did between the step before and the one that is next, in words.
+    pub(super) fn traversal(&mut self) -> Answer {
+        let launched = self.stopped()?;
+        Ok(json!({ "events": traversal_events::told(launched.debugger.events()) }))
     }
 
     pub(super) fn exception_info(&mut self) -> Answer {

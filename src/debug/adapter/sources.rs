@@ -45,8 +45,11 @@ impl Sources {
         let scene = host.absolute(scene);
         let here = host.absolute(Path::new("."));
         let folders: Vec<&Path> = scene.ancestors().skip(1).chain([here.as_path()]).collect();
-        let mut shown: Vec<ShownAs> =
-            map.files().iter().map(|file| shown_as(&file.name, file.text.as_deref(), host, &folders)).collect();
+        let mut shown: Vec<ShownAs> = map
+            .files()
+            .iter()
+            .map(|file| shown_as(&file.name, file.text.as_deref(), host, &folders))
+            .collect();
         for sites in map.shaders().iter().filter(|sites| sites.is_disassembled) {
             if let Some(position) = sites.position(0) {
                 shown[position.file as usize] = ShownAs::Listing(Listing::new(&sites.program.module));
@@ -77,9 +80,7 @@ impl Sources {
                 origin: Some("disassembly: the module has no debug information".into()),
                 ..Source::default()
             },
-            ShownAs::Nothing => {
-                Source { name: Some(short), path: Some(name.clone()), ..Source::default() }
-            }
+            ShownAs::Nothing => Source { name: Some(short), path: Some(name.clone()), ..Source::default() },
         }
     }
 
@@ -235,12 +236,13 @@ impl Adapter {
     pub(super) fn modules(&mut self, request: &Request) -> Answer {
         let arguments: ModulesArguments = request.arguments()?;
         let launched = self.launched()?;
-        let module = |(id, sites): (usize, &crate::debug::debugger::ShaderSites)| {
+        let shaders = launched.debugger.sources().shaders().iter().enumerate();
+        let modules = shaders.map(|(id, sites)| {
             let name = format!("{} [{}]", sites.program.name, stage_name(sites.program.stage));
             let status = if sites.is_disassembled { "no debug information" } else { "lines and names" };
             json!({ "id": id, "name": name, "symbolStatus": status, "isOptimized": false })
-        };
-        let all: Vec<Value> = launched.debugger.sources().shaders().iter().enumerate().map(module).collect();
+        });
+        let all: Vec<Value> = modules.collect();
         let total = all.len();
         let first = arguments.start_module.map_or(0, |first| usize::try_from(first).unwrap_or(0));
         let count = arguments.module_count.filter(|&count| count > 0);

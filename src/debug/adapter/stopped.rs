@@ -70,7 +70,7 @@ impl StoppedState {
 
     /// The function of a row, by its number.
     pub(super) fn frame(&self, number: i64) -> Result<&StackFrame, String> {
-        let at = usize::try_from(number - self.first_row - 1).ok();
+        let at = number.checked_sub(self.first_row + 1).and_then(|at| usize::try_from(at).ok());
         match at.and_then(|at| self.rows.get(at)) {
             Some(StackRow::Function(frame)) => Ok(frame),
             Some(StackRow::Call(_)) => Err("a call has no variables of its own".into()),

@@ -190,7 +190,8 @@ impl Launched {
         let read = |lane: &mut dyn LaneState| {
             let lane: &dyn LaneState = lane;
             let parts = place.child_count(lane).unwrap_or(0);
-            let is_indexed = parts > 0 && place.children(0..1, lane).iter().all(|(name, _)| name.starts_with('['));
+            let is_indexed =
+                parts > 0 && place.children(0..1, lane).iter().all(|(name, _)| name.starts_with('['));
             (place.value(lane), parts, is_indexed, place.memory_and_offset(lane))
         };
         let (value, parts, is_indexed, memory) = self.debugger.with_lane(frame, read);
@@ -199,8 +200,7 @@ impl Launched {
             Ok(value) => value.content.to_string().trim().to_owned(),
             Err(why) => format!("<{why}>"),
         };
-        let memory_reference =
-            memory.map(|(buffer, offset)| self.stopped.memory_reference(&buffer, offset));
+        let memory_reference = memory.map(|(buffer, offset)| self.stopped.memory_reference(&buffer, offset));
         let type_field = Some(place.type_name());
         let has_parts = parts > 0 && is_declared;
         let count = Some(parts as i64).filter(|_| has_parts);

@@ -4,7 +4,7 @@
 mod command;
 mod listing;
 mod places;
-mod traversal_events;
+pub mod traversal_events;
 
 use std::fmt::Write as _;
 

@@ -6,6 +6,7 @@ use smallvec::SmallVec;
 use crate::machine::{RayQueryEvent, RayQueryStep, ShaderIndex};
 use crate::module::grammar;
 use crate::module::interface::Stage;
+use crate::ops::translate::Origin;
 use crate::pipeline::Event;
 
 use super::condition::{instance_verdict_name, verdict_name};
@@ -97,7 +98,9 @@ impl Breakpoint {
     /// Whether the shaders have a place where it stops. Those of traversal may have one.
     pub fn is_somewhere(&self) -> bool {
         match &self.place {
-            BreakpointPlace::Line { .. } | BreakpointPlace::Function(_) => !self.resolved.is_empty(),
+            BreakpointPlace::Line { .. }
+            | BreakpointPlace::Function(_)
+            | BreakpointPlace::Instruction { .. } => !self.resolved.is_empty(),
             BreakpointPlace::Opcode(name) => grammar::opcode_of(name).is_some(),
             BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => true,
         }
@@ -138,9 +141,11 @@ impl BreakpointTable {
             }
             BreakpointPlace::Instruction { shader, offset } => {
                 let Some(sites) = sources.shaders().get(*shader as usize) else { return Vec::new() };
-                let at = (ShaderIndex(*shader), *offset);
+                let at = (ShaderIndex::new(*shader as usize), *offset);
                 self.instructions.entry(at).or_default().push(id);
-                sites.position(*offset).into_iter().collect()
+                let is_it = |origin: &&Origin| origin.offset == *offset;
+                let found = sites.program.origins.iter().find(is_it);
+                found.and_then(|origin| sites.position(origin.offset)).into_iter().collect()
             }
             BreakpointPlace::Stage(stage) => {
                 self.stages.push((id, *stage));
