@@ -38,6 +38,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("naga", &["compile"]),
     ("glslang", &["compile"]),
     ("clap", &["cli"]),
+    ("emmy_dap_types", &["debug"]),
     ("dashu_ratio", &["stress"]),
     ("dashu_float", &["check_math"]),
     ("obvhs", &["stress"]),
