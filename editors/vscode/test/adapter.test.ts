@@ -37,8 +37,8 @@ test("a breakpoint in the closest-hit shader is hit, with its locals", () =>
     assert.deepEqual(
       variables.body.variables.map(({ name, value }) => [name, value]),
       [
-        ["axis", "(3, 0, 0)"],
         ["size", "3"],
+        ["axis", "(3, 0, 0)"],
       ],
     );
   }));

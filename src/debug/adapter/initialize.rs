@@ -20,11 +20,13 @@ pub(super) struct Client {
     first_column: i64,
     /// Whether its paths are URIs.
     pub(super) sends_uris: bool,
+    /// Whether it can be told that values have changed.
+    pub(super) takes_invalidated: bool,
 }
 
 impl Default for Client {
     fn default() -> Self {
-        Self { first: 1, first_column: 1, sends_uris: false }
+        Self { first: 1, first_column: 1, sends_uris: false, takes_invalidated: false }
     }
 }
 
@@ -53,6 +55,7 @@ impl Adapter {
             first: i64::from(arguments.lines_start_at1.unwrap_or(true)),
             first_column: i64::from(arguments.columns_start_at1.unwrap_or(true)),
             sends_uris: matches!(arguments.path_format, Some(PathFormat::Uri)),
+            takes_invalidated: arguments.supports_invalidated_event.unwrap_or(false),
         };
         let filter = |filter: &str, label: &str, description: &str, default| ExceptionBreakpointsFilter {
             filter: filter.to_owned(),

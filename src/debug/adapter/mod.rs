@@ -67,6 +67,8 @@ enum Motion {
     StepBack(Step),
     /// Goes on with what was interrupted.
     Proceed,
+    /// Makes the step that traps, which ends it.
+    Trap,
 }
 
 /// How far a session has come.

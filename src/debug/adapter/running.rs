@@ -16,6 +16,7 @@ impl Adapter {
     /// Makes the invocation run on, until it stops or is interrupted.
     pub fn run(&mut self) -> Vec<Value> {
         if let (State::Running(motion), Some(launched)) = (self.state, &mut self.launched) {
+            let trap = launched.trap.take().filter(|_| motion == Motion::Trap);
             let debugger = &mut launched.debugger;
             let stop = match motion {
                 Motion::Begin => debugger.begin(),
@@ -24,8 +25,12 @@ impl Adapter {
                 Motion::Step(step) => debugger.step(step),
                 Motion::StepBack(step) => debugger.step_back(step),
                 Motion::Proceed => debugger.proceed(),
+                Motion::Trap => Stop::End,
             };
-            self.stop(stop);
+            match trap {
+                Some(error) => self.end(Some(&error)),
+                None => self.stop(stop),
+            }
         }
         self.outbox.take()
     }
@@ -34,14 +39,11 @@ impl Adapter {
     pub(super) fn move_on(&mut self, motion: Motion) -> Answer {
         let launched = self.stopped()?;
         let goes_back = matches!(motion, Motion::ResumeBack | Motion::StepBack(_));
-        let trap = launched.trap.take();
         launched.exception = None;
         launched.stopped.renew(Vec::new());
-        self.state = State::Running(motion);
         // What traps can only be left backwards.
-        if let Some(error) = trap.filter(|_| !goes_back) {
-            self.end(Some(&error));
-        }
+        let motion = if launched.trap.is_some() && !goes_back { Motion::Trap } else { motion };
+        self.state = State::Running(motion);
         Ok(Value::Null)
     }
 
@@ -149,7 +151,7 @@ impl Adapter {
     fn send_output(&mut self) {
         let Some(launched) = &mut self.launched else { return };
         let new: Vec<String> =
-            launched.debugger.output().skip(launched.sent_output).map(str::to_owned).collect();
+            launched.debugger.all_output().skip(launched.sent_output).map(str::to_owned).collect();
         launched.sent_output += new.len();
         for text in new {
             let end = if text.ends_with('\n') { "" } else { "\n" };

@@ -148,7 +148,9 @@ impl Adapter {
 
     /// Other values may have changed with one that was set.
     fn tell_of_edit(&mut self) {
-        self.outbox.event("invalidated", json!({ "areas": ["variables"] }));
+        if self.client.takes_invalidated {
+            self.outbox.event("invalidated", json!({ "areas": ["variables"] }));
+        }
     }
 }
 
@@ -222,7 +224,7 @@ impl Launched {
     fn set(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<ShownVariable, String> {
         self.debugger.assign(frame, target, value)?;
         let place = self.debugger.place(frame, target)?;
-        let sent = self.debugger.output().count();
+        let sent = self.debugger.all_output().len();
         self.sent_output = self.sent_output.min(sent);
         let expression = Some(target.to_owned());
         Ok(self.shown(frame, Named { name: target.to_owned(), place, expression, is_declared: true }))

@@ -228,6 +228,12 @@ impl Debugger {
         before.map(|(_, text)| text.as_str())
     }
 
+    /// All that shaders and breakpoints have printed, in the order in which they have: after going
+    /// back, also what comes later.
+    pub fn all_output(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.output.iter().map(|(_, text)| text.as_str())
+    }
+
     /// Makes a step.
     pub fn step(&mut self, step: Step) -> Stop {
         let conditions = self.step_conditions(step, self.course.depth());
