@@ -10,6 +10,7 @@
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
@@ -26,7 +27,7 @@ struct Adapter {
 impl Adapter {
     fn start() -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_anyhit"))
-            .arg("dap")
+            .args(["dap", "--fuel", "1000000000000"])
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -211,6 +212,35 @@ fn requests_that_no_editor_sends_are_refused() {
 #[test]
 fn mistakes_of_a_launch_are_shown() {
     hold("launch-errors.jsonl");
+}
+
+#[test]
+fn a_run_is_paused_and_left() {
+    hold("pause.jsonl");
+}
+
+/// One editor after the other, on a port that is free.
+#[test]
+fn editors_connect_to_a_port() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .args(["dap", "--port", "0"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program");
+    let mut line = String::new();
+    let mut errors = BufReader::new(child.stderr.take().expect("its standard error"));
+    errors.read_line(&mut line).expect("a line");
+    let address = line.trim().strip_prefix("listening on ").expect("an address");
+    assert!(address.starts_with("127.0.0.1:"), "{address}");
+    for _ in 0..2 {
+        let mut stream = TcpStream::connect(address).expect("a connection");
+        let message = json!({ "seq": 1, "type": "request", "command": "disconnect" }).to_string();
+        write!(stream, "Content-Length: {}\r\n\r\n{message}", message.len()).expect("it reads");
+        let mut header = String::new();
+        BufReader::new(stream).read_line(&mut header).expect("a response");
+        assert!(header.starts_with("Content-Length: "), "{header}");
+    }
+    child.kill().and_then(|()| child.wait()).expect("an end");
 }
 
 /// What is sent, and a part of the message of the only response.

@@ -66,6 +66,12 @@ impl Adapter {
 
     /// Stops where it is, as the client asked.
     pub(super) fn paused(&mut self) {
+        // It may not have made a step yet.
+        if let Some(launched) = &mut self.launched
+            && launched.debugger.stack().is_empty()
+        {
+            launched.debugger.begin();
+        }
         self.stopped_because(json!({ "reason": "pause" }));
     }
 
