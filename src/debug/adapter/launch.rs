@@ -6,6 +6,7 @@ use crate::debug::debugger::Debugger;
 use crate::debug::session::Session;
 use crate::error::Result;
 
+use super::data_breakpoints::DataBreakpoints;
 use super::launch_arguments::LaunchArguments;
 use super::protocol::{Answer, Refusal, Request};
 use super::sources::Sources;
@@ -55,6 +56,8 @@ impl Adapter {
 
     fn load(&mut self, arguments: LaunchArguments) -> Answer {
         self.launched = Some(self.loaded(&arguments)?);
+        // They are of buffers of the run before.
+        self.data_breakpoints = DataBreakpoints::default();
         self.arguments = Some(arguments);
         Ok(Value::Null)
     }

@@ -223,6 +223,8 @@ impl Launched {
     /// Sets what an expression stands for; returns it as it is then.
     fn set(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<ShownVariable, String> {
         self.debugger.assign(frame, target, value)?;
+        // The step that is next may no longer trap.
+        (self.trap, self.exception) = (None, None);
         let place = self.debugger.place(frame, target)?;
         let sent = self.debugger.all_output().len();
         self.sent_output = self.sent_output.min(sent);
