@@ -38,6 +38,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("naga", &["compile"]),
     ("glslang", &["compile"]),
     ("clap", &["cli"]),
+    ("emmy_dap_types", &["debug"]),
     ("base64", &["drawing"]),
     ("colorous", &["drawing"]),
     ("flate2", &["drawing"]),

@@ -16,6 +16,7 @@ mod bands;
 mod cli;
 mod compile;
 mod conformance;
+mod dap;
 mod debugger;
 mod descriptors;
 mod device;

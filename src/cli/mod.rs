@@ -8,6 +8,7 @@
 #[cfg(feature = "stress")]
 pub mod check_math;
 pub mod compile;
+pub mod dap;
 mod input;
 pub mod inspect;
 mod interactive;
@@ -63,6 +64,7 @@ commands! {
     run Run(RunArgs),
     scene Scene(SceneArgs),
     trace_one_ray TraceOneRay(TraceOneRayArgs),
+    dap Dap(DapArgs),
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),

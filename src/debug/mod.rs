@@ -5,6 +5,8 @@
 //! instead of words. [`render`] turns it into text, and its JSON is the tree itself. Nothing here
 //! reads or writes a file or a terminal.
 
+#[cfg(feature = "cli")]
+pub mod adapter;
 pub mod console;
 pub mod debugger;
 pub mod names;

@@ -18,6 +18,7 @@ mod declare_constant;
 mod declare_type;
 pub mod decoration;
 mod describe;
+pub mod disassembly;
 pub mod dispatch_axes;
 mod functions;
 pub mod grammar;

@@ -4,7 +4,7 @@
 mod command;
 mod listing;
 mod places;
-mod traversal_events;
+pub mod traversal_events;
 
 use std::fmt::Write as _;
 
@@ -298,6 +298,7 @@ impl Console {
             }
             Stop::Nan => "the step before made the first NaN\n".into(),
             Stop::Trap(error) => format!("trapped: {}\n", error.message()),
+            Stop::Interrupted => "interrupted\n".into(),
             Stop::Beginning => "the start of history: nothing is before this\n".into(),
             Stop::End => "the end: everything has run\n".into(),
         }

@@ -139,7 +139,9 @@ pub(super) fn nowhere(place: &BreakpointPlace, sources: &SourceMap) -> String {
             format!("no function is called `{name}`; there are {}", names.join(", "))
         }
         BreakpointPlace::Opcode(name) => format!("`{name}` is no opcode of SPIR-V"),
-        BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => "nothing is there".into(),
+        BreakpointPlace::Instruction { .. } | BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => {
+            "nothing is there".into()
+        }
     }
 }
 
@@ -155,6 +157,10 @@ pub(super) fn describe(breakpoint: &Breakpoint, sources: &SourceMap) -> String {
             None => name.clone(),
         },
         BreakpointPlace::Opcode(name) => format!("before each {name}"),
+        BreakpointPlace::Instruction { offset, .. } => match breakpoint.resolved.first() {
+            Some(&at) => format!("before the instruction at word {offset}, {}", sources.describe(at)),
+            None => format!("before the instruction at word {offset}"),
+        },
         BreakpointPlace::Stage(stage) => format!("where {} begins", stage.name()),
         BreakpointPlace::Traversal(filter) => {
             let given = |name: &str, value: Option<u32>| value.map(|value| format!("{name} {value}"));

@@ -9,7 +9,7 @@ use crate::machine::RayQueryStep;
 use crate::pipeline::Event;
 
 /// The events that a step through a traversal shows, each in a line.
-pub(super) fn told(events: &[Event]) -> Vec<String> {
+pub fn told(events: &[Event]) -> Vec<String> {
     events.iter().filter(|event| is_step_of_traversal(event)).map(describe).collect()
 }
 

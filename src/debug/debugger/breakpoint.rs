@@ -6,6 +6,7 @@ use smallvec::SmallVec;
 use crate::machine::{RayQueryEvent, RayQueryStep, ShaderIndex};
 use crate::module::grammar;
 use crate::module::interface::Stage;
+use crate::ops::translate::Origin;
 use crate::pipeline::Event;
 
 use super::condition::{instance_verdict_name, verdict_name};
@@ -30,6 +31,13 @@ pub enum BreakpointPlace {
     Function(String),
     /// Before an instruction with an opcode, `OpTraceRayKHR` or `TraceRayKHR`.
     Opcode(String),
+    /// Before an instruction of a shader.
+    Instruction {
+        /// The shader, by its number in the pipeline.
+        shader: u32,
+        /// Where the instruction begins, in words from the start of the module.
+        offset: u32,
+    },
     /// Where a shader of a stage begins.
     Stage(Stage),
     /// Where the traversal of a ray or ray query has decided.
@@ -90,7 +98,9 @@ impl Breakpoint {
     /// Whether the shaders have a place where it stops. Those of traversal may have one.
     pub fn is_somewhere(&self) -> bool {
         match &self.place {
-            BreakpointPlace::Line { .. } | BreakpointPlace::Function(_) => !self.resolved.is_empty(),
+            BreakpointPlace::Line { .. }
+            | BreakpointPlace::Function(_)
+            | BreakpointPlace::Instruction { .. } => !self.resolved.is_empty(),
             BreakpointPlace::Opcode(name) => grammar::opcode_of(name).is_some(),
             BreakpointPlace::Stage(_) | BreakpointPlace::Traversal(_) => true,
         }
@@ -103,7 +113,9 @@ pub struct BreakpointTable {
     lines: FxHashMap<LineIndex, SmallVec<[BreakpointId; 1]>>,
     functions: FxHashMap<(ShaderIndex, u32), SmallVec<[BreakpointId; 1]>>,
     /// By the number of an opcode.
-    pub opcodes: FxHashMap<u16, SmallVec<[BreakpointId; 1]>>,
+    opcodes: FxHashMap<u16, SmallVec<[BreakpointId; 1]>>,
+    /// By shader and word offset.
+    instructions: FxHashMap<(ShaderIndex, u32), SmallVec<[BreakpointId; 1]>>,
     /// By stage.
     pub stages: Vec<(BreakpointId, Stage)>,
     /// Decisions of traversals.
@@ -126,6 +138,14 @@ impl BreakpointTable {
                     .into_iter()
                     .for_each(|opcode| self.opcodes.entry(opcode).or_default().push(id));
                 Vec::new()
+            }
+            BreakpointPlace::Instruction { shader, offset } => {
+                let Some(sites) = sources.shaders().get(*shader as usize) else { return Vec::new() };
+                let at = (ShaderIndex::new(*shader as usize), *offset);
+                self.instructions.entry(at).or_default().push(id);
+                let is_it = |origin: &&Origin| origin.offset == *offset;
+                let found = sites.program.origins.iter().find(is_it);
+                found.and_then(|origin| sites.position(origin.offset)).into_iter().collect()
             }
             BreakpointPlace::Stage(stage) => {
                 self.stages.push((id, *stage));
@@ -177,8 +197,17 @@ impl BreakpointTable {
 
     /// Whether a run need not be looked at for these breakpoints, given the lines that begin in it.
     pub fn only_lines(&self) -> Option<impl Iterator<Item = LineIndex> + '_> {
-        let others = self.opcodes.len() + self.stages.len() + self.traversal.len() + self.functions.len();
+        let others = self.opcodes.len()
+            + self.instructions.len()
+            + self.stages.len()
+            + self.traversal.len()
+            + self.functions.len();
         (others == 0).then(|| self.lines.keys().copied())
+    }
+
+    /// Whether every instruction must be looked at, not only those where another line begins.
+    pub fn looks_at_instructions(&self) -> bool {
+        !self.opcodes.is_empty() || !self.instructions.is_empty()
     }
 
     /// Tells the breakpoints at a moment.
@@ -194,6 +223,12 @@ impl BreakpointTable {
         }
         if moment.begins_function
             && let Some(ids) = self.functions.get(&(moment.shader, moment.site.scope))
+        {
+            ids.iter().copied().for_each(&mut *hit);
+        }
+        if moment.begins_instruction
+            && !self.instructions.is_empty()
+            && let Some(ids) = self.instructions.get(&(moment.shader, moment.sites.offset(moment.op)))
         {
             ids.iter().copied().for_each(&mut *hit);
         }

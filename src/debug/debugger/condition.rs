@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
@@ -18,6 +19,8 @@ use super::tracker::{Moment, Time};
 
 /// How many places a search backwards keeps at a time.
 const MOST_HITS: usize = 1024;
+/// How many steps are made between two looks at whether another thread interrupts.
+const STEPS_BETWEEN_LOOKS: Time = 100_000;
 
 /// Why the invocation stopped.
 #[derive(Clone, Debug, PartialEq)]
@@ -133,6 +136,8 @@ pub(super) struct StopConditions {
     pub hits: VecDeque<Hit>,
     /// The reasons at the step that is next.
     pub met: Vec<Reason>,
+    /// Set by another thread that interrupts the run.
+    pub interrupt: Option<Arc<AtomicBool>>,
     /// Writes of the instruction that runs, of which not all operations may have run.
     pub writes: Vec<Write>,
 }
@@ -143,10 +148,28 @@ impl StopConditions {
         Self { until: time, ..Self::default() }
     }
 
+    /// Whether there is no other reason than that a time has come.
+    pub(super) fn only_arrived(&self) -> bool {
+        self.met.iter().all(|reason| *reason == Reason::Arrived)
+    }
+
+    /// When to look at whether another thread interrupts.
+    pub(super) fn next_look(&self, now: Time) -> Time {
+        let is_open = self.interrupt.is_some();
+        if is_open { now.saturating_add(STEPS_BETWEEN_LOOKS) } else { Time::MAX }
+    }
+
+    /// Whether another thread interrupts.
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.interrupt.as_ref().is_some_and(|flag| flag.load(Relaxed))
+    }
+
     /// Whether every step must be looked at, not only those where another line begins.
     pub(super) fn watches_every_step(&self) -> bool {
-        let opcodes = |table: &Rc<BreakpointTable>| !table.opcodes.is_empty();
-        self.instruction.is_some() || self.below.is_some() || self.breakpoints.as_ref().is_some_and(opcodes)
+        let by_instruction = |table: &Rc<BreakpointTable>| table.looks_at_instructions();
+        self.instruction.is_some()
+            || self.below.is_some()
+            || self.breakpoints.as_ref().is_some_and(by_instruction)
     }
 
     /// Whether the results of operations are looked at.

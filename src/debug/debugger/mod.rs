@@ -34,6 +34,7 @@ use std::cell::RefCell;
 use std::fmt;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use crate::error::Error;
 use crate::machine::Reg;
@@ -94,6 +95,8 @@ pub enum Stop {
     Nan,
     /// The step that is next traps.
     Trap(Error),
+    /// Another thread asked for it; [`Debugger::proceed`] goes on with what was interrupted.
+    Interrupted,
     /// Nothing is before this.
     Beginning,
     /// Everything has run.
@@ -123,6 +126,11 @@ pub struct Debugger {
     /// What was printed, with the time after it.
     output: Vec<(Time, String)>,
     ended: bool,
+    /// Whether it stops where an operation makes a NaN of numbers, too.
+    stops_at_nan: bool,
+    interrupt: Option<Arc<AtomicBool>>,
+    /// What was interrupted.
+    interrupted: Option<StopConditions>,
 }
 
 impl Debugger {
@@ -154,6 +162,27 @@ impl Debugger {
             last_breakpoint: 0,
             output: Vec::new(),
             ended: false,
+            stops_at_nan: false,
+            interrupt: None,
+            interrupted: None,
+        }
+    }
+
+    /// Sets the flag with which another thread interrupts runs forwards.
+    pub fn interrupted_by(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = Some(flag);
+    }
+
+    /// Whether [`Debugger::resume`] also stops where an operation makes a NaN of numbers.
+    pub fn stop_at_nan(&mut self, stops: bool) {
+        self.stops_at_nan = stops;
+    }
+
+    /// Goes on with what was interrupted.
+    pub fn proceed(&mut self) -> Stop {
+        match self.interrupted.take() {
+            Some(conditions) => self.run_on(conditions),
+            None => Stop::Step,
         }
     }
 
@@ -200,6 +229,12 @@ impl Debugger {
         before.map(|(_, text)| text.as_str())
     }
 
+    /// All that shaders and breakpoints have printed, in the order in which they have: after going
+    /// back, also what comes later.
+    pub fn all_output(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.output.iter().map(|(_, text)| text.as_str())
+    }
+
     /// Makes a step.
     pub fn step(&mut self, step: Step) -> Stop {
         let conditions = self.step_conditions(step, self.course.depth());
@@ -226,6 +261,7 @@ impl Debugger {
         self.run(StopConditions {
             until: Time::MAX,
             breakpoints: Some(self.table.clone()),
+            nan: self.stops_at_nan,
             ..StopConditions::default()
         })
     }
@@ -252,9 +288,19 @@ impl Debugger {
         }
         conditions.watches.extend(self.watches.iter().cloned());
         self.look_at_watched(&mut conditions);
+        conditions.interrupt.clone_from(&self.interrupt);
+        self.run_on(conditions)
+    }
+
+    fn run_on(&mut self, mut conditions: StopConditions) -> Stop {
+        self.interrupted = None;
         loop {
             if self.advance(&mut conditions) == Resumed::Ended {
                 return self.at_end();
+            }
+            if conditions.only_arrived() && self.course.time < conditions.until {
+                self.interrupted = Some(conditions);
+                return Stop::Interrupted;
             }
             let reasons = std::mem::take(&mut conditions.met);
             if let Some(stop) = self.decide(&reasons, Direction::Forwards) {
@@ -361,6 +407,7 @@ impl Debugger {
                 true => self.history.next_due(),
                 false => self.history.frontier,
             };
+            let chunk = chunk.min(conditions.next_look(self.course.time));
             conditions.until = until.min(chunk).min(edit.unwrap_or(Time::MAX));
             conditions.met.clear();
             let resumed = self.run_once(conditions, is_new);
@@ -379,8 +426,7 @@ impl Debugger {
                 let checkpoint = self.checkpoint(false);
                 self.history.push(checkpoint);
             }
-            let only_arrived = conditions.met.iter().all(|reason| *reason == Reason::Arrived);
-            if self.course.time >= until || !only_arrived {
+            if self.course.time >= until || !conditions.only_arrived() || conditions.is_interrupted() {
                 conditions.until = until;
                 return resumed;
             }

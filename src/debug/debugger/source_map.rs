@@ -255,7 +255,7 @@ impl Builder {
         let debug = &program.module.debug_info;
         let is_disassembled = debug.lines.iter().all(|(_, line)| line.is_none());
         let files: Vec<u32> = match is_disassembled {
-            true => vec![self.file(&format!("{} (disassembly)", program.name), None)],
+            true => vec![self.disassembly(program)],
             false => debug.files.iter().map(|file| self.file(&file.name, file.text.as_ref())).collect(),
         };
         let mut sites = ShaderSites {
@@ -288,6 +288,17 @@ impl Builder {
         let file = &mut files[index as usize];
         file.text = file.text.take().or_else(|| text.cloned());
         index
+    }
+
+    /// A file of its own for a shader whose module tells of none.
+    fn disassembly(&mut self, program: &Program) -> u32 {
+        let name = |number: usize| {
+            let number = if number > 1 { format!(" {number}") } else { String::new() };
+            format!("{} {}{number}.spvasm", program.name, program.stage.name())
+        };
+        let is_new = |name: &String| !self.files.contains_key(name);
+        let name = (1..).map(name).find(is_new).unwrap_or_default();
+        self.file(&name, None)
     }
 
     fn line(&mut self, position: SourcePosition) -> LineIndex {

@@ -224,6 +224,14 @@ impl VariablePlace {
         }
     }
 
+    /// The memory that the value is in, as a whole, and where in it the value begins.
+    pub fn memory_and_offset(&self, state: &dyn LaneState) -> Option<(Arc<Buffer>, u64)> {
+        let PlaceStorage::Memory(memory) = &self.storage else { return None };
+        let (buffer, range) = memory.base.buffer(state).ok()?;
+        let whole = buffer.view(range.start, range.end - range.start, "memory")?;
+        Some((whole, memory.offset))
+    }
+
     /// The memory that holds the value, in whole words, where memory does.
     pub fn own_memory(&self, state: &dyn LaneState) -> Option<Arc<Buffer>> {
         let PlaceStorage::Memory(memory) = &self.storage else { return None };

@@ -1,0 +1,250 @@
+//! `anyhit dap`: the debugger for editors, over standard input and output or a port.
+
+use std::io::{BufRead, BufReader, Read, Write, stdin, stdout};
+use std::net::{Ipv4Addr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+
+use clap::Args;
+use serde_json::Value;
+
+use crate::cli::input::SceneFileArgs;
+use crate::cli::limits::LimitArgs;
+use crate::cli::output;
+use crate::debug::adapter::{Adapter, Host};
+use crate::error::{Error, Result};
+use crate::input::InputLimit;
+use crate::machine::LaunchLimits;
+use crate::scene::{Files, LoadOptions, ResolvedScene, SceneFiles, load};
+
+/// The most bytes of a message that are read: breakpoints of many files take less.
+const MOST_MESSAGE_BYTES: u64 = 16 << 20;
+/// The most bytes of a header line.
+const MOST_HEADER_BYTES: u64 = 4096;
+
+/// Debugs an invocation or a ray in an editor (Debug Adapter Protocol).
+///
+/// The editor starts it, and says in its launch configuration what is debugged: a scene, and one of
+/// pixel, ray and invocation. docs/debugging.md has configurations for several editors.
+#[derive(Args, Clone, Debug)]
+pub struct DapArgs {
+    /// Listen for one editor after the other on this port of this machine, instead of standard input
+    /// and output; 0 takes a free one
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
+    #[command(flatten)]
+    files: SceneFileArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `Io` where the port is taken, or the editor cannot be written to.
+pub fn run(args: DapArgs) -> Result<()> {
+    let host = Rc::new(DiskHost { files: args.files.files()?, limits: args.limits.clone() });
+    let Some(port) = args.port else {
+        return serve(host, stdin(), &mut stdout().lock())
+            .map_err(|error| Error::io("standard output", error));
+    };
+    let at = |error| Error::io(format!("port {port} of this machine"), error);
+    // Other machines have no business here: a debugger reads files.
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(at)?;
+    output::hint(format_args!("listening on {}", listener.local_addr().map_err(at)?));
+    for stream in listener.incoming() {
+        let mut stream = stream.map_err(at)?;
+        let reading = stream.try_clone().map_err(at)?;
+        // An editor that went away is no reason to turn away the next one.
+        if let Err(error) = serve(host.clone(), reading, &mut stream) {
+            output::hint(format_args!("the connection ended: {error}"));
+        }
+    }
+    Ok(())
+}
+
+/// Files of the disk, within the limits of the command line.
+#[derive(Debug)]
+struct DiskHost {
+    files: SceneFiles,
+    limits: LimitArgs,
+}
+
+impl Host for DiskHost {
+    fn scene(&self, path: &Path, options: &LoadOptions) -> Result<ResolvedScene> {
+        let mut scene = load(path, &self.files, options)?;
+        self.limits.limits(LaunchLimits::default()).give(&mut scene);
+        Ok(scene)
+    }
+
+    fn text(&self, path: &Path) -> Option<String> {
+        // A module may name any file: no devices, no pipes.
+        path.is_file().then_some(())?;
+        let bytes = self.files.read_limited(path, InputLimit::SceneBytes).ok()?;
+        String::from_utf8(bytes).ok()
+    }
+
+    fn absolute(&self, path: &Path) -> PathBuf {
+        std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+    }
+}
+
+/// What comes from the editor.
+#[derive(Debug)]
+enum Incoming {
+    Message(Value),
+    /// Bytes that are no message, and why.
+    Garbage(String),
+}
+
+/// Serves one editor to the end of its session.
+fn serve(
+    host: Rc<dyn Host>,
+    input: impl Read + Send + 'static,
+    output: &mut dyn Write,
+) -> std::io::Result<()> {
+    let interrupt = Arc::new(AtomicBool::new(false));
+    let (sender, receiver) = channel();
+    let flag = interrupt.clone();
+    // It may wait for input when everything else has ended, and ends with the program.
+    std::thread::Builder::new()
+        .name("editor".into())
+        .spawn(move || read_messages(&mut BufReader::new(input), &sender, &flag))?;
+    let mut adapter = Adapter::new(host, interrupt.clone());
+    while !adapter.is_over() {
+        let Some(incoming) = next(&receiver, &interrupt, adapter.is_running()) else { break };
+        let messages = match incoming {
+            Some(Incoming::Message(message)) => adapter.receive(message),
+            Some(Incoming::Garbage(why)) => adapter.receive_garbage(&why),
+            None => adapter.run(),
+        };
+        for message in messages {
+            write_message(output, &message)?;
+        }
+    }
+    Ok(())
+}
+
+/// What comes next: while the invocation runs, nothing may. `None` where the editor has gone.
+fn next(receiver: &Receiver<Incoming>, interrupt: &AtomicBool, is_running: bool) -> Option<Option<Incoming>> {
+    if !is_running {
+        return receiver.recv().ok().map(Some);
+    }
+    // Lowered before looking: a message that comes later raises it again.
+    interrupt.store(false, Relaxed);
+    match receiver.try_recv() {
+        Ok(incoming) => Some(Some(incoming)),
+        Err(TryRecvError::Empty) => Some(None),
+        Err(TryRecvError::Disconnected) => None,
+    }
+}
+
+/// Reads messages until the input ends or cannot be followed.
+fn read_messages(input: &mut impl BufRead, sender: &Sender<Incoming>, interrupt: &AtomicBool) {
+    loop {
+        let (incoming, goes_on) = match read_message(input) {
+            Ok(None) => return,
+            Ok(Some(bytes)) => match serde_json::from_slice(&bytes) {
+                Ok(message) => (Incoming::Message(message), true),
+                Err(error) => (Incoming::Garbage(format!("the message is no JSON: {error}")), true),
+            },
+            // Where the next message begins is not known.
+            Err(why) => (Incoming::Garbage(why), false),
+        };
+        let is_wanted = sender.send(incoming).is_ok();
+        interrupt.store(true, Relaxed);
+        if !is_wanted || !goes_on {
+            return;
+        }
+    }
+}
+
+/// The bytes of the next message; `None` at the end of the input.
+fn read_message(input: &mut impl BufRead) -> std::result::Result<Option<Vec<u8>>, String> {
+    let mut length = None;
+    let mut is_first = true;
+    loop {
+        let mut line = Vec::new();
+        let read = input.by_ref().take(MOST_HEADER_BYTES).read_until(b'\n', &mut line);
+        if read.map_err(|error| format!("the input cannot be read: {error}"))? == 0 {
+            return match is_first {
+                true => Ok(None),
+                false => Err("the input ends within the header of a message".into()),
+            };
+        }
+        is_first = false;
+        let line = String::from_utf8_lossy(&line).into_owned();
+        let line = line.strip_suffix('\n').ok_or("a line of a message's header is too long or has no end")?;
+        let line = line.trim_end_matches('\r');
+        if line.is_empty() {
+            break;
+        }
+        let (name, value) = line
+            .split_once(':')
+            .ok_or_else(|| format!("`{line}` is no line of a header: `Content-Length: N` is expected"))?;
+        if name.trim().eq_ignore_ascii_case("content-length") {
+            let number: Option<u64> = value.trim().parse().ok();
+            length = Some(number.ok_or_else(|| format!("`{}` is no length of a message", value.trim()))?);
+        }
+    }
+    let length = length.ok_or("the header of a message has no Content-Length")?;
+    if length > MOST_MESSAGE_BYTES {
+        return Err(format!(
+            "a message of {length} bytes is too long: at most {MOST_MESSAGE_BYTES} are read"
+        ));
+    }
+    let mut bytes = Vec::new();
+    input
+        .by_ref()
+        .take(length)
+        .read_to_end(&mut bytes)
+        .map_err(|error| format!("the input cannot be read: {error}"))?;
+    match bytes.len() as u64 == length {
+        true => Ok(Some(bytes)),
+        false => Err(format!("the input ends after {} of the {length} bytes of a message", bytes.len())),
+    }
+}
+
+fn write_message(output: &mut dyn Write, message: &Value) -> std::io::Result<()> {
+    let text = message.to_string();
+    write!(output, "Content-Length: {}\r\n\r\n{text}", text.len())?;
+    output.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(mut bytes: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
+        read_message(&mut bytes)
+    }
+
+    #[test]
+    fn messages_are_framed_by_their_length() {
+        assert_eq!(read(b"Content-Length: 2\r\n\r\n{}rest"), Ok(Some(b"{}".to_vec())));
+        let both = b"Content-Type: x\ncontent-length:2\n\n[]";
+        assert_eq!(read(both), Ok(Some(b"[]".to_vec())));
+        assert_eq!(read(b""), Ok(None));
+    }
+
+    #[test]
+    fn broken_frames_are_told() {
+        for (bytes, why) in [
+            (&b"{\"seq\":1}\r\n\r\n"[..], "has no Content-Length"),
+            (b"Content-Length: x\r\n\r\n", "`x` is no length of a message"),
+            (b"Content-Length: 99999999999999999999\r\n\r\n", "is no length of a message"),
+            (b"Content-Length: 999999999999\r\n\r\n", "is too long"),
+            (b"Content-Length: 5\r\n\r\n{}", "the input ends after 2 of the 5 bytes"),
+            (b"Content-Length: 5\r\n", "the input ends within the header"),
+            (b"Content-Length 5\r\n\r\n", "is no line of a header"),
+            (b"\r\n", "has no Content-Length"),
+        ] {
+            let found = read(bytes).unwrap_err();
+            assert!(found.contains(why), "{found}");
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! A debug adapter: it answers the requests of an editor (Debug Adapter Protocol) with the debugger
+//! of one invocation or ray.
+//!
+//! An [`Adapter`] is a state machine. A message goes in, messages come out, and while the
+//! invocation runs, [`Adapter::run`] makes it go on until it stops or another thread interrupts it.
+//! Files are read by its [`Host`] alone.
+
+mod breakpoints;
+mod data_breakpoints;
+mod disassembly;
+mod frames;
+mod initialize;
+mod launch;
+mod launch_arguments;
+mod memory;
+mod protocol;
+mod running;
+mod sources;
+mod stopped;
+mod values;
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde_json::{Value, json};
+
+use crate::debug::debugger::{Debugger, Step};
+use crate::error::Error;
+use crate::scene::{LoadOptions, ResolvedScene};
+
+use breakpoints::RequestedBreakpoints;
+use data_breakpoints::DataBreakpoints;
+use initialize::Client;
+use launch_arguments::LaunchArguments;
+use protocol::{Answer, Outbox, Refusal, Request};
+use sources::Sources;
+use stopped::StoppedState;
+
+/// The number of the one thread that there is: the invocation that is debugged.
+const THREAD: i64 = 1;
+
+/// Where an adapter finds files.
+pub trait Host {
+    /// Reads a scene with everything that it names.
+    ///
+    /// # Errors
+    /// All mistakes of the scene and its files.
+    fn scene(&self, path: &Path, options: &LoadOptions) -> Result<ResolvedScene, Error>;
+
+    /// The text of a source file; `None` where there is none that can be read.
+    fn text(&self, path: &Path) -> Option<String>;
+
+    /// A path from the root of the file system.
+    fn absolute(&self, path: &Path) -> PathBuf;
+}
+
+/// What an invocation does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Motion {
+    /// Runs to its first line.
+    Begin,
+    Resume,
+    ResumeBack,
+    Step(Step),
+    StepBack(Step),
+    /// Goes on with what was interrupted.
+    Proceed,
+    /// Makes the step that traps, which ends it.
+    Trap,
+}
+
+/// How far a session has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nothing is launched yet, or everything has ended.
+    Idle,
+    /// The client sets breakpoints.
+    Configuring,
+    Stopped,
+    Running(Motion),
+    /// Everything has ended; the client has been told.
+    Terminated,
+}
+
+/// What was launched.
+struct Launched {
+    debugger: Debugger,
+    sources: Sources,
+    /// The invocation or ray in words.
+    name: String,
+    stopped: StoppedState,
+    /// How many lines of output were sent.
+    sent_output: usize,
+    /// The error of the step that is next, which traps.
+    trap: Option<Error>,
+    /// Why it stopped, where that is an exception: its filter, and what it is.
+    exception: Option<(&'static str, String)>,
+}
+
+/// A debug adapter for one client.
+pub struct Adapter {
+    host: Rc<dyn Host>,
+    interrupt: Arc<AtomicBool>,
+    outbox: Outbox,
+    client: Client,
+    breakpoints: RequestedBreakpoints,
+    data_breakpoints: DataBreakpoints,
+    /// The exception filters that are on.
+    filters: Vec<String>,
+    arguments: Option<LaunchArguments>,
+    launched: Option<Launched>,
+    state: State,
+    is_over: bool,
+}
+
+impl std::fmt::Debug for Adapter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Adapter").field("state", &self.state).finish_non_exhaustive()
+    }
+}
+
+impl Adapter {
+    /// An adapter that no client has spoken to. `interrupt` is raised by another thread where a
+    /// message has come.
+    pub fn new(host: Rc<dyn Host>, interrupt: Arc<AtomicBool>) -> Self {
+        Self {
+            host,
+            interrupt,
+            outbox: Outbox::default(),
+            client: Client::default(),
+            breakpoints: RequestedBreakpoints::default(),
+            data_breakpoints: DataBreakpoints::default(),
+            filters: vec![initialize::TRAP.to_owned()],
+            arguments: None,
+            launched: None,
+            state: State::Idle,
+            is_over: false,
+        }
+    }
+
+    /// Whether the invocation runs, so that [`Adapter::run`] is to be called.
+    pub fn is_running(&self) -> bool {
+        matches!(self.state, State::Running(_))
+    }
+
+    /// Whether the session is over.
+    pub fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    /// Answers a message; returns the messages for the client, in their order.
+    pub fn receive(&mut self, message: Value) -> Vec<Value> {
+        match Request::read(message) {
+            Ok(request) => self.handle(&request),
+            Err((seq, refusal)) => self.outbox.respond(seq, "", Err(refusal)),
+        }
+        self.outbox.take()
+    }
+
+    /// Tells the client of bytes that are no message.
+    pub fn receive_garbage(&mut self, why: &str) -> Vec<Value> {
+        self.outbox.respond(0, "", Err(Refusal::new(why)));
+        self.outbox.take()
+    }
+
+    fn handle(&mut self, request: &Request) {
+        let seq = request.seq;
+        let respond = |adapter: &mut Self, answer: Answer| {
+            adapter.outbox.respond(seq, &request.command, answer);
+        };
+        // Those that send events behind their response, or before.
+        match request.command.as_str() {
+            "launch" => return self.launch(request),
+            "restart" => return self.restart(request),
+            "configurationDone" => {
+                let answer = self.configuration_done();
+                let starts = answer.is_ok();
+                respond(self, answer);
+                if starts {
+                    self.start();
+                }
+                return;
+            }
+            "pause" => {
+                let was_running = self.is_running();
+                respond(self, Ok(Value::Null));
+                if was_running {
+                    self.paused();
+                }
+                return;
+            }
+            "terminate" => {
+                respond(self, Ok(Value::Null));
+                self.terminate();
+                return;
+            }
+            _ => {}
+        }
+        let answer = self.answer(request);
+        respond(self, answer);
+    }
+
+    /// The body of the response to a request that sends no events by itself.
+    fn answer(&mut self, request: &Request) -> Answer {
+        match request.command.as_str() {
+            "initialize" => self.initialize(request),
+            "attach" => Err(Refusal::shown(
+                "there is nothing to attach to: `launch` a scene with a pixel, a ray or an invocation",
+            )),
+            "setBreakpoints" => self.set_breakpoints(request),
+            "setFunctionBreakpoints" => self.set_function_breakpoints(request),
+            "setInstructionBreakpoints" => self.set_instruction_breakpoints(request),
+            "setExceptionBreakpoints" => self.set_exception_breakpoints(request),
+            "dataBreakpointInfo" => self.data_breakpoint_info(request),
+            "setDataBreakpoints" => self.set_data_breakpoints(request),
+            "breakpointLocations" => self.breakpoint_locations(request),
+            "threads" => Ok(self.threads()),
+            "stackTrace" => self.stack_trace(request),
+            "scopes" => self.scopes(request),
+            "variables" => self.variables(request),
+            "evaluate" => self.evaluate(request),
+            "setVariable" => self.set_variable(request),
+            "setExpression" => self.set_expression(request),
+            "continue" => {
+                self.move_on(Motion::Resume)?;
+                Ok(json!({ "allThreadsContinued": true }))
+            }
+            "reverseContinue" => self.move_on(Motion::ResumeBack),
+            "next" => self.step(request, Step::Over, Motion::Step),
+            "stepIn" => self.step(request, Step::Into, Motion::Step),
+            "stepOut" => self.step(request, Step::Out, Motion::Step),
+            "stepBack" => self.step(request, Step::Over, Motion::StepBack),
+            "anyhit/stepTraversal" => self.move_on(Motion::Step(Step::Traversal)),
+            "anyhit/traversal" => self.traversal(),
+            "disassemble" => self.disassemble(request),
+            "readMemory" => self.read_memory(request),
+            "source" => self.source(request),
+            "loadedSources" => self.loaded_sources(),
+            "modules" => self.modules(request),
+            "exceptionInfo" => self.exception_info(),
+            // Requests are answered in their order, and those that take long are interrupted by any
+            // other: what is to be cancelled is done already.
+            "cancel" => Ok(Value::Null),
+            "disconnect" => {
+                self.is_over = true;
+                self.state = State::Terminated;
+                Ok(Value::Null)
+            }
+            other => Err(Refusal::new(format!("the request `{other}` is not supported"))),
+        }
+    }
+
+    /// The one thread.
+    fn threads(&self) -> Value {
+        let name = self.launched.as_ref().map_or("no invocation yet", |launched| &launched.name);
+        json!({ "threads": [{ "id": THREAD, "name": name }] })
+    }
+
+    /// What was launched, while it is stopped.
+    fn stopped(&mut self) -> Result<&mut Launched, Refusal> {
+        match (&mut self.launched, self.state) {
+            (Some(launched), State::Stopped) => Ok(launched),
+            (Some(_), State::Running(_)) => Err(Refusal::new("the invocation runs")),
+            (Some(_), State::Configuring) => Err(Refusal::new("the invocation has not begun")),
+            (Some(_), State::Terminated) => Err(Refusal::new("the invocation has ended")),
+            (_, State::Idle | State::Stopped) | (None, _) => Err(Refusal::new("nothing has been launched")),
+        }
+    }
+
+    /// What was launched, whatever it does.
+    fn launched(&mut self) -> Result<&mut Launched, Refusal> {
+        self.launched.as_mut().ok_or_else(|| Refusal::new("nothing has been launched"))
+    }
+}

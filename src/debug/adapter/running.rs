@@ -1,0 +1,208 @@
+//! How an invocation runs and stops, and what the client is told of it.
+
+use emmy_dap_types::requests::NextArguments;
+use emmy_dap_types::types::SteppingGranularity;
+use serde_json::{Value, json};
+
+use crate::debug::console::traversal_events;
+use crate::debug::debugger::{Step, Stop};
+use crate::error::Error;
+
+use super::initialize::{NAN, TRAP};
+use super::protocol::{Answer, Refusal, Request, body};
+use super::{Adapter, Motion, State, THREAD};
+
+impl Adapter {
+    /// Makes the invocation run on, until it stops or is interrupted.
+    pub fn run(&mut self) -> Vec<Value> {
+        if let (State::Running(motion), Some(launched)) = (self.state, &mut self.launched) {
+            let trap = launched.trap.take().filter(|_| motion == Motion::Trap);
+            let debugger = &mut launched.debugger;
+            let stop = match motion {
+                Motion::Begin => debugger.begin(),
+                Motion::Resume => debugger.resume(),
+                Motion::ResumeBack => debugger.resume_back(),
+                Motion::Step(step) => debugger.step(step),
+                Motion::StepBack(step) => debugger.step_back(step),
+                Motion::Proceed => debugger.proceed(),
+                Motion::Trap => Stop::End,
+            };
+            match trap {
+                Some(error) => self.end(Some(&error)),
+                None => self.stop(stop),
+            }
+        }
+        self.outbox.take()
+    }
+
+    /// Sets off, where it is stopped.
+    pub(super) fn move_on(&mut self, motion: Motion) -> Answer {
+        let launched = self.stopped()?;
+        let goes_back = matches!(motion, Motion::ResumeBack | Motion::StepBack(_));
+        launched.exception = None;
+        launched.stopped.renew(Vec::new());
+        // What traps can only be left backwards.
+        let motion = if launched.trap.is_some() && !goes_back { Motion::Trap } else { motion };
+        self.state = State::Running(motion);
+        Ok(Value::Null)
+    }
+
+    /// A request to step.
+    pub(super) fn step(
+        &mut self,
+        request: &Request,
+        step: Step,
+        motion: impl FnOnce(Step) -> Motion,
+    ) -> Answer {
+        // All requests to step have these arguments.
+        let arguments: NextArguments = request.arguments()?;
+        let step = match (arguments.granularity, step) {
+            (Some(SteppingGranularity::Instruction), Step::Over) => Step::OverInstruction,
+            (Some(SteppingGranularity::Instruction), Step::Into) => Step::IntoInstruction,
+            (_, step) => step,
+        };
+        self.move_on(motion(step))
+    }
+
+    /// Stops where it is, as the client asked.
+    pub(super) fn paused(&mut self) {
+        // It may not have made a step yet.
+        if let Some(launched) = &mut self.launched
+            && launched.debugger.stack().is_empty()
+        {
+            launched.debugger.begin();
+        }
+        self.stopped_because(json!({ "reason": "pause" }));
+    }
+
+    fn stop(&mut self, stop: Stop) {
+        self.send_output();
+        let no_debug = self.arguments.as_ref().is_some_and(|arguments| arguments.no_debug);
+        let stops_at_traps = !no_debug && self.filters.iter().any(|filter| filter == TRAP);
+        match stop {
+            Stop::Interrupted => self.state = State::Running(Motion::Proceed),
+            Stop::End => self.end(None),
+            Stop::Trap(error) if !stops_at_traps => self.end(Some(&error)),
+            Stop::Trap(error) => {
+                let message = error.message().to_owned();
+                if let Some(launched) = &mut self.launched {
+                    launched.trap = Some(error);
+                }
+                self.stopped_at_exception(TRAP, "Paused before a trap", message);
+            }
+            Stop::Nan => {
+                let message = "an operation has made a NaN of numbers".to_owned();
+                self.stopped_at_exception(NAN, "Paused behind a NaN", message);
+            }
+            Stop::Entry => self.stopped_because(json!({ "reason": "entry" })),
+            Stop::Step => self.stopped_because(json!({ "reason": "step" })),
+            Stop::Traversal(None) => {
+                let description = "Paused in a traversal";
+                self.stopped_because(json!({ "reason": "step", "description": description }));
+            }
+            Stop::Traversal(Some(id)) => {
+                self.stopped_because(json!({ "reason": "breakpoint", "hitBreakpointIds": [id.0] }));
+            }
+            Stop::Beginning => {
+                self.leave_nowhere();
+                let description = "Paused at the beginning";
+                self.stopped_because(json!({ "reason": "entry", "description": description }));
+            }
+            Stop::Breakpoints(ids) => {
+                let reason = ids.first().map_or("breakpoint", |id| self.breakpoints.reason(*id));
+                let ids: Vec<u32> = ids.iter().map(|id| id.0).collect();
+                self.stopped_because(json!({ "reason": reason, "hitBreakpointIds": ids }));
+            }
+            Stop::Wrote(write) => {
+                let (ids, text) = self.written(&write);
+                self.stopped_because(json!({
+                    "reason": "data breakpoint",
+                    "hitBreakpointIds": ids,
+                    "text": text,
+                }));
+            }
+        }
+    }
+
+    /// The first step of all may be of no line: the first line is shown instead.
+    fn leave_nowhere(&mut self) {
+        if let Some(launched) = &mut self.launched
+            && launched.debugger.stack().first().is_some_and(|frame| frame.position.is_none())
+        {
+            launched.debugger.begin();
+        }
+    }
+
+    fn stopped_at_exception(&mut self, filter: &'static str, description: &str, message: String) {
+        if let Some(launched) = &mut self.launched {
+            launched.exception = Some((filter, message.clone()));
+        }
+        self.stopped_because(json!({
+            "reason": "exception",
+            "description": description,
+            "text": message,
+        }));
+    }
+
+    /// Tells the client that the invocation has stopped.
+    fn stopped_because(&mut self, mut event: Value) {
+        self.state = State::Stopped;
+        self.renew_stack();
+        event["threadId"] = THREAD.into();
+        event["allThreadsStopped"] = true.into();
+        self.outbox.event("stopped", event);
+    }
+
+    /// Sends what shaders and breakpoints have printed since.
+    fn send_output(&mut self) {
+        let Some(launched) = &mut self.launched else { return };
+        let new: Vec<String> =
+            launched.debugger.all_output().skip(launched.sent_output).map(str::to_owned).collect();
+        launched.sent_output += new.len();
+        for text in new {
+            let end = if text.ends_with('\n') { "" } else { "\n" };
+            self.outbox.event("output", json!({ "category": "stdout", "output": format!("{text}{end}") }));
+        }
+    }
+
+    /// Ends what runs, as the client asked.
+    pub(super) fn terminate(&mut self) {
+        if self.launched.is_some() && self.state != State::Terminated {
+            self.state = State::Terminated;
+            self.outbox.event("terminated", Value::Null);
+        }
+    }
+
+    /// Everything has run, or a shader has trapped.
+    fn end(&mut self, trap: Option<&Error>) {
+        if let Some(error) = trap {
+            let report = error.render();
+            self.outbox.event("output", json!({ "category": "stderr", "output": report }));
+        }
+        let code = trap.map_or(0, |error| error.class().exit_code());
+        self.state = State::Terminated;
+        self.outbox.event("thread", json!({ "reason": "exited", "threadId": THREAD }));
+        self.outbox.event("exited", json!({ "exitCode": code }));
+        self.outbox.event("terminated", Value::Null);
+    }
+
+    /// What the traversal of a ray did between the step before and the one that is next, in words.
+    pub(super) fn traversal(&mut self) -> Answer {
+        let launched = self.stopped()?;
+        Ok(json!({ "events": traversal_events::told(launched.debugger.events()) }))
+    }
+
+    pub(super) fn exception_info(&mut self) -> Answer {
+        let launched = self.stopped()?;
+        let Some((filter, message)) = &launched.exception else {
+            return Err(Refusal::new("the invocation has not stopped at an exception"));
+        };
+        let report = launched.trap.as_ref().map(Error::render);
+        body(json!({
+            "exceptionId": filter,
+            "description": message,
+            "breakMode": "always",
+            "details": { "message": message, "stackTrace": report },
+        }))
+    }
+}
