@@ -17,6 +17,7 @@ mod cli;
 mod compile;
 mod conformance;
 mod debugger;
+mod debugger_walks;
 mod descriptors;
 mod device;
 mod device_buffers;
