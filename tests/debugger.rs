@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use pretty_assertions::assert_eq;
 
 /// The transcript of a script, compared with the one that is kept.
-fn transcript(name: &str) -> String {
+pub(crate) fn transcript(name: &str) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let script = root.join(format!("tests/debugger/{name}.stdin"));
     let script = std::fs::read_to_string(script).expect("the script is there");
@@ -59,7 +59,7 @@ fn words(text: &str) -> Vec<String> {
 
 /// Checks that texts stand in a transcript, in this order.
 #[track_caller]
-fn tells(transcript: &str, facts: &[&str]) {
+pub(crate) fn tells(transcript: &str, facts: &[&str]) {
     let mut rest = transcript;
     for fact in facts {
         let at =

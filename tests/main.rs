@@ -18,6 +18,7 @@ mod compile;
 mod conformance;
 mod dap;
 mod debugger;
+mod debugger_walks;
 mod descriptors;
 mod device;
 mod device_buffers;

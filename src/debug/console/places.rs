@@ -53,7 +53,7 @@ pub(super) fn parse(text: &str, file: Option<&str>) -> Result<BreakpointPlace, S
         return traversal(text).map(BreakpointPlace::Traversal);
     }
     if let Ok(line) = text.parse() {
-        let file = file.ok_or("no source file is known here: `break FILE:LINE`")?.to_owned();
+        let file = file.ok_or("no source file is known here: say `FILE:LINE`")?.to_owned();
         return Ok(BreakpointPlace::Line { file, line });
     }
     if let Some((file, line)) = text.rsplit_once(':') {
