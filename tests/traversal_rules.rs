@@ -351,7 +351,7 @@ fn mistakes_are_named_with_their_rule() {
     assert!(placed(|i| i.flags = InstanceFlags(8)).is_ok());
 }
 
-/// VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792
+/// The rule is VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792.
 #[test]
 fn the_geometries_of_a_structure_are_of_one_kind() {
     let radii = vec![1.0; 2];

@@ -180,7 +180,9 @@ impl Program {
         let (told, path) = (describe_value(&operand), self.describe_path(chain_index));
         let ids = self.describe_hit_ids(chain_index.index);
         let text = format!("{told} of {path}, which has {count} {elements} in this buffer{ids}");
-        let offset = Some(offset + u64::from(index) * stride);
+        // An index below 0 is before the array, and one beyond 32 bits is not known.
+        let at = operand.index.and_then(|index| u64::try_from(index).ok());
+        let offset = at.map(|at| offset.saturating_add(at.saturating_mul(stride)));
         (text, IndexOperand { length: Some(count), offset, ..operand })
     }
 

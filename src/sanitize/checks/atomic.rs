@@ -7,8 +7,8 @@ use crate::sanitize::report::Sink;
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// Follows an atomic instruction that has run in some lanes: one that changes what is undefined
-/// depends on it, and a load or an exchange returns it. `undefined` returns the cause why the memory
-/// of a lane was undefined, and notes that it is written where the instruction writes.
+/// depends on it, and a load or an exchange returns it. `undefined` returns the cause why the
+/// memory of a lane was undefined, and notes that it is written where the instruction writes.
 pub(super) fn follow<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,

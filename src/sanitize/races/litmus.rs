@@ -322,7 +322,7 @@ fn run(module: &Assembler, groups: u32) -> Vec<&'static str> {
     let levels = Levels::default();
     let resources = Resources::default();
     let resources = (0..2).fold(resources, |resources, binding| {
-        resources.bind(0, binding, Descriptor::Buffer(Buffer::zeroed(64)))
+        resources.bind(0, binding, Descriptor::Buffer(Buffer::zeroed(256)))
     });
     let mut sanitizer = Sanitizer::new(&plans, &levels).with_resources(&resources);
     let compute = Compute::new(program.clone()).unwrap();

@@ -3,8 +3,8 @@
 //!
 //! The verdicts are derived by hand from Vulkan's "Memory Model": two accesses do not race where
 //! both are atomic, and each is in the scope of the other; or where the earlier one happens before
-//! the later one, neither is private, and what the earlier one writes is available (and, for a load,
-//! visible) to the later one's invocation.
+//! the later one, neither is private, and what the earlier one writes is available (and, for a
+//! load, visible) to the later one's invocation.
 
 use rspirv::spirv::{MemorySemantics as Semantics, Scope};
 
