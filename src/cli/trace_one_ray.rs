@@ -136,6 +136,13 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
     output::notes(&session.assembled().notes);
+    let looks_otherwise =
+        args.stability.is_requested() || args.sanitize.is_requested() || args.many_seeds.is_requested();
+    if args.interactive && looks_otherwise {
+        let message =
+            "`--interactive` debugs one run: what the sanitizer or other runs find is told without it";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
         let found = args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);

@@ -211,9 +211,20 @@ impl StopConditions {
     /// Looks at the registers of a run of a shader that goes on: what it called may have written
     /// them. `register` reads them.
     pub(super) fn resumed(&mut self, run: u64, register: &dyn Fn(Reg) -> u32) {
+        // Where the shaders that are called are watched, too, what they wrote is known.
+        let followed: Vec<BreakpointId> = self
+            .watches
+            .iter()
+            .filter(|watch| matches!(watch.words, WatchedWords::Passed { .. }))
+            .filter_map(|watch| watch.breakpoint)
+            .collect();
         for (watched, watch) in self.watches.iter_mut().enumerate() {
             let WatchedWords::Registers { run: of, registers } = &watch.words else { continue };
             if *of != run {
+                continue;
+            }
+            if watch.breakpoint.is_some_and(|id| followed.contains(&id)) {
+                watch.last = Some((run, registers.iter().map(|&reg| register(reg)).collect()));
                 continue;
             }
             let after: Vec<u32> = registers.iter().map(|&reg| register(reg)).collect();

@@ -76,6 +76,14 @@ impl Debugger {
         self.with_value(frame, text, |value, lane| value.value(lane))
     }
 
+    /// Checks that a text is an expression.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words, with the column.
+    pub fn check_expression(text: &str) -> Result<(), String> {
+        expression::Expression::parse(text).map(drop).map_err(|error| error.to_string())
+    }
+
     /// Whether a condition holds in a frame.
     ///
     /// # Errors
@@ -90,6 +98,10 @@ impl Debugger {
     /// # Errors
     /// Why it cannot be set, in words.
     pub fn assign(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<TypedValue, String> {
+        let place = self.place(frame, target);
+        if place.is_ok_and(|place| self.is_passed_on(frame, &place)) {
+            return Err(format!("`{target}` was given to the shader that runs: set it there"));
+        }
         let program = self.sources.shader(frame.shader).program.clone();
         let set =
             self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));

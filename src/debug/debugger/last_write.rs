@@ -7,6 +7,7 @@ use crate::ops::op::Op;
 use crate::ops::pointer::storage;
 use crate::program::Program;
 
+use super::breakpoint::BreakpointId;
 use super::condition::{Reason, StopConditions, Watch, WatchedWords, Write};
 use super::stack::StackFrame;
 use super::tracker::Time;
@@ -17,7 +18,7 @@ impl Debugger {
     /// Goes back to the step that wrote a value last: it is next then. A payload is followed into
     /// the shaders that were given it, and out to the one that gave it.
     ///
-    /// Returns the write, or [`Stop::Beginning`] and goes there where nothing has written it.
+    /// Returns the write, or [`Stop::Beginning`] where nothing has written it: then it stays.
     ///
     /// # Errors
     /// Why the value cannot be followed, in words.
@@ -41,9 +42,38 @@ impl Debugger {
                     return Ok(Stop::Wrote(write));
                 }
                 (None, Some(outer)) => (number, words) = (number - 1, outer),
-                (None, None) => return Ok(self.to_beginning()),
+                (None, None) => return Ok(Stop::Beginning),
             }
         }
+    }
+
+    /// What watches a value for a data breakpoint: of a payload, also what the shaders have that
+    /// are given it.
+    ///
+    /// # Errors
+    /// Why the value cannot be watched, in words.
+    pub fn watches_of(
+        &mut self,
+        id: BreakpointId,
+        frame: &StackFrame,
+        place: &VariablePlace,
+    ) -> Result<Vec<Watch>, String> {
+        let words = self.watched_words(frame, place)?;
+        let passed = self.passed_from(&words, frame.number);
+        let watch = |words| Watch { breakpoint: Some(id), words, last: None };
+        Ok(std::iter::once(words).chain(passed).map(watch).collect())
+    }
+
+    /// Whether a shader has given these words to one that runs: what is set here is overwritten
+    /// when that returns.
+    pub(super) fn is_passed_on(&self, frame: &StackFrame, place: &VariablePlace) -> bool {
+        let Some(&first) = place.own_registers().and_then(<[Reg]>::first) else { return false };
+        let stopped = self.debuggee.shaders();
+        let waits = frame.number + 1 < stopped.len();
+        let program = &self.sources.shader(frame.shader).program;
+        let op = stopped.get(frame.number).and_then(|stopped| program.ops.get(stopped.op.index()));
+        let Some(Op::Stop(call)) = op.filter(|_| waits) else { return false };
+        call.payload_span().is_some_and(|span| (span.first..span.first.plus(span.count)).contains(&first))
     }
 
     /// A data breakpoint's words.

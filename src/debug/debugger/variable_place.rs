@@ -232,6 +232,11 @@ impl VariablePlace {
         Some((whole, memory.offset))
     }
 
+    /// How many words a value of the type has in registers; `None` where that is not known.
+    pub fn word_count(&self) -> Option<usize> {
+        word_count(self.module(), self.ty).map(|count| count as usize)
+    }
+
     /// The memory that holds the value, in whole words, where memory does.
     pub fn own_memory(&self, state: &dyn LaneState) -> Option<Arc<Buffer>> {
         let PlaceStorage::Memory(memory) = &self.storage else { return None };
