@@ -236,8 +236,8 @@ fn shift(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> Calcul
 pub(super) fn multiply(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
     let wrong = || mismatch(Operator::Multiply, a, b);
     let (left, right, shape) = match (a.shape(), b.shape()) {
-        // The operands as matrices: columns and rows. A vector to the right of a matrix is a column,
-        // one to the left of it a row.
+        // The columns and rows of both operands as matrices: a vector to the right of a matrix is a
+        // column, one to the left of it a row.
         (NumberShape::Matrix { columns, rows }, NumberShape::Vector(count)) => {
             ([columns, rows], [1, count], NumberShape::Vector(rows))
         }
