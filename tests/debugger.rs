@@ -91,8 +91,9 @@ fn from_ray_generation_into_any_hit_and_closest_hit_and_back_to_who_wrote() {
             "payload.colour.b = float 1\n",
             "shade.rchit:23",
             "who hit\n",
+            // The argument of the call on line 22.
             "hit = vec3(0, 0, 0.5)\n",
-            "shade.rchit:21",
+            "shade.rchit:22",
             "rfinish\n",
             "main.rgen:19",
             "rnext\n",
@@ -126,7 +127,8 @@ fn slang_is_debugged_by_its_own_names() {
     );
 }
 
-/// Two boxes stand in the way of invocation 1's ray; the loop over candidates is followed.
+/// Two boxes stand in the way of invocation 1's ray, which they are entered by at t = 5 - 3 and
+/// 5 - 1; the loop over candidates is followed.
 #[test]
 fn a_ray_query_of_a_compute_shader_is_stepped_through() {
     tells(
@@ -134,8 +136,13 @@ fn a_ray_query_of_a_compute_shader_is_stepped_through() {
         &[
             "GLCompute `main`",
             "ray query: begins: origin (1, 0, 5)",
-            "box = int 0",
+            "primitive 0: candidate at t 2",
+            "primitive 1: candidate at t 4",
             "entry = float 2",
+            "box = int 0",
+            "t = float 100",
+            "entry = float 4",
+            "box = int 1",
             "t = float 4",
         ],
     );
@@ -182,9 +189,9 @@ fn a_variable_is_set_and_the_invocation_goes_another_way() {
         &[
             "payload.t was written: float 0 -> float -1",
             "hair = int 1",
-            "breakpoint 3: shaders/pass/debugger/hair/shade.rchit:24 if gl_HitTEXT == 2.5",
-            "printed: the normal is vec3(0, 0, 1), t 2.5",
-            "breakpoint 3\n",
+            "breakpoint 2: shaders/pass/debugger/hair/shade.rchit:24 if gl_HitTEXT == 2.5",
+            "printed: the normal is (0, 0, 1), t 2.5",
+            "breakpoint 2\n",
             "payload.t was written: float -1 -> float 2.5",
             "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 2.5 }",
             "the start of history",
