@@ -20,6 +20,7 @@ rooms! {
     #[cfg(feature = "cli")] cli
     compile
     debug
+    #[cfg(feature = "cli")] drawing
     error
     geometry
     harness

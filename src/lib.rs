@@ -66,6 +66,7 @@
 //! | `wgsl` | yes | WGSL sources, through naga |
 //! | `glsl` | | GLSL sources, through glslang (built from C++ source, minutes, once) |
 //! | `exr` | | OpenEXR files |
+//! | `flamegraph` | | flame graphs of `anyhit render --profile`, through inferno (CDDL-1.0) |
 //! | `recordings` | with `cli` | recordings of hits, for `anyhit verify` |
 //! | `proptest` | | `strategies`: rays, primitives and instances for property tests |
 //!
@@ -85,6 +86,8 @@ mod check_math;
 mod cli;
 mod compile;
 mod debug;
+#[cfg(feature = "cli")]
+mod drawing;
 mod error;
 mod geometry;
 mod harness;

@@ -8,11 +8,13 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use anyhit::internals::debug::session::ResolvedRequest;
 use anyhit::internals::harness::case::Case;
 use anyhit::internals::harness::expect::Expectations;
-use anyhit::internals::harness::many_seeds::ManySeeds;
+use anyhit::internals::harness::many_seeds::{FloatChoices, ManySeeds};
 use anyhit::internals::harness::sanitize_table::scene_levels;
 use anyhit::internals::harness::sanitized::run_sanitized;
+use anyhit::internals::machine::ChoiceKind;
 use anyhit::internals::sanitize::{Findings, Levels, Rule, choices, rule};
 use anyhit::internals::scene::{LoadOptions, ResolvedScene, SceneFiles, assemble, load_text};
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -161,9 +163,14 @@ fn sanitize(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
     Ok(findings)
 }
 
-/// What depends on drawn choices in a scene.
+/// What depends on drawn choices in the scene of a rule's folder; how floats are calculated is
+/// drawn as far as the rule is about it.
 fn many_seeds(scene: &ResolvedScene) -> Result<Findings, anyhit::Error> {
-    ManySeeds { seeds: 0..64, levels: Levels::default(), contracts: true }.run(scene, &assemble(scene)?)
+    let folder = scene.path.parent().and_then(Path::file_name);
+    let about =
+        ChoiceKind::ALL.into_iter().filter(|&kind| Some(choices::rule_of(kind).id.as_ref()) == folder);
+    let floats = about.map(FloatChoices::that_include).max().unwrap_or_default();
+    ManySeeds { seeds: 0..64, floats, ..ManySeeds::default() }.run(scene, &assemble(scene)?)
 }
 
 /// Under the sanitizer, and with drawn choices, nothing is denied but what the scene allows, as it
@@ -174,8 +181,13 @@ fn no_alarm(case: &Case) -> Result<(), Failed> {
     let assembled = assemble(&scene).map_err(failed)?;
     let levels = scene_levels(&scene.document).map_err(failed)?;
     let run = run_sanitized(&scene, &assembled, &assembled.resources, &levels).map_err(failed)?;
-    let drawn = ManySeeds { seeds: 0..8, levels, contracts: false }.run(&scene, &assembled);
-    for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn.map_err(failed)?)] {
+    let seeds = ManySeeds { seeds: 0..8, levels, ..ManySeeds::default() };
+    let mut drawn = seeds.run(&scene, &assembled).map_err(failed)?;
+    for (at, _) in &case.rays {
+        let ray = ResolvedRequest::of(&scene.rays[*at]).map_err(failed)?;
+        drawn.extend(seeds.run_one(&scene, &assembled, &ray).map_err(failed)?);
+    }
+    for (what, findings) in [("the sanitizer", run.findings), ("many seeds", drawn)] {
         let denied: String = findings.denied().map(|finding| finding.render() + "\n").collect();
         if !denied.is_empty() {
             return Err(format!("{what}: this is denied:\n{denied}").into());
@@ -233,11 +245,13 @@ fn documented(page: &Path, rules: &[&Rule]) -> Result<(), Failed> {
 }
 
 /// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run
-/// by `cargo test --benches`, those of rules have both of their shaders run above.)
+/// by `cargo test --benches`, those of rules have both of their shaders run above, and those of
+/// `debugging/` are walked through in `debugger_walks.rs`.)
 fn every_fixture(cases: &[Case], root: &Path) -> Result<(), Failed> {
     let mut left = BTreeSet::new();
     collect(&root.join("spirv-fixtures"), &mut left);
-    let others = ["bench", "sanitize", "many-seeds"].map(|folder| root.join("spirv-fixtures").join(folder));
+    let others = ["bench", "sanitize", "many-seeds", "debugging"];
+    let others = others.map(|folder| root.join("spirv-fixtures").join(folder));
     let others = others.map(|folder| folder.canonicalize().expect("a folder of fixtures"));
     assert!(!left.is_empty(), "no fixtures found");
     left.retain(|path| !others.iter().any(|folder| path.starts_with(folder)));

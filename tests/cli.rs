@@ -130,6 +130,40 @@ fn what_is_undefined_in_any_run_is_told_without_being_asked() {
     assert_eq!((code, err.trim_end()), (Some(6), "error: 1 finding is denied"), "{out}");
 }
 
+#[test]
+fn the_command_of_a_drawn_choice_has_what_the_run_had() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let text = format!(
+        r#"version = 1
+[shaders]
+main = "{root}/spirv-fixtures/many-seeds/undefined-drawn/broken.comp.spv"
+[[dispatch]]
+shader = "main"
+[resources.depths]
+type = "storage_buffer"
+binding = 1
+data = {{ f32 = [1, 2, 3, 4, 5, 6, 8, 16] }}
+[resources.picture]
+type = "storage_buffer"
+binding = 2
+size = 128
+[[variant]]
+name = "far away"
+"#
+    );
+    let scene = scratch("drawn-variant.toml", text.as_bytes());
+    let scene = scene.to_str().expect("UTF-8");
+    let (code, out, err) =
+        run(&["run", scene, "--variant", "far away", "--memory", "robust", "--many-seeds", "4"]);
+    assert_eq!(code, Some(6), "{out}{err}");
+    let told = format!("anyhit run {scene} --variant \"far away\" --memory robust --seed-range ");
+    assert!(out.contains(&told), "{out}");
+    let seed = out.split("--seed-range ").nth(1).and_then(|rest| rest.split_whitespace().next());
+    let again = ["--variant", "far away", "--memory", "robust", "--seed-range", seed.expect("a seed")];
+    let (code, _, err) = run(&[&["run", scene][..], &again].concat());
+    assert_eq!(code, Some(6), "{err}");
+}
+
 /// For machines a trap and a limit stand among the findings; in text they are the error at the end.
 #[test]
 fn what_ends_a_sanitized_run_is_a_finding_with_a_class() {

@@ -75,6 +75,36 @@ fn a_feature_that_is_off_is_named() {
     assert_eq!(refused("", promised), None, "its only hit group has a closest-hit shader");
 }
 
+/// `VUID-VkRayTracingPipelineCreateInfoKHR-flags-03470` and `-03471`: each hit group has the shader
+/// that the flag promises.
+#[test]
+fn hit_groups_have_the_shaders_that_a_pipeline_promises() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv-fixtures/pass/conformance/scene.toml");
+    let refused = |group: &str, flag: &str| {
+        let text = format!(
+            "version = 1\nlaunch = [1]\n[shaders]\nraygen = 'probe/main.rgen.spv'\nmiss = 'probe/main.rmiss.spv'\n\
+             any = 'probe/main.rahit.spv'\nclosest = 'probe/triangle.rchit.spv'\n[pipeline]\nraygen = 'raygen'\n\
+             miss = 'miss'\nhit = [{{ {group} }}]\nflags = '{flag}'\n[geometry.wing]\ntype = 'triangles'\n\
+             vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n[[instance]]\ngeometry = 'wing'\n"
+        );
+        let found =
+            load_text(&root, &text, &DiskFiles, &LoadOptions::default()).and_then(|scene| assemble(&scene));
+        found.err().map(|error| error.render())
+    };
+    let [any, closest] = ["any_hit = 'any'", "closest_hit = 'closest'"];
+    let both = format!("{any}, {closest}");
+    for (flag, has, lacks, rule) in [
+        ("no_null_closest_hit_shaders", closest, any, "flags-03471"),
+        ("no_null_any_hit_shaders", any, closest, "flags-03470"),
+    ] {
+        assert_eq!(refused(has, flag), None);
+        assert_eq!(refused(&both, flag), None);
+        assert_eq!(refused(lacks, "allow_motion"), None, "nothing is promised");
+        let found = refused(lacks, flag).unwrap_or_default();
+        assert!(found.contains("-hit shader, and the pipeline has") && found.contains(rule), "{found}");
+    }
+}
+
 #[test]
 fn null_descriptors_and_motion_need_their_features() {
     let features = "[device]\nfeatures = { null_descriptor = false, ray_tracing_motion_blur = false }";

@@ -1,10 +1,10 @@
 //! The modules of `src/` import one way only.
 //!
-//! `cli -> harness -> {debug, recording, stress, check_math} -> scene -> {sanitize, compile} ->
-//! pipeline -> interp -> program -> ops -> {module, machine -> accel} -> geometry -> math ->
-//! {input, atomic_file} -> error`: a folder may import what stands to its right. A few crates are
-//! named in one place only, readers of files in one file, files are written in one place, and only
-//! the command line prints.
+//! `cli -> harness -> {debug, drawing, recording, stress, check_math} -> scene -> {sanitize,
+//! compile} -> pipeline -> interp -> program -> ops -> {module, machine -> accel} -> geometry ->
+//! math -> {input, atomic_file} -> error`: a folder may import what stands to its right. A few
+//! crates are named in one place only, readers of files in one file, files are written in one
+//! place, and only the command line prints.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use crate::support::files;
 const LAYERS: &[&[&str]] = &[
     &["cli"],
     &["harness"],
-    &["debug", "recording", "stress", "check_math"],
+    &["debug", "drawing", "recording", "stress", "check_math"],
     &["scene"],
     &["sanitize", "compile"],
     &["pipeline"],
@@ -39,6 +39,11 @@ const CRATES: &[(&str, &[&str])] = &[
     ("glslang", &["compile"]),
     ("clap", &["cli"]),
     ("emmy_dap_types", &["debug"]),
+    ("base64", &["drawing"]),
+    ("colorous", &["drawing"]),
+    ("flate2", &["drawing"]),
+    ("inferno", &["drawing"]),
+    ("noto_sans_mono_bitmap", &["drawing"]),
     ("dashu_ratio", &["stress"]),
     ("dashu_float", &["check_math"]),
     ("obvhs", &["stress"]),

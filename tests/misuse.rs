@@ -80,7 +80,21 @@ fn pipelines_of_parts_that_do_not_fit() {
     invalid(builder.group(Group::General(ShaderIndex(9))), "no shader 9");
     let hit = HitGroup { any_hit: Some(ShaderIndex(u32::MAX)), ..HitGroup::default() };
     invalid(builder.group(Group::Hit(hit)), "no shader 4294967295");
-    refused(builder.miss(program(CLOSEST_HIT)).map(|_| ()), ErrorKind::InvalidScene, "is ClosestHitKHR, not");
+    refused(
+        Pipeline::builder().miss(program(CLOSEST_HIT)).map(|_| ()),
+        ErrorKind::InvalidScene,
+        "is ClosestHitKHR, not",
+    );
+    refused(
+        Pipeline::builder().callable(program(CLOSEST_HIT)).map(|_| ()),
+        ErrorKind::InvalidScene,
+        "is ClosestHitKHR, not",
+    );
+    refused(
+        Pipeline::builder().hit([program(RAYGEN)]).map(|_| ()),
+        ErrorKind::InvalidScene,
+        "RayGenerationKHR",
+    );
     for size in [0, 3, 256] {
         invalid(Pipeline::builder().subgroup_size(size).build(), "subgroup");
     }
@@ -100,6 +114,40 @@ fn pipelines_that_were_changed_since_they_were_built() {
     refused(trace(&group), ErrorKind::InvalidScene, "names group 9");
     let kind = |pipeline: &mut Pipeline| pipeline.sbt.miss = vec![Some(SbtRecord::new(0))];
     refused(trace(&kind), ErrorKind::InvalidScene, "miss record 0 names group 0, which is a hit group");
+    // Group 1 is of the ray generation shader.
+    let with_general = |change: &dyn Fn(&mut Pipeline)| {
+        let mut pipeline = hits_spheres().ray_generation(program(RAYGEN)).unwrap().build().unwrap();
+        change(&mut pipeline);
+        pipeline.trace(&sphere(), down())
+    };
+    assert!(with_general(&|_| ()).is_ok());
+    let general = |pipeline: &mut Pipeline| pipeline.sbt.hit[0] = Some(SbtRecord::new(1));
+    refused(
+        with_general(&general),
+        ErrorKind::InvalidScene,
+        "hit record 0 names group 1, which is no hit group",
+    );
+    for (group, words) in [(0, "which is a hit group"), (1, "which is RayGenerationKHR")] {
+        let callable = |pipeline: &mut Pipeline| pipeline.sbt.callable = vec![Some(SbtRecord::new(group))];
+        let words = format!("callable record 0 names group {group}, {words}");
+        refused(with_general(&callable), ErrorKind::InvalidScene, &words);
+    }
+    let nothing = |pipeline: &mut Pipeline| pipeline.sbt.callable = vec![None];
+    assert!(with_general(&nothing).is_ok(), "a null record is no group of another kind");
+    let members = |hit: HitGroup| trace(&|pipeline| pipeline.groups[0] = Group::Hit(hit));
+    let own = Some(ShaderIndex(0));
+    for hit in [
+        HitGroup { any_hit: own, ..HitGroup::default() },
+        HitGroup { intersection: own, ..HitGroup::default() },
+    ] {
+        refused(members(hit), ErrorKind::InvalidScene, "is ClosestHitKHR, not");
+    }
+    assert!(members(HitGroup { closest_hit: own, ..HitGroup::default() }).is_ok());
+    refused(
+        trace(&|pipeline| pipeline.groups[0] = Group::General(ShaderIndex(0))),
+        ErrorKind::InvalidScene,
+        "is ClosestHitKHR, not RayGenerationKHR or MissKHR or CallableKHR",
+    );
     invalid(trace(&|pipeline| pipeline.groups[0] = Group::General(ShaderIndex(9))), "no shader 9");
     invalid(trace(&|pipeline| pipeline.programs.clear()), "no shader 0");
     invalid(trace(&|pipeline| pipeline.subgroup_size = 3), "a subgroup of 3");

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use anyhit::internals::machine::{Binding, Buffer, Descriptor, Resources};
-use anyhit::internals::pipeline::Compute;
-use anyhit::internals::sanitize::{Levels, ProgramPlan, Sanitizer};
+use anyhit::internals::module::interface::Stage;
+use anyhit::internals::pipeline::{Compute, Launch, Pipeline};
+use anyhit::internals::sanitize::{Findings, Levels, ProgramPlan, Sanitizer};
 
 use crate::support::assembly::assemble;
 
@@ -49,6 +50,11 @@ fn writes_to_its_own_buffer(capability: &str) -> String {
 
 /// The rules that a compute shader breaks, and what is told of each.
 fn found(text: &str) -> Vec<(&'static str, String)> {
+    findings(text).iter().map(|finding| (finding.rule.id, finding.error.message().to_owned())).collect()
+}
+
+/// What the sanitizer finds in a compute shader with two storage buffers.
+fn findings(text: &str) -> Findings {
     let module = Arc::new(anyhit::internals::module::load(&assemble(text)).expect("a module"));
     let program = anyhit::internals::program::lower(&module, &module.entry_points[0]).expect("a program");
     let compute = Compute::new(program).expect("a compute shader").unoptimized().expect("a program");
@@ -60,8 +66,7 @@ fn found(text: &str) -> Vec<(&'static str, String)> {
     let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
     let mut sanitizer = Sanitizer::new(&plans, &levels);
     compute.run_observed(&resources, [1; 3], &mut |_| (), &mut sanitizer).expect("a run");
-    let findings = sanitizer.into_findings();
-    findings.iter().map(|finding| (finding.rule.id, finding.error.message().to_owned())).collect()
+    sanitizer.into_findings()
 }
 
 /// VUID-RuntimeSpirv-None-10134 and its siblings: an index that differs needs the capability of the
@@ -76,4 +81,132 @@ fn differing_descriptors_need_the_capability_of_their_kind() {
     assert_eq!(found(&writes_to_its_own_buffer(of_images)), broken);
     let declared = "OpCapability StorageBufferArrayNonUniformIndexing";
     assert_eq!(found(&writes_to_its_own_buffer(declared)), []);
+}
+
+/// A ray generation shader that passes two numbers to a callable one, each of which lays them out
+/// by these offsets of the second number.
+fn passes_laid_out_data(given: Option<u32>, taken: Option<u32>) -> String {
+    let offsets = |name: &str, second: Option<u32>| match second {
+        Some(second) => {
+            format!("OpMemberDecorate %{name} 0 Offset 0\nOpMemberDecorate %{name} 1 Offset {second}")
+        }
+        None => String::new(),
+    };
+    format!(
+        "OpCapability RayTracingKHR
+         OpExtension \"SPV_KHR_ray_tracing\"
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint RayGenerationKHR %main \"main\" %passed
+         OpEntryPoint CallableKHR %called \"called\" %incoming
+         {}
+         {}
+         %void = OpTypeVoid
+         %main_type = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %u0 = OpConstant %uint 0
+         %u1 = OpConstant %uint 1
+         %given = OpTypeStruct %uint %uint
+         %taken = OpTypeStruct %uint %uint
+         %ptr_given = OpTypePointer CallableDataKHR %given
+         %ptr_given_uint = OpTypePointer CallableDataKHR %uint
+         %ptr_taken = OpTypePointer IncomingCallableDataKHR %taken
+         %ptr_taken_uint = OpTypePointer IncomingCallableDataKHR %uint
+         %passed = OpVariable %ptr_given CallableDataKHR
+         %incoming = OpVariable %ptr_taken IncomingCallableDataKHR
+         %main = OpFunction %void None %main_type
+         %entry = OpLabel
+         %first = OpAccessChain %ptr_given_uint %passed %u0
+         OpStore %first %u1
+         OpExecuteCallableKHR %u0 %passed
+         OpReturn
+         OpFunctionEnd
+         %called = OpFunction %void None %main_type
+         %called_entry = OpLabel
+         %in_first = OpAccessChain %ptr_taken_uint %incoming %u0
+         %in_second = OpAccessChain %ptr_taken_uint %incoming %u1
+         %value = OpLoad %uint %in_first
+         OpStore %in_second %value
+         OpReturn
+         OpFunctionEnd",
+        offsets("given", given),
+        offsets("taken", taken),
+    )
+}
+
+/// The rules that a launch of a module's ray generation shader breaks, with its callable shaders.
+fn found_by_launch(text: &str) -> Vec<(&'static str, String)> {
+    let module = Arc::new(anyhit::internals::module::load(&assemble(text)).expect("a module"));
+    let mut builder = Pipeline::builder();
+    for entry in &module.entry_points {
+        let program = anyhit::internals::program::lower(&module, entry).expect("a program");
+        builder = match entry.stage {
+            Stage::RayGeneration => builder.ray_generation(program),
+            _ => builder.callable(program),
+        }
+        .expect("a shader of its stage");
+    }
+    let pipeline = builder.build().and_then(|pipeline| pipeline.unoptimized()).expect("a pipeline");
+    let plans: Vec<ProgramPlan> = pipeline.programs.iter().map(ProgramPlan::new).collect();
+    let (levels, resources) = (Levels::default(), Resources::default());
+    let mut sanitizer = Sanitizer::new(&plans, &levels).of_pipeline(&pipeline);
+    let launch = Launch { pipeline: &pipeline, resources: &resources };
+    launch.run_observed([1; 3], &mut |_| (), &mut sanitizer).expect("a launch");
+    let findings = sanitizer.into_findings();
+    findings.iter().map(|finding| (finding.rule.id, finding.error.message().to_owned())).collect()
+}
+
+/// VUID-RuntimeSpirv-OpTraceRayKHR-11855 compares layouts where there are any.
+#[test]
+fn data_that_is_laid_out_is_laid_out_alike() {
+    let found = found_by_launch(&passes_laid_out_data(Some(4), Some(16)));
+    assert_eq!(found.iter().map(|found| found.0).collect::<Vec<_>>(), ["payload-decoration"]);
+    assert!(found[0].1.contains("CallableKHR `called` lays out"), "{}", found[0].1);
+    for (given, taken) in [(Some(4), Some(4)), (Some(16), Some(16)), (None, None), (None, Some(16))] {
+        assert_eq!(found_by_launch(&passes_laid_out_data(given, taken)), [], "{given:?} {taken:?}");
+    }
+}
+
+/// naga wraps instructions of ray queries in functions of its own, which have no lines.
+#[test]
+fn a_function_without_lines_is_told_by_the_line_of_its_call() {
+    let text = "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\" %buffers
+         OpExecutionMode %main LocalSize 1 1 1
+         %file = OpString \"made.wgsl\"
+         OpDecorate %block Block
+         OpMemberDecorate %block 0 Offset 0
+         OpDecorate %buffers DescriptorSet 0
+         OpDecorate %buffers Binding 0
+         %void = OpTypeVoid
+         %main_type = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %helper_type = OpTypeFunction %uint %uint
+         %u0 = OpConstant %uint 0
+         %u7 = OpConstant %uint 7
+         %block = OpTypeStruct %uint
+         %ptr_block = OpTypePointer StorageBuffer %block
+         %ptr_uint = OpTypePointer StorageBuffer %uint
+         %buffers = OpVariable %ptr_block StorageBuffer
+         %helper = OpFunction %uint None %helper_type
+         %divisor = OpFunctionParameter %uint
+         %helper_entry = OpLabel
+         %quotient = OpUDiv %uint %u7 %divisor
+         OpReturnValue %quotient
+         OpFunctionEnd
+         %main = OpFunction %void None %main_type
+         %entry = OpLabel
+         %at = OpAccessChain %ptr_uint %buffers %u0
+         %zero = OpLoad %uint %at
+         OpLine %file 12 5
+         %result = OpFunctionCall %uint %helper %zero
+         OpStore %at %result
+         OpReturn
+         OpFunctionEnd";
+    let findings = findings(text);
+    let [finding] = &findings.iter().collect::<Vec<_>>()[..] else { panic!("{} findings", findings.len()) };
+    assert_eq!(finding.rule.id, "int-div-zero");
+    let frame = &finding.stack[0];
+    assert_eq!((frame.file.as_deref(), frame.line), (Some("made.wgsl"), Some(12)));
+    assert!(finding.error.render().contains("made.wgsl:12:5"), "{}", finding.error.render());
 }

@@ -388,3 +388,23 @@ fn what_makes_no_sense_is_answered_with_code_2() {
     // Negative numbers are no options.
     assert!(run(&[SPHERE, "--ray", "-0.5,0,4 -0,-0,-1"]).status.success());
 }
+
+/// The ray goes straight down where a line lies on a road: both are hit at t = 1.
+#[test]
+fn a_single_ray_runs_with_many_seeds() {
+    let scene = "shaders/many-seeds/tie-order/scene.toml";
+    let found = |arguments: &[&str]| {
+        let output = run(&[&[scene, "--many-seeds", "8"], arguments].concat());
+        (String::from_utf8(output.stdout).expect("UTF-8"), output.status.code())
+    };
+    let ray = "1.25,1,0.25 0,-1,0";
+    let (text, code) = found(&["--ray", ray]);
+    assert_eq!(code, Some(6), "{text}");
+    assert!(text.contains("error[tie-order]: hit.instance is "), "{text}");
+    assert!(text.contains(&format!("anyhit trace-one-ray {scene} --ray \"{ray}\" --seed-range ")), "{text}");
+    // Beside the line there is only the road.
+    let (text, code) = found(&["--ray", "4,1,0.25 0,-1,0"]);
+    assert_eq!(code, Some(0), "{text}");
+    let (text, code) = found(&["--pixel", "0,0", "--allow", "tie-order"]);
+    assert_eq!(code, Some(0), "{text}");
+}

@@ -351,6 +351,24 @@ fn mistakes_are_named_with_their_rule() {
     assert!(placed(|i| i.flags = InstanceFlags(8)).is_ok());
 }
 
+/// The rule is VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792.
+#[test]
+fn the_geometries_of_a_structure_are_of_one_kind() {
+    let radii = vec![1.0; 2];
+    let kinds = [
+        triangles(&[1.0], OPAQUE),
+        boxes(&[(1.0, 2.0)], OPAQUE),
+        Geometry::new(GeometryData::Spheres { positions: vec![[0.0; 3]; 2], radii, indices: None }, OPAQUE),
+    ];
+    for (one, first) in kinds.iter().enumerate() {
+        for (other, second) in kinds.iter().enumerate() {
+            let found = Blas::new(vec![first.clone(), second.clone()]).map(|_| ());
+            let found = found.map_err(|error| error.message().contains("type-03792"));
+            assert_eq!(found, if one == other { Ok(()) } else { Err(true) }, "{one} beside {other}");
+        }
+    }
+}
+
 /// What moves is hit where still copies of it are, made of the keys between which it is at a ray's
 /// time: so no box loses it, with trees over instances and triangles.
 #[test]

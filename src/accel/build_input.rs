@@ -7,61 +7,13 @@
 //! stride of 0 makes all elements the same. Numbers are widened to `f32` exactly, but for
 //! normalised ones, which are rounded once.
 
-use half::f16;
-
+use crate::accel::element_format::word;
 use crate::accel::geometry_data::{EndCaps, GeometryData, Indexing};
+use crate::accel::strided::StridedLayout;
 use crate::error::{Error, ErrorKind, Result};
 
-/// `VkFormat` of vertices: the formats that Vulkan requires for acceleration structures, and the
-/// three-component ones of 16 bits. A missing z is 0, a fourth component is not read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum VertexFormat {
-    /// `VK_FORMAT_R32G32_SFLOAT`
-    R32G32Sfloat,
-    /// `VK_FORMAT_R32G32B32_SFLOAT`
-    R32G32B32Sfloat,
-    /// `VK_FORMAT_R16G16_SFLOAT`
-    R16G16Sfloat,
-    /// `VK_FORMAT_R16G16B16_SFLOAT`
-    R16G16B16Sfloat,
-    /// `VK_FORMAT_R16G16B16A16_SFLOAT`
-    R16G16B16A16Sfloat,
-    /// `VK_FORMAT_R16G16_SNORM`
-    R16G16Snorm,
-    /// `VK_FORMAT_R16G16B16_SNORM`
-    R16G16B16Snorm,
-    /// `VK_FORMAT_R16G16B16A16_SNORM`
-    R16G16B16A16Snorm,
-}
-
-/// `VkFormat` of radii: the two that Vulkan requires.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum RadiusFormat {
-    /// `VK_FORMAT_R32_SFLOAT`
-    R32Sfloat,
-    /// `VK_FORMAT_R16_SFLOAT`
-    R16Sfloat,
-}
-
-/// `VkIndexType` of a build; no index buffer is `VK_INDEX_TYPE_NONE_KHR`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum IndexType {
-    /// `VK_INDEX_TYPE_UINT8`: no build supports it, and the error says so.
-    Uint8,
-    /// `VK_INDEX_TYPE_UINT16`
-    Uint16,
-    /// `VK_INDEX_TYPE_UINT32`
-    Uint32,
-}
-
-/// Elements in a buffer, a stride apart.
-#[derive(Clone, Copy, Debug)]
-pub struct Strided<'a> {
-    /// The buffer from the address that the build is given.
-    pub bytes: &'a [u8],
-    /// Bytes from one element to the next; 0 repeats the first. `None` packs them tightly.
-    pub stride: Option<u64>,
-}
+pub use crate::accel::element_format::{IndexType, RadiusFormat, VertexFormat, snorm16};
+pub use crate::accel::strided::Strided;
 
 /// `VkAccelerationStructureBuildRangeInfoKHR`
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,83 +37,6 @@ pub struct BuildInput<'a> {
     pub indices: Option<(Strided<'a>, IndexType)>,
     /// The range.
     pub range: BuildRange,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Component {
-    Sfloat32,
-    Sfloat16,
-    Snorm16,
-}
-
-impl VertexFormat {
-    fn parts(self) -> (Component, usize) {
-        match self {
-            Self::R32G32Sfloat => (Component::Sfloat32, 2),
-            Self::R32G32B32Sfloat => (Component::Sfloat32, 3),
-            Self::R16G16Sfloat => (Component::Sfloat16, 2),
-            Self::R16G16B16Sfloat => (Component::Sfloat16, 3),
-            Self::R16G16B16A16Sfloat => (Component::Sfloat16, 4),
-            Self::R16G16Snorm => (Component::Snorm16, 2),
-            Self::R16G16B16Snorm => (Component::Snorm16, 3),
-            Self::R16G16B16A16Snorm => (Component::Snorm16, 4),
-        }
-    }
-
-    /// Bytes of a component.
-    fn component_size(self) -> u64 {
-        if self.parts().0 == Component::Sfloat32 { 4 } else { 2 }
-    }
-
-    /// Bytes of an element.
-    pub fn size(self) -> u64 {
-        self.component_size() * self.parts().1 as u64
-    }
-
-    fn read(self, bytes: &[u8]) -> [f32; 3] {
-        let (component, count) = self.parts();
-        std::array::from_fn(|at| match component {
-            _ if at >= count => 0.0,
-            Component::Sfloat32 => f32::from_le_bytes(word(bytes, 4 * at)),
-            Component::Sfloat16 => f16::from_le_bytes(word(bytes, 2 * at)).into(),
-            Component::Snorm16 => snorm16(i16::from_le_bytes(word(bytes, 2 * at))),
-        })
-    }
-}
-
-impl RadiusFormat {
-    fn size(self) -> u64 {
-        match self {
-            Self::R32Sfloat => 4,
-            Self::R16Sfloat => 2,
-        }
-    }
-
-    fn read(self, bytes: &[u8]) -> f32 {
-        match self {
-            Self::R32Sfloat => f32::from_le_bytes(word(bytes, 0)),
-            Self::R16Sfloat => f16::from_le_bytes(word(bytes, 0)).into(),
-        }
-    }
-}
-
-impl IndexType {
-    fn size(self) -> u64 {
-        match self {
-            Self::Uint8 => 1,
-            Self::Uint16 => 2,
-            Self::Uint32 => 4,
-        }
-    }
-}
-
-/// Vulkan, "Conversion from Normalized Fixed-Point to Floating-Point".
-pub fn snorm16(word: i16) -> f32 {
-    (f32::from(word) / 32767.0).max(-1.0)
-}
-
-fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
-    std::array::from_fn(|byte| bytes[at + byte])
 }
 
 /// The VUIDs of the rules for one kind of geometry.
@@ -461,50 +336,6 @@ struct Fetched {
     radii: Vec<f32>,
 }
 
-/// The layout of the elements of a buffer.
-struct StridedLayout {
-    begin: u64,
-    stride: u64,
-    size: u64,
-}
-
-impl StridedLayout {
-    /// How many elements there are; `None` where a stride of 0 makes it any number.
-    fn count(&self, bytes: &[u8]) -> Option<u64> {
-        let length = (bytes.len() as u64).saturating_sub(self.begin);
-        match (length.checked_sub(self.size), self.stride) {
-            (None, _) => Some(0),
-            (Some(_), 0) => None,
-            (Some(rest), stride) => Some(rest / stride + 1),
-        }
-    }
-
-    /// An element's bytes, or where it would have to end.
-    fn element<'a>(&self, bytes: &'a [u8], at: u64) -> Result<&'a [u8], u64> {
-        let begin = self.begin.saturating_add(self.stride.saturating_mul(at));
-        let end = begin.saturating_add(self.size);
-        bytes.get(begin as usize..end as usize).ok_or(end)
-    }
-
-    /// The elements with these numbers.
-    fn fetch<T>(
-        &self,
-        bytes: &[u8],
-        numbers: &[u64],
-        what: &str,
-        read: impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>> {
-        let mut all = Vec::with_capacity(numbers.len());
-        for &at in numbers {
-            let element = self.element(bytes, at).map_err(|end| {
-                invalid(format!("{what} {at} ends at byte {end} of a buffer of {}", bytes.len()))
-            })?;
-            all.push(read(element));
-        }
-        Ok(all)
-    }
-}
-
 /// Compares a number of primitives with what every device supports: `maxPrimitiveCount` of at least
 /// 2^29 - 1. It is a rule for inputs and does not bound memory: whoever reads a stranger's input
 /// compares a [`DecodedSize`] with limits first.
@@ -521,6 +352,8 @@ fn invalid(message: impl Into<String>) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use half::f16;
+
     use super::*;
     use crate::accel::Primitive;
 
@@ -544,30 +377,6 @@ mod tests {
 
     fn message(result: Result<GeometryData>) -> String {
         result.expect_err("a mistake").message().to_owned()
-    }
-
-    #[test]
-    fn every_format_is_widened() {
-        use VertexFormat as F;
-        // 0.1 is no half: the nearest is 1638 / 16384.
-        let tenth = 1638.0 / 16384.0;
-        let snorm = shorts(&[32767, 0x8000, 0x8001, 16384]);
-        let rows: [(F, Vec<u8>, [f32; 3]); 8] = [
-            (F::R32G32Sfloat, floats(&[0.1, 2.0, 9.0]), [0.1, 2.0, 0.0]),
-            (F::R32G32B32Sfloat, floats(&[0.1, 2.0, 3.0]), [0.1, 2.0, 3.0]),
-            (F::R16G16Sfloat, halves(&[0.1, 2.0, 9.0]), [tenth, 2.0, 0.0]),
-            (F::R16G16B16Sfloat, halves(&[0.1, 2.0, 3.0]), [tenth, 2.0, 3.0]),
-            (F::R16G16B16A16Sfloat, halves(&[0.1, 2.0, 3.0, 9.0]), [tenth, 2.0, 3.0]),
-            (F::R16G16Snorm, snorm.clone(), [1.0, -1.0, 0.0]),
-            (F::R16G16B16Snorm, snorm.clone(), [1.0, -1.0, -1.0]),
-            (F::R16G16B16A16Snorm, snorm, [1.0, -1.0, -1.0]),
-        ];
-        for (format, bytes, point) in rows {
-            assert_eq!(format.read(&bytes), point, "{format:?}");
-            assert_eq!(format.size(), format.component_size() * format.parts().1 as u64);
-        }
-        assert_eq!(RadiusFormat::R16Sfloat.read(&halves(&[0.1])), tenth);
-        assert_eq!(snorm16(1), 1.0 / 32767.0);
     }
 
     #[test]

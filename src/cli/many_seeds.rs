@@ -1,12 +1,15 @@
 //! `--many-seeds` and `--seed-range`: runs in which is drawn what the specifications leave open.
 
 use std::ops::Range;
+use std::path::Path;
 
 use clap::{ArgGroup, Args};
 
 use crate::cli::sanitize::SanitizeArgs;
+use crate::debug::session::ResolvedRequest;
+use crate::debug::shell;
 use crate::error::Result;
-use crate::harness::many_seeds::ManySeeds;
+use crate::harness::many_seeds::{FloatChoices, ManySeeds};
 use crate::sanitize::Findings;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -26,6 +29,11 @@ pub(super) struct ManySeedsArgs {
     /// neither NoContraction nor a fast-math mode forbids it
     #[arg(long, requires = "seeds")]
     contract: bool,
+    /// With --many-seeds: also draw the rest of fast math, within the precision of Vulkan
+    /// and what the module allows: the order of sums, quotients, elementary functions, the sign
+    /// of zeros, denormal numbers; implies --contract
+    #[arg(long, requires = "seeds")]
+    fast_math: bool,
 }
 
 impl ManySeedsArgs {
@@ -40,17 +48,22 @@ impl ManySeedsArgs {
     /// # Errors
     /// `InvalidArgument` for a rule that does not exist.
     pub(super) fn given(&self, sanitize: &SanitizeArgs) -> Result<Option<ManySeeds>> {
+        let floats = match (self.fast_math, self.contract) {
+            (true, _) => FloatChoices::Fast,
+            (false, true) => FloatChoices::Contracted,
+            (false, false) => FloatChoices::Exact,
+        };
         let all = 0..self.many_seeds.unwrap_or(u64::MAX);
         let seeds = match &self.seed_range {
             Some(range) => range.start..range.end.min(all.end),
             None => all,
         };
         let levels = sanitize.given_levels()?;
-        Ok(self.is_requested().then_some(ManySeeds { seeds, levels, contracts: self.contract }))
+        Ok(self.is_requested().then_some(ManySeeds { seeds, levels, floats, command: None }))
     }
 
     /// Runs a scene's launches and dispatches for the seeds, on copies of its resources, where the
-    /// flags ask for it.
+    /// flags ask for it. `command` repeats the runs, but for the seeds.
     ///
     /// # Errors
     /// Of the arguments, and of lowering.
@@ -59,11 +72,58 @@ impl ManySeedsArgs {
         sanitize: &SanitizeArgs,
         scene: &ResolvedScene,
         assembled: &Assembled,
+        command: String,
     ) -> Result<Option<Findings>> {
+        let Some(drawn) = self.of_scene(sanitize, scene, command)? else { return Ok(None) };
+        drawn.run(scene, assembled).map(Some)
+    }
+
+    /// Runs one ray of a scene, or one invocation, for the seeds, as [`ManySeedsArgs::run`] does.
+    ///
+    /// # Errors
+    /// As [`ManySeedsArgs::run`].
+    pub(super) fn run_one(
+        &self,
+        sanitize: &SanitizeArgs,
+        scene: &ResolvedScene,
+        assembled: &Assembled,
+        which: &ResolvedRequest,
+        command: String,
+    ) -> Result<Option<Findings>> {
+        let Some(drawn) = self.of_scene(sanitize, scene, command)? else { return Ok(None) };
+        drawn.run_one(scene, assembled, which).map(Some)
+    }
+
+    /// The seeds, with the levels of a scene.
+    fn of_scene(
+        &self,
+        sanitize: &SanitizeArgs,
+        scene: &ResolvedScene,
+        command: String,
+    ) -> Result<Option<ManySeeds>> {
         let Some(drawn) = self.given(sanitize)? else { return Ok(None) };
         let levels = sanitize.levels(scene)?;
-        ManySeeds { levels, ..drawn }.run(scene, assembled).map(Some)
+        Ok(Some(ManySeeds { levels, command: Some(command), ..drawn }))
     }
+}
+
+/// A command that is printed to be typed: a subcommand with its file and those flags that are
+/// given, each with its value.
+pub(super) fn command_line(
+    subcommand: &str,
+    file: Option<&Path>,
+    flags: &[(&str, Option<String>)],
+) -> String {
+    let mut line = format!("anyhit {subcommand}");
+    if let Some(file) = file {
+        line += &format!(" {}", shell::word(&file.display().to_string()));
+    }
+    for (flag, value) in flags {
+        if let Some(value) = value {
+            line += &format!(" {flag} {}", shell::word(value));
+        }
+    }
+    line
 }
 
 /// `A..B`

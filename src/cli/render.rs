@@ -1,5 +1,7 @@
 //! `anyhit render`: launches a scene's ray generation shader over its image.
 
+mod look;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -8,7 +10,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
-use crate::cli::many_seeds::ManySeedsArgs;
+use crate::cli::many_seeds::{ManySeedsArgs, command_line};
+use crate::cli::render::look::{LookArgs, Looked};
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -63,6 +66,9 @@ pub struct RenderArgs {
     #[command(flatten)]
     variant: VariantArgs,
     #[command(flatten)]
+    look: LookArgs,
+
+    #[command(flatten)]
     stability: StabilityArgs,
 
     #[command(flatten)]
@@ -74,7 +80,7 @@ pub struct RenderArgs {
     #[command(flatten)]
     limits: LimitArgs,
 
-    /// With --shadow or --perturb: print JSON
+    /// With --heat, --shadow or --perturb: print JSON
     #[arg(long)]
     json: bool,
 }
@@ -85,8 +91,13 @@ pub struct RenderArgs {
 /// Errors of the scene, of a shader that traps, or of writing the image; `Expectation` if
 /// `--perturb` finds that an output is not stable, after everything is written and printed.
 pub fn run(args: RenderArgs) -> Result<()> {
+    let json = args.json && args.look.is_requested();
+    if args.look.is_requested() {
+        return run_look(args).map_err(|error| output::json_error(json, error));
+    }
+    args.look.check(None)?;
     if args.json && !args.stability.is_requested() {
-        let message = "`--json` is for --shadow and --perturb";
+        let message = "`--json` is for --heat, --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
     }
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
@@ -141,7 +152,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         true => assembled.invocations(),
         false => size.iter().map(|&side| u64::from(side)).product(),
     });
-    let drawn = args.many_seeds.run(&args.sanitize, &resolved, &assembled)?;
+    let drawn = args.many_seeds.run(&args.sanitize, &resolved, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
@@ -197,6 +208,71 @@ pub fn run(args: RenderArgs) -> Result<()> {
         args.stability.run(&resolved, &initial, None, args.json)?;
     }
     Ok(())
+}
+
+/// The command that renders the same again.
+fn repeated(args: &RenderArgs) -> String {
+    let size = args.size.map(|[width, height]| format!("{width}x{height}"));
+    let precision = args.precision.map(|precision| precision.name().to_owned());
+    let flags = [("--size", size), ("--variant", args.variant.variant.clone()), ("--precision", precision)];
+    command_line("render", args.scene.as_deref(), &flags)
+}
+
+/// Counts what the launch costs, as `--heat`, `--profile` and `--html` ask for.
+fn run_look(args: RenderArgs) -> Result<()> {
+    let look = &args.look;
+    let runs_otherwise = [
+        (args.sanitize.is_requested(), "the sanitizer"),
+        (args.many_seeds.is_requested(), "`--many-seeds`"),
+        (args.stability.is_requested(), "`--shadow` or `--perturb`"),
+        (args.stats, "`--stats`"),
+    ];
+    if let Some((_, other)) = runs_otherwise.iter().find(|(given, _)| *given) {
+        let message = format!("`--heat`, `--profile` and `--html` count one run: {other} is for another one");
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    if args.json && !look.prints() {
+        let message = "with `--profile` or `--html` alone, `--json` has nothing to print";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
+    look.check(args.output.as_deref())?;
+    if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
+        kind.check()?;
+    }
+    let options = LoadOptions {
+        size: args.size,
+        precision: args.precision,
+        streams: false,
+        variant: args.variant.variant.clone(),
+    };
+    let mut scene = match &args.scene {
+        Some(path) => args.files.scene(path, &options)?,
+        None => scene::demo::scene(&options)?,
+    };
+    output::notes(&scene.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut scene);
+    if !scene.launches() && !scene.dispatches.is_empty() {
+        return Err(compute_only(&scene));
+    }
+    let mut flags = String::new();
+    if let Some([width, height]) = args.size {
+        flags += &format!(" --size {width}x{height}");
+    }
+    if let Some(precision) = args.precision {
+        flags += &format!(" --precision {}", precision.name());
+    }
+    if let Some(variant) = &args.variant.variant {
+        flags += &format!(" --variant {}", shell::word(variant));
+    }
+    look.run(
+        scene,
+        Looked {
+            scene: args.scene.as_deref(),
+            flags: &flags,
+            output: args.output.as_deref(),
+            json: args.json,
+        },
+    )
 }
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.
@@ -269,7 +345,8 @@ fn split_into_bands<'a>(
     Err(reason.to_owned())
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+/// Width and height, such as `640x360`.
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let sides =
         text.split_once(['x', 'X']).map(|(width, height)| (width.trim().parse(), height.trim().parse()));
     match sides {

@@ -12,7 +12,7 @@ use clap::Args;
 use crate::atomic_file;
 use crate::cli::input::{SceneFileArgs, VariantArgs, name_of};
 use crate::cli::limits::LimitArgs;
-use crate::cli::many_seeds::ManySeedsArgs;
+use crate::cli::many_seeds::{ManySeedsArgs, command_line};
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
@@ -136,7 +136,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     let saved: Vec<_> = saved.collect::<Result<_>>()?;
 
     let load_time = begin.elapsed();
-    let drawn = args.many_seeds.run(&args.sanitize, &scene, &assembled)?;
+    let drawn = args.many_seeds.run(&args.sanitize, &scene, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let on_progress = |_| ();
     let sanitized = match args.sanitize.is_requested() {
@@ -170,6 +170,15 @@ pub fn run(args: RunArgs) -> Result<()> {
         output::print(stats::single_threaded(&assembled))?;
     }
     Ok(())
+}
+
+/// The command that runs the same again, as far as the values of buffers and images depend on it.
+fn repeated(args: &RunArgs) -> String {
+    let mut flags = args.bare_module.flags();
+    flags.push(("--variant", args.variant.variant.clone()));
+    flags.push(("--memory", args.memory.clone()));
+    flags.push(("--precision", args.precision.map(|precision| precision.name().to_owned())));
+    command_line("run", Some(&args.file), &flags)
 }
 
 /// Whether the file is a scene, and its bytes where they were read to tell: a pipe has no name that

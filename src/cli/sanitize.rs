@@ -100,7 +100,8 @@ impl SanitizeArgs {
         run.or_else(|error| self.refuse(error))
     }
 
-    /// Runs one ray of a scene, or one invocation, and prints the findings.
+    /// Runs one ray of a scene, or one invocation, if that is asked for, and prints the findings
+    /// with those of drawn choices.
     ///
     /// # Errors
     /// Of the arguments and the ray, and of lowering; then as [`SanitizeArgs::finish`].
@@ -109,10 +110,14 @@ impl SanitizeArgs {
         scene: &ResolvedScene,
         assembled: &Assembled,
         which: &ResolvedRequest,
+        drawn: Option<Findings>,
     ) -> Result<()> {
+        if !self.sanitize {
+            return self.finish([None, drawn], Ok(Stats::default())).map(|_| ());
+        }
         let run = sanitize_one(scene, assembled, which, &assembled.resources, &self.levels(scene)?);
         let run = run.or_else(|error| self.refuse(error))?;
-        self.finish([Some(run.findings), None], run.outcome).map(|_| ())
+        self.finish([Some(run.findings), drawn], run.outcome).map(|_| ())
     }
 
     /// Prints the findings of the sanitizer and those of drawn choices, as far as either was asked

@@ -7,6 +7,8 @@ use clap::Args;
 
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
+use crate::cli::many_seeds::{ManySeedsArgs, command_line};
+use crate::cli::render::size;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{interactive, output, precision};
@@ -47,6 +49,9 @@ pub struct TraceOneRayArgs {
     /// Trace this ray, without ray generation; or the scene's `[[ray]]` of this name
     #[arg(long, value_name = "OX,OY,OZ DX,DY,DZ", allow_hyphen_values = true)]
     ray: Option<String>,
+    /// Width and height of the launch, instead of the scene's own, as for `anyhit render`
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
     /// The precision of intersections, instead of the scene's own; only `exact` is right on every
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
@@ -67,6 +72,8 @@ pub struct TraceOneRayArgs {
 
     #[command(flatten)]
     sanitize: SanitizeArgs,
+    #[command(flatten)]
+    many_seeds: ManySeedsArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// Show every instance and every primitive tested
@@ -116,6 +123,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         None => args.request()?,
     };
     let options = LoadOptions {
+        size: args.size,
         precision: args.precision,
         variant: args.variant.variant.clone(),
         ..LoadOptions::default()
@@ -128,14 +136,24 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
     output::notes(&session.assembled().notes);
+    let looks_otherwise =
+        args.stability.is_requested() || args.sanitize.is_requested() || args.many_seeds.is_requested();
+    if args.interactive && looks_otherwise {
+        let message =
+            "`--interactive` debugs one run: what the sanitizer or other runs find is told without it";
+        return Err(Error::new(ErrorKind::InvalidArgument, message));
+    }
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
         let found = args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
         return Ok(found.err());
     }
-    if args.sanitize.is_requested() {
+    if args.sanitize.is_requested() || args.many_seeds.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
-        return Ok(args.sanitize.run_one(session.scene(), session.assembled(), &resolved).err());
+        let (scene, assembled) = (session.scene(), session.assembled());
+        let command = args.repeated();
+        let drawn = args.many_seeds.run_one(&args.sanitize, scene, assembled, &resolved, command)?;
+        return Ok(args.sanitize.run_one(scene, assembled, &resolved, drawn).err());
     }
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let colour = !plain && stdout().is_terminal();
@@ -161,6 +179,28 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
 }
 
 impl TraceOneRayArgs {
+    /// The command that traces the same again.
+    fn repeated(&self) -> String {
+        let number = |number: Option<u32>| number.map(|number| number.to_string());
+        let float = |float: Option<f32>| float.map(|float| float.to_string());
+        let flags = [
+            ("--pixel", self.pixel.clone()),
+            ("--ray", self.ray.clone()),
+            ("--pass", self.pass.clone()),
+            ("--t-min", float(self.t_min)),
+            ("--t-max", float(self.t_max)),
+            ("--flags", self.flags.clone()),
+            ("--cull-mask", number(self.cull_mask)),
+            ("--time", float(self.time)),
+            ("--sbt-offset", number(self.sbt_offset)),
+            ("--sbt-stride", number(self.sbt_stride)),
+            ("--miss-index", number(self.miss_index)),
+            ("--variant", self.variant.variant.clone()),
+            ("--precision", self.precision.map(|precision| precision.name().to_owned())),
+        ];
+        command_line("trace-one-ray", self.scene.as_deref(), &flags)
+    }
+
     fn request(&self) -> Result<ExplainRequest> {
         if let Some(text) = &self.pixel {
             return command::pixel(text).map(ExplainRequest::Pixel);

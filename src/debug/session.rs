@@ -11,7 +11,7 @@ use crate::debug::reader::EventReader;
 use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::geometry::Ray;
-use crate::machine::{RayQueryEvent, RayQueryStep};
+use crate::machine::{RayQueryEvent, RayQueryStep, Resources};
 use crate::pipeline::{Event, Launch, Stats};
 use crate::scene::file::{GivenRay, RayEntry};
 use crate::scene::{Assembled, ResolvedScene, assemble};
@@ -93,11 +93,19 @@ impl Session {
     /// `InvalidArgument` where the request does not fit the scene: a launch index outside the
     /// launch, a ray that breaks a rule, a launch index without a ray generation shader.
     pub fn run(&self, request: &ExplainRequest) -> Result<(Transcript, Option<Error>)> {
-        if let Some((dispatch, id)) = self.invocation(request)? {
-            return self.run_invocation(dispatch, id);
+        match self.invocation(request)? {
+            Some((dispatch, id)) => self.run_invocation(dispatch, id),
+            None => self.run_on(request, &self.assembled.resources),
         }
+    }
+
+    /// Runs a ray or an invocation of ray generation as [`Session::run`] does, on other resources
+    /// than those of the scene, which it may change.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub fn run_on(&self, request: &ExplainRequest, all: &Resources) -> Result<(Transcript, Option<Error>)> {
         let (ray_name, request) = self.resolve(request)?;
-        let all = &self.assembled.resources;
         let single = self.assembled.single_launch(request.pass.as_deref())?;
         single.run_before(all)?;
         let resources = single.resources(all);
@@ -122,7 +130,7 @@ impl Session {
             Err(error) if error.kind() == ErrorKind::Trap => (count_events(&events), Some(error)),
             Err(error) => return Err(error),
         };
-        let printed = self.assembled.resources.printed.as_ref().map_or_else(Vec::new, |all| all.take());
+        let printed = all.printed.as_ref().map_or_else(Vec::new, |all| all.take());
         let names = Names::new(&self.scene, single.index, &single.pipeline).with_memory(&all.memory);
         let root = EventReader::new(&single.pipeline, names, events).root();
         let Some(root) = root else {

@@ -248,6 +248,8 @@ pub(crate) struct IndexOperand {
     pub index: Option<i64>,
     pub length: Option<u64>,
     pub of: Option<String>,
+    /// Of an element of a runtime array in a buffer: its offset there, in bytes.
+    pub offset: Option<u64>,
 }
 
 /// An element of a descriptor binding.

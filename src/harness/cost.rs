@@ -6,7 +6,6 @@
 //! does not count.
 
 use std::cell::RefCell;
-use std::sync::Arc;
 
 use crate::machine::{Batch, Observer, ShaderIndex};
 use crate::module::interface::Stage;
@@ -70,7 +69,7 @@ struct State {
 impl Meter {
     /// A meter for invocations of a pipeline.
     pub fn new(pipeline: &Pipeline) -> Self {
-        let blocks = pipeline.programs.iter().map(instructions).collect();
+        let blocks = pipeline.programs.iter().map(|program| instructions(program)).collect();
         Self { launch_id: None, blocks, state: RefCell::default() }
     }
 
@@ -136,7 +135,7 @@ impl Observer<1> for Counter<'_> {
 }
 
 /// The instructions of a program's blocks.
-fn instructions(program: &Arc<Program>) -> Vec<u64> {
+pub(super) fn instructions(program: &Program) -> Vec<u64> {
     let mut counts = vec![0; program.blocks.len()];
     for span in &program.instruction_spans {
         counts[span.block.index()] += u64::from(span.count);

@@ -348,8 +348,11 @@ impl LoadedScene {
     /// [`LoadedScene::launch`].
     pub fn many_seeds(&self, seeds: u64) -> Result<Vec<Error>> {
         let assembled = assemble(&self.scene)?;
-        let drawn =
-            ManySeeds { seeds: 0..seeds, levels: scene_levels(&self.scene.document)?, contracts: false };
+        let drawn = ManySeeds {
+            seeds: 0..seeds,
+            levels: scene_levels(&self.scene.document)?,
+            ..ManySeeds::default()
+        };
         let outcome = assembled.run::<64>(&fresh_resources(&assembled.resources), &|_| ());
         drawn.run(&self.scene, &assembled)?.into_warnings(outcome.map(|_| ()))
     }

@@ -63,6 +63,10 @@ pub mod loaded_scene;
 pub mod many_seeds;
 #[cfg(feature = "scenes")]
 mod observe;
+#[cfg(feature = "cli")]
+pub mod picture_page;
+#[cfg(feature = "scenes")]
+pub mod pixel_cost;
 #[cfg(feature = "scenes")]
 pub mod rendering;
 #[cfg(feature = "scenes")]

@@ -5,8 +5,11 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::case::Loaded;
 use crate::harness::expect::{Difference, Fix, Observed, PictureDifference, printed_diff};
-use crate::scene::Files;
+use crate::machine::image::Image;
+use crate::machine::{Binding, Descriptor, Resources};
 use crate::scene::image::Picture;
+use crate::scene::resolved::ResolvedBinding;
+use crate::scene::{Files, ResolvedScene};
 
 /// Compares the output of a launch with the expected files next to its scene.
 ///
@@ -35,6 +38,19 @@ pub fn differences(loaded: &Loaded, observed: &Observed, is_variant: bool) -> Re
         found.extend(picture_difference(loaded, observed, path)?);
     }
     Ok(found)
+}
+
+/// The image of a scene with the key `output`, and its binding, as it stands in resources.
+pub fn output_image<'s, 'r>(
+    scene: &'s ResolvedScene,
+    resources: &'r Resources,
+) -> Option<(&'s ResolvedBinding, &'r Image)> {
+    let output = scene.output()?;
+    let binding = Binding { set: output.set, binding: output.binding };
+    match resources.descriptors.get(&binding)?.get(output.element as usize)? {
+        Descriptor::Image(image) => Some((output, image)),
+        _ => None,
+    }
 }
 
 fn differs(path: &Path, message: String) -> Difference {

@@ -63,7 +63,7 @@ pub fn launch_covered(scene: &ResolvedScene, assembled: &Assembled, recorder: &m
                     let pipeline = assembled.pass_pipeline(launch);
                     let size = launch.size;
                     let launch = Launch { pipeline: &pipeline, resources: &resources };
-                    launch.run_observed(size, &mut |event| sink.event(&event), counts)
+                    launch.run_observed(size, &mut |event: Event| sink.event(&event), counts)
                 }
                 PassWork::Dispatch(at) => {
                     let (mut sink, counts) = recorder.dispatch(*at);
@@ -126,7 +126,7 @@ fn costs_of(launch: &Launch<'_>, size: [u32; 3]) -> Result<Costs> {
         meter.begin(Some(id));
         let meter = &*meter;
         let mut sink = |event: Event| meter.event(&event);
-        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut sink: &mut dyn PipelineObserver = &mut sink;
         let mut counter = meter.counter();
         let mut counter: &mut dyn Observer<1> = &mut counter;
         launch.run_one(id, size, &mut sink, &mut counter)
@@ -212,7 +212,7 @@ fn single_ray(
             sink.event(&event);
             events.push(event);
         };
-        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut sink: &mut dyn PipelineObserver = &mut sink;
         let mut both: &mut dyn Observer<1> = &mut both;
         let outcome = trace(scene, &launch, single.size, entry, &mut sink, &mut both);
         observed.costs = Some(meter.costs());

@@ -38,13 +38,15 @@ pub use lanes::{
     Freshness, Lanes, Mask, NO_CAUSE, REGISTER_POINTER, Reg, Registers, Scalar, ShadowRegisters,
 };
 pub use observe::Observer;
-pub use open_choices::{ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices};
+pub use open_choices::{
+    ChoiceKind, ChoiceLog, ChoiceSite, DrawnDetails, DrawnTraversal, OpenChoices, OrderLimits, OrderPart,
+};
 pub use out_of_bounds::OutOfBoundsIndices;
 pub use printed::{Printed, PrintedBytes};
 pub use ray_query::{QueryNotes, RayQuery, RayQueryEvent, RayQueryStep};
 pub use resource::{Binding, BindingSummary, Bindings, Descriptor, MemoryPolicy, Resources};
 pub use stop::Stop;
-pub use trap::{AccessFault, Exit, LaneTrap, TrapCode};
+pub use trap::{AccessFault, Exit, HitRecordTerms, LaneTrap, TrapCode};
 pub use turns::{LoopTurns, Turns};
 pub use watchdog::{LaunchFuel, LaunchLimits, TaskWatch, Watchdog};
 pub use workgroup::Workgroup;

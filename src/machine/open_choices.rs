@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::accel::{Candidate, Cursor, Tlas, TraceRay, TraversalSeeds};
 use crate::geometry::Ray;
 use crate::machine::index::{OpIndex, ShaderIndex};
+use crate::math::permutation::{OrderLimit, Permutation};
 use crate::math::random::Random;
 
 /// The most draws that a log keeps; each takes some 60 bytes.
@@ -36,13 +37,31 @@ pub enum ChoiceKind {
     RobustRead,
     /// What an undefined value is.
     UndefinedValue,
+    /// What an operation gives whose operands leave its result undefined.
+    UndefinedResult,
+    /// What the memory of a workgroup holds before it is written.
+    WorkgroupMemory,
+    /// What a robust read outside its image gives.
+    RobustTexel,
     /// Whether a sum takes a product that is not rounded.
     Contraction,
+    /// In which order a dot or matrix product adds its products, and which of them are rounded.
+    DotOrder,
+    /// In which order the terms of a sum are added, or the factors of a product multiplied.
+    Reassociation,
+    /// How a quotient is rounded.
+    Division,
+    /// How exact an elementary function is.
+    FunctionPrecision,
+    /// Which sign a zero has.
+    ZeroSign,
+    /// Whether a denormal number is flushed to zero.
+    DenormalFlush,
 }
 
 impl ChoiceKind {
     /// All choices.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 19] = [
         Self::AnyHitOrder,
         Self::AnyHitDuplicate,
         Self::IntersectionRepeat,
@@ -52,12 +71,43 @@ impl ChoiceKind {
         Self::SubgroupSize,
         Self::RobustRead,
         Self::UndefinedValue,
+        Self::UndefinedResult,
+        Self::WorkgroupMemory,
+        Self::RobustTexel,
         Self::Contraction,
+        Self::DotOrder,
+        Self::Reassociation,
+        Self::Division,
+        Self::FunctionPrecision,
+        Self::ZeroSign,
+        Self::DenormalFlush,
     ];
 
-    /// Whether it is about values in registers: what an observer of shaders draws.
+    /// Whether an observer of shaders draws it: it is about values in registers, or about memory
+    /// that shaders alone see.
     pub fn is_of_values(self) -> bool {
-        matches!(self, Self::UndefinedValue | Self::Contraction)
+        let is_undefined = matches!(
+            self,
+            Self::UndefinedValue | Self::UndefinedResult | Self::WorkgroupMemory | Self::RobustTexel
+        );
+        is_undefined || self.is_contracted() || self.is_of_fast_math()
+    }
+
+    /// Whether it is about sums of products that are rounded once.
+    pub fn is_contracted(self) -> bool {
+        matches!(self, Self::Contraction | Self::DotOrder)
+    }
+
+    /// Whether it is about how floats are calculated with, other than sums of products.
+    pub fn is_of_fast_math(self) -> bool {
+        matches!(
+            self,
+            Self::Reassociation
+                | Self::Division
+                | Self::FunctionPrecision
+                | Self::ZeroSign
+                | Self::DenormalFlush
+        )
     }
 }
 
@@ -85,9 +135,37 @@ pub enum DrawnDetails {
         shader: ShaderIndex,
         /// The operation that leaves it open; `None` for what is open when the shader begins.
         op: Option<OpIndex>,
-        /// The id of the variable or the result.
-        id: u32,
+        /// What is drawn there, in words, where there is more to tell than the operation.
+        what: Option<String>,
     },
+    /// Which of two units of an order comes first: the first one, which it does not in this crate's
+    /// order.
+    Order {
+        /// What is in an order.
+        part: OrderPart,
+        /// How many of them move together.
+        unit: u64,
+        /// The numbers of the first ones of both.
+        pair: [u64; 2],
+    },
+}
+
+/// What of a pass is in an order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OrderPart {
+    /// The invocations of a launch, or the workgroups of a dispatch.
+    Grid,
+    /// The invocations of each workgroup.
+    Workgroup,
+}
+
+/// How much of the orders that are drawn is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OrderLimits {
+    /// Of the invocations of a launch, or the workgroups of a dispatch.
+    pub grid: OrderLimit,
+    /// Of the invocations of each workgroup.
+    pub workgroup: OrderLimit,
 }
 
 /// What was drawn of a traversal.
@@ -128,7 +206,8 @@ impl ChoiceLog {
         let details = details.filter(|_| self.keeps_details).map(|details| details());
         let mut draws = self.draws.lock().unwrap_or_else(PoisonError::into_inner);
         if draws.len() < MOST_DRAWS {
-            draws.insert(site, details);
+            let known = draws.entry(site).or_default();
+            *known = details.or(known.take());
         }
     }
 }
@@ -146,6 +225,8 @@ pub struct OpenChoices {
     pub kinds: BTreeSet<ChoiceKind>,
     /// Where they are drawn; `None` for everywhere.
     pub only: Option<Arc<BTreeSet<ChoiceSite>>>,
+    /// How much of the orders that are drawn is kept; `None` for all.
+    pub orders: Option<OrderLimits>,
     /// Where it is noted what was drawn.
     pub log: Option<Arc<ChoiceLog>>,
 }
@@ -182,6 +263,29 @@ impl OpenChoices {
         Some(drawn)
     }
 
+    /// Draws the order of so many invocations or workgroups, in units that move together; `None`
+    /// where this crate's own order holds.
+    pub fn draw_order(
+        &self,
+        kind: ChoiceKind,
+        part: OrderPart,
+        count: u64,
+        unit: u64,
+    ) -> Option<Permutation> {
+        let drawn = Permutation::draw(count, unit, &mut self.draw_of_pass(kind)?);
+        let Some(limits) = &self.orders else { return Some(drawn) };
+        let limit = match part {
+            OrderPart::Grid => limits.grid,
+            OrderPart::Workgroup => limits.workgroup,
+        };
+        let (order, pair) = drawn.limited(limit);
+        if let Some(pair) = pair {
+            let pair = pair.map(|number| number * unit);
+            self.note(self.site(kind, [0; 3], 0), || DrawnDetails::Order { part, unit, pair });
+        }
+        Some(order)
+    }
+
     /// Whether invocations that see each other's memory run one after the other, not side by side.
     pub fn runs_one_by_one(&self) -> bool {
         self.draw_of_pass(ChoiceKind::InvocationOrder).is_some_and(|mut random| random.bits() & 1 == 0)
@@ -207,7 +311,7 @@ impl OpenChoices {
         let place = Random::of(0, [self.shader.0.into(), op.index() as u64, offset]).bits();
         let site = self.site(ChoiceKind::RobustRead, launch_id, place);
         let seed = self.draw(site)?.bits();
-        self.note(site, || DrawnDetails::Value { shader: self.shader, op: Some(op), id: 0 });
+        self.note(site, || DrawnDetails::Value { shader: self.shader, op: Some(op), what: None });
         Some(seed)
     }
 
@@ -268,7 +372,7 @@ mod tests {
 
     fn choices(seed: u64, kinds: &[ChoiceKind]) -> OpenChoices {
         let kinds = kinds.iter().copied().collect();
-        OpenChoices { seed, pass: 0, shader: ShaderIndex(0), kinds, only: None, log: None }
+        OpenChoices { seed, pass: 0, shader: ShaderIndex(0), kinds, only: None, orders: None, log: None }
     }
 
     #[test]

@@ -51,6 +51,31 @@ pub enum AccessFault {
         /// The sample, and how many a texel has.
         sample: [u32; 2],
     },
+    /// An image of another kind than the shader declares.
+    ImageKind {
+        /// Slot and array element.
+        handle: u32,
+        /// What the shader declares, in words.
+        declared: String,
+        /// What is bound, in words.
+        bound: String,
+    },
+    /// A record of the hit table: what its index is the sum of.
+    HitRecord(HitRecordTerms),
+}
+
+/// What the index of a hit record is made of: the first, and the second times the third, and the
+/// fourth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HitRecordTerms {
+    /// The SBT offset of the instance.
+    pub instance_offset: u32,
+    /// The geometry's index in its structure.
+    pub geometry: u32,
+    /// The SBT stride of the trace.
+    pub stride: u32,
+    /// The SBT offset of the trace.
+    pub offset: u32,
 }
 
 impl AccessFault {

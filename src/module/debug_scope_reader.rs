@@ -174,10 +174,8 @@ impl<'m> ScopeReader<'m> {
                 let parts = self.number(*count).unwrap_or(0);
                 self.types.insert(result, SourceType { name: None, parts });
             }
-            (DebugOp::DebugOperation, [operation, ..]) => {
-                if self.number(*operation) == Some(DEREF) {
-                    self.derefs.insert(result);
-                }
+            (DebugOp::DebugOperation, [operation, ..]) if self.number(*operation) == Some(DEREF) => {
+                self.derefs.insert(result);
             }
             (DebugOp::DebugExpression, operations) => match operations {
                 [] => {}
@@ -196,7 +194,7 @@ impl<'m> ScopeReader<'m> {
                 self.add_location(offset, Id(*variable), Id(*value), form, path);
             }
             (DebugOp::DebugValue, [variable, value, expression, path @ ..]) => {
-                let form = self.expressions.get(&Id(*expression)).copied().unwrap_or(LocationForm::Value);
+                let form = self.expressions.get(&Id(*expression)).copied().unwrap_or(LocationForm::Direct);
                 self.add_location(offset, Id(*variable), Id(*value), form, path);
             }
             _ => {}

@@ -95,7 +95,7 @@ pub enum LocationForm {
     /// It is a pointer to the value (`DebugValue` with `Deref`).
     Pointer,
     /// It is the value (`DebugValue`).
-    Value,
+    Direct,
     /// It is neither: the expression of the instruction calculates something else from it.
     Calculated,
 }

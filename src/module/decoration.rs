@@ -12,6 +12,40 @@ use crate::module::span::{Span, invalid};
 use crate::module::ty::{MatrixLayout, Type};
 use crate::module::{Definition, Id, Module};
 
+/// Numbers of decorations that are asked for by name (SPIR-V 3.20, "Decoration").
+pub mod number {
+    /// `Block`
+    pub const BLOCK: u32 = 2;
+    /// `BuiltIn`
+    pub const BUILT_IN: u32 = 11;
+    /// `Restrict`
+    pub const RESTRICT: u32 = 19;
+    /// `Aliased`
+    pub const ALIASED: u32 = 20;
+    /// `Volatile`
+    pub const VOLATILE: u32 = 21;
+    /// `Coherent`
+    pub const COHERENT: u32 = 23;
+    /// `NonWritable`
+    pub const NON_WRITABLE: u32 = 24;
+    /// `NonReadable`
+    pub const NON_READABLE: u32 = 25;
+    /// `Location`
+    pub const LOCATION: u32 = 30;
+    /// `Component`
+    pub const COMPONENT: u32 = 31;
+    /// `Binding`
+    pub const BINDING: u32 = 33;
+    /// `DescriptorSet`
+    pub const DESCRIPTOR_SET: u32 = 34;
+    /// `FPFastMathMode`
+    pub const FP_FAST_MATH_MODE: u32 = 40;
+    /// `NoContraction`
+    pub const NO_CONTRACTION: u32 = 42;
+    /// `NonUniform`
+    pub const NON_UNIFORM: u32 = 5300;
+}
+
 /// A decoration with its literal operands, numbers as in the specification.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Decoration {

@@ -1,19 +1,38 @@
-//! Which axes of a dispatch a shader asks for: the components of `GlobalInvocationId` and
-//! `WorkgroupId` that it reads.
+//! Which axes of a dispatch or launch a shader asks for: the components of `GlobalInvocationId` and
+//! `WorkgroupId`, or of `LaunchIdKHR`, that it reads.
 
 use rspirv::spirv::{BuiltIn, Op};
 use rustc_hash::FxHashSet;
 
+use crate::module::decoration::number;
 use crate::module::ty::Type;
 use crate::module::{Definition, Id, Instruction, Module};
 
-/// The components of `GlobalInvocationId` and `WorkgroupId` that the functions of a module read, as
-/// far as their way is seen: through loads, copies, local variables and calls.
-pub fn axes_read(module: &Module) -> [bool; 3] {
-    const BUILT_IN: u32 = 11;
+/// What the invocations of a shader lie in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grid {
+    /// A dispatch of workgroups.
+    Dispatch,
+    /// A launch of ray generation shaders.
+    Launch,
+}
+
+impl Grid {
+    /// The builtins that tell where in it an invocation stands.
+    fn places(self) -> &'static [BuiltIn] {
+        match self {
+            Self::Dispatch => &[BuiltIn::GlobalInvocationId, BuiltIn::WorkgroupId],
+            Self::Launch => &[BuiltIn::LaunchIdKHR],
+        }
+    }
+}
+
+/// The components of the builtins for a place in a grid that the functions of a module read, as far
+/// as their way is seen: through loads, copies, local variables and calls.
+pub fn axes_read(module: &Module, grid: Grid) -> [bool; 3] {
     let asks = |id: &Id| {
-        let builtin = module.decorations.literal(*id, BUILT_IN).and_then(BuiltIn::from_u32);
-        matches!(builtin, Some(BuiltIn::GlobalInvocationId | BuiltIn::WorkgroupId))
+        let builtin = module.decorations.literal(*id, number::BUILT_IN).and_then(BuiltIn::from_u32);
+        builtin.is_some_and(|builtin| grid.places().contains(&builtin))
     };
     // Vectors and pointers to them.
     let mut whole: FxHashSet<Id> = module.variables.iter().map(|variable| variable.id).filter(asks).collect();
@@ -122,7 +141,9 @@ mod tests {
             uses(a);
             a.op(Op::Return, &[]);
         });
-        axes_read(&a.loaded())
+        let module = a.loaded();
+        assert_eq!(axes_read(&module, Grid::Launch), [false; 3], "it is in a dispatch");
+        axes_read(&module, Grid::Dispatch)
     }
 
     #[test]

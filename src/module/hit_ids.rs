@@ -4,6 +4,7 @@
 use rspirv::spirv::Op;
 use rustc_hash::FxHashMap;
 
+use crate::module::decoration::number;
 use crate::module::{Definition, Id, Instruction, Module};
 
 /// An id of a hit.
@@ -148,8 +149,7 @@ impl<'a> HitIds<'a> {
     }
 
     fn builtin(&self, variable: Id) -> Option<HitId> {
-        const BUILT_IN: u32 = 11;
-        self.module.decorations.literal(variable, BUILT_IN).and_then(HitId::of_builtin)
+        self.module.decorations.literal(variable, number::BUILT_IN).and_then(HitId::of_builtin)
     }
 
     /// The instruction in a function that an id is the result of.

@@ -71,6 +71,16 @@ impl Module {
         }
     }
 
+    /// A function's name in the source: from debug information, else from `OpName`, without the
+    /// types of its parameters that glslang appends to both.
+    #[doc(hidden)]
+    pub fn function_name(&self, function: Id) -> Option<&str> {
+        let info = &self.debug_info;
+        let name = info.function_names.get(&function).map(|name| &**name);
+        let name = name.or_else(|| info.names.get(&function).map(String::as_str))?;
+        name.split(['(', ',']).next().filter(|name| !name.is_empty())
+    }
+
     /// The name of an id in the source: from `OpName`, else from debug information.
     ///
     /// glslang writes a function's parameters into its name, `divide(f1;f1;`: these are removed.
@@ -86,6 +96,38 @@ impl Module {
         }
         let name = info.variable_names.get(&id).or_else(|| info.function_names.get(&id))?;
         Some(name).map(|name| &**name).filter(|name| !name.is_empty())
+    }
+
+    /// The name of an id in the source, or its number: `%12`.
+    #[doc(hidden)]
+    pub fn name_or_number(&self, id: Id) -> String {
+        self.name(id).map_or_else(|| format!("%{}", id.0), str::to_owned)
+    }
+
+    /// The name of an id in quotes, or its number.
+    #[doc(hidden)]
+    pub fn quoted_name(&self, id: Id) -> String {
+        self.name(id).map_or_else(|| format!("%{}", id.0), |name| format!("`{name}`"))
+    }
+
+    /// The type of a part of a composite, by its index where that is known.
+    #[doc(hidden)]
+    pub fn part(&self, ty: TypeId, index: Option<u64>) -> Option<TypeId> {
+        Some(match *self.ty(ty) {
+            Type::Struct { ref members, .. } => members.get(usize::try_from(index?).ok()?)?.ty,
+            Type::Array { element: part, .. }
+            | Type::RuntimeArray { element: part, .. }
+            | Type::Vector { component: part, .. }
+            | Type::Matrix { column: part, .. } => part,
+            _ => return None,
+        })
+    }
+
+    /// Whether the module declares the capability `VulkanMemoryModel`.
+    #[doc(hidden)]
+    pub fn has_vulkan_memory_model(&self) -> bool {
+        const VULKAN_MEMORY_MODEL: u32 = 5345;
+        self.capabilities.contains(&VULKAN_MEMORY_MODEL)
     }
 
     /// The id that declares a type.

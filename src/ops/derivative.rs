@@ -74,3 +74,48 @@ pub fn derivative(translator: &mut Translator<'_>, value: Reg, width: u32, axis:
     let below = subgroup::read(translator, ReadSource::QuadClear(1 << axis), value, words)?;
     translator.emit_family(&FSub, width, &[above, below])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ErrorKind;
+    use crate::module::Id;
+    use crate::module::assemble::Assembler;
+    use crate::module::interface::Stage;
+
+    /// What comes of each derivative of a float constant, in a compute shader with or without a
+    /// derivative group.
+    fn translated(derivatives: bool) -> Vec<Result<bool>> {
+        let mut a = Assembler::new();
+        a.types();
+        a.op(Opcode::Constant, &[6, 20, 0]);
+        let at = a.op(Opcode::DPdx, &[6, 21, 20]);
+        let module = Assembler { words: a.words[..at].to_vec() }.loaded();
+        let of = |&opcode: &Opcode| {
+            let mut with_operand = module.clone();
+            with_operand.words.push(20);
+            let end = with_operand.words.len() as u32;
+            let instruction = Instruction {
+                opcode: opcode as u16,
+                offset: 0,
+                result_type: Some(Id(6)),
+                result: Some(Id(21)),
+                operands: end - 1..end,
+            };
+            let mut translator = Translator::new(&with_operand, Stage::Compute);
+            translator.derivatives = derivatives;
+            translate(&mut translator, opcode, &instruction)
+        };
+        OPCODES.iter().map(of).collect()
+    }
+
+    #[test]
+    fn derivatives_need_a_derivative_group() {
+        assert!(translated(true).iter().all(|found| matches!(found, Ok(true))), "{:?}", translated(true));
+        for found in translated(false) {
+            let error = found.expect_err("nothing forms quads");
+            assert_eq!(error.kind(), ErrorKind::InvalidModule);
+            assert!(error.message().contains("compute with a derivative group"), "{error}");
+        }
+    }
+}

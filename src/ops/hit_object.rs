@@ -51,8 +51,9 @@ pub enum HitObjectOp {
     Get { object: ObjectRef, getter: &'static HitObjectGetter, to: Reg },
     /// `OpHitObjectGetAttributesEXT`
     GetAttributes { object: ObjectRef, to: RegSpan },
-    /// `OpReorderThreadWithHintEXT`, `OpReorderThreadWithHitObjectEXT`
-    Reorder,
+    /// `OpReorderThreadWithHintEXT`, `OpReorderThreadWithHitObjectEXT`, with the hint that is
+    /// given: it decides nothing here, and what computes it is executed.
+    Reorder { hint: Option<Reg> },
 }
 
 impl HitObjectOp {
@@ -91,7 +92,10 @@ impl HitObjectOp {
                 object_accesses(object, visit);
                 visit(Access::Write(to.first, to.count));
             }
-            Self::Reorder => visit(Access::Effect),
+            Self::Reorder { hint } => {
+                hint.into_iter().for_each(|hint| visit(Access::Read(hint, 1)));
+                visit(Access::Effect);
+            }
         }
     }
 
@@ -105,7 +109,7 @@ impl HitObjectOp {
             | Self::SetRecord { object, .. }
             | Self::Get { object, .. }
             | Self::GetAttributes { object, .. } => Some(object),
-            Self::Reorder => None,
+            Self::Reorder { .. } => None,
         }
     }
 
@@ -172,7 +176,7 @@ impl HitObjectOp {
                 registers.set_lane_words(to.first, lane, attributes.take(to.count as usize));
                 Ok(())
             }),
-            Self::Reorder => batch.reorders += u64::from(batch.mask.count()),
+            Self::Reorder { .. } => batch.reorders += u64::from(batch.mask.count()),
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Pointers to ray queries and hit objects: each variable holds a handle, in one register.
 
+use rspirv::spirv::Op;
+
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::machine::object::ObjectRef;
 use crate::module::ty::{Type, TypeId};
-use crate::module::{Id, Instruction, Module};
+use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::builtin::{self, ValueShape};
 use crate::ops::pointer::{PointerBase, storage};
 use crate::ops::translate::Translator;
@@ -35,6 +37,10 @@ pub fn object_ref(
     if !matches!(translator.module.ty(translator.type_of(id)?), Type::Pointer { .. }) {
         return Err(translator.invalid(format!("%{} is no pointer to a variable", id.0)).note(RULES));
     }
+    if is_chosen(translator.module, id) {
+        let message = format!("%{} is chosen between pointers: an object is named by its variable", id.0);
+        return Err(translator.invalid(message).note(RULES));
+    }
     let pointer = translator.pointer(id)?;
     if !is_wanted(translator.module.ty(pointer.pointee)) {
         let found = translator.module.describe_type(pointer.pointee);
@@ -61,6 +67,23 @@ pub fn object_ref(
     }
 }
 
+/// Whether a pointer, or what its access chains begin with, is the result of `OpPhi` or `OpSelect`.
+fn is_chosen(module: &Module, mut id: Id) -> bool {
+    while let Some(Definition::Result(function, block, at)) = module.definition(id) {
+        let block = &module.functions[function as usize].blocks[block as usize];
+        let instruction = &block.instructions[at as usize];
+        match Op::from_u32(instruction.opcode.into()) {
+            Some(Op::Phi | Op::Select) => return true,
+            Some(Op::AccessChain | Op::InBoundsAccessChain) => match module.operands(instruction).first() {
+                Some(&base) => id = Id(base),
+                None => return false,
+            },
+            _ => return false,
+        }
+    }
+    false
+}
+
 /// The extension that says where an object may be kept.
 fn extension(ty: &Type) -> &'static str {
     match ty {
@@ -70,7 +93,8 @@ fn extension(ty: &Type) -> &'static str {
     }
 }
 
-/// Rejects loads, stores and copies of objects that can only be used through a pointer.
+/// Rejects loads, stores, copies and initializers of objects that can only be used through a
+/// pointer.
 ///
 /// # Errors
 /// `InvalidModule`
@@ -79,8 +103,9 @@ pub fn check_copyable(translator: &Translator<'_>, ty: TypeId) -> Result<()> {
         return Ok(());
     }
     let found = translator.module.describe_type(ty);
-    let error = translator
-        .invalid(format!("{found} cannot be loaded, stored or copied: only pointers to it can be used"));
+    let error = translator.invalid(format!(
+        "{found} cannot be loaded, stored, copied or initialized: only pointers to it can be used"
+    ));
     Err(error.note("SPV_KHR_ray_query, SPV_NV_shader_invocation_reorder, SPV_EXT_shader_invocation_reorder"))
 }
 

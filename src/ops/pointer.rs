@@ -5,6 +5,7 @@ use smallvec::SmallVec;
 use crate::error::{Error, Result};
 use crate::machine::resource::{ELEMENT_BITS, MAX_SLOTS};
 use crate::machine::{Binding, Bindings, REGISTER_POINTER, Reg};
+use crate::module::decoration::number;
 use crate::module::ty::{MatrixLayout, Type, TypeId};
 use crate::module::{Id, Instruction};
 use crate::ops::image::texel_ref::TexelRef;
@@ -180,7 +181,7 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
     let pointer = |base| Pointer::new(base, pointee, variable.storage_class);
     match variable.storage_class {
         storage::INPUT => {
-            let number = translator.module.decorations.literal(id, 11);
+            let number = translator.module.decorations.literal(id, number::BUILT_IN);
             let Some(number) = number else {
                 return Err(user_defined_input(translator, id, pointee));
             };
@@ -236,7 +237,8 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
         storage::SHADER_RECORD_BUFFER => Ok(pointer(PointerBase::Buffer(BufferRef::ShaderRecord))),
         storage::UNIFORM_CONSTANT | storage::UNIFORM | storage::STORAGE_BUFFER => {
             let decorations = &translator.module.decorations;
-            let (Some(set), Some(binding)) = (decorations.literal(id, 34), decorations.literal(id, 33))
+            let (Some(set), Some(binding)) =
+                (decorations.literal(id, number::DESCRIPTOR_SET), decorations.literal(id, number::BINDING))
             else {
                 return Err(translator.invalid(format!(
                     "variable %{} has no DescriptorSet and Binding (VUID-StandaloneSpirv-UniformConstant-06677)",
@@ -268,11 +270,9 @@ pub fn variable(translator: &mut Translator<'_>, index: u32) -> Result<Pointer> 
 
 /// The error of an input variable that is no builtin: no stage precedes those that run here.
 fn user_defined_input(translator: &Translator<'_>, id: Id, pointee: TypeId) -> Error {
-    /// `Location`
-    const LOCATION: u32 = 30;
     let message = format!("input variable %{} is no builtin", id.0);
     let members = matches!(translator.module.ty(pointee), Type::Struct { .. });
-    if members || translator.module.decorations.find(id, LOCATION).is_some() {
+    if members || translator.module.decorations.find(id, number::LOCATION).is_some() {
         return translator.unsupported(message);
     }
     translator.invalid(message + ", and has no Location").note("VUID-StandaloneSpirv-Location-04916")

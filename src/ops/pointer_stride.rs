@@ -161,16 +161,7 @@ impl StrideSearch<'_, '_> {
         let module = self.translator.module;
         let mut ty = module.pointee(Id(base))?;
         for &index in indices {
-            ty = match module.ty(ty) {
-                Type::Struct { members, .. } => {
-                    members.get(usize::try_from(module.scalar_value(Id(index))?).ok()?)?.ty
-                }
-                Type::Matrix { column: part, .. }
-                | Type::Vector { component: part, .. }
-                | Type::Array { element: part, .. }
-                | Type::RuntimeArray { element: part, .. } => *part,
-                _ => return None,
-            };
+            ty = module.part(ty, module.scalar_value(Id(index)))?;
         }
         match *module.ty(ty) {
             Type::Array { stride, .. } | Type::RuntimeArray { stride, .. } => stride,

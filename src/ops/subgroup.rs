@@ -195,6 +195,17 @@ impl SubgroupOp {
         visit(Access::Write(self.to, self.results));
     }
 
+    /// The operand `ClusterSize`, where the instruction has one.
+    pub fn cluster_size(&self) -> Option<u32> {
+        match self.kind {
+            SubgroupKind::Read(ReadSource::Rotate(size))
+            | SubgroupKind::Reduce { reduction: ReductionKind::Reduce(size), .. } => {
+                Some(size).filter(|size| *size != 0)
+            }
+            _ => None,
+        }
+    }
+
     /// Whether every active lane's value counts for the result of each.
     pub fn reads_every_lane(&self) -> bool {
         match self.kind {

@@ -8,7 +8,8 @@ use std::sync::Arc;
 use crate::error::{Error, ErrorKind, Result};
 use crate::input::InputLimit;
 use crate::machine::{
-    Bindings, ChoiceKind, LaunchLimits, Observer, OpenChoices, Resources, TaskWatch, Watchdog, Workgroup,
+    Bindings, ChoiceKind, LaunchLimits, Observer, OpenChoices, OrderPart, Resources, TaskWatch, Watchdog,
+    Workgroup,
 };
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -60,7 +61,7 @@ pub struct Compute {
 }
 
 /// What is drawn of the order in which a dispatch runs.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct DrawnOrder {
     /// The numbers of the workgroups.
     groups: Option<Permutation>,
@@ -73,7 +74,7 @@ struct DrawnOrder {
 impl DrawnOrder {
     /// The number of the workgroup at a position.
     fn group(&self, position: u64) -> u64 {
-        self.groups.map_or(position, |groups| groups.at(position))
+        self.groups.as_ref().map_or(position, |groups| groups.at(position))
     }
 }
 
@@ -290,7 +291,7 @@ impl Compute {
             watch.begin_task(invocations);
             let groups = &mut range.map(|at| self.group(order.group(at), groups));
             let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
-            let places = order.places;
+            let places = order.places.clone();
             let observers = &mut Observers::none();
             let result = match subgroup_size {
                 // A batch must hold whole subgroups: their size divides the batch's width.
@@ -344,8 +345,8 @@ impl Compute {
             true => Some(ChoiceKind::SubgroupComposition),
             false => is_shared.then_some(ChoiceKind::InvocationOrder),
         };
-        let random = kind.and_then(|kind| choices.draw_of_pass(kind));
-        let places = random.map(|mut random| Permutation::draw(self.group_size(), quad, &mut random));
+        let draw = |kind| choices.draw_order(kind, OrderPart::Workgroup, self.group_size(), quad);
+        let places = kind.and_then(draw);
         let one_by_one = is_shared && quad == 1 && choices.runs_one_by_one();
         DrawnOrder { groups, places, one_by_one }
     }

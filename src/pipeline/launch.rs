@@ -10,7 +10,7 @@ use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::ray_rules;
 use crate::pipeline::Pipeline;
 use crate::pipeline::host_ray::{RayOperands, RayOutcome};
-use crate::pipeline::observer::{Event, OnlyInvocation, PipelineObserver};
+use crate::pipeline::observer::{OnlyInvocation, PipelineObserver};
 use crate::pipeline::order::{InvocationOrder, OrderMatters};
 use crate::pipeline::sbt::SbtRecord;
 use crate::pipeline::stack::{Stack, bindings};
@@ -207,7 +207,7 @@ impl Launch<'_> {
     pub fn run_observed(
         &self,
         size: [u32; 3],
-        mut on_event: &mut dyn FnMut(Event),
+        mut pipeline_observer: &mut dyn PipelineObserver,
         observer: &mut (impl Observer<1> + Observer<64>),
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
@@ -232,11 +232,11 @@ impl Launch<'_> {
             let (task_stats, trapped) = match single_lane {
                 true => {
                     let mut observer: &mut dyn Observer<1> = &mut *observer;
-                    self.run_observed_task(&work, range, &mut on_event, &mut observer)
+                    self.run_observed_task(&work, range, &mut pipeline_observer, &mut observer)
                 }
                 false => {
                     let mut observer: &mut dyn Observer<64> = &mut *observer;
-                    self.run_observed_task(&work, range, &mut on_event, &mut observer)
+                    self.run_observed_task(&work, range, &mut pipeline_observer, &mut observer)
                 }
             };
             if let Some(trapped) = trapped {

@@ -29,10 +29,7 @@ pub trait PipelineObserver {
     }
 
     /// Whether ray queries report every node, instance and primitive that they test.
-    fn observes_query_traversal() -> bool
-    where
-        Self: Sized,
-    {
+    fn observes_query_traversal(&self) -> bool {
         false
     }
 
@@ -64,7 +61,7 @@ impl PipelineObserver for Vec<Event> {
         true
     }
 
-    fn observes_query_traversal() -> bool {
+    fn observes_query_traversal(&self) -> bool {
         true
     }
 
@@ -119,13 +116,37 @@ pub struct Caller {
 
 /// Passes events to a closure. Ray queries emit events of instructions and commits, not of
 /// traversal.
-impl PipelineObserver for &mut dyn FnMut(Event) {
+impl<F: FnMut(Event)> PipelineObserver for F {
     fn observes_queries() -> bool {
         true
     }
 
     fn event(&mut self, event: Event) {
         self(event);
+    }
+}
+
+/// Any observer, as a trait object: of those that differ from run to run, the pipeline is compiled
+/// for this one only. Ray queries emit events, whether or not the observer reads them.
+impl PipelineObserver for &mut dyn PipelineObserver {
+    fn observes_queries() -> bool {
+        true
+    }
+
+    fn observes_query_traversal(&self) -> bool {
+        (**self).observes_query_traversal()
+    }
+
+    fn invocation(&mut self, launch_id: [u32; 3]) {
+        (**self).invocation(launch_id);
+    }
+
+    fn event(&mut self, event: Event) {
+        (**self).event(event);
+    }
+
+    fn null_shader(&mut self, caller: Caller, words: &mut [u32]) -> bool {
+        (**self).null_shader(caller, words)
     }
 }
 

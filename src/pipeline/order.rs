@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use crate::machine::{ChoiceKind, OpenChoices};
+use crate::machine::{ChoiceKind, OpenChoices, OrderPart};
 use crate::math::permutation::Permutation;
 
 /// The width and height of a tile.
 pub(super) const TILE_SIDE: u64 = 8;
 
 /// An order of the launch indices of a grid: each has a position.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct InvocationOrder {
     size: [u64; 3],
     tiled: bool,
@@ -30,7 +30,7 @@ impl OrderMatters {
     /// Draws the positions of so many invocations, as far as it may make a difference: within
     /// subgroups, or only those of whole subgroups.
     pub(super) fn draw(self, choices: &OpenChoices, count: u64) -> Option<Permutation> {
-        let drawn = |kind, unit| Some(Permutation::draw(count, unit, &mut choices.draw_of_pass(kind)?));
+        let drawn = |kind, unit| choices.draw_order(kind, OrderPart::Grid, count, unit);
         let unit = self.subgroup_size.map_or(1, u64::from);
         let of_units =
             (self.is_shared && count > unit).then(|| drawn(ChoiceKind::InvocationOrder, unit)).flatten();
@@ -58,7 +58,7 @@ impl InvocationOrder {
 
     /// The launch index at a position.
     pub(super) fn launch_id(&self, position: u64) -> [u32; 3] {
-        let position = self.drawn.map_or(position, |drawn| drawn.at(position));
+        let position = self.drawn.as_ref().map_or(position, |drawn| drawn.at(position));
         let [width, height, _] = self.size;
         let (z, within) = (position / (width * height), position % (width * height));
         let (x, y) = match self.tiled {
@@ -84,7 +84,7 @@ impl InvocationOrder {
     /// The launch indices at a range of positions, as runs along a scanline in which x increases by
     /// 1: the first index and the length of each run.
     pub(super) fn scanline_runs(&self, positions: Range<u64>) -> impl Iterator<Item = ([u32; 3], usize)> {
-        let (order, Range { mut start, end }) = (*self, positions);
+        let (order, Range { mut start, end }) = (self.clone(), positions);
         std::iter::from_fn(move || {
             let first = order.launch_id(start);
             let x = u64::from(first[0]);
@@ -129,7 +129,7 @@ mod tests {
             for order in [
                 InvocationOrder::by_index(size),
                 InvocationOrder::by_tiles(size),
-                InvocationOrder::drawn(size, drawn),
+                InvocationOrder::drawn(size, drawn.clone()),
             ] {
                 let mut numbers: Vec<u64> =
                     (0..count).map(|at| order.linear_index(order.launch_id(at))).collect();
@@ -151,7 +151,7 @@ mod tests {
             for order in [
                 InvocationOrder::by_index(size),
                 InvocationOrder::by_tiles(size),
-                InvocationOrder::drawn(size, drawn),
+                InvocationOrder::drawn(size, drawn.clone()),
             ] {
                 for positions in [0..count, 1..count - 1, 5..7, 4..4] {
                     let ids = positions.clone().map(|at| order.launch_id(at));

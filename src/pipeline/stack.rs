@@ -364,7 +364,7 @@ where
         }
         if T::is_active() {
             running.batch.queries.events = T::observes_queries().then(Vec::new);
-            running.batch.queries.records_traversal = T::observes_query_traversal();
+            running.batch.queries.records_traversal = self.pipeline_observer.observes_query_traversal();
             for lane in mask.lanes() {
                 let read =
                     |first: Reg, count| running.batch.registers.lane_words(first, count, lane).collect();

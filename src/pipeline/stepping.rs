@@ -219,7 +219,7 @@ impl PipelineObserver for EventsOf<'_> {
         true
     }
 
-    fn observes_query_traversal() -> bool {
+    fn observes_query_traversal(&self) -> bool {
         true
     }
 

@@ -11,10 +11,10 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Committed, Cursor, RecordIndex, Tlas};
+use crate::accel::{Candidate, Committed, Cursor, RecordIndex, Tlas};
 use crate::machine::invocation::{LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
-use crate::machine::{Lanes, Mask, OpenChoices, Registers, ShaderIndex, TrapCode};
+use crate::machine::{HitRecordTerms, Lanes, Mask, OpenChoices, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::{Group, HitGroup, Role};
 use crate::pipeline::observer::{Caller, PipelineObserver};
@@ -39,8 +39,11 @@ pub(super) struct RayTrap {
     /// The lane of the ray.
     lane: usize,
     pub code: TrapCode,
-    /// The index of the missing record, or of the shader whose payload does not match.
+    /// The index of the record that is missing or has no shader, or of the shader whose payload
+    /// does not match.
     pub fault_value: Option<u64>,
+    /// What the index of a hit record is made of, where a trace makes it.
+    pub terms: Option<HitRecordTerms>,
 }
 
 /// The rays of one `OpTraceRayKHR`, each in the lane that traces it. Its memory is reused for later
@@ -177,9 +180,15 @@ impl<const W: usize> Trace<W> {
 
     /// Ends the ray of a lane, so that its caller traps.
     fn trap(&mut self, lane: usize, code: TrapCode) {
-        let is_missing = matches!(code, TrapCode::HitRecordMissing | TrapCode::MissRecordMissing);
-        let fault_value = is_missing.then_some(self.record_indices[lane].0);
-        self.add_trap(RayTrap { lane, code, fault_value });
+        self.add_trap(RayTrap { lane, code, fault_value: None, terms: None });
+    }
+
+    /// As [`Trace::trap`], about the record of the lane, which is that of a candidate unless a miss
+    /// or a hit object chose it.
+    fn trap_at_record(&mut self, lane: usize, code: TrapCode, candidate: Option<&Candidate>) {
+        let candidate = candidate.filter(|_| !self.from_hit_objects);
+        let terms = candidate.map(|candidate| self.hit_record_terms(lane, candidate));
+        self.add_trap(RayTrap { lane, code, fault_value: Some(self.record_indices[lane].0), terms });
     }
 
     fn add_trap(&mut self, trap: RayTrap) {

@@ -203,6 +203,9 @@ where
             if let Some(fault_value) = trap.and_then(|trap| trap.fault_value) {
                 below.batch.fault_value[lane] = fault_value;
             }
+            if let Some(terms) = trap.and_then(|trap| trap.terms) {
+                below.batch.record_access_fault(lane, AccessFault::HitRecord(terms));
+            }
             let code = trap.map_or(TrapCode::Callee, |trap| trap.code);
             below.batch.trap(Mask::lane(lane), code, op);
         }

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, Place, Trap, TrapOperands};
-use crate::machine::{Batch, LaneTrap, Observer, OpIndex, ShaderIndex, TrapCode, Watchdog};
+use crate::machine::{
+    AccessFault, Batch, HitRecordTerms, LaneTrap, Observer, OpIndex, ShaderIndex, TrapCode, Watchdog,
+};
 use crate::module::interface::Stage;
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::ops::op::Op;
@@ -80,7 +82,11 @@ where
                  ... } }`, in Rust SbtRecord::with_data or ShaderTest::shader_record",
             );
         }
-        let record = || missing_record(&self.pipeline.sbt, trap.code, fault_value);
+        let terms = match running.batch.access_fault(lane) {
+            Some(&AccessFault::HitRecord(terms)) => Some(terms),
+            _ => None,
+        };
+        let record = || unusable_record(&self.pipeline.sbt, trap.code, fault_value, terms);
         let cause = self.limit(trap.code).or_else(record);
         error = cause.into_iter().fold(error, |error, cause| cause.tell(error));
         if trap.code == TrapCode::PayloadMismatch {
@@ -272,9 +278,9 @@ pub(super) fn ended_without_shader(code: TrapCode, fuel: u64, dog: &Watchdog) ->
 
 /// The trap of a ray from the host at which no shader trapped: its table has no record for it, say.
 pub(super) fn host_ray_trap<const W: usize>(pipeline: &Pipeline, trace: &Trace<W>) -> Option<Trapped> {
-    let RayTrap { code, fault_value, .. } = trace.ray_trap(0)?;
+    let RayTrap { code, fault_value, terms, .. } = trace.ray_trap(0)?;
     let fault_value = fault_value.unwrap_or(0);
-    let record = missing_record(&pipeline.sbt, code, fault_value);
+    let record = unusable_record(&pipeline.sbt, code, fault_value, terms);
     let error = Error::trapped(Trap { fault_value, ..Trap::new(code) });
     let mut error = record.into_iter().fold(error, |error, cause| cause.tell(error));
     if code == TrapCode::PayloadMismatch {
@@ -283,19 +289,37 @@ pub(super) fn host_ray_trap<const W: usize>(pipeline: &Pipeline, trace: &Trace<W
     Some(Trapped { launch_id: [0; 3], code, fault_value, shader: ShaderIndex(0), offset: 0, error })
 }
 
-/// The missing record that a trap is about.
-fn missing_record(sbt: &Sbt, code: TrapCode, index: u64) -> Option<Cause> {
-    let (what, count, table) = match code {
-        TrapCode::HitRecordMissing => {
-            ("instance offset + geometry index x SBT stride + SBT offset", sbt.hit.len(), "hit")
-        }
-        TrapCode::MissRecordMissing => ("the miss index", sbt.miss.len(), "miss"),
-        TrapCode::ShaderRecordMissing => ("the SBT index of the call", sbt.callable.len(), "callable"),
+/// The record that a trap is about, as it is missing or has no shader.
+fn unusable_record(sbt: &Sbt, code: TrapCode, index: u64, terms: Option<HitRecordTerms>) -> Option<Cause> {
+    let (records, table) = match code {
+        TrapCode::HitRecordMissing
+        | TrapCode::NullAnyHit
+        | TrapCode::NullClosestHit
+        | TrapCode::NullIntersection => (&sbt.hit, "hit"),
+        TrapCode::MissRecordMissing | TrapCode::NullMiss => (&sbt.miss, "miss"),
+        TrapCode::ShaderRecordMissing => (&sbt.callable, "callable"),
         _ => return None,
     };
-    let records = if count == 1 { "1 record".to_owned() } else { format!("{count} records") };
+    let what = match (table, terms) {
+        ("miss", _) => "the miss index".to_owned(),
+        ("callable", _) => "the SBT index of the call".to_owned(),
+        (_, Some(HitRecordTerms { instance_offset, geometry, stride, offset })) => format!(
+            "instance offset {instance_offset} + geometry index {geometry} x SBT stride {} + SBT offset {}",
+            stride & 0xF,
+            offset & 0xF
+        ),
+        (_, None) => "instance offset + geometry index x SBT stride + SBT offset".to_owned(),
+    };
+    let count = records.len();
+    let of_table = if count == 1 { "1 record".to_owned() } else { format!("{count} records") };
+    let null = usize::try_from(index).ok().and_then(|index| records.get(index));
+    let is = match null {
+        Some(None) => ", is null".to_owned(),
+        Some(Some(record)) => format!(", names group {}, which has no such shader", record.group),
+        None => String::new(),
+    };
     let note = format!(
-        "record {index} ({what}), counted from 0, of a table with {records}: `{table}` of the scene's [pipeline], \
+        "record {index} ({what}), counted from 0, of a table with {of_table}{is}: `{table}` of the scene's [pipeline], \
          or PipelineBuilder::{table}"
     );
     Some(Cause { note, operands: TrapOperands::Record { table, index, records: count as u64 } })
@@ -348,7 +372,14 @@ pub(crate) fn with_location(program: &Program, op: OpIndex, error: Error, label:
                 let near = format!("near {}: the instruction has no line of its own", file_and_line(&line));
                 error.at_with(line, near).at(Place::Word(origin.offset as usize))
             }
-            None => error.at_with(Place::Word(origin.offset as usize), label),
+            None => {
+                // What a compiler adds has no lines; its caller does.
+                let call = program.inlined_calls(op).find_map(|call| program.place_at(call));
+                match call {
+                    Some(line) => error.at_with(line, label).at(Place::Word(origin.offset as usize)),
+                    None => error.at_with(Place::Word(origin.offset as usize), label),
+                }
+            }
         },
     };
     let mut scope = origin.scope;
@@ -389,11 +420,12 @@ pub(crate) fn source_line_of(program: &Program, offset: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::SbtRecord;
 
     #[test]
     fn a_missing_record_is_told_with_its_table() {
         let sbt = Sbt { hit: vec![None; 3], miss: vec![None], callable: vec![None; 2], ..Sbt::default() };
-        let note = |code, index| missing_record(&sbt, code, index).expect("a note").note;
+        let note = |code, index| unusable_record(&sbt, code, index, None).expect("a note").note;
         assert_eq!(
             note(TrapCode::ShaderRecordMissing, 7),
             "record 7 (the SBT index of the call), counted from 0, of a table with 2 records: `callable` of the \
@@ -407,10 +439,24 @@ mod tests {
             note(TrapCode::MissRecordMissing, 1)
                 .ends_with("1 record: `miss` of the scene's [pipeline], or PipelineBuilder::miss")
         );
-        assert!(missing_record(&sbt, TrapCode::RecursionTooDeep, 0).is_none());
+        assert!(unusable_record(&sbt, TrapCode::RecursionTooDeep, 0, None).is_none());
         assert_eq!(
-            missing_record(&sbt, TrapCode::HitRecordMissing, 3).map(|cause| cause.operands),
+            unusable_record(&sbt, TrapCode::HitRecordMissing, 3, None).map(|cause| cause.operands),
             Some(TrapOperands::Record { table: "hit", index: 3, records: 3 })
         );
+        let terms = HitRecordTerms { instance_offset: 2, geometry: 1, stride: 0x11, offset: 0 };
+        let made = unusable_record(&sbt, TrapCode::HitRecordMissing, 3, Some(terms)).expect("a note").note;
+        assert!(made.starts_with(
+            "record 3 (instance offset 2 + geometry index 1 x SBT stride 1 + SBT offset 0), counted"
+        ));
+    }
+
+    #[test]
+    fn a_record_without_a_shader_is_told_with_its_group() {
+        let sbt = Sbt { hit: vec![None, Some(SbtRecord::new(4))], miss: vec![None], ..Sbt::default() };
+        let note = |code, index| unusable_record(&sbt, code, index, None).expect("a note").note;
+        assert!(note(TrapCode::NullMiss, 0).contains("of a table with 1 record, is null: `miss`"));
+        let named = note(TrapCode::NullClosestHit, 1);
+        assert!(named.contains("2 records, names group 4, which has no such shader: `hit`"), "{named}");
     }
 }

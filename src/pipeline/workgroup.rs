@@ -262,7 +262,7 @@ where
                 let position = at * W + lane;
                 let group = &groups[position / self.group_size];
                 let place = (position % self.group_size) as u32;
-                let drawn = self.places.map_or(place, |places| places.at(place.into()) as u32);
+                let drawn = self.places.as_ref().map_or(place, |places| places.at(place.into()) as u32);
                 let local_index = self.layout.index_of(drawn);
                 let invocation = Invocation {
                     launch_id: group.global_id(local_index),

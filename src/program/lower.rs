@@ -24,7 +24,7 @@ use crate::ops::op::Op;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
 use crate::ops::translate::{IdValue, Origin, Translator};
 use crate::ops::value_registers::Words;
-use crate::ops::{interface_check, load_store, memory, ray_query, translate_checked};
+use crate::ops::{interface_check, load_store, memory, object, ray_query, translate_checked};
 use crate::program::call_graph::{InlineCost, inline_costs};
 use crate::program::control_flow::{escaping_values, structured_order};
 use crate::program::copy_propagation::{live_stores, propagate_copies};
@@ -347,6 +347,7 @@ impl<'m> Lowering<'m> {
                 continue;
             };
             let pointer = self.translator.pointer(variable.id)?;
+            object::check_copyable(&self.translator, pointer.pointee)?;
             let words = self.translator.words(initializer)?;
             if pointer.storage_class == storage::WORKGROUP {
                 // Workgroup memory begins as zeros.

@@ -412,6 +412,9 @@ impl Program {
             let name = self.describe_descriptor(handle).filter(|_| high == STRUCTURE_HANDLE)?;
             return Some(format!("{name} holds none"));
         }
+        if trap.code == TrapCode::InvalidHitKind {
+            return Some(format!("the hit kind is {fault_value}"));
+        }
         let Some(chunk) = self.accessed_chunk(trap.op) else { return self.describe_texel(accessed?) };
         let bytes = chunk.width / 8 * chunk.count;
         let extent = match trap.code {
@@ -469,7 +472,13 @@ impl Program {
             AccessFault::Descriptor { handle, .. } | AccessFault::Buffer { handle: Some(handle), .. } => {
                 self.describe_descriptor(*handle)
             }
-            AccessFault::Buffer { handle: None, .. } | AccessFault::Address { .. } => None,
+            AccessFault::ImageKind { handle, declared, bound } => {
+                let name = self.describe_descriptor(*handle)?;
+                Some(format!("{name} is declared as {declared}, and {bound} is bound"))
+            }
+            AccessFault::Buffer { handle: None, .. }
+            | AccessFault::Address { .. }
+            | AccessFault::HitRecord(_) => None,
         }
     }
 

@@ -50,7 +50,7 @@ impl Program {
                     self.indices(trap.op).into_iter().filter_map(|at| Some((last_out_of_bounds(at)?, at)));
                 // The last one that was out of bounds caused this trap.
                 let ((_, index), at) = found.max()?;
-                self.computed_index(at, index)
+                self.computed_index(at, index, accessed)
             }
             TrapCode::BufferOutOfBounds => self.element_index(trap.op, fault_value, accessed?),
             _ => None,
@@ -93,8 +93,15 @@ impl Program {
         found
     }
 
-    fn computed_index(&self, at: OpIndex, index: u32) -> Option<(String, IndexOperand)> {
-        let Op::Memory(memory::MemoryOp::Index { length, .. }) = self.ops[at.index()] else { return None };
+    fn computed_index(
+        &self,
+        at: OpIndex,
+        index: u32,
+        accessed: Option<&AccessFault>,
+    ) -> Option<(String, IndexOperand)> {
+        let Op::Memory(memory::MemoryOp::Index { length, stride, .. }) = self.ops[at.index()] else {
+            return None;
+        };
         let chain_indices = self.chain_indices(self.origins[at.index()].offset);
         let may_be_it = |chain_index: &&ChainIndex| {
             let constant = self.module.scalar_value(chain_index.index).map(|known| known as u32);
@@ -108,6 +115,12 @@ impl Program {
         };
         let mut candidates = chain_indices.iter().filter(may_be_it);
         let (first, others) = (candidates.next()?, candidates.count());
+        // The bytes of a runtime array are those of its buffer.
+        if let (0, None, Some(offset), Some(&AccessFault::Buffer { size, .. })) =
+            (others, self.count(first.from), first.offset, accessed)
+        {
+            return Some(self.element(first, index, [offset, u64::from(stride.max(1)), size]));
+        }
         let (operand, length) = (self.index_operand(first, index), self.count(first.from));
         let (index, path) = (describe_value(&operand), self.describe_path(first));
         let text = match (others, length) {
@@ -150,13 +163,27 @@ impl Program {
         let chain_index = chain_indices.iter().rfind(|chain_index| self.count(chain_index.from).is_none())?;
         let (offset, stride) = (chain_index.offset?, u64::from(stride.max(1)));
         let index = u32::try_from(fault_value.checked_sub(offset)? / stride).ok()?;
+        Some(self.element(chain_index, index, [offset, stride, size]))
+    }
+
+    /// Describes an element of a runtime array, given the array's offset in its buffer, the bytes
+    /// of an element and the size of the buffer.
+    fn element(
+        &self,
+        chain_index: &ChainIndex,
+        index: u32,
+        [offset, stride, size]: [u64; 3],
+    ) -> (String, IndexOperand) {
         let count = size.saturating_sub(offset) / stride;
         let elements = if count == 1 { "element" } else { "elements" };
         let operand = self.index_operand(chain_index, index);
-        let (index, path) = (describe_value(&operand), self.describe_path(chain_index));
+        let (told, path) = (describe_value(&operand), self.describe_path(chain_index));
         let ids = self.describe_hit_ids(chain_index.index);
-        let text = format!("{index} of {path}, which has {count} {elements} in this buffer{ids}");
-        Some((text, IndexOperand { length: Some(count), ..operand }))
+        let text = format!("{told} of {path}, which has {count} {elements} in this buffer{ids}");
+        // An index below 0 is before the array, and one beyond 32 bits is not known.
+        let at = operand.index.and_then(|index| u64::try_from(index).ok());
+        let offset = at.map(|at| offset.saturating_add(at.saturating_mul(stride)));
+        (text, IndexOperand { length: Some(count), offset, ..operand })
     }
 
     /// Which ids of a hit an index is made of, if any.
@@ -178,7 +205,7 @@ impl Program {
             _ => Some(i64::from(value)),
         };
         let of = Some(&chain_index.path).filter(|path| !path.is_empty()).cloned();
-        IndexOperand { index, length: None, of }
+        IndexOperand { index, length: None, of, offset: None }
     }
 
     /// The length of a composite type; `None` where it depends on a buffer or a binding.

@@ -17,7 +17,8 @@ impl Program {
     pub(crate) fn frame(&self, shader: ShaderIndex, op: OpIndex) -> ShaderFrame {
         let word = self.origins.get(op.index()).map(|origin| origin.offset);
         let debug = &self.module.debug_info;
-        let line = word.and_then(|word| debug.line_at(word).or_else(|| self.line_near(word)));
+        let mut words = word.into_iter().chain(self.inlined_calls(op));
+        let line = words.find_map(|word| debug.line_at(word).or_else(|| self.line_near(word)));
         let file = line.and_then(|line| debug.files.get(line.file as usize));
         // A line of a file that the module does not name is told nowhere.
         let line = line.filter(|_| file.is_some());
@@ -30,6 +31,13 @@ impl Program {
             column: line.map(|line| line.column).filter(|&column| column > 0),
             word,
         }
+    }
+
+    /// The words of the inlined calls that an operation comes from, the innermost first.
+    pub(crate) fn inlined_calls(&self, op: OpIndex) -> impl Iterator<Item = u32> {
+        let scope_at = |scope: u32| self.scopes.get(scope as usize).filter(|_| scope != 0);
+        let innermost = self.origins.get(op.index()).and_then(|origin| scope_at(origin.scope));
+        std::iter::successors(innermost, move |scope| scope_at(scope.parent)).map(|scope| scope.call)
     }
 
     /// The source line of the instruction at a word offset of the module.

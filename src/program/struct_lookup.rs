@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::error::names::{list_of, nearest};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::Binding;
+use crate::module::decoration::number;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::pointer::storage;
@@ -26,10 +27,6 @@ const DISTINCT: usize = 64;
 
 /// What Slang appends to the name of a struct for the rules of its layout.
 const SUFFIXES: &[&str] = &["_natural", "_std140", "_std430", "_scalar", "_c", "_default"];
-
-/// The decorations `DescriptorSet` and `Binding`.
-const DESCRIPTOR_SET: u32 = 34;
-const BINDING: u32 = 33;
 
 /// A variable with a layout, other than by the name of its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,8 +114,8 @@ pub fn find_block(module: &Module, block: DataBlock) -> Result<Option<Layout<'_>
             DataBlock::ShaderRecord => class == storage::SHADER_RECORD_BUFFER,
             DataBlock::Buffer(Binding { set, binding }) => {
                 matches!(class, storage::UNIFORM | storage::STORAGE_BUFFER)
-                    && number(id, DESCRIPTOR_SET) == Some(set)
-                    && number(id, BINDING) == Some(binding)
+                    && number(id, number::DESCRIPTOR_SET) == Some(set)
+                    && number(id, number::BINDING) == Some(binding)
             }
         };
         if let (true, Type::Pointer { pointee: Some(ty), .. }) = (is_it, module.ty(variable.pointer))

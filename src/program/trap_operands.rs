@@ -20,6 +20,12 @@ impl Program {
         accessed: Option<&AccessFault>,
         index: Option<IndexOperand>,
     ) -> TrapOperands {
+        let index = match index {
+            Some(index) if trap.code == TrapCode::IndexOutOfBounds => {
+                return self.index_operands(trap, index, accessed);
+            }
+            index => index,
+        };
         match trap.code {
             TrapCode::InvalidTrace | TrapCode::InvalidRayQuery | TrapCode::InvalidHitObject => RayRule::ALL
                 .get(fault_value as usize)
@@ -30,13 +36,6 @@ impl Program {
                 TrapOperands::Descriptor { descriptor: self.descriptor_element(fault_value as u32) }
             }
             TrapCode::AccelerationStructureMissing => self.address_operands(fault_value, None, None),
-            TrapCode::IndexOutOfBounds if index.is_some() => {
-                index.map_or(TrapOperands::None, |IndexOperand { index, length, of }| TrapOperands::Index {
-                    index,
-                    length,
-                    of,
-                })
-            }
             TrapCode::IndexOutOfBounds
             | TrapCode::BufferOutOfBounds
             | TrapCode::NullPointer
@@ -54,6 +53,25 @@ impl Program {
                 None => accessed.map_or(TrapOperands::None, |accessed| self.image_operands(accessed)),
             },
             _ => TrapOperands::None,
+        }
+    }
+
+    /// An index that is out of bounds: of a runtime array, the part of the buffer where its element
+    /// would be.
+    fn index_operands(
+        &self,
+        trap: LaneTrap,
+        index: IndexOperand,
+        accessed: Option<&AccessFault>,
+    ) -> TrapOperands {
+        match (index.offset, self.accessed_chunk(trap.op)) {
+            (Some(offset), Some(chunk)) => {
+                self.buffer_operands(trap.code, chunk, offset, accessed, Some(index))
+            }
+            _ => {
+                let IndexOperand { index, length, of, .. } = index;
+                TrapOperands::Index { index, length, of }
+            }
         }
     }
 
@@ -160,10 +178,14 @@ impl Program {
                 sample: sample[0],
                 samples: sample[1],
             },
-            AccessFault::Descriptor { handle, .. } | AccessFault::Buffer { handle: Some(handle), .. } => {
+            AccessFault::Descriptor { handle, .. }
+            | AccessFault::ImageKind { handle, .. }
+            | AccessFault::Buffer { handle: Some(handle), .. } => {
                 TrapOperands::Descriptor { descriptor: self.descriptor_element(*handle) }
             }
-            AccessFault::Buffer { handle: None, .. } | AccessFault::Address { .. } => TrapOperands::None,
+            AccessFault::Buffer { handle: None, .. }
+            | AccessFault::Address { .. }
+            | AccessFault::HitRecord(_) => TrapOperands::None,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::module::Id;
+use crate::module::decoration::number;
 use crate::module::interface::EntryPoint;
 use crate::ops::translate::Translator;
 
@@ -10,8 +11,6 @@ const LOCAL_SIZE: u32 = 17;
 const LOCAL_SIZE_ID: u32 = 38;
 const DERIVATIVE_GROUP_QUADS: u32 = 5289;
 const DERIVATIVE_GROUP_LINEAR: u32 = 5290;
-/// The decoration `BuiltIn` and the builtin `WorkgroupSize`.
-const BUILT_IN: u32 = 11;
 const WORKGROUP_SIZE: u32 = 25;
 
 /// More invocations than `maxComputeWorkGroupInvocations` of any device.
@@ -71,10 +70,9 @@ impl WorkgroupLayout {
         let derivatives = DerivativeGroup::of(entry);
         translator.origin.offset = entry.offset;
         let module = translator.module;
-        let decorated = module
-            .constants
-            .iter()
-            .find(|constant| module.decorations.literal(constant.id, BUILT_IN) == Some(WORKGROUP_SIZE));
+        let decorated = module.constants.iter().find(|constant| {
+            module.decorations.literal(constant.id, number::BUILT_IN) == Some(WORKGROUP_SIZE)
+        });
         let mode = |number| entry.modes.iter().find(|(mode, _)| *mode == number).map(|(_, words)| words);
         let literal = decorated.is_none() && mode(LOCAL_SIZE_ID).is_none();
         let sides: Vec<u64> = if let Some(constant) = decorated {

@@ -1,6 +1,7 @@
 //! What is checked while shaders run: a file for each kind of operation, or for each matter that
 //! several kinds have.
 
+mod atomic;
 pub(super) mod barrier;
 pub(super) mod begin;
 pub(super) mod births;

@@ -8,6 +8,7 @@ use rustc_hash::FxHashMap;
 
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::ShaderIndex;
+use crate::module::decoration::number;
 use crate::module::hit_ids::{HitId, HitIds};
 use crate::module::ty::Type;
 use crate::module::{Id, Module};
@@ -119,10 +120,8 @@ fn indexings(program: &Program, shader: ShaderIndex) -> Vec<(ArrayKey, Indexing)
 
 /// The set and binding of a resource variable.
 fn binding(module: &Module, variable: Id) -> Option<(u32, u32)> {
-    const BINDING: u32 = 33;
-    const DESCRIPTOR_SET: u32 = 34;
     let of = |decoration| module.decorations.literal(variable, decoration);
-    of(DESCRIPTOR_SET).zip(of(BINDING))
+    of(number::DESCRIPTOR_SET).zip(of(number::BINDING))
 }
 
 /// Adds the place of an instruction to an error.

@@ -54,6 +54,12 @@ mod class;
 mod conflict;
 #[cfg(test)]
 mod litmus;
+#[cfg(test)]
+mod litmus_calls;
+#[cfg(test)]
+mod litmus_model;
+#[cfg(test)]
+mod litmus_shapes;
 mod order;
 mod traits;
 

@@ -7,6 +7,7 @@ use rspirv::spirv::Op as Opcode;
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{Batch, Lanes, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
 use crate::module::Id;
+use crate::module::decoration::number;
 use crate::module::names::builtin_name;
 use crate::ops::pointer::storage;
 use crate::pipeline::{source_line, source_line_of, with_location};
@@ -14,13 +15,10 @@ use crate::program::Program;
 use crate::sanitize::cause::{Cause, Causes, OpPlace};
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
 use crate::sanitize::levels::Levels;
-use crate::sanitize::names::{function_of, word_path, workgroup_path};
+use crate::sanitize::names::{Argument, function_of, word_path, workgroup_path};
 use crate::sanitize::plan::ProgramPlan;
 use crate::sanitize::races::{self, Location, Race};
 use crate::sanitize::rule::{self, Level, Rule, contract, memory, race};
-
-/// `BuiltIn`
-const BUILT_IN: u32 = 11;
 
 /// What depends on a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -229,14 +227,11 @@ impl<const W: usize> Reporter<'_, W> {
             note += &format!(", through {}", name.unwrap_or_else(|| "a device address".to_owned()));
         }
         let told = Told {
-            rule: found.rule,
-            message,
-            place: here,
             label: format!("it {} here", found.kind.says()),
             notes: vec![note],
             cause: (found.other.shader, offset(other, found.other.op)),
-            word: None,
             key: Some(key),
+            ..Told::at(found.rule, here, message)
         };
         self.add(told, op, Mask::lane(found.lane));
     }
@@ -268,92 +263,75 @@ impl<const W: usize> Reporter<'_, W> {
         let mut told = match cause {
             Cause::Unwritten { shader, variable, storage_class, word } => {
                 let program = self.program(shader)?;
-                let path = word_path(&program.module, variable, program.module.pointee(variable)?, word);
+                let (module, ty) = (&*program.module, program.module.pointee(variable)?);
                 let mut notes = Vec::new();
+                let path = match Argument::of(module, variable) {
+                    Some(argument) => {
+                        let path = argument.word_path(module, ty, word);
+                        let Argument { function, number, .. } = argument;
+                        notes.push(format!("`{path}` is argument {number} of `{function}`"));
+                        path
+                    }
+                    None => word_path(module, variable, ty, word),
+                };
                 if shader != here.shader {
                     let stage = program.stage.name();
                     notes.push(format!("`{path}` is a variable of the {stage} shader `{}`", program.name));
-                } else if let Some(function) = function_of(&program.module, variable) {
+                } else if let Some(function) = function_of(module, variable).filter(|_| notes.is_empty()) {
                     notes.push(format!("`{path}` is a variable of the function `{function}`"));
                 }
-                Told {
-                    rule: self.rule_of_variable(shader, storage_class, sink)?,
-                    message: format!("`{path}` was never written, and {says}"),
-                    place: here,
-                    label: format!("it {says} here"),
-                    notes,
-                    cause: (shader, variable.0),
-                    word: None,
-                    key: None,
-                }
+                let rule = self.rule_of_variable(shader, storage_class, sink)?;
+                let message = format!("`{path}` was never written, and {says}");
+                let (label, cause) = (format!("it {says} here"), (shader, variable.0));
+                Told { label, notes, cause, ..Told::at(rule, here, message) }
             }
             Cause::UnwrittenShared { shader, byte } => {
                 let (variable, path) = workgroup_path(self.program(shader)?, byte)?;
-                Told {
-                    rule: &memory::UNINIT_WORKGROUP,
-                    message: format!("`{path}` was never written, and {says}"),
-                    place: here,
-                    label: format!("it {says} here"),
-                    notes: Vec::new(),
-                    cause: (shader, variable.0),
-                    word: None,
-                    key: None,
-                }
+                let message = format!("`{path}` was never written, and {says}");
+                let (label, cause) = (format!("it {says} here"), (shader, variable.0));
+                Told { label, cause, ..Told::at(&memory::UNINIT_WORKGROUP, here, message) }
             }
             Cause::UnwrittenPart { place, object } => {
                 let details = details?;
+                let message = format!("{} was never written, and {says}", details.message);
                 Told {
-                    rule: details.rule,
-                    message: format!("{} was never written, and {says}", details.message),
-                    place,
                     label: "it is read here".into(),
                     notes: vec![format!("it {says}{}", self.line(here))],
                     cause: (ShaderIndex(u32::MAX), object),
-                    word: None,
-                    key: None,
+                    ..Told::at(details.rule, place, message)
                 }
             }
             Cause::Builtin { shader, builtin, rule } => {
                 let program = self.program(shader)?;
                 let (stage, name) = (program.stage.name(), &program.name);
+                let message = format!("{}, which this hit does not have, {says}", builtin_name(builtin));
                 Told {
-                    rule: rule::find(rule)?,
-                    message: format!("{}, which this hit does not have, {says}", builtin_name(builtin)),
-                    place: here,
                     label: format!("it {says} here"),
                     notes: vec![format!(
                         "it is read in the {stage} shader `{name}`{}",
                         line_of_read(program, builtin)
                     )],
                     cause: (shader, builtin),
-                    word: None,
-                    key: None,
+                    ..Told::at(rule::find(rule)?, here, message)
                 }
             }
-            Cause::Undef(place) => Told {
-                rule: &memory::UNDEF_USE,
-                message: format!("a value that the shader leaves undefined {says}"),
-                place,
-                label: "this value is undefined (OpUndef)".into(),
-                notes: vec![format!("it {says}{}", self.line(here))],
-                cause: (place.shader, offset(self.program(place.shader)?, place.op)),
-                word: None,
-                key: None,
-            },
+            Cause::Undef(place) => {
+                let message = format!("a value that the shader leaves undefined {says}");
+                Told {
+                    label: "this value is undefined (OpUndef)".into(),
+                    notes: vec![format!("it {says}{}", self.line(here))],
+                    cause: (place.shader, offset(self.program(place.shader)?, place.op)),
+                    ..Told::at(&memory::UNDEF_USE, place, message)
+                }
+            }
             Cause::Broken { place, .. } => {
                 let details = details?;
                 let mut notes = self.births(details.operand);
                 notes.push(format!("it {says}{}", self.line(here)));
-                Told {
-                    rule: details.rule,
-                    message: format!("{}, whose result is undefined, {says}", details.message),
-                    place,
-                    label: "its result is undefined".into(),
-                    notes,
-                    cause: (place.shader, offset(self.program(place.shader)?, place.op)),
-                    word: None,
-                    key: None,
-                }
+                let message = format!("{}, whose result is undefined, {says}", details.message);
+                let cause = (place.shader, offset(self.program(place.shader)?, place.op));
+                let label = "its result is undefined".into();
+                Told { label, notes, cause, ..Told::at(details.rule, place, message) }
             }
             Cause::Filled { .. } | Cause::Born { .. } => return None,
         };
@@ -461,7 +439,7 @@ fn line_of_read(program: &Program, builtin: u32) -> String {
     let module = &program.module;
     let variables = module.variables.iter().map(|variable| variable.id);
     let mut pointers: Vec<Id> =
-        variables.filter(|&id| module.decorations.literal(id, BUILT_IN) == Some(builtin)).collect();
+        variables.filter(|&id| module.decorations.literal(id, number::BUILT_IN) == Some(builtin)).collect();
     let mut loads = Vec::new();
     for one in
         module.functions.iter().flat_map(|function| &function.blocks).flat_map(|block| &block.instructions)

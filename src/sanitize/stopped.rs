@@ -2,10 +2,10 @@
 //! that was reached and a gap of this crate.
 
 use crate::accel::RayRule;
-use crate::error::{Error, ErrorKind, Trap, TrapCode};
+use crate::error::{Error, ErrorKind, Trap, TrapCode, TrapOperands};
 use crate::machine::ShaderIndex;
 use crate::sanitize::finding::{Finding, FindingKey, Findings};
-use crate::sanitize::rule::{Level, Rule, stop};
+use crate::sanitize::rule::{Level, Rule, image, stop};
 
 impl Findings {
     /// Adds the error that ended the run, unless it is one of the inputs or of the system.
@@ -43,7 +43,10 @@ impl Finding {
 fn rule_of(trap: &Trap) -> &'static Rule {
     use TrapCode as C;
     match trap.code {
-        C::IndexOutOfBounds => &stop::LOCAL_ARRAY_BOUNDS,
+        C::IndexOutOfBounds => match trap.operands {
+            TrapOperands::Buffer { index: Some(_), .. } => &stop::BUFFER_BOUNDS,
+            _ => &stop::LOCAL_ARRAY_BOUNDS,
+        },
         C::BufferOutOfBounds => &stop::BUFFER_BOUNDS,
         C::NullPointer => &stop::NULL_POINTER,
         C::AddressInvalid | C::AddressOutOfBounds => &stop::ADDRESS_RANGE,
@@ -52,7 +55,7 @@ fn rule_of(trap: &Trap) -> &'static Rule {
         C::DescriptorMissing => &stop::DESCRIPTOR_MISSING,
         C::ImageOutOfBounds | C::ImageRowAbsent => &stop::IMAGE_BOUNDS,
         C::ImageMismatch => &stop::IMAGE_VIEW_MATCH,
-        C::SamplerMismatch => &stop::SAMPLER_MATCH,
+        C::SamplerMismatch => &image::SAMPLER_MATCH,
         C::Unreachable => &stop::UNREACHABLE,
         C::OutOfFuel | C::LaunchOutOfFuel | C::LaunchTimedOut | C::BatchTimedOut => &stop::LOOP_ENDLESS,
         C::InvalidTrace | C::InvalidRayQuery => match RayRule::ALL.get(trap.fault_value as usize) {
@@ -62,7 +65,7 @@ fn rule_of(trap: &Trap) -> &'static Rule {
         C::InvalidHitObject => &stop::HO_RECORD_RAY,
         C::AccelerationStructureMissing => &stop::RAY_NOT_TLAS,
         C::RecursionTooDeep => &stop::TRACE_RECURSION,
-        C::StackOverflow | C::CallablesTooDeep => &stop::CALLABLE_DEPTH,
+        C::StackOverflow | C::CallablesTooDeep => &stop::STACK_LIMIT,
         C::ShaderRecordMissing | C::MissRecordMissing => &stop::SBT_MISS_CALLABLE,
         C::ShaderRecordEmpty => &stop::RECORD_RANGE,
         C::HitRecordMissing => &stop::SBT_HIT_RECORD,
@@ -117,8 +120,10 @@ mod tests {
             let is_limit =
                 code.is_limit() || matches!(code, TrapCode::StackOverflow | TrapCode::CallablesTooDeep);
             assert_eq!(passes_limit, is_limit, "{code:?}");
-            // Its level cannot be set: the run does not go on behind it.
-            assert!(!all().any(|other| std::ptr::eq(other, rule)), "{code:?}");
+            // Its level cannot be set, as the run does not go on behind it; but samplers are looked
+            // at without a trap, too.
+            let has_level = all().any(|other| std::ptr::eq(other, rule));
+            assert_eq!(has_level, code == TrapCode::SamplerMismatch, "{code:?}");
         }
     }
 

@@ -143,3 +143,58 @@ fn an_undefined_structure_is_missed_and_a_null_query_traps() {
         assert_eq!(error.message(), "an access through a null pointer", "{}", error.render());
     }
 }
+
+/// "OpTypeRayQueryKHR": its variables are in `Private` or `Function` storage, without an
+/// initializer, and what points to them is no value to choose from.
+#[test]
+fn queries_are_variables_of_the_invocation_alone() {
+    let declared = |more: &str| format!("{TYPES}\n{more}");
+    let initialize = |query: &str| {
+        format!(
+            "%tlas = OpConvertUToAccelerationStructureKHR %structure_type %null
+             OpRayQueryInitializeKHR {query} %tlas %u0 %u1 %zero3 %f0 %ones3 %f1"
+        )
+    };
+    let other = "%other_query = OpVariable %ptr_Private_query Private";
+    let runs = |declarations: &str, body: &str| {
+        let shader = shader(declarations, body, "");
+        shader.run_with(&mut Default::default).map(|_| ())
+    };
+    assert!(runs(&declared(other), &initialize("%other_query")).is_ok());
+    let of_class = |class: &str| {
+        format!("%ptr_query = OpTypePointer {class} %query_type\n%elsewhere = OpVariable %ptr_query {class}")
+    };
+    let choices = declared(other);
+    let branch = "OpSelectionMerge %merge None
+        OpBranchConditional %true %then %merge
+        %then = OpLabel
+        OpBranch %merge
+        %merge = OpLabel
+        %chosen = OpPhi %ptr_Private_query %shared_query %entry %other_query %then";
+    let select = "%chosen = OpSelect %ptr_Private_query %true %shared_query %other_query";
+    for (what, declarations, body) in [
+        ("Workgroup", declared(&of_class("Workgroup")), initialize("%elsewhere")),
+        ("RayPayloadKHR", declared(&of_class("RayPayloadKHR")), initialize("%elsewhere")),
+        (
+            "an initializer",
+            declared(
+                "%nothing = OpConstantNull %query_type
+                 %filled = OpVariable %ptr_Private_query Private %nothing",
+            ),
+            initialize("%filled"),
+        ),
+        (
+            "an undefined initializer",
+            declared(
+                "%nothing = OpUndef %query_type
+                 %filled = OpVariable %ptr_Private_query Private %nothing",
+            ),
+            initialize("%filled"),
+        ),
+        ("a phi", choices.clone(), format!("{branch}\n{}", initialize("%chosen"))),
+        ("a select", choices.clone(), format!("{select}\n{}", initialize("%chosen"))),
+    ] {
+        let error = runs(&declarations, &body).expect_err(what);
+        assert_eq!(error.kind(), ErrorKind::InvalidModule, "{what}: {}", error.render());
+    }
+}

@@ -57,6 +57,22 @@ pub(super) struct Arguments {
     subgroup_size: Option<u32>,
 }
 
+impl Arguments {
+    /// The flags that are given, with their values.
+    pub(super) fn flags(&self) -> Vec<(&'static str, Option<String>)> {
+        let mut flags = vec![
+            ("--entry", self.entry.clone()),
+            ("--groups", self.groups.clone()),
+            ("--push", self.push.clone()),
+            ("--subgroup-size", self.subgroup_size.map(|size| size.to_string())),
+        ];
+        let several = [("--spec", &self.spec), ("--buffer", &self.buffer), ("--image", &self.image)];
+        let values = several.into_iter().flat_map(|(flag, values)| values.iter().map(move |one| (flag, one)));
+        flags.extend(values.map(|(flag, value)| (flag, Some(value.clone()))));
+        flags
+    }
+}
+
 /// A resource given on the command line. Without an element it is the default of all elements that
 /// are not given one by one.
 struct ResourceArgument {

@@ -91,7 +91,7 @@ pub static COMMANDS: &[Command] = &[
     command(&["goto"], "STEP", "to a step by its number, forwards or backwards", Action::Goto, false),
     command(&["break", "b"], "PLACE [if CONDITION] [from N]", "stops at a line (`27`, `main.rgen:27`), a function, an opcode (`OpTraceRayKHR`), a stage (`any-hit`), or where traversal decides (`primitive=62 instance=2 verdict=opaque`)", Action::Break, false),
     command(&["log"], "PLACE TEXT", "prints a text with {expressions} at a place and goes on", Action::Log, false),
-    command(&["watch", "w"], "EXPRESSION", "stops where a variable, a member of a payload or a part of a buffer is written", Action::Watch, false),
+    command(&["watch", "w"], "EXPRESSION", "stops where a variable, a member of this shader's payload or a part of a buffer is written", Action::Watch, false),
     command(&["breakpoints", "info"], "", "the breakpoints", Action::Breakpoints, false),
     command(&["delete", "d"], "[N ...]", "deletes breakpoints, all without a number", Action::Delete, false),
     command(&["enable"], "[N ...]", "lets breakpoints stop again", Action::Enable, false),

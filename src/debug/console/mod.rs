@@ -9,8 +9,8 @@ pub mod traversal_events;
 use std::fmt::Write as _;
 
 use crate::debug::debugger::{
-    Breakpoint, BreakpointPlace, Debugger, StackFrame, Step, Stop, Variable, VariableKind, VariablePlace,
-    Watch,
+    Breakpoint, BreakpointId, BreakpointPlace, Debugger, StackFrame, Step, Stop, Variable, VariableKind,
+    VariablePlace,
 };
 use crate::debug::values::TypedValue;
 
@@ -119,17 +119,16 @@ impl Console {
             Action::ContinueBack => self.steps(rest, Debugger::resume_back),
             Action::Nan => self.steps("", Debugger::resume_to_nan),
             Action::Begin => {
-                self.debugger.seek(0);
-                let is_at_line = self.selected().is_ok_and(|frame| frame.position.is_some());
-                let stop = if is_at_line { Stop::Entry } else { self.debugger.begin() };
-                Ok(self.stopped(&stop))
+                self.debugger.to_first_line();
+                Ok(self.stopped(&Stop::Entry))
             }
             Action::Goto => {
                 let time = rest
                     .parse()
                     .map_err(|_| format!("`{rest}` is no step number; `where` tells the one here"))?;
                 self.debugger.seek(time);
-                Ok(self.stopped(&Stop::Step))
+                let is_there = self.debugger.time() == time;
+                Ok(self.stopped(if is_there { &Stop::Step } else { &Stop::End }))
             }
             Action::Until => {
                 let place = places::parse(rest, self.current_file().as_deref())?;
@@ -221,15 +220,21 @@ impl Console {
     /// Runs on to a place.
     fn until(&mut self, place: BreakpointPlace) -> Result<String, String> {
         let before = self.debugger.breakpoints().to_vec();
-        let id = self.debugger.new_breakpoint_id();
+        // It is gone before another breakpoint could have its number.
+        let id = BreakpointId(u32::MAX);
         let mut with = before.clone();
         with.push(Breakpoint::new(id, place));
-        let resolved = self.debugger.set_breakpoints(with).last().is_some_and(Breakpoint::is_somewhere);
-        let stop = resolved.then(|| self.debugger.resume());
+        let set = self.debugger.set_breakpoints(with).last().cloned();
+        let nowhere = set.as_ref().filter(|set| !set.is_somewhere()).map(|set| set.place.clone());
+        let stop = nowhere.is_none().then(|| self.debugger.resume());
         self.debugger.set_breakpoints(before);
+        if let Some(place) = nowhere {
+            return Err(places::nowhere(&place, self.debugger.sources()));
+        }
         match stop {
-            None => Err("no code is there".into()),
+            None => Ok(String::new()),
             Some(Stop::Breakpoints(ids)) if ids.contains(&id) => Ok(self.stopped(&Stop::Step)),
+            Some(Stop::End) => Ok("the place was not reached\n".to_owned() + &self.stopped(&Stop::End)),
             Some(other) => Ok(self.stopped(&other)),
         }
     }
@@ -294,7 +299,10 @@ impl Console {
                     return "what is watched was written\n".into();
                 };
                 let [before, after] = [&write.before, &write.after].map(|words| value_of(place, words));
-                format!("breakpoint {number}: {name} was written: {before} -> {after}\n")
+                match before == after {
+                    true => format!("breakpoint {number}: {name} was written: {after}, as before\n"),
+                    false => format!("breakpoint {number}: {name} was written: {before} -> {after}\n"),
+                }
             }
             Stop::Nan => "the step before made the first NaN\n".into(),
             Stop::Trap(error) => format!("trapped: {}\n", error.message()),
@@ -407,6 +415,9 @@ impl Console {
                 places::find_line(self.debugger.sources(), &file, line)?
             }
         };
+        if rest.is_empty() && self.debugger.sources().is_disassembly(position) {
+            return self.instructions();
+        }
         let current = self.selected().ok().and_then(|frame| frame.position);
         self.listing.around(self.debugger.sources(), position, current)
     }
@@ -454,6 +465,7 @@ impl Console {
     fn add_breakpoint(&mut self, rest: &str) -> Result<String, String> {
         let spec = places::specification(rest)?;
         let place = places::parse(spec.place, self.current_file().as_deref())?;
+        spec.condition.map_or(Ok(()), Debugger::check_expression)?;
         let id = self.debugger.new_breakpoint_id();
         let breakpoint = Breakpoint {
             condition: spec.condition.map(str::to_owned),
@@ -468,6 +480,7 @@ impl Console {
             return Err("`log PLACE TEXT` prints a text with {expressions} at a place".into());
         };
         let place = places::parse(place, self.current_file().as_deref())?;
+        places::check_log(text)?;
         let id = self.debugger.new_breakpoint_id();
         self.add(Breakpoint { log: Some(text.trim().to_owned()), ..Breakpoint::new(id, place) })
     }
@@ -489,10 +502,9 @@ impl Console {
     fn add_watch(&mut self, rest: &str) -> Result<String, String> {
         let frame = self.selected()?;
         let place = self.debugger.place(&frame, rest)?;
-        let words = self.debugger.watched_words(&frame, &place)?;
         let id = self.debugger.new_breakpoint_id();
         let mut watches = self.debugger.watches().to_vec();
-        watches.push(Watch { breakpoint: Some(id), words, last: None });
+        watches.extend(self.debugger.watches_of(id, &frame, &place)?);
         self.debugger.set_watches(watches);
         self.watched.push((id.0, rest.to_owned(), place));
         Ok(format!("breakpoint {}: where {rest} is written\n", id.0))
@@ -545,10 +557,10 @@ impl Console {
     }
 }
 
-/// The value of words that lay at a place.
+/// The value of words that lay at a place; the words themselves where memory has gaps in it.
 fn value_of(place: &VariablePlace, words: &[u32]) -> String {
-    match place.own_registers() {
-        Some(_) => TypedValue::of_type(place.module(), place.ty(), words).to_string(),
-        None => listing::words(words),
+    match place.own_registers().is_some() || place.word_count() == Some(words.len()) {
+        true => TypedValue::of_type(place.module(), place.ty(), words).to_string(),
+        false => listing::words(words),
     }
 }

@@ -1,6 +1,8 @@
 //! Places of breakpoints as text.
 
-use crate::debug::debugger::{Breakpoint, BreakpointPlace, SourceMap, SourcePosition, TraversalFilter};
+use crate::debug::debugger::{
+    Breakpoint, BreakpointPlace, Debugger, SourceMap, SourcePosition, TraversalFilter,
+};
 use crate::module::interface::Stage;
 
 /// A breakpoint's place with what follows it.
@@ -44,6 +46,21 @@ pub(super) fn specification(text: &str) -> Result<Specification<'_>, String> {
     Ok(Specification { place, condition, from_hit })
 }
 
+/// Checks the expressions of a log point's text.
+///
+/// # Errors
+/// What is wrong with one, or that a brace is not closed.
+pub(super) fn check_log(text: &str) -> Result<(), String> {
+    let mut rest = text;
+    while let Some((_, after)) = rest.split_once('{') {
+        let (expression, after) =
+            after.split_once('}').ok_or_else(|| format!("a `}}` is missing in `{text}`"))?;
+        Debugger::check_expression(expression).map_err(|why| format!("`{expression}`: {why}"))?;
+        rest = after;
+    }
+    Ok(())
+}
+
 /// Reads a place; a line alone is one of the current file.
 ///
 /// # Errors
@@ -53,7 +70,7 @@ pub(super) fn parse(text: &str, file: Option<&str>) -> Result<BreakpointPlace, S
         return traversal(text).map(BreakpointPlace::Traversal);
     }
     if let Ok(line) = text.parse() {
-        let file = file.ok_or("no source file is known here: `break FILE:LINE`")?.to_owned();
+        let file = file.ok_or("no source file is known here: say `FILE:LINE`")?.to_owned();
         return Ok(BreakpointPlace::Line { file, line });
     }
     if let Some((file, line)) = text.rsplit_once(':') {

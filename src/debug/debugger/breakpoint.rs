@@ -217,6 +217,10 @@ impl BreakpointTable {
         {
             ids.iter().copied().for_each(&mut *hit);
         }
+        if moment.begins_function && moment.site.scope == 0 {
+            let stage = moment.sites.program.stage;
+            self.stages.iter().filter(|(_, wanted)| *wanted == stage).for_each(|(id, _)| hit(*id));
+        }
         if moment.begins_function
             && let Some(ids) = self.functions.get(&(moment.shader, moment.site.scope))
         {

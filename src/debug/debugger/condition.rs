@@ -82,8 +82,8 @@ pub(super) struct Ran<'a> {
     pub program: &'a Program,
     /// The number of the shader's run: how many shaders had begun before it.
     pub run: u64,
-    /// How many calls of shaders it is in.
-    pub number: usize,
+    /// The run of the shader that called it, and the first register of what it was given.
+    pub caller: Option<(u64, Reg)>,
     /// The operation.
     pub op: OpIndex,
 }
@@ -98,10 +98,12 @@ pub enum WatchedWords {
         /// The registers.
         registers: Vec<Reg>,
     },
-    /// Words of the payload or callable data that shaders are given which a shader calls.
+    /// Words of the payload or callable data that a run of a shader gives to those that it calls.
     Passed {
-        /// How many calls of shaders lie between them and the outermost.
-        number: usize,
+        /// The run of the shader that calls.
+        run: u64,
+        /// The first register of its payload or callable data.
+        from: Reg,
         /// The words.
         words: Range<u32>,
     },
@@ -204,11 +206,31 @@ impl StopConditions {
                 self.met.push(Reason::Traversal(Some(*id)));
             }
         }
-        if let Event::Enter { stage, .. } = event {
-            for (id, wanted) in &table.stages {
-                if wanted == stage {
-                    self.met.push(Reason::Breakpoint(*id));
-                }
+    }
+
+    /// Looks at the registers of a run of a shader that goes on: what it called may have written
+    /// them. `register` reads them.
+    pub(super) fn resumed(&mut self, run: u64, register: &dyn Fn(Reg) -> u32) {
+        // Where the shaders that are called are watched, too, what they wrote is known.
+        let followed: Vec<BreakpointId> = self
+            .watches
+            .iter()
+            .filter(|watch| matches!(watch.words, WatchedWords::Passed { .. }))
+            .filter_map(|watch| watch.breakpoint)
+            .collect();
+        for (watched, watch) in self.watches.iter_mut().enumerate() {
+            let WatchedWords::Registers { run: of, registers } = &watch.words else { continue };
+            if *of != run {
+                continue;
+            }
+            if watch.breakpoint.is_some_and(|id| followed.contains(&id)) {
+                watch.last = Some((run, registers.iter().map(|&reg| register(reg)).collect()));
+                continue;
+            }
+            let after: Vec<u32> = registers.iter().map(|&reg| register(reg)).collect();
+            let before = watch.last.replace((run, after.clone())).map(|(_, words)| words);
+            if let Some(before) = before.filter(|before| *before != after) {
+                self.writes.push(Write { watch: watched, time: None, before, after });
             }
         }
     }
@@ -220,7 +242,7 @@ impl StopConditions {
         for (watched, watch) in self.watches.iter_mut().enumerate() {
             let own = match &watch.words {
                 WatchedWords::Registers { run, registers } if *run == ran.run => Some(registers.clone()),
-                WatchedWords::Passed { number, words } if *number == ran.number => {
+                WatchedWords::Passed { run, from, words } if ran.caller == Some((*run, *from)) => {
                     Some(passed_registers(program, words.clone()))
                 }
                 WatchedWords::Registers { .. } | WatchedWords::Passed { .. } => continue,
@@ -254,6 +276,10 @@ impl StopConditions {
     /// Whether the invocation stops at the step that is next.
     pub(super) fn is_met(&mut self, time: Time) -> bool {
         if self.collects {
+            if time >= self.until {
+                // The rest of an instruction that is still under way is behind what is searched.
+                self.met.extend(self.writes.drain(..).map(Reason::Wrote));
+            }
             for reason in self.met.drain(..) {
                 if self.hits.len() == MOST_HITS {
                     self.hits.pop_front();

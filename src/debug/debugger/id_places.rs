@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use crate::debug::debugger::lane_state::LaneState;
+use crate::debug::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext};
 use crate::debug::debugger::value_layout::{constant_words, word_count};
-use crate::debug::debugger::variable_place::{MemoryBase, MemoryPlace, PlaceContext, VariablePlace};
+use crate::debug::debugger::variable_place::VariablePlace;
 use crate::machine::{Bindings, REGISTER_POINTER, Reg};
 use crate::module::Id;
 use crate::module::ty::{Type, TypeId};

@@ -64,7 +64,7 @@ impl Debugger {
     pub fn place(&mut self, frame: &StackFrame, text: &str) -> Result<VariablePlace, String> {
         self.with_value(frame, text, |value, _| match value {
             Evaluated::Place(place) => Ok(place),
-            Evaluated::Numbers(_) => Err(format!("`{text}` is calculated: it lies nowhere")),
+            Evaluated::CalculatedValue(_) => Err(format!("`{text}` is calculated: it lies nowhere")),
         })
     }
 
@@ -74,6 +74,14 @@ impl Debugger {
     /// Why it has none, in words, with the column.
     pub fn evaluate(&mut self, frame: &StackFrame, text: &str) -> Result<TypedValue, String> {
         self.with_value(frame, text, |value, lane| value.value(lane))
+    }
+
+    /// Checks that a text is an expression.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words, with the column.
+    pub fn check_expression(text: &str) -> Result<(), String> {
+        expression::Expression::parse(text).map(drop).map_err(|error| error.to_string())
     }
 
     /// Whether a condition holds in a frame.
@@ -90,6 +98,10 @@ impl Debugger {
     /// # Errors
     /// Why it cannot be set, in words.
     pub fn assign(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<TypedValue, String> {
+        let place = self.place(frame, target);
+        if place.is_ok_and(|place| self.is_passed_on(frame, &place)) {
+            return Err(format!("`{target}` was given to the shader that runs: set it there"));
+        }
         let program = self.sources.shader(frame.shader).program.clone();
         let set =
             self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));

@@ -7,6 +7,7 @@ use crate::ops::op::Op;
 use crate::ops::pointer::storage;
 use crate::program::Program;
 
+use super::breakpoint::BreakpointId;
 use super::condition::{Reason, StopConditions, Watch, WatchedWords, Write};
 use super::stack::StackFrame;
 use super::tracker::Time;
@@ -17,39 +18,62 @@ impl Debugger {
     /// Goes back to the step that wrote a value last: it is next then. A payload is followed into
     /// the shaders that were given it, and out to the one that gave it.
     ///
-    /// Returns the write, or [`Stop::Beginning`] and goes there where nothing has written it.
+    /// Returns the write, or [`Stop::Beginning`] where nothing has written it: then it stays.
     ///
     /// # Errors
     /// Why the value cannot be followed, in words.
     pub fn back_to_last_write(&mut self, frame: &StackFrame, place: &VariablePlace) -> Result<Stop, String> {
         let now = self.course.time;
         let mut words = self.watched_words(frame, place)?;
-        let (mut number, mut before) = (frame.number, now);
+        let mut number = frame.number;
         loop {
-            let write = self.last_write(&words, before);
-            match write {
-                Some((time, write)) if write.time.is_some() => {
-                    self.seek(write.time.unwrap_or(time));
+            // What others have written who were given these words, and what its own shader has.
+            let passed = self.passed_from(&words, number);
+            let outer = self.given_by(&words, number);
+            let last = self.last_write(&words, now);
+            let last = match passed {
+                Some(passed) => later(last, self.last_write(&passed, now)),
+                None => last,
+            };
+            self.seek(now);
+            match (last, outer) {
+                (Some(write), _) => {
+                    self.seek(write.time.unwrap_or(now));
                     return Ok(Stop::Wrote(write));
                 }
-                // The call of a shader that was given it returned before this step.
-                Some((time, write)) => {
-                    let Some(passed) = self.passed_from(&words, number) else {
-                        self.seek(time);
-                        return Ok(Stop::Wrote(write));
-                    };
-                    (number, before) = (number + 1, time);
-                    words = WatchedWords::Passed { number, words: passed };
-                }
-                None => {
-                    self.seek(now);
-                    let Some(outer) = self.given_by(&words, number) else {
-                        return Ok(self.to_beginning());
-                    };
-                    (number, words) = (number - 1, outer);
-                }
+                (None, Some(outer)) => (number, words) = (number - 1, outer),
+                (None, None) => return Ok(Stop::Beginning),
             }
         }
+    }
+
+    /// What watches a value for a data breakpoint: of a payload, also what the shaders have that
+    /// are given it.
+    ///
+    /// # Errors
+    /// Why the value cannot be watched, in words.
+    pub fn watches_of(
+        &mut self,
+        id: BreakpointId,
+        frame: &StackFrame,
+        place: &VariablePlace,
+    ) -> Result<Vec<Watch>, String> {
+        let words = self.watched_words(frame, place)?;
+        let passed = self.passed_from(&words, frame.number);
+        let watch = |words| Watch { breakpoint: Some(id), words, last: None };
+        Ok(std::iter::once(words).chain(passed).map(watch).collect())
+    }
+
+    /// Whether a shader has given these words to one that runs: what is set here is overwritten
+    /// when that returns.
+    pub(super) fn is_passed_on(&self, frame: &StackFrame, place: &VariablePlace) -> bool {
+        let Some(&first) = place.own_registers().and_then(<[Reg]>::first) else { return false };
+        let stopped = self.debuggee.shaders();
+        let waits = frame.number + 1 < stopped.len();
+        let program = &self.sources.shader(frame.shader).program;
+        let op = stopped.get(frame.number).and_then(|stopped| program.ops.get(stopped.op.index()));
+        let Some(Op::Stop(call)) = op.filter(|_| waits) else { return false };
+        call.payload_span().is_some_and(|span| (span.first..span.first.plus(span.count)).contains(&first))
     }
 
     /// A data breakpoint's words.
@@ -70,20 +94,28 @@ impl Debugger {
         memory.map(WatchedWords::Memory).ok_or_else(why)
     }
 
-    /// The last write before a time, and the time at which it shows.
-    fn last_write(&mut self, words: &WatchedWords, before: Time) -> Option<(Time, Write)> {
+    /// The last write by an operation before a step. Leaves the debuggee somewhere.
+    fn last_write(&mut self, words: &WatchedWords, now: Time) -> Option<Write> {
         let watch = Watch { breakpoint: None, words: words.clone(), last: None };
         let conditions = StopConditions { watches: vec![watch], ..StopConditions::default() };
-        let hits = self.last_hits(&conditions, before);
-        hits.into_iter().find_map(|hit| match hit.reason {
-            Reason::Wrote(write) => Some((hit.time, write)),
-            _ => None,
-        })
+        // A write is seen at the instruction after it, which may be the one that is next now.
+        let mut before = now + 1;
+        loop {
+            let hits = self.last_hits(&conditions, before);
+            before = hits.first()?.time;
+            let writes = hits.into_iter().filter_map(|hit| match hit.reason {
+                Reason::Wrote(write) if write.time.is_some_and(|time| time < now) => Some(write),
+                _ => None,
+            });
+            if let Some(write) = writes.max_by_key(|write| write.time) {
+                return Some(write);
+            }
+        }
     }
 
-    /// Which words of what a shader passes to others are registers of its own.
-    fn passed_from(&self, words: &WatchedWords, number: usize) -> Option<Range<u32>> {
-        let WatchedWords::Registers { registers, .. } = words else { return None };
+    /// What a shader's registers are to those that it calls.
+    fn passed_from(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
+        let WatchedWords::Registers { run, registers } = words else { return None };
         let stopped = self.debuggee.shaders();
         let program = &self.sources.shader(stopped.get(number)?.shader).program;
         let (first, last) = (*registers.first()?, *registers.last()?);
@@ -92,25 +124,24 @@ impl Debugger {
             _ => None,
         });
         let mut holding = spans.filter(|span| (span.first..span.first.plus(span.count)).contains(&first));
-        let span = holding.next()?;
-        Some(first.0 - span.first.0..last.0 + 1 - span.first.0)
+        let from = holding.next()?.first;
+        Some(WatchedWords::Passed { run: *run, from, words: first.0 - from.0..last.0 + 1 - from.0 })
     }
 
-    /// The words of a shader's caller that it was given, if these words are such.
+    /// The registers of a shader's caller of which it was given these words, if it was.
     fn given_by(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
+        let WatchedWords::Registers { registers, .. } = words else { return None };
         let stopped = self.debuggee.shaders();
-        let program = |number: usize| Some(&*self.sources.shader(stopped.get(number)?.shader).program);
-        let given = match words {
-            WatchedWords::Registers { registers, .. } => given_words(program(number)?, registers)?,
-            WatchedWords::Passed { words, .. } => words.clone(),
-            WatchedWords::Memory(_) => return None,
-        };
-        let caller = number.checked_sub(1)?;
-        let Op::Stop(call) = program(caller)?.ops.get(stopped[caller].op.index())? else { return None };
-        let span = call.payload_span()?;
-        let registers = given.filter(|&word| word < span.count).map(|word| span.first.plus(word)).collect();
-        Some(WatchedWords::Registers { run: self.course.run(caller)?, registers })
+        let program = &self.sources.shader(stopped.get(number)?.shader).program;
+        let given = given_words(program, registers)?;
+        let (run, from) = self.course.caller(number)?;
+        Some(WatchedWords::Registers { run, registers: given.map(|word| from.plus(word)).collect() })
     }
+}
+
+/// The later of two writes.
+fn later(one: Option<Write>, other: Option<Write>) -> Option<Write> {
+    [one, other].into_iter().flatten().max_by_key(|write| write.time)
 }
 
 /// Which words of the payload or callable data that a shader is given are these registers.

@@ -16,6 +16,7 @@ mod inspect;
 pub mod lane_state;
 mod last_write;
 mod memory_state;
+mod place_memory;
 pub mod source_frames;
 mod source_locals;
 mod source_map;
@@ -124,7 +125,8 @@ pub struct Debugger {
     last_breakpoint: u32,
     /// What was printed, with the time after it.
     output: Vec<(Time, String)>,
-    ended: bool,
+    /// The first line's time, once it is known.
+    first: Time,
     /// Whether it stops where an operation makes a NaN of numbers, too.
     stops_at_nan: bool,
     interrupt: Option<Arc<AtomicBool>>,
@@ -160,7 +162,7 @@ impl Debugger {
             watches: Vec::new(),
             last_breakpoint: 0,
             output: Vec::new(),
-            ended: false,
+            first: 0,
             stops_at_nan: false,
             interrupt: None,
             interrupted: None,
@@ -189,9 +191,17 @@ impl Debugger {
     pub fn begin(&mut self) -> Stop {
         let line = StopConditions { until: Time::MAX, line: Some(u32::MAX), ..StopConditions::default() };
         match self.run(line) {
-            Stop::Step => Stop::Entry,
+            Stop::Step => {
+                self.first = self.course.time;
+                Stop::Entry
+            }
             other => other,
         }
+    }
+
+    /// Goes back to the first line.
+    pub fn to_first_line(&mut self) {
+        self.seek(self.first);
     }
 
     /// The number of the step that is next.
@@ -282,9 +292,6 @@ impl Debugger {
 
     /// Runs on until conditions are met.
     fn run(&mut self, mut conditions: StopConditions) -> Stop {
-        if self.ended {
-            return Stop::End;
-        }
         conditions.watches.extend(self.watches.iter().cloned());
         self.look_at_watched(&mut conditions);
         conditions.interrupt.clone_from(&self.interrupt);
@@ -311,19 +318,21 @@ impl Debugger {
     /// What reasons come to; `None` where only breakpoints are met whose condition does not hold, or
     /// that print and go on.
     fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<Stop> {
-        let mut hit = Vec::new();
+        let (mut hit, mut traversals) = (Vec::new(), Vec::new());
         for reason in reasons {
             match reason {
                 Reason::Breakpoint(id) if self.stops_at(*id, direction) => hit.push(*id),
-                Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => {
-                    return Some(Stop::Traversal(Some(*id)));
-                }
+                Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => traversals.push(*id),
                 Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
                 Reason::Wrote(write) => return Some(Stop::Wrote(write.clone())),
                 Reason::Nan { .. } => return Some(Stop::Nan),
                 Reason::Traversal(None) => return Some(Stop::Traversal(None)),
                 Reason::Stepped | Reason::Arrived => {}
             }
+        }
+        traversals.dedup();
+        if let Some(first) = traversals.first() {
+            return Some(Stop::Traversal(Some(*first)));
         }
         if !hit.is_empty() {
             return Some(Stop::Breakpoints(hit));
@@ -384,16 +393,14 @@ impl Debugger {
         self.output.push((self.course.time, text));
     }
 
-    /// What the end is: the step before it, if that trapped.
+    /// What the end is. It stays before the last step, where everything can still be looked at.
     fn at_end(&mut self) -> Stop {
-        let Some(trapped) = self.debuggee.trapped() else {
-            self.ended = true;
-            return Stop::End;
+        let stop = match self.debuggee.trapped() {
+            Some(trapped) => Stop::Trap(trapped.error.clone()),
+            None => Stop::End,
         };
-        let error = trapped.error.clone();
-        let last = self.course.time.saturating_sub(1);
-        self.seek(last);
-        Stop::Trap(error)
+        self.seek(self.course.time.saturating_sub(1));
+        stop
     }
 
     /// Runs on until conditions are met or everything has run.
@@ -441,7 +448,8 @@ impl Debugger {
         let resumed = self.debuggee.resume(&mut tracker, &inbox);
         let printed = self.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         if is_new {
-            let time = self.course.time;
+            // Nothing can stop behind the last step.
+            let time = self.course.time - u64::from(resumed == Resumed::Ended && self.course.time > 0);
             self.output.extend(printed.into_iter().map(|line| (time, line.text)));
         }
         resumed
@@ -462,17 +470,17 @@ impl Debugger {
         self.course = checkpoint.course.clone();
         self.debuggee.restore(&checkpoint.state);
         self.memory.restore(&checkpoint.memory);
-        self.ended = false;
     }
 
-    /// Goes to a step.
+    /// Goes to a step, or to the last one where there are not so many.
     pub fn seek(&mut self, time: Time) {
         let kept = self.history.before(time).course.time;
-        if time < self.course.time || kept > self.course.time || self.ended {
+        if time < self.course.time || kept > self.course.time || !self.course.paused {
             self.restore_before(time);
         }
-        if self.course.time < time || !self.course.paused {
-            self.advance(&mut StopConditions::at(time));
+        let must_run = self.course.time < time || !self.course.paused;
+        if must_run && self.advance(&mut StopConditions::at(time)) == Resumed::Ended && self.course.time > 0 {
+            self.seek(self.course.time - 1);
         }
     }
 
@@ -516,7 +524,7 @@ impl Debugger {
     }
 
     fn to_beginning(&mut self) -> Stop {
-        self.seek(0);
+        self.seek(self.first.min(self.course.time));
         Stop::Beginning
     }
 
@@ -565,7 +573,6 @@ impl Debugger {
         self.course = checkpoint.course.clone();
         self.debuggee.restore(&checkpoint.state);
         self.memory.restore(&checkpoint.memory);
-        self.ended = false;
     }
 
     /// Sets breakpoints, in the place of those that there were; returns them with the lines that

@@ -21,8 +21,8 @@ pub struct SourceFrame {
     pub position: Option<ScopePosition>,
 }
 
-/// The frames at an instruction, the innermost first. The last one is the entry point, or a function
-/// that is not inlined: its caller is not told by the instruction.
+/// The frames at an instruction, the innermost first. The last one is the entry point, or a
+/// function that is not inlined: its caller is not told by the instruction.
 pub fn source_frames(program: &Program, origin: Origin) -> Vec<SourceFrame> {
     let module = &program.module;
     let debug = module.debug_scopes();

@@ -138,7 +138,7 @@ fn named_locals(module: &Module, function: &Function) -> Vec<SourceLocal> {
             (true, true, false) => (LocationForm::Declared, uses.get(&id).copied().unwrap_or(u32::MAX)),
             // The result of an access chain, which is named for what it leads to.
             (true, false, _) => (LocationForm::Pointer, offset),
-            (false, ..) => (LocationForm::Value, offset),
+            (false, ..) => (LocationForm::Direct, offset),
         };
         let value = location(offset, id, form);
         // A variable stands for itself; values of one name are those of one variable.

@@ -36,14 +36,19 @@ impl Debugger {
             let calls = stopped.calls.iter().rev().filter_map(|&return_to| sites.call_before(return_to));
             for op in std::iter::once(stopped.op).chain(calls) {
                 let Some(&origin) = sites.program.origins.get(op.index()) else { continue };
-                frames.extend(source_frames(&sites.program, origin).into_iter().map(|source| StackFrame {
-                    number,
-                    shader: stopped.shader,
-                    stage: sites.program.stage,
-                    entry_point: sites.program.name.clone(),
-                    op,
-                    position: sites.position_of(&source),
-                    source,
+                frames.extend(source_frames(&sites.program, origin).into_iter().map(|source| {
+                    StackFrame {
+                        number,
+                        shader: stopped.shader,
+                        stage: sites.program.stage,
+                        entry_point: sites.program.name.clone(),
+                        op,
+                        // The first operations of a function may have no line.
+                        position: sites
+                            .position_of(&source)
+                            .or_else(|| self.sources.line(sites.first_line(source.origin.scope))),
+                        source,
+                    }
                 }));
             }
         }

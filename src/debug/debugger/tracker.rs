@@ -3,7 +3,8 @@
 
 use std::cell::RefCell;
 
-use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, ShaderIndex};
+use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Reg, ShaderIndex};
+use crate::ops::op::Op;
 use crate::pipeline::Event;
 
 use super::condition::{Ran, StopConditions};
@@ -42,6 +43,8 @@ struct ActiveShader {
     run: u64,
     /// The depth of its entry point among all function calls.
     base: u32,
+    /// The first register of the payload or callable data of its last call.
+    passes: Option<Reg>,
     last_block: Option<BlockIndex>,
     last_calls: usize,
 }
@@ -51,6 +54,8 @@ struct ActiveShader {
 struct FrameLine {
     scope: u32,
     line: LineIndex,
+    /// Whether its first line has begun.
+    has_begun: bool,
 }
 
 /// What is known of the invocation's course so far: a part of every checkpoint.
@@ -80,6 +85,12 @@ impl Course {
     pub(super) fn run(&self, number: usize) -> Option<u64> {
         Some(self.active.get(number)?.run)
     }
+
+    /// The run of the shader that called one of them, and the first register of what that was given.
+    pub(super) fn caller(&self, number: usize) -> Option<(u64, Reg)> {
+        let caller = self.active.get(number.checked_sub(1)?)?;
+        Some((caller.run, caller.passes?))
+    }
 }
 
 /// A moment at which the invocation is about to make a step.
@@ -99,7 +110,7 @@ pub struct Moment<'a> {
     pub depth: u32,
     /// Whether a line begins here.
     pub begins_line: bool,
-    /// Whether a function begins here.
+    /// Whether a function begins here: its first line.
     pub begins_function: bool,
     /// Whether an instruction begins here: an instruction may be several operations.
     pub begins_instruction: bool,
@@ -160,7 +171,7 @@ impl<'a> Tracker<'a> {
         let base = self.course.frames.len() as u32;
         let run = self.course.begun;
         self.course.begun += 1;
-        self.course.active.push(ActiveShader { run, base, last_block: None, last_calls: 0 });
+        self.course.active.push(ActiveShader { run, base, passes: None, last_block: None, last_calls: 0 });
         self.course.last = None;
     }
 
@@ -205,16 +216,16 @@ impl<'a> Tracker<'a> {
         let (mut begins_line, mut begins_function) = (false, false);
         if moved {
             course.frames.truncate(depth as usize + 1);
-            let nowhere = FrameLine { scope: u32::MAX, line: 0 };
+            let nowhere = FrameLine { scope: u32::MAX, line: 0, has_begun: false };
             course.frames.resize(depth as usize + 1, nowhere);
             let frame = &mut course.frames[depth as usize];
             if frame.scope != site.scope {
-                *frame = FrameLine { scope: site.scope, line: 0 };
-                begins_function = true;
+                *frame = FrameLine { scope: site.scope, ..nowhere };
             }
             if site.line != 0 && frame.line != site.line {
                 frame.line = site.line;
                 begins_line = true;
+                begins_function = !std::mem::replace(&mut frame.has_begun, true);
             }
             course.last = Some((self.shader, site));
         }
@@ -247,6 +258,22 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         // Compute shaders report no begin.
         if self.course.active.is_empty() && self.lane.is_some() {
             self.enter();
+        }
+        if self.conditions.watches_results()
+            && let Some(lane) = self.running_lane(batch)
+            && let Some(active) = self.course.active.last()
+        {
+            self.conditions.resumed(active.run, &|reg| batch.registers[reg].0[lane]);
+        }
+    }
+
+    fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+        let program = &self.sources.shader(shader).program;
+        if self.lane.is_some()
+            && let Some(Op::Stop(call)) = program.ops.get(batch.stopped_at().index())
+            && let Some(active) = self.course.active.last_mut()
+        {
+            active.passes = call.payload_span().map(|span| span.first);
         }
     }
 
@@ -285,7 +312,7 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
             let run = self.course.run(number).unwrap_or_default();
             // The step was counted before it was made.
             let time = self.course.time - 1;
-            let ran = Ran { program, run, number, op };
+            let ran = Ran { program, run, caller: self.course.caller(number), op };
             self.conditions.ran(time, ran, &|reg| batch.registers[reg].0[lane]);
         }
     }

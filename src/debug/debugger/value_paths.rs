@@ -1,4 +1,5 @@
-//! Which of the noted values of a variable hold at an instruction, and how its parts make the whole.
+//! Which of the noted values of a variable hold at an instruction, and how its parts make the
+//! whole.
 
 use std::collections::HashSet;
 

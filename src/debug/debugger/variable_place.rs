@@ -5,19 +5,18 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::debug::debugger::lane_state::LaneState;
+use crate::debug::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext};
 use crate::debug::debugger::value_layout::{
     MAX_WORDS, buffer_scalars, column_layout, members_words, scalar_bytes, word_count,
 };
 use crate::debug::values::{AddressValue, TypedValue, ValueContent, ValueMember, type_name};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
-use crate::machine::{Binding, Bindings, Buffer, DeviceMemory, REGISTER_POINTER, Reg};
+use crate::machine::{Bindings, Buffer, REGISTER_POINTER, Reg};
 use crate::module::Module;
 use crate::module::ty::{Type, TypeId};
-use crate::ops::memory::{PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE};
 use crate::ops::pointer::{PointeeLayout, storage};
 use crate::ops::translate::array_length;
 use crate::ops::value_registers::Words;
-use crate::program::Program;
 
 /// The most elements of an array that are read with the value that it is part of.
 const MAX_LISTED: u64 = 256;
@@ -28,44 +27,6 @@ pub struct VariablePlace {
     context: Arc<PlaceContext>,
     ty: TypeId,
     storage: PlaceStorage,
-}
-
-/// What all places of a program share.
-#[derive(Debug)]
-pub(super) struct PlaceContext {
-    pub(super) module: Arc<Module>,
-    /// By slot: the binding, and the name of the shader's variable.
-    slots: Vec<(Binding, String)>,
-    /// Whether workgroup memory has no layout of its own: each scalar takes as many words as in
-    /// registers.
-    packed_workgroup: bool,
-}
-
-impl PlaceContext {
-    pub(super) fn new(program: &Program) -> Arc<Self> {
-        Arc::new(Self {
-            module: program.module.clone(),
-            slots: program.slots.iter().map(|slot| (slot.binding, slot.name.clone())).collect(),
-            packed_workgroup: !program.workgroup_variables.iter().any(|variable| variable.is_block),
-        })
-    }
-
-    /// A descriptor in words: the name of its resource in the scene, else that of the shader.
-    fn describe_descriptor(&self, state: &dyn LaneState, handle: u32) -> String {
-        let Some((slot, element)) = Bindings::slot_of(handle) else { return "a null descriptor".into() };
-        let Some((binding, name)) = self.slots.get(slot) else { return format!("descriptor {handle:#x}") };
-        let bindings = state.bindings();
-        let summary = bindings.bound.iter().find(|one| one.binding == *binding);
-        let name = match summary.and_then(|summary| summary.name.as_deref()) {
-            Some(resource) => resource,
-            None => name,
-        };
-        let several = element > 0 || summary.is_some_and(|summary| summary.count > 1);
-        let element = if several { format!("[{element}]") } else { String::new() };
-        let bound = bindings.descriptor(handle).and_then(|descriptor| descriptor.kind());
-        let unbound = if bound.is_none() { ", which is not bound" } else { "" };
-        format!("`{name}{element}` (set {}, binding {}){unbound}", binding.set, binding.binding)
-    }
 }
 
 /// How a place holds its value.
@@ -93,77 +54,6 @@ enum PlaceStorage {
     Parts(Vec<VariablePlace>),
     /// Nowhere, for this reason.
     Unavailable(Arc<str>),
-}
-
-/// Bytes of memory.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct MemoryPlace {
-    pub(super) base: MemoryBase,
-    pub(super) offset: u64,
-    pub(super) layout: PointeeLayout,
-    /// Whether each scalar takes as many words as in registers.
-    pub(super) packed: bool,
-}
-
-/// The memory from which a place counts its offset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum MemoryBase {
-    /// The buffer of a descriptor.
-    Descriptor(u32),
-    PushConstants,
-    ShaderRecord,
-    Workgroup,
-    /// Device memory from an address on.
-    Address(u64),
-}
-
-impl MemoryBase {
-    /// The memory that a handle stands for.
-    pub(super) fn of_handle(handle: u32) -> Self {
-        match handle {
-            PUSH_CONSTANTS_HANDLE => Self::PushConstants,
-            SHADER_RECORD_HANDLE => Self::ShaderRecord,
-            WORKGROUP_HANDLE => Self::Workgroup,
-            handle => Self::Descriptor(handle),
-        }
-    }
-
-    /// The buffer, and the range of its bytes that counts.
-    fn buffer(self, state: &dyn LaneState) -> Result<(&Buffer, Range<u64>), String> {
-        let whole = |buffer: &'_ Buffer| 0..buffer.size();
-        match self {
-            Self::Descriptor(handle) => {
-                let found = state.bindings().buffer(handle).map(|buffer| (buffer, whole(buffer)));
-                found.ok_or_else(|| "no buffer is bound".to_owned())
-            }
-            Self::PushConstants => {
-                let found = state.bindings().push_constants.as_deref().map(|buffer| (buffer, whole(buffer)));
-                found.ok_or_else(|| "there are no push constants".to_owned())
-            }
-            Self::ShaderRecord => {
-                let found = state.shader_record().map(|(buffer, first, size)| (buffer, first..first + size));
-                found.ok_or_else(|| "the shader record has no data".to_owned())
-            }
-            Self::Workgroup => {
-                let found = state.workgroup_memory().map(|buffer| (buffer, whole(buffer)));
-                found.ok_or_else(|| "there is no workgroup memory".to_owned())
-            }
-            Self::Address(address) => {
-                if DeviceMemory::is_null(address) {
-                    return Err(match address {
-                        0 => "the pointer is null".to_owned(),
-                        _ => format!("{address:#x} is too near to the null pointer"),
-                    });
-                }
-                let (buffer, first) = state
-                    .bindings()
-                    .memory
-                    .buffer(address)
-                    .ok_or_else(|| format!("no buffer lies at the address {address:#x}"))?;
-                Ok((buffer, first..buffer.size().max(first)))
-            }
-        }
-    }
 }
 
 impl VariablePlace {
@@ -340,6 +230,11 @@ impl VariablePlace {
         let (buffer, range) = memory.base.buffer(state).ok()?;
         let whole = buffer.view(range.start, range.end - range.start, "memory")?;
         Some((whole, memory.offset))
+    }
+
+    /// How many words a value of the type has in registers; `None` where that is not known.
+    pub fn word_count(&self) -> Option<usize> {
+        word_count(self.module(), self.ty).map(|count| count as usize)
     }
 
     /// The memory that holds the value, in whole words, where memory does.
@@ -637,6 +532,7 @@ impl VariablePlace {
             Self::memory(context, ty, MemoryPlace { base, offset, layout: PointeeLayout::default(), packed })
         };
         Ok(match (storage_class, words) {
+            (storage::PHYSICAL_STORAGE_BUFFER, &[0, 0]) => return Err("the pointer is null".into()),
             (storage::PHYSICAL_STORAGE_BUFFER, &[low, high]) => {
                 memory(MemoryBase::Address(u64::from(low) | u64::from(high) << 32), 0, false)
             }

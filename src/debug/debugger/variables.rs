@@ -7,10 +7,11 @@ use smallvec::SmallVec;
 
 use crate::debug::debugger::id_places::IdPlaces;
 use crate::debug::debugger::lane_state::LaneState;
+use crate::debug::debugger::place_memory::PlaceContext;
 use crate::debug::debugger::source_frames::{SourceFrame, source_frames};
 use crate::debug::debugger::source_locals::{SourceLocal, locals_of};
 use crate::debug::debugger::value_paths::{FoundPart, assemble, reaching};
-use crate::debug::debugger::variable_place::{PlaceContext, VariablePlace};
+use crate::debug::debugger::variable_place::VariablePlace;
 use crate::machine::OpIndex;
 use crate::module::debug_scopes::{LocationForm, VariableLocation};
 use crate::module::ty::Type;
@@ -92,7 +93,28 @@ pub fn variables_in_frame(program: &Program, frame: &SourceFrame, state: &dyn La
         found.push((local.depth, last.unwrap_or(0), variable));
     }
     found.sort_by_key(|(depth, last, variable)| (*depth, !variable.is_declared, Reverse(*last)));
-    found.into_iter().map(|(.., variable)| variable).collect()
+    let mut variables: Vec<Variable> = found.into_iter().map(|(.., variable)| variable).collect();
+    if frame.origin.scope == 0 {
+        find_interface_parameters(program, state, &mut variables);
+    }
+    variables
+}
+
+/// Slang's entry points have payload and attributes as parameters, of which debug information tells
+/// only values that are stored. The variable of the interface that has the name is the parameter.
+fn find_interface_parameters(program: &Program, state: &dyn LaneState, variables: &mut [Variable]) {
+    let is_parameter = |variable: &Variable| variable.kind == VariableKind::Parameter;
+    if !variables.iter().any(is_parameter) {
+        return;
+    }
+    let kinds = [VariableKind::Payload, VariableKind::CallableData, VariableKind::HitAttribute];
+    let interface = global_variables(program, state);
+    let interface: Vec<&Variable> = interface.iter().filter(|one| kinds.contains(&one.kind)).collect();
+    for parameter in variables.iter_mut().filter(|variable| is_parameter(variable)) {
+        if let Some(own) = interface.iter().find(|one| one.name == parameter.name) {
+            (parameter.place, parameter.is_declared) = (own.place.clone(), true);
+        }
+    }
 }
 
 /// The variables of the module that the program uses.
@@ -239,7 +261,7 @@ fn place_of_local(
 fn place_of(places: &IdPlaces<'_>, location: &VariableLocation) -> VariablePlace {
     match location.form {
         LocationForm::Declared | LocationForm::Pointer => places.pointee(location.value),
-        LocationForm::Value => places.value(location.value),
+        LocationForm::Direct => places.value(location.value),
         LocationForm::Calculated => {
             let why: Arc<str> = "it is an expression of debug information that is not evaluated".into();
             let ty = places.program.module.type_of(location.value).unwrap_or_else(|| places.void());

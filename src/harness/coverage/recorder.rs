@@ -8,8 +8,8 @@ use crate::debug::names::Names;
 use crate::harness::block_counts::{BlockCounts, ProgramCounts};
 use crate::harness::coverage::{Coverage, Edge, RayCounts};
 use crate::machine::{BlockIndex, ShaderIndex};
+use crate::module::Module;
 use crate::module::debug_info::SourceLine;
-use crate::module::{Id, Module};
 use crate::pipeline::Event;
 use crate::program::{Program, Terminator};
 use crate::scene::{Assembled, ResolvedScene};
@@ -123,7 +123,7 @@ impl Lines {
                 *known = count.max(*known);
                 if entered.insert(span.scope) {
                     let function = program.scopes.get(span.scope as usize).map(|scope| scope.function);
-                    let name = function.and_then(|id| function_name(&program.module, id));
+                    let name = function.and_then(|id| program.module.function_name(id)).map(str::to_owned);
                     if let (Some(name), Some(file)) = (name, names.get(file as usize)) {
                         let file = self.coverage.files.entry(file.clone()).or_default();
                         *file.functions.entry((line, name)).or_default() += count;
@@ -195,13 +195,4 @@ fn from_here(name: &str, module: &Path) -> String {
     let beside = [folder.join(written), folder.join(written.file_name().unwrap_or_default())];
     let found = std::iter::once(written.to_path_buf()).chain(beside).find(|path| path.is_file());
     found.map_or_else(|| name.to_owned(), |path| path.display().to_string())
-}
-
-/// A function's name in the source, without the types of its parameters that glslang appends.
-fn function_name(module: &Module, function: Id) -> Option<String> {
-    let debug = &module.debug_info;
-    let name = debug.function_names.get(&function).map(|name| &**name);
-    let name = name.or_else(|| debug.names.get(&function).map(String::as_str))?;
-    let name = name.split(['(', ',']).next().unwrap_or(name);
-    (!name.is_empty()).then(|| name.to_owned())
 }

@@ -1,183 +1,140 @@
 //! Sums of products with one rounding instead of two, where the module allows it.
 
-use rustc_hash::{FxHashMap, FxHashSet};
-
-use crate::harness::stability::no_contraction;
+use crate::harness::many_seeds::float_arithmetic::{FloatArithmetic, sign_bit};
+use crate::harness::many_seeds::float_licence::FloatLicence;
+use crate::harness::many_seeds::lane_bits::{set_words, words};
+use crate::harness::many_seeds::live_registers::LiveRegisters;
 use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpIndex, OpenChoices, Reg};
-use crate::module::Id;
-use crate::module::ty::Type;
-use crate::ops::memory::MemoryOp;
-use crate::ops::op::Op;
-use crate::program::Program;
+use crate::ops::lane_kernel::LaneKernel;
 
-/// The capability `FloatControls2` (`SPV_KHR_float_controls2`).
-const FLOAT_CONTROLS2: u32 = 6029;
-/// The decoration `FPFastMathMode`.
-const FP_FAST_MATH_MODE: u32 = 40;
-/// The execution mode `FPFastMathDefault`.
-const FP_FAST_MATH_DEFAULT: u32 = 6028;
-/// `AllowContract`, a bit of `FP Fast Math Mode`.
-const ALLOW_CONTRACT: u64 = 0x1_0000;
-
-/// The operations of a program that may be contracted.
-#[derive(Debug)]
-pub(super) struct Contractions {
-    /// Sums, differences and products of 32-bit floats, with the words of their instructions.
-    allowed: FxHashMap<OpIndex, u32>,
-}
-
-/// Products that are in a register, lane by lane.
-#[derive(Clone, Debug)]
-struct Products {
-    factors: Vec<[f32; 2]>,
-    /// The rounded products, which tell whether the register still holds them.
-    rounded: Vec<u32>,
-}
+/// The factors of a product, lane by lane.
+pub(super) type Factors = Vec<[u64; 2]>;
 
 /// The products in the registers of the batch that runs.
-#[derive(Debug, Default)]
-pub(super) struct LiveProducts {
-    by_register: FxHashMap<Reg, Products>,
+pub(super) type LiveProducts = LiveRegisters<Factors>;
+
+/// The factors of a product that was executed.
+pub(super) fn factors<const W: usize>(batch: &Batch<W>, kernel: &LaneKernel, from: &[Reg; 3]) -> Factors {
+    let factor = |at: usize, lane| words(batch, from[at], kernel.words, lane);
+    (0..W).map(|lane| [factor(0, lane), factor(1, lane)]).collect()
 }
 
-impl LiveProducts {
-    /// Forgets all products, as another batch runs.
-    pub(super) fn clear(&mut self) {
-        self.by_register.clear();
-    }
-}
-
-impl Contractions {
-    /// The operations of a program that may be contracted.
-    pub(super) fn of(program: &Program) -> Self {
-        let forbidden = forbidden(program);
-        let may = |(at, op): (usize, &Op)| {
-            let Op::LaneKernel { kernel, .. } = op else { return None };
-            let offset = program.origins.get(at)?.offset;
-            let is_one = matches!(kernel.name, "FAdd" | "FSub" | "FMul") && kernel.float_result == 32;
-            (is_one && !forbidden.contains(&offset)).then(|| (OpIndex::new(at), offset))
-        };
-        Self { allowed: program.ops.iter().enumerate().filter_map(may).collect() }
-    }
-
-    /// Notes the products of an operation, or recomputes its sums with products that are not
-    /// rounded.
-    pub(super) fn after<const W: usize>(
-        &self,
-        choices: &OpenChoices,
-        op: OpIndex,
-        executed: &Op,
-        live: &mut LiveProducts,
-        batch: &mut Batch<W>,
-    ) {
-        match executed {
-            Op::LaneKernel { kernel, to, from } if self.allowed.contains_key(&op) => {
-                let (to, from, offset) = (*to, [from[0], from[1]], self.allowed[&op]);
-                if kernel.name == "FMul" {
-                    live.by_register.insert(to, Products::of(batch, to, from));
-                } else {
-                    let sum = Sum { op, offset, is_difference: kernel.name == "FSub", to, from };
-                    sum.contract(choices, live, batch);
-                }
-            }
-            Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) => {
-                match live.by_register.get(from).cloned() {
-                    Some(products) => live.by_register.insert(*to, products),
-                    None => live.by_register.remove(to),
-                };
-            }
-            _ => {}
-        }
-    }
-}
-
-impl Products {
-    fn of<const W: usize>(batch: &Batch<W>, to: Reg, from: [Reg; 2]) -> Self {
-        let float = |register: Reg, lane: usize| f32::from_bits(batch.registers[register].0[lane]);
-        let factors = (0..W).map(|lane| from.map(|register| float(register, lane))).collect();
-        Self { factors, rounded: batch.registers[to].0.to_vec() }
-    }
-}
-
-/// A sum or difference that was executed.
+/// A sum or a product that was executed.
 #[derive(Clone, Copy, Debug)]
-struct Sum {
-    op: OpIndex,
-    /// The words of its instruction.
-    offset: u32,
-    is_difference: bool,
-    to: Reg,
-    from: [Reg; 2],
+pub(super) struct ExecutedArithmetic<'a> {
+    /// The operation.
+    pub op: OpIndex,
+    /// `FAdd`, `FSub`, `FMul`, or `Fma` of `GLSL.std.450`.
+    pub kernel: &'static LaneKernel,
+    /// The register of the result.
+    pub to: Reg,
+    /// Those of the operands.
+    pub from: &'a [Reg; 3],
+    /// What may be done with it.
+    pub licence: &'a FloatLicence,
 }
 
-impl Sum {
-    /// Recomputes it, if that is drawn, in the lanes where an operand is a product.
-    fn contract<const W: usize>(&self, choices: &OpenChoices, live: &LiveProducts, batch: &mut Batch<W>) {
-        let [first, second] = self.from.map(|register| live.by_register.get(&register));
-        if first.is_none() && second.is_none() {
-            return;
-        }
-        // An instruction is contracted in all invocations and components, or in none.
-        let place = u64::from(choices.shader.0) << 32 | u64::from(self.offset);
-        let site = choices.site(ChoiceKind::Contraction, [0; 3], place);
-        // Of two products one at most is left unrounded.
-        let Some(which) = choices.draw(site).map(|mut random| random.below(3)) else { return };
-        let (at, products) = match (which, first, second) {
-            (0, Some(products), _) => (0, products),
-            (1, _, Some(products)) => (1, products),
-            _ => return,
-        };
-        let sign = |negated: bool| if negated { -1.0 } else { 1.0 };
-        let signs = [sign(self.is_difference && at == 1), sign(self.is_difference && at == 0)];
-        let mut differs = false;
-        for lane in batch.mask.lanes() {
-            let word = |register: Reg| batch.registers[register].0[lane];
-            if word(self.from[at]) != products.rounded[lane] {
-                continue;
-            }
-            let other = f32::from_bits(word(self.from[1 - at]));
-            let [a, b] = products.factors[lane];
-            let fused = (signs[0] * a).mul_add(b, signs[1] * other);
-            differs |= fused.to_bits() != word(self.to);
-            batch.registers[self.to].0[lane] = fused.to_bits();
-        }
-        if differs {
-            let details = || DrawnDetails::Value { shader: choices.shader, op: Some(self.op), id: 0 };
-            choices.note(site, details);
-        }
+impl ExecutedArithmetic<'_> {
+    /// The site of a choice about its instruction: it is made for all invocations and components.
+    pub(super) fn place(&self, choices: &OpenChoices) -> u64 {
+        u64::from(choices.shader.0) << 32 | u64::from(self.licence.offset)
+    }
+
+    /// Whether the second operand is subtracted.
+    pub(super) fn is_difference(&self) -> bool {
+        self.kernel.name == "FSub"
+    }
+
+    /// Notes a draw that makes a difference.
+    pub(super) fn note(&self, choices: &OpenChoices, kind: ChoiceKind) {
+        let site = choices.site(kind, [0; 3], self.place(choices));
+        let (shader, op) = (choices.shader, Some(self.op));
+        choices.note(site, || DrawnDetails::Value { shader, op, what: None });
     }
 }
 
-/// The words of the instructions that must not be contracted: those decorated `NoContraction`, and
-/// with `FloatControls2` those whose fast-math mode, their own or that of the entry point, has no
-/// `AllowContract`.
-fn forbidden(program: &Program) -> FxHashSet<u32> {
-    let module = &program.module;
-    let mut forbidden: FxHashSet<u32> = no_contraction(module).into_iter().collect();
-    if !module.capabilities.contains(&FLOAT_CONTROLS2) {
-        return forbidden;
+/// Notes the factors of a product, or recomputes a sum with a product that is not rounded, if that
+/// is drawn. Returns whether the sum was.
+pub(super) fn after<const W: usize>(
+    executed: ExecutedArithmetic<'_>,
+    choices: &OpenChoices,
+    live: &mut LiveProducts,
+    arithmetic: &mut FloatArithmetic,
+    batch: &mut Batch<W>,
+) -> bool {
+    let ExecutedArithmetic { kernel, to, from, licence, .. } = executed;
+    if !licence.contracts || licence.is_formula {
+        return false;
     }
-    let default = default_mode(program);
-    let blocks = module.functions.iter().flat_map(|function| &function.blocks);
-    for one in blocks.flat_map(|block| &block.instructions) {
-        let Some(id) = one.result else { continue };
-        let own = module.decorations.literal(id, FP_FAST_MATH_MODE).map(u64::from);
-        if own.or(default).is_some_and(|mode| mode & ALLOW_CONTRACT == 0) {
-            forbidden.insert(one.offset);
+    match kernel.name {
+        "FMul" => {
+            live.set(to, factors(batch, kernel, from), batch, |_| true);
+            false
         }
+        "Fma" => fuse(executed, choices, arithmetic, batch),
+        _ => contract(executed, choices, live, arithmetic, batch),
     }
-    forbidden
 }
 
-/// The fast-math mode that the entry point sets for 32-bit floats, if it does.
-fn default_mode(program: &Program) -> Option<u64> {
-    let module = &program.module;
-    let mut entries = module.entry_points.iter();
-    let entry = entries.find(|entry| entry.stage == program.stage && entry.name == program.name)?;
-    entry.modes.iter().find_map(|(number, operands)| {
-        let &[ty, mode] = &operands[..] else { return None };
-        let ty = (*number == FP_FAST_MATH_DEFAULT).then(|| module.type_with_id(Id(ty)))??;
-        let is_single = matches!(module.ty(ty), Type::Float { width: 32, .. });
-        is_single.then(|| module.scalar_value(Id(mode))).flatten()
-    })
+/// Recomputes a sum, if that is drawn, in the lanes where an operand is a product.
+fn contract<const W: usize>(
+    executed: ExecutedArithmetic<'_>,
+    choices: &OpenChoices,
+    live: &LiveProducts,
+    arithmetic: &mut FloatArithmetic,
+    batch: &mut Batch<W>,
+) -> bool {
+    let ExecutedArithmetic { kernel, to, from, .. } = executed;
+    let [first, second] = [from[0], from[1]].map(|register| live.get(register));
+    if first.is_none() && second.is_none() {
+        return false;
+    }
+    let site = choices.site(ChoiceKind::Contraction, [0; 3], executed.place(choices));
+    // Of two products one at most is left unrounded.
+    let Some(which) = choices.draw(site).map(|mut random| random.below(3)) else { return false };
+    let (at, product) = match (which, first, second) {
+        (0, Some(product), _) => (0, product),
+        (1, _, Some(product)) => (1, product),
+        _ => return false,
+    };
+    let width = kernel.float_result;
+    let sign = |negated: bool| if negated { sign_bit(width) } else { 0 };
+    let signs = [sign(executed.is_difference() && at == 1), sign(executed.is_difference() && at == 0)];
+    let mut differs = false;
+    for lane in batch.mask.lanes().filter(|&lane| product.holds(lane)) {
+        let other = words(batch, from[1 - at], kernel.words, lane);
+        let [a, b] = product.made_of[lane];
+        let fused = arithmetic.fma(width, a ^ signs[0], b, other ^ signs[1]);
+        differs |= fused != words(batch, to, kernel.words, lane);
+        set_words(batch, to, kernel.words, lane, fused);
+    }
+    if differs {
+        executed.note(choices, ChoiceKind::Contraction);
+    }
+    differs
+}
+
+/// Recomputes `Fma` with one rounding, if that is drawn; this crate rounds twice.
+fn fuse<const W: usize>(
+    executed: ExecutedArithmetic<'_>,
+    choices: &OpenChoices,
+    arithmetic: &mut FloatArithmetic,
+    batch: &mut Batch<W>,
+) -> bool {
+    let ExecutedArithmetic { kernel, to, from, .. } = executed;
+    let site = choices.site(ChoiceKind::Contraction, [0; 3], executed.place(choices));
+    if choices.draw(site).is_none_or(|mut random| random.below(2) == 0) {
+        return false;
+    }
+    let mut differs = false;
+    for lane in batch.mask.lanes() {
+        let [a, b, c] = from.map(|register| words(batch, register, kernel.words, lane));
+        let fused = arithmetic.fma(kernel.float_result, a, b, c);
+        differs |= fused != words(batch, to, kernel.words, lane);
+        set_words(batch, to, kernel.words, lane, fused);
+    }
+    if differs {
+        executed.note(choices, ChoiceKind::Contraction);
+    }
+    differs
 }

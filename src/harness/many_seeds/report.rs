@@ -3,11 +3,9 @@
 use std::collections::BTreeMap;
 
 use crate::accel::Candidate;
-use crate::debug::shell;
 use crate::error::{Error, ErrorKind};
 use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
 use crate::machine::{ChoiceKind, ChoiceSite, DrawnDetails, DrawnTraversal, OpIndex, ShaderIndex};
-use crate::module::Id;
 use crate::pipeline::with_location;
 use crate::program::Program;
 use crate::sanitize::Finding;
@@ -22,6 +20,8 @@ const TOLD_HITS: usize = 6;
 pub(super) struct DifferenceReport<'a> {
     pub scene: &'a ResolvedScene,
     pub runs: &'a Runs<'a>,
+    /// The command that repeats the runs, but for its seeds.
+    pub command: &'a str,
     /// The choice that is told, the first of those that are drawn.
     pub kind: ChoiceKind,
     /// What was drawn in the run that is told of.
@@ -29,6 +29,8 @@ pub(super) struct DifferenceReport<'a> {
     /// What was drawn there, where it makes a difference to this crate's own choice.
     pub draws: &'a BTreeMap<ChoiceSite, Option<DrawnDetails>>,
     pub difference: &'a RunDifference,
+    /// Whether it suffices that invocations run one after the other, not side by side.
+    pub is_one_by_one: bool,
 }
 
 impl DifferenceReport<'_> {
@@ -48,8 +50,16 @@ impl DifferenceReport<'_> {
         let mut error = Error::new(ErrorKind::Finding, message);
         error = match first {
             Some((site, Some(DrawnDetails::Traversal(drawn)))) => self.describe_ray(error, site, drawn),
-            Some((site, Some(DrawnDetails::Value { shader, op, id }))) => {
-                self.describe_value(error, site, *shader, *op, Id(*id))
+            Some((site, Some(DrawnDetails::Value { shader, op, what }))) => {
+                self.describe_value(error, site, *shader, *op, what.as_deref())
+            }
+            Some((site, Some(DrawnDetails::Order { part, unit, pair }))) => {
+                let [first, second] =
+                    pair.map(|number| self.runs.name_of_unit(site.pass, *part, *unit, number));
+                error.note(format!("the difference is made by {first} coming before {second}"))
+            }
+            _ if self.is_one_by_one => {
+                error.note("it suffices that invocations run one after the other instead of side by side")
             }
             _ => error,
         };
@@ -60,10 +70,14 @@ impl DifferenceReport<'_> {
             error = error
                 .note(format!("{} draws together make the difference; the first is told", self.draws.len()));
         }
-        let seed = self.drawing.seed;
-        let scene = shell::word(&self.scene.path.display().to_string());
-        let more = if kind == ChoiceKind::Contraction { " --contract" } else { "" };
-        let command = format!("anyhit run {scene} --seed-range {seed}..{}{more}", seed + 1);
+        let (seed, command) = (self.drawing.seed, self.command);
+        let drawn = |is_drawn: fn(ChoiceKind) -> bool| self.drawing.kinds.iter().any(|&kind| is_drawn(kind));
+        let more = match () {
+            () if drawn(ChoiceKind::is_of_fast_math) => " --fast-math",
+            () if drawn(ChoiceKind::is_contracted) => " --contract",
+            () => "",
+        };
+        let command = format!("{command} --seed-range {seed}..{}{more}", seed + 1);
         error = error.note(format!("drawn by seed {seed}: {command}"));
         Finding { rule, level, count: 0, launch_id, stack: Vec::new(), error }
     }
@@ -105,33 +119,34 @@ impl DifferenceReport<'_> {
         site: &ChoiceSite,
         shader: ShaderIndex,
         op: Option<OpIndex>,
-        id: Id,
+        what: Option<&str>,
     ) -> Error {
         let Some(program) = self.runs.program(*site, shader) else { return error };
         let (stage, name) = (program.stage.name(), &program.name);
-        let at = |error: Error, label: &str| {
-            op.into_iter().fold(error, |error, op| with_location(&program, op, error, label))
-        };
-        match site.kind {
-            ChoiceKind::Contraction => {
-                at(error, "its product is not rounded here").note(format!("in {stage} `{name}`"))
-            }
-            ChoiceKind::RobustRead => {
-                invocation(at(error, "it reads outside its buffer here"), &program, site)
-            }
-            _ => {
-                let id = match program.module.name(id) {
-                    Some(name) => format!("`{name}`"),
-                    None => format!("%{}", id.0),
-                };
-                let error = at(error, "it is undefined from here on");
-                invocation(
-                    error.note(format!("{id} is read where nothing was written to it")),
-                    &program,
-                    site,
-                )
-            }
+        let label = label(site.kind);
+        let error = op.into_iter().fold(error, |error, op| with_location(&program, op, error, label));
+        let error = what.into_iter().fold(error, |error, what| error.note(what));
+        if site.kind.is_contracted() || site.kind.is_of_fast_math() {
+            return error.note(format!("in {stage} `{name}`"));
         }
+        invocation(error, &program, site)
+    }
+}
+
+/// What happens at the operation where a value is drawn.
+fn label(kind: ChoiceKind) -> &'static str {
+    match kind {
+        ChoiceKind::RobustRead => "it reads outside its buffer here",
+        ChoiceKind::RobustTexel => "it reads outside its image here",
+        ChoiceKind::UndefinedResult => "the result is undefined here",
+        ChoiceKind::Contraction => "its product is not rounded here",
+        ChoiceKind::DotOrder => "its products are added otherwise here",
+        ChoiceKind::Reassociation => "its operands are reordered here",
+        ChoiceKind::Division => "its quotient is rounded otherwise here",
+        ChoiceKind::FunctionPrecision => "it is less exact here",
+        ChoiceKind::ZeroSign => "its zeros have another sign here",
+        ChoiceKind::DenormalFlush => "its denormal numbers are flushed here",
+        _ => "it is undefined from here on",
     }
 }
 
@@ -154,6 +169,15 @@ fn where_drawn(kind: ChoiceKind) -> &'static str {
         ChoiceKind::SubgroupSize => "subgroups have another size",
         ChoiceKind::RobustRead => "a read outside its buffer gives another value",
         ChoiceKind::UndefinedValue => "an undefined value is another one",
+        ChoiceKind::UndefinedResult => "an undefined result is another one",
+        ChoiceKind::WorkgroupMemory => "workgroup memory holds something else at the beginning",
+        ChoiceKind::RobustTexel => "a read outside its image gives another texel",
         ChoiceKind::Contraction => "a product is added without being rounded",
+        ChoiceKind::DotOrder => "a dot product is added up in another way",
+        ChoiceKind::Reassociation => "a sum or product is calculated in another order",
+        ChoiceKind::Division => "a quotient is rounded otherwise",
+        ChoiceKind::FunctionPrecision => "a function is less exact",
+        ChoiceKind::ZeroSign => "a zero has the other sign",
+        ChoiceKind::DenormalFlush => "denormal numbers are flushed to zero",
     }
 }

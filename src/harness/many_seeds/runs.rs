@@ -3,16 +3,21 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::accel::Tlas;
+use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::expect::{Expectations, Observed};
 use crate::harness::many_seeds::values::{OpenValues, ValueDraws};
-use crate::harness::observe::{fresh_resources, read_resources};
+use crate::harness::observe::{first_ray, fresh_resources, read_resources};
 use crate::harness::stability::UnstableOutput;
 use crate::harness::stability::outputs::OutputComparison;
-use crate::machine::{ChoiceKind, ChoiceLog, ChoiceSite, OpenChoices, Resources, ShaderIndex};
+use crate::machine::{
+    ChoiceKind, ChoiceLog, ChoiceSite, Observer, OpenChoices, OrderLimits, OrderPart, Resources, ShaderIndex,
+};
 use crate::math::random::Random;
-use crate::pipeline::Launch;
+use crate::pipeline::{Event, Launch};
 use crate::program::Program;
+use crate::sanitize::Levels;
 use crate::scene::pass::{Pass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -28,6 +33,8 @@ pub(super) struct Drawing {
     pub kinds: BTreeSet<ChoiceKind>,
     /// Where they are drawn; `None` for everywhere.
     pub only: Option<Arc<BTreeSet<ChoiceSite>>>,
+    /// How much of the orders that are drawn is kept; `None` for all.
+    pub orders: Option<OrderLimits>,
     /// Where it is noted what was drawn.
     pub log: Option<Arc<ChoiceLog>>,
 }
@@ -35,13 +42,13 @@ pub(super) struct Drawing {
 impl Drawing {
     /// All draws of some choices.
     pub(super) fn of(seed: u64, kinds: BTreeSet<ChoiceKind>) -> Self {
-        Self { seed, kinds, only: None, log: None }
+        Self { seed, kinds, only: None, orders: None, log: None }
     }
 
     /// The choices of a pass.
     fn of_pass(&self, pass: u32) -> OpenChoices {
-        let Self { seed, kinds, only, log } = self.clone();
-        OpenChoices { seed, pass, shader: ShaderIndex(0), kinds, only, log }
+        let Self { seed, kinds, only, orders, log } = self.clone();
+        OpenChoices { seed, pass, shader: ShaderIndex(0), kinds, only, orders, log }
     }
 }
 
@@ -69,6 +76,8 @@ fn resource_of(value: &str) -> Option<&str> {
 /// A scene that is run again and again.
 pub(super) struct Runs<'a> {
     scene: &'a ResolvedScene,
+    /// The ray or invocation that runs alone; `None` for all passes.
+    which: Option<&'a ResolvedRequest>,
     /// The scene with its pipelines and resources, which no run changes.
     assembled: &'a Assembled,
     /// Its shaders without optimization, for runs in which values are drawn.
@@ -86,19 +95,29 @@ impl<'a> Runs<'a> {
     ///
     /// # Errors
     /// The trap, those of lowering a shader without optimization, and mistakes in `[expect]`.
-    pub(super) fn new(scene: &'a ResolvedScene, assembled: &'a Assembled) -> Result<Self> {
+    pub(super) fn new(
+        scene: &'a ResolvedScene,
+        assembled: &'a Assembled,
+        which: Option<&'a ResolvedRequest>,
+        levels: &Levels,
+    ) -> Result<Self> {
         let reference = assembled.unoptimized()?;
+        let of_program = |program: &Arc<Program>| OpenValues::of(program, levels);
         let of_pass = |pass: &Pass| match &pass.work {
             PassWork::Launch(launch) => {
-                reference.pipeline_at(launch.pipeline).programs.iter().map(OpenValues::of).collect()
+                reference.pipeline_at(launch.pipeline).programs.iter().map(of_program).collect()
             }
-            PassWork::Dispatch(at) => vec![OpenValues::of(&reference.dispatches[*at].compute.program)],
+            PassWork::Dispatch(at) => vec![of_program(&reference.dispatches[*at].compute.program)],
         };
-        let values = reference.passes.iter().map(of_pass).collect();
+        // A ray from the host needs no launch: then the pipeline stands alone.
+        let mut values: Vec<_> = reference.passes.iter().map(of_pass).collect();
+        if values.is_empty() {
+            values.push(reference.pipeline.programs.iter().map(of_program).collect());
+        }
         let mut expectations = Expectations::read(&scene.document)?;
         expectations.read_with(&scene.files);
         let own = Observed::default();
-        let mut runs = Self { scene, assembled, reference, values, expectations, own };
+        let mut runs = Self { scene, which, assembled, reference, values, expectations, own };
         runs.own = runs.run(None)?;
         Ok(runs)
     }
@@ -106,12 +125,57 @@ impl<'a> Runs<'a> {
     /// The program of a shader of a pass, as it runs where some choice is drawn.
     pub(super) fn program(&self, site: ChoiceSite, shader: ShaderIndex) -> Option<Arc<Program>> {
         let assembled = if site.kind.is_of_values() { &self.reference } else { self.assembled };
-        match &assembled.passes.get(site.pass as usize)?.work {
+        let Some(pass) = assembled.passes.get(site.pass as usize) else {
+            return assembled.pipeline.programs.get(shader.index()).cloned();
+        };
+        match &pass.work {
             PassWork::Launch(launch) => {
                 assembled.pipeline_at(launch.pipeline).programs.get(shader.index()).cloned()
             }
             PassWork::Dispatch(index) => Some(assembled.dispatches[*index].compute.program.clone()),
         }
+    }
+
+    /// How many invocations or workgroups of a pass stand in an order.
+    pub(super) fn ordered_count(&self, pass: u32, part: OrderPart) -> u64 {
+        let count = |sides: [u32; 3]| sides.into_iter().map(u64::from).product();
+        match (self.pass_work(pass), part) {
+            (Some(PassWork::Launch(launch)), OrderPart::Grid) => count(launch.size),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => count(self.assembled.dispatches[at].groups),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Workgroup) => count(self.workgroup_size(at)),
+            _ => 0,
+        }
+    }
+
+    /// The name of an invocation or a workgroup of a pass, or of the units of them that move
+    /// together from there on.
+    pub(super) fn name_of_unit(&self, pass: u32, part: OrderPart, unit: u64, number: u64) -> String {
+        let place = |[width, height, _]: [u32; 3], number: u64| {
+            let (width, height) = (u64::from(width), u64::from(height));
+            format!("({}, {}, {})", number % width, number / width % height, number / (width * height))
+        };
+        let name = match (self.pass_work(pass), part) {
+            (Some(PassWork::Launch(launch)), _) => format!("invocation {}", place(launch.size, number)),
+            (Some(&PassWork::Dispatch(at)), OrderPart::Grid) => {
+                format!("workgroup {}", place(self.assembled.dispatches[at].groups, number))
+            }
+            (Some(&PassWork::Dispatch(at)), OrderPart::Workgroup) => {
+                let layout = self.assembled.dispatches[at].compute.program.workgroup;
+                let number = layout.map_or(number, |layout| layout.index_of(number as u32).into());
+                format!("local invocation {}", place(self.workgroup_size(at), number))
+            }
+            (None, _) => format!("invocation {number}"),
+        };
+        if unit > 1 { format!("the {unit} invocations from {name} on") } else { name }
+    }
+
+    fn pass_work(&self, pass: u32) -> Option<&PassWork> {
+        self.assembled.passes.get(pass as usize).map(|pass| &pass.work)
+    }
+
+    fn workgroup_size(&self, dispatch: usize) -> [u32; 3] {
+        let program = &self.assembled.dispatches[dispatch].compute.program;
+        program.workgroup.map_or([1; 3], |layout| layout.size)
     }
 
     /// Runs the scene with draws; how its outputs then differ, if they do.
@@ -144,6 +208,9 @@ impl<'a> Runs<'a> {
     /// Runs all passes on a copy of the resources.
     fn run(&self, drawing: Option<&Drawing>) -> Result<Observed> {
         let resources = fresh_resources(&self.assembled.resources);
+        if let Some(which) = self.which {
+            return self.run_one(which, &resources, drawing);
+        }
         for (number, pass) in self.assembled.passes.iter().enumerate() {
             let mut own = self.assembled.pass_resources(pass, &resources).into_owned();
             own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(number as u32)));
@@ -161,6 +228,56 @@ impl<'a> Runs<'a> {
         let mut observed = Observed::default();
         read_resources(self.scene, &resources, &mut observed);
         Ok(observed)
+    }
+
+    /// Runs one ray or invocation, after the passes before it, in which nothing is drawn.
+    fn run_one(
+        &self,
+        which: &ResolvedRequest,
+        resources: &Resources,
+        drawing: Option<&Drawing>,
+    ) -> Result<Observed> {
+        let is_of_values =
+            drawing.is_some_and(|drawing| drawing.kinds.iter().any(|kind| kind.is_of_values()));
+        let assembled = if is_of_values { &self.reference } else { self.assembled };
+        let single = assembled.single_launch(which.pass.as_deref())?;
+        single.run_before(resources)?;
+        let mut own = single.resources(resources).into_owned();
+        own.choices = drawing.map(|drawing| Arc::new(drawing.of_pass(single.number as u32)));
+        let launch = Launch { pipeline: &single.pipeline, resources: &own };
+        let mut events = Vec::new();
+        let mut sink: &mut dyn FnMut(Event) = &mut |event| events.push(event);
+        match own.choices.as_deref().filter(|_| is_of_values) {
+            Some(choices) => {
+                let mut draws = ValueDraws::new(&self.values[single.number], choices);
+                let mut draws: &mut dyn Observer<1> = &mut draws;
+                self.run_single(&launch, single.size, which, &mut sink, &mut draws)?;
+            }
+            None => self.run_single(&launch, single.size, which, &mut sink, &mut ())?,
+        }
+        let mut observed = Observed::default();
+        observed.rays.push((None, Ok(first_ray(&single.pipeline, &events))));
+        read_resources(self.scene, resources, &mut observed);
+        Ok(observed)
+    }
+
+    /// Runs one ray or invocation of a launch under an observer.
+    fn run_single(
+        &self,
+        launch: &Launch<'_>,
+        size: [u32; 3],
+        which: &ResolvedRequest,
+        sink: &mut &mut dyn FnMut(Event),
+        observer: &mut impl Observer<1>,
+    ) -> Result<()> {
+        match &which.what {
+            SingleRun::Pixel(id) => launch.run_one(*id, size, sink, observer)?,
+            SingleRun::Ray(given) => {
+                let tlas = self.scene.tlas.first().map_or_else(|| Tlas::empty(), |(_, tlas)| tlas);
+                launch.trace_observed(tlas, given.operands(launch.pipeline)?, sink, observer)?.stats
+            }
+        };
+        Ok(())
     }
 
     /// Runs a pass, with subgroups of another size where that is drawn.
@@ -190,7 +307,7 @@ impl<'a> Runs<'a> {
             PassWork::Launch(launch) => {
                 let pipeline = self.reference.pass_pipeline(launch);
                 let one = Launch { pipeline: &pipeline, resources };
-                one.run_observed(launch.size, &mut |_| (), &mut draws)?;
+                one.run_observed(launch.size, &mut |_: Event| (), &mut draws)?;
             }
             PassWork::Dispatch(index) => {
                 let dispatch = &self.reference.dispatches[*index];

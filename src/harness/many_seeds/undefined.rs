@@ -2,13 +2,13 @@
 
 use rustc_hash::FxHashMap;
 
+use crate::harness::many_seeds::word_kind::WordKind;
 use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpIndex, OpenChoices, Reg};
-use crate::math::random::Random;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::memory::MemoryOp;
 use crate::ops::op::Op;
-use crate::ops::pointer::{pointer_word_count, storage};
+use crate::ops::pointer::storage;
 use crate::program::Program;
 
 /// `OpVariable`
@@ -16,69 +16,13 @@ const VARIABLE: u16 = 59;
 /// `OpUndef`
 const UNDEF: u16 = 1;
 
-/// What a word of a value in registers is, as far as bits may be drawn for it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum WordKind {
-    /// A handle or an address: it stays as it is.
-    Kept,
-    /// 0 or 1.
-    Bool,
-    /// An integer of a width, or half of one.
-    Integer(u32),
-    /// A float of a width, or half of one.
-    Float(u32),
-}
-
-impl WordKind {
-    /// Draws a word: any bits, or a number as shaders have them.
-    fn draw(self, random: &mut Random) -> Option<u32> {
-        let bits = random.bits();
-        let any = (bits >> 32) as u32;
-        let is_small = bits & 1 == 0;
-        Some(match self {
-            Self::Kept => return None,
-            Self::Bool => any & 1,
-            Self::Integer(32..) if !is_small => any,
-            // Narrow integers are extended in their registers: small ones, whether signed or not.
-            Self::Integer(_) => any & 0x7,
-            Self::Float(32) if is_small => (random.unit() * 4.0 - 2.0).to_bits(),
-            Self::Float(32..) => any,
-            Self::Float(width) => any & ((1 << width) - 1),
-        })
-    }
-
-    /// Appends the kinds of the words of a type.
-    fn of_type(module: &Module, ty: TypeId, kinds: &mut Vec<Self>) {
-        match *module.ty(ty) {
-            Type::Bool => kinds.push(Self::Bool),
-            Type::Int { width, .. } => kinds.extend(vec![Self::Integer(width); width.div_ceil(32) as usize]),
-            Type::Float { width, .. } => kinds.extend(vec![Self::Float(width); width.div_ceil(32) as usize]),
-            Type::Vector { component: part, count } | Type::Matrix { column: part, count } => {
-                (0..count).for_each(|_| Self::of_type(module, part, kinds));
-            }
-            Type::Array { element, length, .. } => {
-                let mut one = Vec::new();
-                Self::of_type(module, element, &mut one);
-                let count = module.scalar_value(length).unwrap_or(0);
-                (0..count).for_each(|_| kinds.extend(&one));
-            }
-            Type::Struct { ref members, .. } => {
-                members.iter().for_each(|member| Self::of_type(module, member.ty, kinds));
-            }
-            Type::AccelerationStructure => kinds.extend([Self::Kept; 2]),
-            Type::Pointer { storage_class, .. } => {
-                kinds.extend(vec![Self::Kept; pointer_word_count(storage_class) as usize]);
-            }
-            _ => kinds.push(Self::Kept),
-        }
-    }
-}
-
 /// Registers that are undefined from some point on.
 #[derive(Clone, Debug)]
 struct UndefinedRegisters {
     /// The variable, or the result of an instruction.
     id: Id,
+    /// Its name, or its number.
+    name: String,
     first: Reg,
     words: Vec<WordKind>,
 }
@@ -98,7 +42,7 @@ impl UndefinedParts {
             let mut words = Vec::new();
             WordKind::of_type(module, ty, &mut words);
             words.truncate(count as usize);
-            UndefinedRegisters { id, first, words }
+            UndefinedRegisters { id, name: told_name(module, id), first, words }
         };
         let is_given =
             |class| matches!(class, storage::INCOMING_RAY_PAYLOAD | storage::INCOMING_CALLABLE_DATA);
@@ -144,9 +88,15 @@ impl UndefinedRegisters {
                     batch.registers[register].0[lane] = word;
                 }
             }
-            choices.note(site, || DrawnDetails::Value { shader: choices.shader, op, id: self.id.0 });
+            let what = || Some(format!("{} is read where nothing was written to it", self.name));
+            choices.note(site, || DrawnDetails::Value { shader: choices.shader, op, what: what() });
         }
     }
+}
+
+/// The name of a variable or a result in reports.
+pub(super) fn told_name(module: &Module, id: Id) -> String {
+    module.name(id).map_or_else(|| format!("%{}", id.0), |name| format!("`{name}`"))
 }
 
 /// By the words of instructions in a module: their results, with the type of what a variable holds,
@@ -167,22 +117,4 @@ fn results(module: &Module) -> FxHashMap<u32, (Id, TypeId)> {
         Some((one.offset, (id, ty)))
     });
     results.collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_are_drawn_as_their_type_has_them() {
-        let mut random = Random::new(1);
-        let mut draw = |kind: WordKind| (0..200).filter_map(|_| kind.draw(&mut random)).collect::<Vec<u32>>();
-        assert!(draw(WordKind::Kept).is_empty());
-        assert!(draw(WordKind::Bool).iter().all(|&word| word <= 1));
-        assert!(draw(WordKind::Integer(8)).iter().all(|&word| word < 0x80));
-        assert!(draw(WordKind::Float(16)).iter().all(|&word| word <= 0xFFFF));
-        let floats = draw(WordKind::Float(32));
-        assert!(floats.iter().any(|&word| f32::from_bits(word).abs() > 2.0));
-        assert!(floats.iter().filter(|&&word| f32::from_bits(word).abs() <= 2.0).count() > 80);
-    }
 }

@@ -1,25 +1,42 @@
-//! Draws values in registers while shaders run: undefined ones, and sums that may be contracted.
+//! Draws values in registers while shaders run: undefined ones, and floats that may be calculated
+//! otherwise.
 
 use std::sync::Arc;
 
-use crate::harness::many_seeds::contraction::{Contractions, LiveProducts};
+use crate::harness::many_seeds::chains::{self, LiveChains};
+use crate::harness::many_seeds::contraction::{self, ExecutedArithmetic, LiveProducts};
+use crate::harness::many_seeds::float_arithmetic::FloatArithmetic;
+use crate::harness::many_seeds::float_licence::FloatLicences;
+use crate::harness::many_seeds::float_results::{self, ExecutedKernel};
+use crate::harness::many_seeds::robust_texels;
 use crate::harness::many_seeds::undefined::UndefinedParts;
-use crate::machine::{Batch, Bindings, Observer, OpIndex, OpenChoices, ShaderIndex};
+use crate::harness::many_seeds::undefined_results::UndefinedResults;
+use crate::harness::many_seeds::workgroup_memory::SharedVariables;
+use crate::machine::{Batch, Bindings, ChoiceKind, Observer, OpIndex, OpenChoices, ShaderIndex};
+use crate::ops::op::Op;
 use crate::program::Program;
+use crate::sanitize::{Levels, ProgramPlan};
 
 /// What is open about the values of a shader.
 #[derive(Debug)]
 pub(super) struct OpenValues {
     program: Arc<Program>,
     undefined: UndefinedParts,
-    contractions: Contractions,
+    shared: SharedVariables,
+    results: UndefinedResults,
+    licences: FloatLicences,
 }
 
 impl OpenValues {
     /// What is open about the values of a program that is not optimised.
-    pub(super) fn of(program: &Arc<Program>) -> Self {
-        let (undefined, contractions) = (UndefinedParts::of(program), Contractions::of(program));
-        Self { program: program.clone(), undefined, contractions }
+    pub(super) fn of(program: &Arc<Program>, levels: &Levels) -> Self {
+        Self {
+            program: program.clone(),
+            undefined: UndefinedParts::of(program),
+            shared: SharedVariables::of(program),
+            results: UndefinedResults::of(&ProgramPlan::new(program), levels),
+            licences: FloatLicences::of(program),
+        }
     }
 }
 
@@ -32,31 +49,76 @@ pub(super) struct ValueDraws<'a> {
     /// The shader that runs.
     shader: ShaderIndex,
     products: LiveProducts,
+    chains: LiveChains,
+    arithmetic: FloatArithmetic,
 }
 
 impl<'a> ValueDraws<'a> {
     /// Draws for the shaders of a pipeline, or for a compute shader.
     pub(super) fn new(shaders: &'a [OpenValues], choices: &OpenChoices) -> Self {
         let of_shader = |at| choices.in_shader(ShaderIndex::new(at));
-        let choices = (0..shaders.len()).map(of_shader).collect();
-        Self { shaders, choices, shader: ShaderIndex(0), products: LiveProducts::default() }
+        Self {
+            shaders,
+            choices: (0..shaders.len()).map(of_shader).collect(),
+            shader: ShaderIndex(0),
+            products: LiveProducts::default(),
+            chains: LiveChains::default(),
+            arithmetic: FloatArithmetic::default(),
+        }
+    }
+
+    /// Draws how the floats of an operation that has run are calculated.
+    fn after_floats<const W: usize>(&mut self, batch: &mut Batch<W>, op: OpIndex) {
+        let (shader, choices) = (&self.shaders[self.shader.index()], &self.choices[self.shader.index()]);
+        let executed = &shader.program.ops[op.index()];
+        self.products.follow(executed, batch);
+        self.chains.follow(executed, batch);
+        let Op::LaneKernel { kernel, to, from } = executed else { return };
+        let Some(licence) = shader.licences.get(op) else { return };
+        let (kernel, to) = (*kernel, *to);
+        if matches!(kernel.name, "FAdd" | "FSub" | "FMul" | "Fma") {
+            let one = ExecutedArithmetic { op, kernel, to, from, licence };
+            let (products, arithmetic) = (&mut self.products, &mut self.arithmetic);
+            let is_contracted = choices.kinds.contains(&ChoiceKind::Contraction)
+                && contraction::after(one, choices, products, arithmetic, batch);
+            // A sum that takes a product as it is has one rounding: there is no order in it.
+            if !is_contracted {
+                chains::after(one, choices, &mut self.chains, arithmetic, batch);
+            }
+        }
+        if choices.kinds.iter().any(|kind| kind.is_of_fast_math()) {
+            let one = ExecutedKernel { op, kernel, to, from, licence };
+            float_results::after(one, choices, &mut self.arithmetic, batch);
+        }
     }
 }
 
 impl<const W: usize> Observer<W> for ValueDraws<'_> {
     fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
-        self.shaders[shader.index()].undefined.begin(&self.choices[shader.index()], batch);
+        let (shader, choices) = (&self.shaders[shader.index()], &self.choices[shader.index()]);
+        shader.undefined.begin(choices, batch);
+        shader.shared.begin(choices, batch);
     }
 
     fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
         self.shader = shader;
         self.products.clear();
+        self.chains.clear();
     }
 
-    fn after(&mut self, batch: &mut Batch<W>, _: &Bindings, op: OpIndex) {
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+        let kinds = &self.choices[self.shader.index()].kinds;
+        if kinds.iter().any(|kind| kind.is_contracted() || kind.is_of_fast_math()) {
+            self.after_floats(batch, op);
+        }
         let (shader, choices) = (&self.shaders[self.shader.index()], &self.choices[self.shader.index()]);
         shader.undefined.after(choices, op, batch);
         let executed = &shader.program.ops[op.index()];
-        shader.contractions.after(choices, op, executed, &mut self.products, batch);
+        if choices.kinds.contains(&ChoiceKind::UndefinedResult) {
+            shader.results.after(choices, op, executed, batch);
+        }
+        if choices.kinds.contains(&ChoiceKind::RobustTexel) {
+            robust_texels::after(&shader.program, choices, op, executed, batch, bindings);
+        }
     }
 }

@@ -9,8 +9,9 @@
 //! shader is seen to go to memory through it: the run is repeated until every address leads
 //! somewhere. Where it goes beyond a buffer or image, these become larger.
 //!
-//! A ray generation shader is launched over 8 x 4 invocations, a compute shader dispatched in 2 x 2
-//! workgroups, or fewer where it does not ask where along an axis it is. Closest-hit and any-hit
+//! A ray generation shader is launched over 8 x 4 invocations, or 32 in a row where it asks for one
+//! axis of its launch index alone; a compute shader is dispatched in 2 x 2 workgroups, or fewer
+//! where it does not ask where along an axis it is. Closest-hit and any-hit
 //! shaders see a hit of each kind of geometry that they may be called for, intersection shaders a
 //! box, miss shaders a ray. Where a shader traces, the ray really is traced through a scene with
 //! all kinds of primitives; in the place of the shaders that are not there, the payload is filled
@@ -22,15 +23,17 @@
 //! told, and that the values were made up.
 
 mod fill;
+mod grid;
 mod hits;
 mod judge;
+mod learned;
+mod one_run;
 mod report;
 mod resources;
 mod sets;
 mod specialized;
 mod subject;
 mod watch;
-mod workgroups;
 
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
@@ -41,7 +44,8 @@ use std::time::{Duration, Instant};
 use crate::error::{Error, ErrorClass, ErrorKind, ErrorReport, Result};
 use crate::harness::blocks::Blocks;
 use crate::harness::smoke::judge::Try;
-use crate::harness::smoke::subject::{EntryUnderTest, Progress, Way};
+use crate::harness::smoke::one_run::Way;
+use crate::harness::smoke::subject::{EntryUnderTest, Progress};
 use crate::harness::smoke::watch::{Happened, tracing};
 use crate::machine::{LaunchLimits, ShaderIndex};
 use crate::module::Module;

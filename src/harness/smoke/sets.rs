@@ -2,14 +2,11 @@
 
 use crate::harness::smoke::fill::{Floats, Integers, ValueSource};
 
-/// Invocations of a ray generation shader.
-pub(super) const LAUNCH: [u32; 3] = [8, 4, 1];
-
 /// What a shader is tried on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Set {
-    /// `LaunchSizeKHR`, or where it is one a dispatch of one workgroup.
-    pub launch_size: [u32; 3],
+    /// Whether it is a launch of one invocation, or a dispatch of one workgroup.
+    pub is_single: bool,
     /// What memory holds.
     pub numbers: ValueSource,
     /// Whether geometry is hit from behind.
@@ -54,9 +51,9 @@ impl Set {
                 (numbers, fresh % (specialized + 1))
             }
         };
-        let (one, next, integers, floats, behind) = numbers;
+        let (is_single, next, integers, floats, behind) = numbers;
         Self {
-            launch_size: if one { [1; 3] } else { LAUNCH },
+            is_single,
             numbers: ValueSource { seed: seed.wrapping_add(next), integers, floats },
             behind,
             specialization,
@@ -89,7 +86,7 @@ impl Set {
             Floats::Zero => ", all floats 0",
             Floats::One => ", all floats 1",
         };
-        let launch = if self.launch_size == LAUNCH { "" } else { ", a launch of one invocation" };
+        let launch = if self.is_single { ", a launch of one invocation" } else { "" };
         format!("seed {seed}{integers}{floats}{launch}")
     }
 }

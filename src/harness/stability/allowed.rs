@@ -5,12 +5,24 @@
 //! drawn within the bounds: half of the time uniformly, otherwise at one end, where decisions are
 //! most likely to change. Instructions that Vulkan defines by a formula are drawn step by step.
 
-use crate::harness::stability::calculate::Draw;
+use crate::harness::stability::calculate::{Draw, SplitMix64};
 use crate::harness::stability::envelope::Envelope;
 
 /// How far NVIDIA's driver reports a hit from its t, in units in the last place (all but one of a
 /// thousand rays in ordinary scenes).
 pub(super) const NVIDIA_T: f64 = 20.0;
+
+/// A result that a device may give an instruction on floats of 16 or 32 bits, by Vulkan's bounds;
+/// `None` if only the correct result is allowed. Sums and products in it are rounded to nearest.
+pub(in crate::harness) fn device_result(
+    name: &str,
+    operands: [f64; 3],
+    width: u32,
+    seed: u64,
+) -> Option<f64> {
+    let (random, envelope) = (&mut SplitMix64(seed), Envelope::Vulkan);
+    perturbed_result(name, operands, &mut Draw { random, envelope, width, nearest: true, may_contract: true })
+}
 
 /// Draws a result that an instruction on f32 or f16 may return; `None` if only the correct result
 /// is allowed. Operands are those of the run.

@@ -24,11 +24,11 @@ mod shadow_value;
 mod shadows;
 mod stable;
 
+pub(in crate::harness) use allowed::device_result;
 pub use envelope::Envelope;
 pub use found::ShadowFindings;
 pub(in crate::harness) use instability::UnstableOutput;
 pub use instability::{Instability, Perturbation};
-pub(in crate::harness) use perturb::no_contraction;
 pub use perturb::perturb;
 pub use place::SourceLocation;
 pub use shadow::shadow;

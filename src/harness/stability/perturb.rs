@@ -18,6 +18,7 @@ use crate::harness::stability::shadow_context::branch_offsets;
 use crate::harness::stability::shadows::{bits, float};
 use crate::machine::{Batch, Bindings, BlockIndex, OpIndex, Reg};
 use crate::module::Module;
+use crate::module::decoration::number;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
 use crate::ops::{memory, ray_query};
@@ -169,11 +170,11 @@ impl ShaderFacts {
 
 /// The words of the instructions of a module that are decorated `NoContraction`.
 pub(in crate::harness) fn no_contraction(module: &Module) -> HashSet<u32> {
-    const NO_CONTRACTION: u32 = 42;
     let blocks = module.functions.iter().flat_map(|function| &function.blocks);
     let instructions = blocks.flat_map(|block| &block.instructions);
-    let decorated = instructions
-        .filter(|one| one.result.is_some_and(|id| module.decorations.find(id, NO_CONTRACTION).is_some()));
+    let decorated = instructions.filter(|one| {
+        one.result.is_some_and(|id| module.decorations.find(id, number::NO_CONTRACTION).is_some())
+    });
     decorated.map(|one| one.offset).collect()
 }
 

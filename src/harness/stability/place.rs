@@ -79,11 +79,7 @@ impl Programs {
         let mut functions = program.module.functions.iter();
         let function = functions.rfind(|function| function.offset <= offset);
         let within = function.map_or_else(String::new, |function| {
-            let name = program.module.name(function.id).map_or_else(
-                || format!("%{}", function.id.0),
-                |name| format!("`{}`", name.split('(').next().unwrap_or(name)),
-            );
-            format!(" in function {name}")
+            format!(" in function {}", program.module.quoted_name(function.id))
         });
         let text = Some(format!("word {offset}{within}"));
         SourceLocation { file: self.files[shader].clone(), line: 0, text }

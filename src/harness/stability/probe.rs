@@ -6,7 +6,7 @@ use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::tasks::in_tasks;
 use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Resources, ShaderIndex};
-use crate::pipeline::{Event, Launch, Pipeline};
+use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver};
 use crate::scene::pass::{LaunchPass, PassWork};
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -133,7 +133,7 @@ fn watch_launch<P: Probe>(
         for id in ids {
             probe.borrow_mut().begin(RunPart::Invocation { launch: number, pipeline: launch.pipeline, id });
             let mut sink = |event: Event| probe.borrow_mut().event(&event);
-            let mut sink: &mut dyn FnMut(Event) = &mut sink;
+            let mut sink: &mut dyn PipelineObserver = &mut sink;
             let first = probe.borrow().first_program();
             let mut observer = ProbeObserver { probe: &probe, first };
             let mut observer: &mut dyn Observer<1> = &mut observer;
@@ -172,7 +172,7 @@ pub(super) fn run_one<P: Probe>(
             probe.borrow_mut().event(&one);
             event(one);
         };
-        let mut sink: &mut dyn FnMut(Event) = &mut sink;
+        let mut sink: &mut dyn PipelineObserver = &mut sink;
         let pipeline = single.index;
         probe.borrow_mut().begin(match &which.what {
             SingleRun::Pixel(id) => RunPart::Invocation { launch: 0, pipeline, id: *id },

@@ -9,11 +9,12 @@ use crate::harness::stability::probe::{Probe, RunPart};
 use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery, ShadowedTrace};
 use crate::harness::stability::shadow_context::{Memory, ShadowContext};
 use crate::harness::stability::shadow_value::ShadowValue;
-use crate::harness::stability::shadows::{ShadowFrame, WaitsFor, bits, float};
+use crate::harness::stability::shadows::{ShadowFrame, TexelError, WaitsFor, bits, float};
 use crate::machine::object::ObjectRef;
 use crate::machine::{Batch, Bindings, BlockIndex, Exit, OpIndex, Reg};
 use crate::module::interface::Stage;
 use crate::ops::access::Access;
+use crate::ops::image::ImageOp;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{self, Chunk};
 use crate::ops::op::Op;
@@ -40,6 +41,10 @@ pub(super) struct ShadowInterpreter<'a> {
     launch_id: Option<[u32; 3]>,
     dispatch: bool,
     pipeline: Option<usize>,
+    /// Which launch of the scene runs, from 0.
+    launch: usize,
+    /// The errors of the texels that invocations of launches have written.
+    pub texel_errors: Vec<TexelError>,
     /// The findings by shader and word offset.
     found: HashMap<(usize, u32), LineFindings>,
 }
@@ -69,6 +74,8 @@ impl<'a> ShadowInterpreter<'a> {
             launch_id: None,
             dispatch: false,
             pipeline: None,
+            launch: 0,
+            texel_errors: Vec::new(),
             found: HashMap::new(),
         }
     }
@@ -411,7 +418,10 @@ impl Probe for ShadowInterpreter<'_> {
         self.rays.clear();
         // A ray from the host has no shadow values.
         self.rays.push(ShadowedTrace::default());
-        self.launch_id = if let RunPart::Invocation { id, .. } = part { Some(id) } else { None };
+        (self.launch, self.launch_id) = match part {
+            RunPart::Invocation { launch, id, .. } => (launch, Some(id)),
+            RunPart::Dispatch(_) | RunPart::Ray(_) => (0, None),
+        };
         self.pipeline = part.pipeline();
         self.dispatch = matches!(part, RunPart::Dispatch(_));
     }
@@ -500,6 +510,12 @@ impl Probe for ShadowInterpreter<'_> {
             }
             Op::Memory(op) => self.memory_op(batch, bindings, op),
             Op::RayQuery(op) => self.ray_query_op(batch, program.origins[at].offset, op),
+            Op::Image(ImageOp::Write(op)) if op.is_float() => {
+                if let (Some(id), false) = (self.launch_id, self.dispatch) {
+                    let ulps = frame.texel_ulps(batch, op);
+                    self.texel_errors.push(TexelError { launch: self.launch, id, ulps });
+                }
+            }
             other => other.accesses(|access| {
                 if let Access::Write(first, count) = access {
                     frame.invalidate(first, count);

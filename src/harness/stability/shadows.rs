@@ -6,6 +6,8 @@ use crate::harness::stability::rays::{RayOperandOffset, RayShadow, ShadowedQuery
 use crate::harness::stability::shadow_value::ShadowValue;
 use crate::machine::stop::RegSpan;
 use crate::machine::{Batch, Reg};
+use crate::math::ulp::ulp_error;
+use crate::ops::image::access::TexelWrite;
 
 /// A shader that runs or waits.
 #[derive(Debug, Default)]
@@ -34,6 +36,17 @@ pub(super) enum WaitsFor {
     Call(RegSpan),
     /// The result of a report.
     Report,
+}
+
+/// How far a texel that an invocation writes is from its shadow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TexelError {
+    /// Which launch of the scene, from 0.
+    pub launch: usize,
+    /// The launch index.
+    pub id: [u32; 3],
+    /// The greatest error of a component, in units in the last place of an f32.
+    pub ulps: f64,
 }
 
 impl ShadowFrame {
@@ -71,6 +84,17 @@ impl ShadowFrame {
     /// The shadow values of a ray, given the first register of an instruction's operands.
     pub(super) fn ray_shadow(&self, numbers: RayOperandOffset, operands: Reg) -> RayShadow {
         RayShadow(numbers.registers(operands).map(|register| self.entry(register)).collect())
+    }
+
+    /// The greatest error of a component of a texel that is written, before it is converted to the
+    /// image's format, in units in the last place of an f32.
+    pub(super) fn texel_ulps(&self, batch: &Batch<1>, op: &TexelWrite) -> f64 {
+        let errors = op.from.iter().map(|&register| {
+            let bits = bits(batch, register, 1);
+            let exact = self.value(register, bits);
+            exact.map_or(0.0, |exact| ulp_error(f32::from_bits(bits as u32), exact))
+        });
+        errors.fold(0.0, f64::max)
     }
 
     /// The shadow values of some registers.

@@ -2,13 +2,16 @@
 
 #[cfg(feature = "cli")]
 mod junit;
+mod options;
 mod pictures;
 pub mod report;
 mod run;
+mod tester;
 
 #[cfg(feature = "cli")]
 pub use junit::junit;
-pub use run::{SuiteOptions, SuiteReport};
+pub use options::SuiteOptions;
+pub use run::SuiteReport;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -3,8 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file;
+#[cfg(feature = "cli")]
+use crate::debug::{Session, shell};
 use crate::error::{Error, Result};
+#[cfg(feature = "cli")]
+use crate::harness::case::Loaded;
 use crate::harness::expect::PictureDifference;
+#[cfg(feature = "cli")]
+use crate::harness::picture_page::failed_picture;
 use crate::scene::image::Rgba8;
 
 /// Saves `expected.png`, `found.png` and `difference.png` in a folder named after test and image.
@@ -14,6 +20,35 @@ pub(super) fn save(folder: &Path, test: &str, picture: &PictureDifference) -> Re
     let pictures =
         [("expected", &picture.expected), ("found", &picture.found), ("difference", &picture.difference())];
     pictures.into_iter().map(|(name, picture)| write(folder.join(format!("{name}.png")), picture)).collect()
+}
+
+/// Saves `page.html` beside the pictures: both and their difference, with the explanations of the
+/// pixels that differ most, if that is wanted.
+#[cfg(feature = "cli")]
+pub(super) fn save_page(
+    folder: &Path,
+    test: &str,
+    picture: &PictureDifference,
+    loaded: &Loaded,
+    explains: bool,
+    is_variant: bool,
+) -> Result<PathBuf> {
+    let single = loaded.assembled.single_launch(None)?;
+    let [width, height] = picture.found.extent;
+    // A pixel of another picture is no launch index of the scene's launch.
+    let is_launched = single.size == [width, height, 1] && !loaded.assembled.is_frame();
+    let session = match explains && is_launched {
+        true => Some(Session::new(loaded.scene.clone())?),
+        false => None,
+    };
+    let scene = shell::word(&loaded.scene.path.display().to_string());
+    // The scene of a variant does not know its name.
+    let command =
+        (is_launched && !is_variant).then(|| [format!("anyhit trace-one-ray {scene}"), String::new()]);
+    let page = failed_picture(test, picture, session.as_ref(), command)?;
+    let path = folder.join(inside(test)).join(inside(&picture.name)).join("page.html");
+    atomic_file::write_unsynced(&path, page.html())?;
+    Ok(path)
 }
 
 /// A name as a path that leads further in: scenes name their tests and images as they like.

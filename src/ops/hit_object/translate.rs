@@ -105,7 +105,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
     check_stage(translator, opcode, instruction)?;
     check_hint(translator, opcode, instruction)?;
     if matches!(opcode, Opcode::ReorderThreadWithHintEXT | Opcode::ReorderThreadWithHintNV) {
-        emit(translator, HitObjectOp::Reorder);
+        reorder(translator, opcode, instruction)?;
         return Ok(true);
     }
     let id = translator.id(instruction, 0)?;
@@ -136,7 +136,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
                 opcode,
                 Opcode::HitObjectTraceReorderExecuteEXT | Opcode::HitObjectTraceMotionReorderExecuteEXT
             ) {
-                emit(translator, HitObjectOp::Reorder);
+                reorder(translator, opcode, instruction)?;
                 translator
                     .emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
             }
@@ -146,7 +146,7 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
         | Opcode::HitObjectReorderExecuteShaderEXT => {
             let payload = payload(translator, instruction, 1)?;
             if opcode == Opcode::HitObjectReorderExecuteShaderEXT {
-                emit(translator, HitObjectOp::Reorder);
+                reorder(translator, opcode, instruction)?;
             }
             translator.emit(Operation::Stop(ray_tracing::RayTracingOp::HitObjectExecute { object, payload }));
             translator.invalidate_known_values();
@@ -216,9 +216,17 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
             translator.invalidate_known_values();
         }
         // OpReorderThreadWithHitObject*
-        _ => emit(translator, HitObjectOp::Reorder),
+        _ => reorder(translator, opcode, instruction)?,
     }
     Ok(true)
+}
+
+/// Emits a reordering, with the hint of its instruction, if there is one.
+fn reorder(translator: &mut Translator<'_>, opcode: Opcode, instruction: &Instruction) -> Result<()> {
+    let given = hint_operand(opcode).filter(|&at| at < translator.operands(instruction).len());
+    let hint = given.map(|at| scalar(translator, instruction, at)).transpose()?;
+    emit(translator, HitObjectOp::Reorder { hint });
+    Ok(())
 }
 
 fn emit(translator: &mut Translator<'_>, op: HitObjectOp) {

@@ -32,7 +32,8 @@ pub struct FootprintOp {
     /// words; level; granularity.
     pub to: Reg,
     registers: u32,
-    view: View,
+    /// The declared view of the image.
+    pub view: View,
     /// The image's handle.
     pub image: Reg,
     sampler: Reg,

@@ -33,10 +33,11 @@ pub mod view;
 use rspirv::spirv::Op as Opcode;
 
 use crate::error::Result;
-use crate::machine::{AccessFault, Batch, Bindings, Mask, Reg, Registers, TrapCode};
+use crate::machine::{Batch, Bindings, Mask, Reg, Registers, TrapCode};
 
 use crate::ops::access::Access;
 use crate::ops::image::reader::LaneReader;
+use crate::ops::image::view::View;
 
 pub use translate::translate;
 
@@ -155,23 +156,24 @@ impl ImageOp {
         match self {
             Self::Read(op) => op.texel.record_fault(batch, lane, bindings),
             Self::Write(op) => op.texel.record_fault(batch, lane, bindings),
-            Self::Sample(op) => record_descriptor_fault(batch, lane, op.image, bindings),
-            Self::Query(op) => record_descriptor_fault(batch, lane, op.image, bindings),
-            Self::Footprint(op) => record_descriptor_fault(batch, lane, op.image, bindings),
-            Self::Process(op) => record_descriptor_fault(batch, lane, op.image(), bindings),
+            Self::Sample(op) => record_view_fault(batch, lane, op.view, op.image, bindings),
+            Self::Query(op) => record_view_fault(batch, lane, op.view, op.image, bindings),
+            Self::Footprint(op) => record_view_fault(batch, lane, op.view, op.image, bindings),
+            Self::Process(op) => record_view_fault(batch, lane, op.view(), op.image(), bindings),
         }
     }
 }
 
-/// Stores the descriptor that a lane accessed, for the report of its trap.
-fn record_descriptor_fault<const W: usize>(
+/// Stores the image that a lane accessed, for the report of its trap.
+fn record_view_fault<const W: usize>(
     batch: &mut Batch<W>,
     lane: usize,
+    view: View,
     handle: Reg,
     bindings: &Bindings,
 ) {
     let handle = batch.registers[handle].0[lane];
-    batch.record_access_fault(lane, AccessFault::descriptor(handle, bindings));
+    batch.record_access_fault(lane, view.fault(bindings, handle));
 }
 
 /// Registers that an instruction's texel is written to.

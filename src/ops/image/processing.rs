@@ -95,6 +95,11 @@ impl ProcessOp {
         self.target.image
     }
 
+    /// The declared view of that image.
+    pub fn view(&self) -> View {
+        self.target.view
+    }
+
     /// See [`crate::ops::op::Op::accesses`].
     pub fn accesses(&self, visit: &mut dyn FnMut(Access)) {
         let mut read = |reg: Reg| visit(Access::Read(reg, 1));

@@ -81,7 +81,7 @@ impl TexelRef {
         let handle = reader.word(self.image);
         let axes = self.view.dimension.axes();
         let fault = match self.view.image(bindings, handle) {
-            Err(_) => AccessFault::descriptor(handle, bindings),
+            Err(_) => self.view.fault(bindings, handle),
             Ok(image) => {
                 let shape = image.shape();
                 let level = self.level.map_or(0, |reg| reader.word(reg));

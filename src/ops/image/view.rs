@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::machine::format::Class;
 use crate::machine::image::{Dimension, Image};
-use crate::machine::{Bindings, Descriptor, TrapCode};
+use crate::machine::{AccessFault, Bindings, Descriptor, TrapCode};
 use crate::module::ty::ImageType;
 use crate::ops::memory::OUT_OF_BOUNDS;
 
@@ -46,6 +46,26 @@ impl View {
         }
     }
 
+    /// What is told of the image with a handle where an operation cannot use it.
+    #[cold]
+    pub fn fault(self, bindings: &Bindings, handle: u32) -> AccessFault {
+        let image = bindings.descriptor(handle).and_then(|descriptor| {
+            descriptor.find(|descriptor| match descriptor {
+                Descriptor::Image(image) | Descriptor::ImageSampler(image, _) => Some(&**image),
+                _ => None,
+            })
+        });
+        match image.filter(|image| !self.is_compatible(image)) {
+            Some(image) => {
+                let (shape, format) = (image.shape(), image.format());
+                let declared = describe(self.dimension, self.multisampled, self.class, self.wide);
+                let bound = describe(shape.dimension, shape.samples > 1, format.class(), format.is_wide());
+                AccessFault::ImageKind { handle, declared, bound }
+            }
+            None => AccessFault::descriptor(handle, bindings),
+        }
+    }
+
     fn is_compatible(self, image: &Image) -> bool {
         let (shape, format) = (image.shape(), image.format());
         shape.dimension == self.dimension
@@ -53,6 +73,31 @@ impl View {
             && (format.class() == Class::Float) == (self.class == Class::Float)
             && (self.wide || !format.is_wide())
     }
+}
+
+/// The kind of an image in words: `a 2D image of floats`.
+fn describe(dimension: Dimension, multisampled: bool, class: Class, wide: bool) -> String {
+    let shape = match dimension {
+        Dimension::D1 => "1D image",
+        Dimension::D1Array => "1D array",
+        Dimension::D2 => "2D image",
+        Dimension::D2Array => "2D array",
+        Dimension::D3 => "3D image",
+        Dimension::Cube => "cube",
+        Dimension::CubeArray => "array of cubes",
+        Dimension::Buffer => "texel buffer",
+    };
+    let article = if dimension == Dimension::CubeArray { "an" } else { "a" };
+    let samples = if multisampled { ", multisampled," } else { "" };
+    let texels = match (class, wide) {
+        (Class::Float, false) => "floats",
+        (Class::Float, true) => "64-bit floats",
+        (Class::Sint, false) => "signed integers",
+        (Class::Uint, false) => "unsigned integers",
+        (Class::Sint, true) => "signed 64-bit integers",
+        (Class::Uint, true) => "unsigned 64-bit integers",
+    };
+    format!("{article} {shape}{samples} of {texels}")
 }
 
 /// The dimension of an image type (`Dim` and `Arrayed`); `None` where no image has it.
@@ -68,4 +113,24 @@ pub fn dimension(image: &ImageType) -> Option<Dimension> {
         (5, false) => Dimension::Buffer,
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_of_images_are_told_in_words() {
+        let words = [
+            describe(Dimension::D2, false, Class::Float, false),
+            describe(Dimension::D2Array, true, Class::Uint, false),
+            describe(Dimension::CubeArray, false, Class::Sint, true),
+        ];
+        let wanted = [
+            "a 2D image of floats",
+            "a 2D array, multisampled, of unsigned integers",
+            "an array of cubes of signed 64-bit integers",
+        ];
+        assert_eq!(words, wanted);
+    }
 }

@@ -6,6 +6,7 @@ use smallvec::SmallVec;
 use crate::error::Result;
 use crate::machine::Reg;
 use crate::machine::stop::RegSpan;
+use crate::module::decoration::number;
 use crate::module::{Definition, Id, Instruction};
 use crate::ops::op::Op as Operation;
 use crate::ops::pointer::{Pointer, PointerBase, storage};
@@ -77,11 +78,10 @@ pub fn translate(translator: &mut Translator<'_>, opcode: Opcode, instruction: &
 /// The variable that `SPV_NV_ray_tracing` names by its `Location`. There is none where nothing
 /// reads or writes the payload: optimizers remove a variable that no instruction names by its id.
 fn variable_at(translator: &mut Translator<'_>, location: Id, classes: &[u32]) -> Result<Option<Id>> {
-    const LOCATION: u32 = 30;
     let location = translator.constant_integer(location)?;
     let module = translator.module;
     let found = module.variables.iter().find(|variable| {
-        let own = module.decorations.literal(variable.id, LOCATION).map(u64::from);
+        let own = module.decorations.literal(variable.id, number::LOCATION).map(u64::from);
         classes.contains(&variable.storage_class) && own == Some(location)
     });
     Ok(found.map(|variable| variable.id))

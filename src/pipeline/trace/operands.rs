@@ -50,7 +50,7 @@ impl<const W: usize> Trace<W> {
     /// Traps a lane whose payload does not match the one that the called shader declares.
     pub(super) fn trap_payload_mismatch(&mut self, lane: usize, shader: ShaderIndex) {
         let fault_value = Some(shader.0.into());
-        self.add_trap(RayTrap { lane, code: TrapCode::PayloadMismatch, fault_value });
+        self.add_trap(RayTrap { lane, code: TrapCode::PayloadMismatch, fault_value, terms: None });
     }
 
     /// Sets the launch index of a ray from the host: 0, in a launch of one invocation.

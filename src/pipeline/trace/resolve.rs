@@ -7,7 +7,7 @@ use smallvec::SmallVec;
 use crate::accel::{Candidate, Committed, HitKind, RayFlags, RecordIndex};
 use crate::machine::invocation::Invocations;
 use crate::machine::stop::RegSpan;
-use crate::machine::{Batch, Exit, Lanes, Mask, Registers, ShaderIndex, TrapCode};
+use crate::machine::{Batch, Exit, HitRecordTerms, Lanes, Mask, Registers, ShaderIndex, TrapCode};
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Role;
 use crate::pipeline::observer::{Caller, Event, PipelineObserver};
@@ -79,7 +79,12 @@ impl<const W: usize> Trace<W> {
                     self.stats.elide_unread(pipeline.programs[shader.index()].stage, called.count());
                 }
                 (Some(shader), _) => self.enqueue_call(shader, role, called),
-                (None, Some(code)) => called.lanes().for_each(|lane| self.trap(lane, code)),
+                (None, Some(code)) => {
+                    for lane in called.lanes() {
+                        let candidate = self.committed[lane].as_ref().map(|committed| committed.candidate);
+                        self.trap_at_record(lane, code, candidate.as_ref());
+                    }
+                }
                 (None, None) if T::is_active() => {
                     let (Some(caller), Some((registers, span))) = (self.caller, &mut payload) else {
                         continue;
@@ -122,9 +127,19 @@ impl<const W: usize> Trace<W> {
 
     /// The index of the hit record of a lane's candidate.
     pub(crate) fn hit_record_index(&self, lane: usize, candidate: &Candidate) -> RecordIndex {
-        let instance = candidate.instance_in(self.tlas(lane));
-        let (stride, offset) = (self.sbt_stride.0[lane], self.sbt_offset.0[lane]);
-        RecordIndex::of_hit(instance.sbt_record_offset, candidate.geometry, stride, offset)
+        let HitRecordTerms { instance_offset, geometry, stride, offset } =
+            self.hit_record_terms(lane, candidate);
+        RecordIndex::of_hit(instance_offset, geometry, stride, offset)
+    }
+
+    /// What the index of the hit record of a lane's candidate is made of.
+    pub(crate) fn hit_record_terms(&self, lane: usize, candidate: &Candidate) -> HitRecordTerms {
+        HitRecordTerms {
+            instance_offset: candidate.instance_in(self.tlas(lane)).sbt_record_offset,
+            geometry: candidate.geometry,
+            stride: self.sbt_stride.0[lane],
+            offset: self.sbt_offset.0[lane],
+        }
     }
 
     /// Applies the exits of a shader that the lanes' rays called.

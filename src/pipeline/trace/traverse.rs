@@ -1,6 +1,6 @@
 //! The traversal of the rays of a trace, up to each candidate that a shader decides on.
 
-use crate::accel::{Cursor, RayFlags, TraceRay};
+use crate::accel::{Candidate, Cursor, RayFlags, RecordIndex, TraceRay};
 use crate::machine::{Mask, OpenChoices, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
@@ -132,8 +132,7 @@ impl<const W: usize> Trace<W> {
                 }
                 match shader {
                     _ if is_beyond_end(&pipeline.sbt.hit, index) => {
-                        self.record_indices[lane] = index;
-                        self.trap_and_terminate(lane, TrapCode::HitRecordMissing);
+                        self.trap_and_terminate(lane, TrapCode::HitRecordMissing, index, &candidate);
                     }
                     Some(shader) => {
                         let role = if candidate.is_box() { Role::Intersection } else { Role::AnyHit };
@@ -143,11 +142,11 @@ impl<const W: usize> Trace<W> {
                     }
                     None if candidate.is_box() => {
                         if pipeline.flags.no_null_intersection_shaders {
-                            self.trap_and_terminate(lane, TrapCode::NullIntersection);
+                            self.trap_and_terminate(lane, TrapCode::NullIntersection, index, &candidate);
                         }
                     }
                     None if pipeline.flags.no_null_any_hit_shaders => {
-                        self.trap_and_terminate(lane, TrapCode::NullAnyHit);
+                        self.trap_and_terminate(lane, TrapCode::NullAnyHit, index, &candidate);
                     }
                     None => {
                         self.cursor_mut(lane).confirm();
@@ -158,8 +157,9 @@ impl<const W: usize> Trace<W> {
     }
 
     /// Ends a ray during its traversal, so that its caller traps.
-    fn trap_and_terminate(&mut self, lane: usize, code: TrapCode) {
-        self.trap(lane, code);
+    fn trap_and_terminate(&mut self, lane: usize, code: TrapCode, index: RecordIndex, candidate: &Candidate) {
+        self.record_indices[lane] = index;
+        self.trap_at_record(lane, code, Some(candidate));
         self.cursor_mut(lane).terminate();
     }
 }

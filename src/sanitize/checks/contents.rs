@@ -2,14 +2,14 @@
 //! before one has stored it is undefined.
 
 use crate::machine::{Batch, Bindings, Mask, Reg, ShadowRegisters};
-use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
+use crate::ops::atomic::{AtomicOp, AtomicTarget};
 use crate::ops::image::ImageOp;
 use crate::ops::image::reader::LaneReader;
 use crate::ops::image::sample::SampleKind;
 use crate::ops::memory::{BufferRef, Chunk, access_location};
 use crate::sanitize::cause::OpPlace;
+use crate::sanitize::checks::atomic::follow;
 use crate::sanitize::checks::lanes::workgroup_lanes;
-use crate::sanitize::report::Sink;
 use crate::sanitize::rule::memory;
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -53,8 +53,7 @@ pub(in crate::sanitize) fn store<const W: usize>(
     }
 }
 
-/// An atomic instruction has run: one that changes what is undefined depends on it, and a load or
-/// an exchange returns it.
+/// An atomic instruction has run.
 pub(in crate::sanitize) fn atomic<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
@@ -63,38 +62,31 @@ pub(in crate::sanitize) fn atomic<const W: usize>(
     place: OpPlace,
     op: &AtomicOp,
 ) {
-    let lanes = match &op.target {
-        AtomicTarget::Buffer(chunk) => buffer_lanes(sanitizer, batch, chunk),
-        AtomicTarget::Texel(_) if sanitizer.unwritten.has_images() => batch.mask,
-        _ => return,
-    };
-    for lane in lanes.lanes() {
-        let reader = LaneReader::new(&batch.registers, lane, bindings);
-        let (rule, found) = match &op.target {
-            AtomicTarget::Buffer(chunk) => {
-                let Some((buffer, offset)) = access_location(batch, lane, bindings, chunk) else { continue };
-                let found = sanitizer.unwritten.byte(buffer, offset, op.width / 8);
-                if op.kind != AtomicKind::Load {
-                    sanitizer.unwritten.write_bytes(buffer, offset, op.width / 8);
+    let width = op.width / 8;
+    match &op.target {
+        AtomicTarget::Buffer(chunk) => {
+            let lanes = buffer_lanes(sanitizer, batch, chunk);
+            follow(sanitizer, batch, shadow, place, op, lanes, |sanitizer, lane, writes| {
+                let (buffer, offset) = access_location(batch, lane, bindings, chunk)?;
+                let found = sanitizer.unwritten.byte(buffer, offset, width);
+                if writes {
+                    sanitizer.unwritten.write_bytes(buffer, offset, width);
                 }
-                (&memory::UNINIT_BUFFER, found)
-            }
-            AtomicTarget::Texel(texel) => {
-                let Ok((image, index)) = texel.resolve(reader) else { continue };
+                found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_BUFFER, place, part))
+            });
+        }
+        AtomicTarget::Texel(texel) if sanitizer.unwritten.has_images() => {
+            follow(sanitizer, batch, shadow, place, op, batch.mask, |sanitizer, lane, writes| {
+                let reader = LaneReader::new(&batch.registers, lane, bindings);
+                let (image, index) = texel.resolve(reader).ok()?;
                 let found = sanitizer.unwritten.texel(image, index);
-                if op.kind != AtomicKind::Load {
+                if writes {
                     sanitizer.write_texel(image, index, place);
                 }
-                (&memory::UNINIT_IMAGE, found)
-            }
-            AtomicTarget::Registers { .. } => continue,
-        };
-        let Some(part) = found else { continue };
-        let cause = sanitizer.unwritten_cause(rule, place, part);
-        shadow.undefine_span(op.to, op.words(), Mask::lane(lane), cause);
-        if !matches!(op.kind, AtomicKind::Load | AtomicKind::Exchange) {
-            sanitizer.depend_on_all(batch, shadow, place.op, op.to, op.words(), Sink::Atomic);
+                found.map(|part| sanitizer.unwritten_cause(&memory::UNINIT_IMAGE, place, part))
+            });
         }
+        AtomicTarget::Texel(_) | AtomicTarget::Registers { .. } => {}
     }
 }
 

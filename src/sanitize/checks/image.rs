@@ -66,11 +66,14 @@ fn check_write<const W: usize>(
         sanitizer.depend(batch, shadow, op, register, Sink::Coordinate);
     }
     // Components that no image here has are dropped.
-    let channels = batch.mask.lanes().filter_map(|lane| {
+    let handles = &batch.registers[write.texel.image];
+    let (mut rest, mut channels) = (batch.mask, 0);
+    while let Some(lane) = rest.lowest() {
+        rest = rest.without(Mask::equal(handles, handles.0[lane]));
         let reader = LaneReader::new(&batch.registers, lane, bindings);
-        reader.image(write.texel.view, write.texel.image).ok().map(|image| image.format().channels)
-    });
-    let channels = channels.max().unwrap_or(0);
+        let image = reader.image(write.texel.view, write.texel.image);
+        channels = channels.max(image.map_or(0, |image| image.format().channels));
+    }
     for &register in write.from.iter().take(channels.into()) {
         sanitizer.depend(batch, shadow, op, register, Sink::Image);
         if write.is_float() {

@@ -2,12 +2,12 @@
 //! stored.
 
 use crate::machine::{Batch, Bindings, Mask, NO_CAUSE, Reg, ShadowRegisters};
-use crate::ops::atomic::{AtomicKind, AtomicOp, AtomicTarget};
+use crate::ops::atomic::{AtomicOp, AtomicTarget};
 use crate::ops::memory::{Chunk, access_location};
 use crate::sanitize::cause::{Cause, OpPlace};
+use crate::sanitize::checks::atomic::follow;
 use crate::sanitize::checks::lanes::workgroup_lanes;
 use crate::sanitize::memory_shadow::{WorkgroupShadow, undefined_byte};
-use crate::sanitize::report::Sink;
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// A load or store of consecutive registers, and the lanes in which it is one of workgroup memory.
@@ -64,8 +64,7 @@ pub(in crate::sanitize) fn store<const W: usize>(
     }
 }
 
-/// An atomic instruction has run: one that changes what is undefined depends on it, and a load or
-/// an exchange returns it.
+/// An atomic instruction has run.
 pub(in crate::sanitize) fn atomic<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
@@ -76,22 +75,16 @@ pub(in crate::sanitize) fn atomic<const W: usize>(
 ) {
     let AtomicTarget::Buffer(chunk) = &op.target else { return };
     let width = (op.width / 8) as usize;
-    for lane in workgroup_lanes(batch, chunk).lanes() {
-        let Some((_, first)) = access_location(batch, lane, bindings, chunk) else { continue };
+    let lanes = workgroup_lanes(batch, chunk);
+    follow(sanitizer, batch, shadow, place, op, lanes, |sanitizer, lane, writes| {
+        let (_, first) = access_location(batch, lane, bindings, chunk)?;
         let first = first as usize;
-        if let Some(cause) = undefined_at(sanitizer, batch, lane, place, first, width) {
-            shadow.undefine_span(op.to, op.words(), Mask::lane(lane), cause);
-        }
-        if op.kind == AtomicKind::Load {
-            continue;
-        }
-        if op.kind != AtomicKind::Exchange {
-            sanitizer.depend_on_all(batch, shadow, place.op, op.to, op.words(), Sink::Atomic);
-        }
-        if let Some(causes) = sanitizer.shared_causes(batch, lane, place.shader) {
+        let found = undefined_at(sanitizer, batch, lane, place, first, width);
+        if writes && let Some(causes) = sanitizer.shared_causes(batch, lane, place.shader) {
             causes.get_mut(first..first + width).into_iter().for_each(|bytes| bytes.fill(NO_CAUSE));
         }
-    }
+        found
+    });
 }
 
 /// The number of the cause why one of some bytes of a lane's workgroup is undefined.

@@ -127,7 +127,7 @@ pub(in crate::sanitize) fn track<const W: usize>(
             let words = write.from.iter().map(|&register| held(shadow, tracked, register));
             tell_own_lane(sanitizer, batch, executed.place.op, words, "is stored");
         }
-        Op::HitObject(object) if **object == HitObjectOp::Reorder => {
+        Op::HitObject(object) if matches!(**object, HitObjectOp::Reorder { .. }) => {
             if plan.kind != StaleKind::RayTmax {
                 shadow.expire(kind, batch.mask);
             }

@@ -26,6 +26,12 @@ pub(in crate::sanitize) fn check<const W: usize>(
     }
     sanitizer.depend_on_all(batch, shadow, place.op, op.operand, op.operands, Sink::Subgroup);
     shadow.define_span(op.to, op.results, batch.mask);
+    let size = batch.invocations.subgroup_size();
+    if let Some(cluster) = op.cluster_size().filter(|cluster| *cluster > size) {
+        sanitizer.tell(batch, &subgroup::CLUSTER_SIZE, place.op, batch.mask, |_| {
+            format!("clusters of {cluster} lanes, in a subgroup of {size}")
+        });
+    }
     match op.kind {
         SubgroupKind::Read(source) => read(sanitizer, batch, shadow, place, step.inactive, op, source),
         SubgroupKind::BallotBit { own } => {
@@ -34,7 +40,7 @@ pub(in crate::sanitize) fn check<const W: usize>(
                 inverse_ballot(sanitizer, batch, place, op);
                 return;
             }
-            let (size, index) = (batch.invocations.subgroup_size(), &batch.registers[op.operand]);
+            let index = &batch.registers[op.operand];
             let outside = batch.mask & Mask::from_fn(|lane| index.0[lane] >= size);
             undefine(sanitizer, shadow, place, op, &subgroup::BALLOT_INDEX, outside, |lane| {
                 format!("bit {} of a ballot, in a subgroup of {size} lanes", index.0[lane])
@@ -42,7 +48,6 @@ pub(in crate::sanitize) fn check<const W: usize>(
         }
         SubgroupKind::BallotCount(BallotCount::FindLsb | BallotCount::FindMsb) => {
             spread_ballot(batch, shadow, op);
-            let size = batch.invocations.subgroup_size();
             let is_empty = |lane: usize| {
                 let mut words = batch.registers.lane_words(op.value, op.values, lane).zip(0..);
                 words.all(|(word, at)| word & bits_below(size, at) == 0)

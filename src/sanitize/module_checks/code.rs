@@ -156,20 +156,15 @@ impl<'a> EntryCode<'a> {
     fn members(&self, base: Id, indices: &[u32], parts: &mut Vec<Part>) {
         let Some(mut ty) = self.module.pointee(base) else { return };
         for &index in indices {
-            ty = match *self.module.ty(ty) {
-                Type::Struct { ref members, .. } => {
-                    let index = self.module.constant_scalar(Id(index)).and_then(|at| u32::try_from(at).ok());
-                    let (Some(index), Some(id)) = (index, self.module.id_of_type(ty)) else { return };
-                    let Some(member) = members.get(index as usize) else { return };
-                    parts.push(Part::Member(id, index));
-                    member.ty
-                }
-                Type::Array { element: part, .. }
-                | Type::RuntimeArray { element: part, .. }
-                | Type::Vector { component: part, .. }
-                | Type::Matrix { column: part, .. } => part,
-                _ => return,
-            };
+            let index = self.module.scalar_value(Id(index));
+            let Some(part) = self.module.part(ty, index) else { return };
+            let index = index.and_then(|index| u32::try_from(index).ok());
+            if let (Type::Struct { .. }, Some(id), Some(index)) =
+                (self.module.ty(ty), self.module.id_of_type(ty), index)
+            {
+                parts.push(Part::Member(id, index));
+            }
+            ty = part;
         }
     }
 
@@ -191,18 +186,18 @@ impl<'a> EntryCode<'a> {
 
     /// A variable, parameter or member as a report names it.
     pub(in crate::sanitize) fn describe(&self, part: Part) -> String {
-        let name = |id: Id| self.module.name(id).map_or_else(|| format!("%{}", id.0), str::to_owned);
         match part {
             Part::Variable(id) | Part::Parameter(id) => {
                 // A block without an instance name is named after its type.
                 let block = || self.module.name(self.module.id_of_type(self.module.pointee(id)?)?);
                 let known = self.module.name(id).or_else(block);
-                format!("`{}`", known.map_or_else(|| name(id), str::to_owned))
+                format!("`{}`", known.map_or_else(|| self.module.name_or_number(id), str::to_owned))
             }
             Part::Member(id, index) => {
                 let member = self.module.debug_info.member_names.get(&(id, index));
                 let member = member.filter(|name| !name.is_empty());
-                format!("`{}`", member.map_or_else(|| format!("{}[{index}]", name(id)), Clone::clone))
+                let by_index = || format!("{}[{index}]", self.module.name_or_number(id));
+                format!("`{}`", member.map_or_else(by_index, Clone::clone))
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use rspirv::spirv::{ExecutionMode, FPFastMathMode as FastMath, Op};
 
+use crate::module::decoration::number;
 use crate::module::interface::Stage;
 use crate::module::names::{execution_mode_name, opcode_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
@@ -12,13 +13,6 @@ use crate::ops::trace_operands::possible_constants;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::module_checks::memory::offset_of;
-
-/// `Location`
-const LOCATION: u32 = 30;
-/// `Component`
-const COMPONENT: u32 = 31;
-/// `FPFastMathMode`
-const FP_FAST_MATH_MODE: u32 = 40;
 
 pub(super) fn interface_initializer(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     let used = |id: Id| code.variables.iter().any(|variable| variable.id == id);
@@ -48,7 +42,7 @@ pub(super) fn workgroup_in_rt(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 pub(super) fn payload_location(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for variable in &code.variables {
         let has = |number: u32| code.module.decorations.find(variable.id, number).is_some();
-        if !has(LOCATION) && !has(COMPONENT) {
+        if !has(number::LOCATION) && !has(number::COMPONENT) {
             continue;
         }
         let name = code.describe(Part::Variable(variable.id));
@@ -176,7 +170,7 @@ pub(super) fn fastmath_modes(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     }
     for &instruction in &code.instructions {
         let Some(result) = instruction.result else { continue };
-        let Some(bits) = code.module.decorations.literal(result, FP_FAST_MATH_MODE) else { continue };
+        let Some(bits) = code.module.decorations.literal(result, number::FP_FAST_MATH_MODE) else { continue };
         let mode = FastMath::from_bits_retain(bits);
         let says = match () {
             () if lacks_transform(mode) => "AllowTransform, and not both AllowContract and AllowReassoc",

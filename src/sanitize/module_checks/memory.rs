@@ -3,6 +3,7 @@
 use rspirv::spirv::{MemoryAccess as AccessMask, Op};
 
 use crate::module::constant::ConstantValue;
+use crate::module::decoration::number;
 use crate::module::interface::Stage;
 use crate::module::names::{opcode_name, storage_class_name};
 use crate::module::ty::{Type, TypeId};
@@ -12,10 +13,6 @@ use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, MemoryAccess, Part};
 
-/// `NonWritable`
-const NON_WRITABLE: u32 = 24;
-/// `NonReadable`
-const NON_READABLE: u32 = 25;
 /// `PhysicalStorageBuffer64`
 const PHYSICAL_ADDRESSING: u32 = 5348;
 
@@ -36,7 +33,7 @@ pub(super) fn uniform_store(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 
 pub(super) fn non_writable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for access in code.accesses().filter(|access| access.writes && !is_initializer(code, access)) {
-        decorated(code, &access, NON_WRITABLE, "writes to", "NonWritable", faults);
+        decorated(code, &access, number::NON_WRITABLE, "writes to", "NonWritable", faults);
     }
 }
 
@@ -53,7 +50,7 @@ fn is_initializer(code: &EntryCode<'_>, access: &MemoryAccess) -> bool {
 
 pub(super) fn non_readable(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     for access in code.accesses().filter(|access| access.reads) {
-        decorated(code, &access, NON_READABLE, "reads", "NonReadable", faults);
+        decorated(code, &access, number::NON_READABLE, "reads", "NonReadable", faults);
     }
 }
 

@@ -11,8 +11,6 @@ use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 
-/// `VulkanMemoryModel`
-const VULKAN_MEMORY_MODEL: u32 = 5345;
 /// `VulkanMemoryModelDeviceScope`
 const VULKAN_MEMORY_MODEL_DEVICE_SCOPE: u32 = 5346;
 
@@ -146,6 +144,7 @@ fn names(semantics: Semantics) -> String {
 pub(super) fn memory_scope(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
     let stage = code.entry.stage;
     let has = |capability: u32| code.module.capabilities.contains(&capability);
+    let has_model = code.module.has_vulkan_memory_model();
     for one in orderings(code) {
         let Some(number) = one.scope else { continue };
         let says = match Scope::from_u32(number) {
@@ -155,10 +154,10 @@ pub(super) fn memory_scope(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
             Some(Scope::ShaderCallKHR) if stage == Stage::Compute => {
                 "has memory scope ShaderCallKHR in a compute shader".into()
             }
-            Some(Scope::QueueFamily) if !has(VULKAN_MEMORY_MODEL) => {
+            Some(Scope::QueueFamily) if !has_model => {
                 "has memory scope QueueFamily without the Vulkan memory model".into()
             }
-            Some(Scope::Device) if has(VULKAN_MEMORY_MODEL) && !has(VULKAN_MEMORY_MODEL_DEVICE_SCOPE) => {
+            Some(Scope::Device) if has_model && !has(VULKAN_MEMORY_MODEL_DEVICE_SCOPE) => {
                 "has memory scope Device without VulkanMemoryModelDeviceScope".into()
             }
             Some(

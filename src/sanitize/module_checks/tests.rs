@@ -6,6 +6,7 @@ use rspirv::spirv::Op;
 
 use crate::module::Module;
 use crate::module::assemble::Assembler;
+use crate::module::decoration::number;
 use crate::ops::pointer::storage;
 use crate::sanitize::module_checks::CHECKS;
 use crate::sanitize::module_checks::code::EntryCode;
@@ -15,14 +16,6 @@ const RAY_GENERATION: u32 = 5313;
 const INTERSECTION: u32 = 5314;
 const CLOSEST_HIT: u32 = 5316;
 const MISS: u32 = 5317;
-
-// Decorations.
-const BLOCK: u32 = 2;
-const NON_WRITABLE: u32 = 24;
-const NON_READABLE: u32 = 25;
-const BUILT_IN: u32 = 11;
-const LOCATION: u32 = 30;
-const FAST_MATH: u32 = 40;
 
 /// The rules that the first entry point of a module breaks.
 fn broken(module: &Module) -> BTreeSet<&'static str> {
@@ -76,7 +69,7 @@ fn with_block(
 }
 
 fn block(a: &mut Assembler) {
-    a.op(Op::Decorate, &[50, BLOCK]);
+    a.op(Op::Decorate, &[50, number::BLOCK]);
 }
 
 fn store(a: &mut Assembler) {
@@ -107,13 +100,13 @@ fn uniform_blocks_are_not_written() {
 fn what_is_not_writable_or_readable_is_neither_written_nor_read() {
     let variable = |number: u32| {
         move |a: &mut Assembler| {
-            a.op(Op::Decorate, &[50, BLOCK]);
+            a.op(Op::Decorate, &[50, number::BLOCK]);
             a.op(Op::Decorate, &[30, number]);
         }
     };
     let member = |number: u32| {
         move |a: &mut Assembler| {
-            a.op(Op::Decorate, &[50, BLOCK]);
+            a.op(Op::Decorate, &[50, number::BLOCK]);
             a.op(Op::MemberDecorate, &[50, 0, number]);
         }
     };
@@ -121,11 +114,11 @@ fn what_is_not_writable_or_readable_is_neither_written_nor_read() {
     for (access, is_store) in [(store as fn(&mut Assembler), true), (load, false)] {
         let wanted = |id: &'static str, breaks: bool| if breaks { rules([id]) } else { rules([]) };
         let writable = wanted("non-writable", is_store);
-        assert_eq!(with_block(COMPUTE, buffer, variable(NON_WRITABLE), access), writable);
-        assert_eq!(with_block(COMPUTE, buffer, member(NON_WRITABLE), access), writable);
+        assert_eq!(with_block(COMPUTE, buffer, variable(number::NON_WRITABLE), access), writable);
+        assert_eq!(with_block(COMPUTE, buffer, member(number::NON_WRITABLE), access), writable);
         let readable = wanted("non-readable", !is_store);
-        assert_eq!(with_block(COMPUTE, buffer, variable(NON_READABLE), access), readable);
-        assert_eq!(with_block(COMPUTE, buffer, member(NON_READABLE), access), readable);
+        assert_eq!(with_block(COMPUTE, buffer, variable(number::NON_READABLE), access), readable);
+        assert_eq!(with_block(COMPUTE, buffer, member(number::NON_READABLE), access), readable);
     }
 }
 
@@ -133,7 +126,7 @@ fn what_is_not_writable_or_readable_is_neither_written_nor_read() {
 #[test]
 fn a_constant_stored_to_a_local_variable_is_its_initializer() {
     let decorate = |a: &mut Assembler| {
-        a.op(Op::Decorate, &[60, NON_WRITABLE]);
+        a.op(Op::Decorate, &[60, number::NON_WRITABLE]);
     };
     let declare = |a: &mut Assembler| {
         a.op(Op::TypePointer, &[52, 7, 5]);
@@ -174,7 +167,7 @@ fn an_atomic_instruction_reads_and_writes() {
         a.op(Op::AccessChain, &[52, 31, 30, 49]);
         a.op(Op::AtomicIAdd, &[5, 60, 31, 48, 49, 8]);
     };
-    for (decoration, id) in [(NON_WRITABLE, "non-writable"), (NON_READABLE, "non-readable")] {
+    for (decoration, id) in [(number::NON_WRITABLE, "non-writable"), (number::NON_READABLE, "non-readable")] {
         let decorate = |a: &mut Assembler| {
             a.op(Op::Decorate, &[30, decoration]);
         };
@@ -185,7 +178,7 @@ fn an_atomic_instruction_reads_and_writes() {
 #[test]
 fn a_pointer_is_followed_through_the_parameters_of_functions() {
     let decorate = |a: &mut Assembler| {
-        a.op(Op::Decorate, &[30, NON_WRITABLE]);
+        a.op(Op::Decorate, &[30, number::NON_WRITABLE]);
     };
     let declare = |a: &mut Assembler| {
         a.op(Op::TypePointer, &[52, 12, 5]);
@@ -241,9 +234,9 @@ fn only_variables_without_another_source_have_an_initializer() {
 fn locations_stand_on_interfaces() {
     let found = |class: u32, builtin: Option<u32>| {
         let decorate = |a: &mut Assembler| {
-            a.op(Op::Decorate, &[30, LOCATION, 0]);
+            a.op(Op::Decorate, &[30, number::LOCATION, 0]);
             if let Some(builtin) = builtin {
-                a.op(Op::Decorate, &[30, BUILT_IN, builtin]);
+                a.op(Op::Decorate, &[30, number::BUILT_IN, builtin]);
             }
         };
         let declare = |a: &mut Assembler| {
@@ -290,10 +283,10 @@ fn fast_math_modes_fit_each_other() {
             a.op(Op::ExecutionMode, &[40, PRESERVE, 32]);
         },
         |a| {
-            a.op(Op::Decorate, &[60, FAST_MATH, 0x10]);
+            a.op(Op::Decorate, &[60, number::FP_FAST_MATH_MODE, 0x10]);
         },
         |a| {
-            a.op(Op::Decorate, &[60, FAST_MATH, 0x3]);
+            a.op(Op::Decorate, &[60, number::FP_FAST_MATH_MODE, 0x3]);
         },
     ];
     assert_eq!(found(0x7_0000, none), rules([]));
@@ -428,7 +421,7 @@ fn with_the_vulkan_memory_model_loads_of_changing_builtins_are_volatile() {
         a.op(Op::MemoryModel, &[0, 3]);
         a.with_string(Op::EntryPoint, &[stage, 40], "main", &[30]);
         // SubgroupLocalInvocationId
-        a.op(Op::Decorate, &[30, BUILT_IN, 41]);
+        a.op(Op::Decorate, &[30, number::BUILT_IN, 41]);
         a.types();
         a.op(Op::TypePointer, &[52, 1, 5]);
         a.op(Op::Variable, &[52, 30, 1]);

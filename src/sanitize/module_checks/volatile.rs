@@ -3,17 +3,14 @@
 
 use rspirv::spirv::{MemoryAccess, Op};
 
+use crate::module::Id;
+use crate::module::decoration::number;
 use crate::module::interface::Stage;
 use crate::module::names::builtin_name;
-use crate::module::{Id, Module};
 use crate::sanitize::module_checks::Fault;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::module_checks::memory::offset_of;
 
-/// `BuiltIn`
-const BUILT_IN: u32 = 11;
-/// `Volatile`
-const VOLATILE: u32 = 21;
 /// `RayTmaxKHR`
 const RAY_T_MAX: u32 = 5326;
 /// Builtins that may change wherever lanes are repacked: `SubgroupSize`,
@@ -35,12 +32,12 @@ pub(super) fn volatile_raytmax(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
 /// Variables of builtins that are not decorated. With the Vulkan memory model each load is volatile
 /// by itself.
 fn variables(code: &EntryCode<'_>, builtins: &[u32], faults: &mut Vec<Fault>) {
-    if has_vulkan_memory_model(code.module) {
+    if code.module.has_vulkan_memory_model() {
         return;
     }
     for variable in &code.variables {
         let Some(number) = variable.builtin.filter(|number| builtins.contains(number)) else { continue };
-        if code.module.decorations.find(variable.id, VOLATILE).is_none() {
+        if code.module.decorations.find(variable.id, number::VOLATILE).is_none() {
             let message = format!("the variable of {} is not Volatile", builtin_name(number));
             faults.push(Fault { offset: offset_of(code.module, variable.id), message });
         }
@@ -48,7 +45,7 @@ fn variables(code: &EntryCode<'_>, builtins: &[u32], faults: &mut Vec<Fault>) {
 }
 
 pub(super) fn volatile_load(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
-    if !has_vulkan_memory_model(code.module) {
+    if !code.module.has_vulkan_memory_model() {
         return;
     }
     let stage = code.entry.stage;
@@ -62,7 +59,7 @@ pub(super) fn volatile_load(code: &EntryCode<'_>, faults: &mut Vec<Fault>) {
             continue;
         }
         let builtin = code.parts(Id(operands[0])).into_iter().find_map(|part| match part {
-            Part::Variable(id) => code.module.decorations.literal(id, BUILT_IN),
+            Part::Variable(id) => code.module.decorations.literal(id, number::BUILT_IN),
             _ => None,
         });
         if let Some(number) = builtin.filter(changes) {
@@ -78,10 +75,4 @@ fn may_be_repacked(stage: Stage) -> bool {
         stage,
         Stage::RayGeneration | Stage::Intersection | Stage::ClosestHit | Stage::Miss | Stage::Callable
     )
-}
-
-fn has_vulkan_memory_model(module: &Module) -> bool {
-    /// `VulkanMemoryModel`
-    const VULKAN_MEMORY_MODEL: u32 = 5345;
-    module.capabilities.contains(&VULKAN_MEMORY_MODEL)
 }

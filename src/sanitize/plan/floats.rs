@@ -3,15 +3,13 @@
 
 use rspirv::spirv::{ExecutionMode, FPFastMathMode, Op as Opcode};
 
+use crate::module::decoration::number;
 use crate::module::{Id, Module};
 use crate::ops::lane_kernel::{InstructionSet, LaneKernel, family};
 use crate::program::Program;
 use crate::sanitize::flushed_use::{FlushedUse, comparison};
 use crate::sanitize::operand_check::CheckedInstruction;
 use crate::sanitize::plan::instruction::{InstructionWords, scalar_width};
-
-/// `FPFastMathMode`
-const FP_FAST_MATH_MODE: u32 = 40;
 
 /// The promises of `FPFastMathMode` that values can break.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +30,7 @@ impl FastMath {
     /// the instruction, or are NaN or infinite only if its own are.
     pub(super) fn of(instruction: InstructionWords<'_>, module: &Module, kernel: &LaneKernel) -> Self {
         let mode = instruction.result(module);
-        let mode = mode.and_then(|id| module.decorations.literal(id, FP_FAST_MATH_MODE));
+        let mode = mode.and_then(|id| module.decorations.literal(id, number::FP_FAST_MATH_MODE));
         let Some(mode) = mode.map(FPFastMathMode::from_bits_retain) else { return Self::default() };
         let own = match instruction.known(module) {
             Some(CheckedInstruction::Core(opcode)) => {
@@ -129,7 +127,7 @@ impl Preserved {
         ignored: FPFastMathMode,
     ) -> bool {
         let result = instruction.words.get(2).copied();
-        let own = result.and_then(|id| module.decorations.literal(Id(id), FP_FAST_MATH_MODE));
+        let own = result.and_then(|id| module.decorations.literal(Id(id), number::FP_FAST_MATH_MODE));
         match own {
             Some(bits) => !FPFastMathMode::from_bits_retain(bits).intersects(ignored),
             None => {

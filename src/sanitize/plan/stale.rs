@@ -53,7 +53,7 @@ pub(super) fn stale_plans(program: &Program) -> Vec<StalePlan> {
     };
     let repacks = has(&|op| match op {
         Op::Stop(stop) => may_repack(stop),
-        Op::HitObject(object) => **object == HitObjectOp::Reorder,
+        Op::HitObject(object) => matches!(**object, HitObjectOp::Reorder { .. }),
         _ => false,
     });
     let mut plans = Vec::new();

@@ -9,6 +9,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::machine::Reg;
 use crate::machine::object::ObjectRef;
+use crate::module::decoration::number;
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Module};
 use crate::ops::atomic::AtomicTarget;
@@ -21,8 +22,6 @@ use crate::ops::ray_tracing::RayTracingOp;
 use crate::program::Program;
 use crate::sanitize::plan::instruction::InstructionWords;
 
-/// `NonUniform`
-const NON_UNIFORM: u32 = 5300;
 /// `UniformBufferArrayNonUniformIndexing`
 const UNIFORM_BUFFER_INDEXING: u32 = 5306;
 /// `SampledImageArrayNonUniformIndexing`
@@ -197,7 +196,7 @@ impl<'a> UniformityPlan<'a> {
     }
 
     fn is_non_uniform(&self, id: Id) -> bool {
-        self.program.module.decorations.find(id, NON_UNIFORM).is_some()
+        self.program.module.decorations.find(id, number::NON_UNIFORM).is_some()
     }
 
     fn uses(&self) -> &Uses {
@@ -295,7 +294,7 @@ impl<'a> UniformityPlan<'a> {
                     return false;
                 }
                 arrays |= constant.is_none();
-                let Some(part) = part_of(module, ty, constant) else { return false };
+                let Some(part) = module.part(ty, constant) else { return false };
                 ty = part;
             }
             at = Id(base);
@@ -426,14 +425,4 @@ fn access_operand(module: &Module, op: &Op, instruction: InstructionWords<'_>) -
         _ => 3,
     };
     words.get(at).map(|&word| Id(word))
-}
-
-/// The type of a part of a composite, by its index where that is known.
-fn part_of(module: &Module, ty: TypeId, index: Option<u64>) -> Option<TypeId> {
-    Some(match *module.ty(ty) {
-        Type::Struct { ref members, .. } => members.get(usize::try_from(index?).ok()?)?.ty,
-        Type::Array { element, .. } | Type::RuntimeArray { element, .. } => element,
-        Type::Vector { component: part, .. } | Type::Matrix { column: part, .. } => part,
-        _ => return None,
-    })
 }

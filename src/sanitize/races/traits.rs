@@ -5,6 +5,7 @@
 use rspirv::spirv::{ImageOperands, MemoryAccess, MemorySemantics, Op as Opcode, Scope};
 use rustc_hash::FxHashMap;
 
+use crate::module::decoration::number;
 use crate::module::interface::EntryPoint;
 use crate::module::{Id, Module};
 use crate::ops::atomic;
@@ -13,17 +14,6 @@ use crate::program::Program;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::class::{Classes, Reach};
-
-/// `Restrict`
-const RESTRICT: u32 = 19;
-/// `Aliased`
-const ALIASED: u32 = 20;
-/// `Volatile`
-const VOLATILE: u32 = 21;
-/// `Coherent`
-const COHERENT: u32 = 23;
-/// `VulkanMemoryModel`
-const VULKAN_MEMORY_MODEL: u32 = 5345;
 
 /// What a declaration says of others that reach the same memory (SPIR-V 2.18.2, "Aliasing").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -92,7 +82,7 @@ impl ProgramTraits {
 /// By the offset of an instruction that accesses memory.
 fn traits_by_offset(module: &Module, entry: &EntryPoint) -> FxHashMap<u32, AccessTraits> {
     let code = EntryCode::new(module, entry);
-    let has_model = module.capabilities.contains(&VULKAN_MEMORY_MODEL);
+    let has_model = module.has_vulkan_memory_model();
     let mut all: FxHashMap<u32, AccessTraits> = FxHashMap::default();
     for access in code.accesses() {
         let parts = code.parts(access.pointer);
@@ -114,13 +104,13 @@ fn traits_by_offset(module: &Module, entry: &EntryPoint) -> FxHashMap<u32, Acces
             // GLSL: shared variables are coherent.
             () if class == Some(storage::WORKGROUP) => (false, true),
             () => {
-                let is_coherent = is_decorated(COHERENT) || is_decorated(VOLATILE);
+                let is_coherent = is_decorated(number::COHERENT) || is_decorated(number::VOLATILE);
                 (!is_coherent, is_coherent)
             }
         };
         let aliasing = match () {
-            () if is_decorated(RESTRICT) => Aliasing::Restrict,
-            () if is_decorated(ALIASED) || class == Some(storage::PHYSICAL_STORAGE_BUFFER) => {
+            () if is_decorated(number::RESTRICT) => Aliasing::Restrict,
+            () if is_decorated(number::ALIASED) || class == Some(storage::PHYSICAL_STORAGE_BUFFER) => {
                 Aliasing::Aliased
             }
             () => Aliasing::Unsaid,
@@ -263,6 +253,8 @@ impl Barriers {
                 _ => {}
             }
         }
+        // Without any semantics a control barrier orders nothing.
+        all.subgroup &= all.all != Ordering::default();
         all
     }
 

@@ -36,8 +36,44 @@ rules! {
         "The outputs do not depend on what a variable holds that nothing was written to, nor on OpUndef."
         "SPIR-V 3.3.8, OpVariable: without an initializer, its contents are undefined"
         "give the variable a value where it is declared; --sanitize tells what depends on it"
+    UNDEFINED_RESULT "undefined-result" UndefinedValue
+        "The outputs do not depend on what an operation gives whose operands leave its result undefined."
+        "SPIR-V and GLSL.std.450, of each instruction: the resulting value is undefined"
+        "keep the operands where the result is defined; --sanitize tells each that is not"
+    WORKGROUP_DRAWN "workgroup-drawn" UndefinedValue
+        "The outputs do not depend on what the memory of a workgroup holds that nobody wrote."
+        "SPIR-V 3.3.8, OpVariable: without an initializer, its contents are undefined"
+        "let the invocations write it and wait at a barrier before it is read"
+    ROBUST_TEXEL "robust-texel" Lint
+        "The outputs do not depend on what a robust read outside its image or texel buffer gives."
+        "Vulkan, robustImageAccess: (0, 0, 0) and an alpha of 0 or 1; robustBufferAccess for texel buffers"
+        "compare the coordinates with the size of the image, or clamp them"
     CONTRACTION "contraction" Lint
         "The outputs do not depend on whether products are rounded before they are added."
         "SPIR-V, NoContraction: without it, operations may be contracted"
         "declare the result `precise`, or compare with a tolerance"
+    DOT_ORDER "dot-order" Lint
+        "The outputs do not depend on the order in which dot and matrix products are added up, nor on how often they are rounded."
+        "Vulkan, \"Precision of Individual Operations\": formulas may be transformed by associativity"
+        "write the sum by hand and declare it `precise`, or compare with a tolerance"
+    REASSOCIATION "reassociation" Lint
+        "The outputs do not depend on the order in which the terms of a sum are added, or the factors of a product multiplied."
+        "SPIR-V, NoContraction and AllowReassoc: without the former operations may be reassociated"
+        "declare the result `precise`, or compare with a tolerance"
+    DIVISION_ROUNDING "division-rounding" Lint
+        "The outputs do not depend on how quotients are rounded."
+        "Vulkan, \"Precision of Individual Operations\": OpFDiv is exact to 2.5 ULP; SPIR-V, AllowRecip"
+        "do not expect whole numbers of a quotient: round it, or divide integers"
+    FUNCTION_PRECISION "function-precision" Lint
+        "The outputs do not depend on how exact elementary functions are."
+        "Vulkan, \"Precision of Individual Operations\": a table of ULPs and absolute errors"
+        "leave room for the error where a result decides: clamp it, or compare with a tolerance"
+    ZERO_SIGN "zero-sign" Lint
+        "The outputs do not depend on the sign of a zero."
+        "SPIR-V 3.15, NSZ: the sign of a zero may be ignored; so it may without SignedZeroInfNanPreserve"
+        "test for 0 before dividing by it, or take the sign of something else"
+    DENORMAL_FLUSH "denormal-flush" Lint
+        "The outputs do not depend on whether denormal numbers are flushed to zero."
+        "Vulkan, \"Floating-Point Computation\": without DenormPreserve, denormal values may be flushed"
+        "compare with the least normal number instead of 0, or scale the numbers"
 }

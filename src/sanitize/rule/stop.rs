@@ -38,10 +38,6 @@ rules! {
         "An image has the dimension, sample count and component type that the shader declares."
         "Vulkan, \"Instruction/Sampler/Image View Validation\""
         "declare the image as it is bound"
-    SAMPLER_MATCH "sampler-match" UndefinedBehavior
-        "A sampler suits the instruction and the image."
-        "Vulkan, \"Instruction/Sampler/Image View Validation\""
-        "a comparison needs compare_op; unnormalized coordinates need a 1D or 2D image"
     UNREACHABLE "unreachable" UndefinedBehavior
         "OpUnreachable is not executed."
         "SPIR-V, OpUnreachable"
@@ -94,7 +90,7 @@ rules! {
         "Traces nest no deeper than the pipeline's maxPipelineRayRecursionDepth."
         "VUID-vkCmdTraceRaysKHR-None-03679"
         "count the depth in the payload, and trace no further at the limit"
-    CALLABLE_DEPTH "callable-depth" Limit
+    STACK_LIMIT "stack-limit" Limit
         "Shaders that call each other fit on the stack."
         "a limit of this crate; on a device that of the pipeline's stack size"
         "count the depth in the callable data, and call no further at a bound"

@@ -33,6 +33,10 @@ rules! {
         "All active lanes of a subgroup give the same ballot to an inverse ballot."
         "SPIR-V 3.3.24, OpGroupNonUniformInverseBallot: behavior is undefined unless Value is the same in all"
         "use subgroupBallotBitExtract(mask, gl_SubgroupInvocationID) for a mask of each lane's own"
+    CLUSTER_SIZE "cluster-size" UndefinedBehavior
+        "A cluster of lanes is no larger than the subgroup."
+        "SPIR-V 3.3.24, ClusterSize: behavior is undefined where it is greater than the size of the subgroup"
+        "reduce in clusters of at most gl_SubgroupSize lanes, or over the whole subgroup (subgroupAdd)"
     STALE_SUBGROUP "stale-subgroup" Lint
         "A lane's index or election, a mask or a ballot is not used behind a trace, a report or a reordering."
         "Vulkan, \"Shader Call Instructions\": they may repack invocations, whose subgroups change"

@@ -4,19 +4,19 @@
 use half::f16;
 
 use crate::debug::debugger::expression::numbers::{
-    ComponentBits, NumberShape, Numbers, ScalarType, float, mask, signed,
+    CalculatedValue, ComponentBits, NumberShape, ScalarType, float, mask, signed,
 };
 use crate::debug::debugger::expression::syntax::{BinaryOperator as Operator, UnaryOperator};
 
 /// The result of an operator, or the message why there is none.
-pub(super) type Calculated = Result<Numbers, String>;
+pub(super) type Calculated = Result<CalculatedValue, String>;
 
 /// Applies an operator to one operand.
-pub(super) fn unary(operator: UnaryOperator, operand: &Numbers) -> Calculated {
+pub(super) fn unary(operator: UnaryOperator, operand: &CalculatedValue) -> Calculated {
     let ty = operand.ty();
     let map = |apply: fn(u64) -> u64| {
         let bits = operand.bits().iter().map(|&bits| apply(bits) & mask(ty)).collect();
-        Ok(Numbers::new(ty, operand.shape(), bits))
+        Ok(CalculatedValue::new(ty, operand.shape(), bits))
     };
     match (operator, ty) {
         (UnaryOperator::Plus, ScalarType::Int(_) | ScalarType::Uint(_) | ScalarType::Float(_)) => {
@@ -25,13 +25,13 @@ pub(super) fn unary(operator: UnaryOperator, operand: &Numbers) -> Calculated {
         (UnaryOperator::Minus, ScalarType::Int(_) | ScalarType::Uint(_)) => map(u64::wrapping_neg),
         (UnaryOperator::Minus, ScalarType::Float(width)) => {
             let flipped = operand.bits().iter().map(|&bits| bits ^ 1 << (width - 1));
-            Ok(Numbers::new(ty, operand.shape(), flipped.collect()))
+            Ok(CalculatedValue::new(ty, operand.shape(), flipped.collect()))
         }
         (UnaryOperator::Complement, ScalarType::Int(_) | ScalarType::Uint(_)) => map(|bits| !bits),
         (UnaryOperator::Not, _) => {
             let inverted = operand.converted(ScalarType::Bool);
             let bits = inverted.bits().iter().map(|&bits| 1 - bits).collect();
-            Ok(Numbers::new(ScalarType::Bool, operand.shape(), bits))
+            Ok(CalculatedValue::new(ScalarType::Bool, operand.shape(), bits))
         }
         _ => {
             let spelling = match operator {
@@ -47,23 +47,23 @@ pub(super) fn unary(operator: UnaryOperator, operand: &Numbers) -> Calculated {
 }
 
 /// Applies an operator to two operands.
-pub(super) fn binary(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
+pub(super) fn binary(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
     match operator {
         Operator::Multiply => multiply(a, b),
         Operator::ShiftLeft | Operator::ShiftRight => shift(operator, a, b),
         Operator::And | Operator::Or => {
             let (a, b) = a.as_bool().zip(b.as_bool()).ok_or_else(|| mismatch(operator, a, b))?;
-            Ok(Numbers::of_bool(if operator == Operator::And { a && b } else { a || b }))
+            Ok(CalculatedValue::of_bool(if operator == Operator::And { a && b } else { a || b }))
         }
         Operator::Equal | Operator::NotEqual => {
             let equal = by_components(operator, a, b, &|ty, a, b| Ok(u64::from(is_equal(ty, a, b))))?;
             let all = equal.bits().iter().all(|&bits| bits != 0);
-            Ok(Numbers::of_bool(all == (operator == Operator::Equal)))
+            Ok(CalculatedValue::of_bool(all == (operator == Operator::Equal)))
         }
         Operator::Less | Operator::LessEqual | Operator::Greater | Operator::GreaterEqual => {
             let compare = |ty, a, b| Ok(u64::from(is_ordered(operator, ty, a, b)));
             let result = by_components(operator, a, b, &compare)?;
-            Ok(Numbers::new(ScalarType::Bool, result.shape(), result.bits().into()))
+            Ok(CalculatedValue::new(ScalarType::Bool, result.shape(), result.bits().into()))
         }
         Operator::BitAnd | Operator::BitOr | Operator::BitXor => {
             if [a, b].iter().any(|one| matches!(one.ty(), ScalarType::Float(_))) {
@@ -84,14 +84,14 @@ pub(super) fn binary(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated
 }
 
 /// Adds, subtracts, multiplies or divides component by component.
-pub(super) fn calculated(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
+pub(super) fn calculated(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
     if a.ty() == ScalarType::Bool || b.ty() == ScalarType::Bool {
         return Err(mismatch(operator, a, b));
     }
     by_components(operator, a, b, &|ty, a, b| scalar(operator, ty, a, b))
 }
 
-fn mismatch(operator: Operator, a: &Numbers, b: &Numbers) -> String {
+fn mismatch(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> String {
     format!("no `{}` of {} and {}", operator.spelling(), a.type_name(), b.type_name())
 }
 
@@ -121,8 +121,8 @@ pub(super) fn common_type(a: ScalarType, b: ScalarType) -> Option<ScalarType> {
 /// the other operand.
 pub(super) fn by_components(
     operator: Operator,
-    a: &Numbers,
-    b: &Numbers,
+    a: &CalculatedValue,
+    b: &CalculatedValue,
     apply: &dyn Fn(ScalarType, u64, u64) -> Result<u64, String>,
 ) -> Calculated {
     let shape = match (a.shape(), b.shape()) {
@@ -132,11 +132,11 @@ pub(super) fn by_components(
     };
     let ty = common_type(a.ty(), b.ty()).ok_or_else(|| mismatch(operator, a, b))?;
     let (a, b) = (a.converted(ty), b.converted(ty));
-    let at = |of: &Numbers, at: usize| of.bits()[if of.bits().len() == 1 { 0 } else { at }];
+    let at = |of: &CalculatedValue, at: usize| of.bits()[if of.bits().len() == 1 { 0 } else { at }];
     let components = 0..shape.components() as usize;
     let bits: Result<ComponentBits, String> =
         components.map(|index| apply(ty, at(&a, index), at(&b, index))).collect();
-    Ok(Numbers::new(ty, shape, bits?))
+    Ok(CalculatedValue::new(ty, shape, bits?))
 }
 
 /// Calculates with two components of a type.
@@ -151,8 +151,8 @@ pub(super) fn scalar(operator: Operator, ty: ScalarType, a: u64, b: u64) -> Resu
     let by_zero = || "a division by zero".to_owned();
     Ok(match ty {
         ScalarType::Float(32) => floats(f32::from_bits(a as u32), f32::from_bits(b as u32)).to_bits().into(),
-        // The exact result, rounded to f32 first, is rounded to f16 as if at once: f32 has more than
-        // twice as many bits.
+        // Rounding the exact result to f32 first changes nothing: f32 has more than twice as many
+        // bits.
         ScalarType::Float(16) => {
             let [a, b] = [a, b].map(|bits| f16::from_bits(bits as u16).to_f32());
             f16::from_f32(floats(a, b)).to_bits().into()
@@ -208,8 +208,8 @@ fn is_ordered(operator: Operator, ty: ScalarType, a: u64, b: u64) -> bool {
 }
 
 /// Shifts; the result is of the type of the left operand.
-fn shift(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
-    let is_integer = |one: &Numbers| matches!(one.ty(), ScalarType::Int(_) | ScalarType::Uint(_));
+fn shift(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
+    let is_integer = |one: &CalculatedValue| matches!(one.ty(), ScalarType::Int(_) | ScalarType::Uint(_));
     let spread = b.bits().len() == 1;
     if !is_integer(a) || !is_integer(b) || !(spread || a.shape() == b.shape()) {
         return Err(mismatch(operator, a, b));
@@ -229,15 +229,15 @@ fn shift(operator: Operator, a: &Numbers, b: &Numbers) -> Calculated {
             } & mask(a.ty()),
         );
     }
-    Ok(Numbers::new(a.ty(), a.shape(), shifted))
+    Ok(CalculatedValue::new(a.ty(), a.shape(), shifted))
 }
 
 /// Multiplies: matrices as in linear algebra (GLSL 4.60, 5.9), all else by components.
-pub(super) fn multiply(a: &Numbers, b: &Numbers) -> Calculated {
+pub(super) fn multiply(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
     let wrong = || mismatch(Operator::Multiply, a, b);
     let (left, right, shape) = match (a.shape(), b.shape()) {
-        // The operands as matrices: columns and rows. A vector is a column to the right of a matrix,
-        // and a row to the left of one.
+        // The operands as matrices: columns and rows. A vector to the right of a matrix is a column,
+        // one to the left of it a row.
         (NumberShape::Matrix { columns, rows }, NumberShape::Vector(count)) => {
             ([columns, rows], [1, count], NumberShape::Vector(rows))
         }
@@ -265,7 +265,7 @@ pub(super) fn multiply(a: &Numbers, b: &Numbers) -> Calculated {
             bits.push(sum(ty, products)?);
         }
     }
-    Ok(Numbers::new(ty, shape, bits))
+    Ok(CalculatedValue::new(ty, shape, bits))
 }
 
 /// The sum of components, from the first on.

@@ -4,7 +4,7 @@ use crate::debug::debugger::expression::arithmetic;
 use crate::debug::debugger::expression::builtin_names::{builtin_of_call, builtin_of_name};
 use crate::debug::debugger::expression::error::ExpressionError;
 use crate::debug::debugger::expression::functions;
-use crate::debug::debugger::expression::numbers::{ComponentBits, NumberShape, Numbers, ScalarType};
+use crate::debug::debugger::expression::numbers::{CalculatedValue, ComponentBits, NumberShape, ScalarType};
 use crate::debug::debugger::expression::syntax::{BinaryOperator, Node, NodeKind, UnaryOperator};
 use crate::debug::debugger::lane_state::LaneState;
 use crate::debug::debugger::source_frames::SourceFrame;
@@ -23,7 +23,7 @@ pub enum Evaluated {
     /// A value of the shader, which may be set.
     Place(VariablePlace),
     /// A calculated value.
-    Numbers(Numbers),
+    CalculatedValue(CalculatedValue),
 }
 
 impl Evaluated {
@@ -34,7 +34,7 @@ impl Evaluated {
     pub fn value(&self, state: &dyn LaneState) -> Result<TypedValue, String> {
         match self {
             Self::Place(place) => place.value(state),
-            Self::Numbers(numbers) => Ok(numbers.typed_value()),
+            Self::CalculatedValue(numbers) => Ok(numbers.typed_value()),
         }
     }
 
@@ -50,11 +50,11 @@ impl Evaluated {
     }
 
     /// The numbers that it is made of.
-    fn numbers(&self, state: &dyn LaneState) -> Result<Numbers, String> {
+    fn numbers(&self, state: &dyn LaneState) -> Result<CalculatedValue, String> {
         match self {
-            Self::Numbers(numbers) => Ok(numbers.clone()),
+            Self::CalculatedValue(numbers) => Ok(numbers.clone()),
             Self::Place(place) => {
-                let numbers = Numbers::of_place(place, state)?;
+                let numbers = CalculatedValue::of_place(place, state)?;
                 numbers.ok_or_else(|| format!("{} is no number and no vector", place.type_name()))
             }
         }
@@ -63,7 +63,7 @@ impl Evaluated {
     fn type_name(&self) -> String {
         match self {
             Self::Place(place) => place.type_name(),
-            Self::Numbers(numbers) => numbers.type_name(),
+            Self::CalculatedValue(numbers) => numbers.type_name(),
         }
     }
 }
@@ -88,7 +88,7 @@ impl<'a> Evaluator<'a> {
     pub(super) fn evaluate(&self, node: &Node) -> EvaluatedNode {
         let error = |message: String| ExpressionError::new(node.column, message);
         match &node.kind {
-            NodeKind::Number(numbers) => Ok(Evaluated::Numbers(numbers.clone())),
+            NodeKind::Number(numbers) => Ok(Evaluated::CalculatedValue(numbers.clone())),
             NodeKind::Name(name) => self.name(name).map_err(error),
             NodeKind::Id(id) => self.id(Id(*id)).map_err(error),
             NodeKind::Unary(UnaryOperator::Dereference, operand) => {
@@ -100,7 +100,7 @@ impl<'a> Evaluator<'a> {
             }
             NodeKind::Unary(operator, operand) => {
                 let operand = self.numbers(operand)?;
-                arithmetic::unary(*operator, &operand).map(Evaluated::Numbers).map_err(error)
+                arithmetic::unary(*operator, &operand).map(Evaluated::CalculatedValue).map_err(error)
             }
             NodeKind::Binary(operator, operands) => {
                 let [left, right] = &**operands;
@@ -112,10 +112,12 @@ impl<'a> Evaluator<'a> {
                     _ => false,
                 };
                 if decided {
-                    return Ok(Evaluated::Numbers(Numbers::of_bool(*operator == BinaryOperator::Or)));
+                    return Ok(Evaluated::CalculatedValue(CalculatedValue::of_bool(
+                        *operator == BinaryOperator::Or,
+                    )));
                 }
                 let right = self.numbers(right)?;
-                arithmetic::binary(*operator, &left, &right).map(Evaluated::Numbers).map_err(error)
+                arithmetic::binary(*operator, &left, &right).map(Evaluated::CalculatedValue).map_err(error)
             }
             NodeKind::Conditional(parts) => {
                 let [condition, then, other] = &**parts;
@@ -137,12 +139,12 @@ impl<'a> Evaluator<'a> {
             NodeKind::Length(of) => {
                 let count = match self.evaluate(of)? {
                     Evaluated::Place(place) => array_in(&place).child_count(self.state).map_err(error)?,
-                    Evaluated::Numbers(numbers) => {
+                    Evaluated::CalculatedValue(numbers) => {
                         numbers.shape().part().map_or(1, |(_, count)| count).into()
                     }
                 };
                 let ty = ScalarType::Int(32);
-                Ok(Evaluated::Numbers(Numbers::scalar(ty, count & u64::from(u32::MAX))))
+                Ok(Evaluated::CalculatedValue(CalculatedValue::scalar(ty, count & u64::from(u32::MAX))))
             }
             NodeKind::Call(name, arguments) => {
                 if let ([], Some(builtin)) = (&arguments[..], builtin_of_call(name)) {
@@ -153,14 +155,14 @@ impl<'a> Evaluator<'a> {
                     values.push(self.numbers(argument)?);
                 }
                 match functions::call(name, &values) {
-                    Some(result) => result.map(Evaluated::Numbers).map_err(error),
+                    Some(result) => result.map(Evaluated::CalculatedValue).map_err(error),
                     None => Err(error(missing("function", name, "", functions::names()))),
                 }
             }
         }
     }
 
-    fn numbers(&self, node: &Node) -> Result<Numbers, ExpressionError> {
+    fn numbers(&self, node: &Node) -> Result<CalculatedValue, ExpressionError> {
         let found = self.evaluate(node)?;
         found.numbers(self.state).map_err(|message| ExpressionError::new(node.column, message))
     }
@@ -174,10 +176,6 @@ impl<'a> Evaluator<'a> {
         if let Some(variable) = known().find(|variable| variable.is_declared) {
             return place(variable.place.clone());
         }
-        if let Some(later) = known().next() {
-            let line = later.declared_line.map_or_else(String::new, |line| format!(" before line {line}"));
-            return Err(format!("`{name}` is not declared{line}"));
-        }
         let anonymous =
             self.variables.iter().filter(|variable| variable.is_anonymous || variable.name == "this");
         if let Some(member) = anonymous.filter_map(|variable| self.member_place(&variable.place, name)).next()
@@ -186,6 +184,10 @@ impl<'a> Evaluator<'a> {
         }
         if let Some(constant) = self.constant(name) {
             return place(constant);
+        }
+        if let Some(later) = known().next() {
+            let line = later.declared_line.map_or_else(String::new, |line| format!(" before line {line}"));
+            return Err(format!("`{name}` is not declared{line}"));
         }
         match builtin_of_name(name) {
             Some(builtin) => self.builtin(name, builtin),
@@ -212,7 +214,7 @@ impl<'a> Evaluator<'a> {
         let stage = self.program.stage;
         let words = builtin.stages.contains(stage_letter(stage)).then(|| self.state.builtin(builtin));
         let words = words.flatten().ok_or_else(|| format!("a {} shader has no `{name}`", stage.name()))?;
-        Ok(Evaluated::Numbers(Numbers::of_builtin(builtin, &words)))
+        Ok(Evaluated::CalculatedValue(CalculatedValue::of_builtin(builtin, &words)))
     }
 
     fn id(&self, id: Id) -> Result<Evaluated, String> {
@@ -255,12 +257,13 @@ impl<'a> Evaluator<'a> {
                 Type::Vector { count, .. } => Some(count),
                 _ => None,
             },
-            Evaluated::Numbers(numbers) => match numbers.shape() {
+            Evaluated::CalculatedValue(numbers) => match numbers.shape() {
                 NumberShape::Vector(count) => Some(count),
                 _ => None,
             },
         };
-        let is_scalar = matches!(of, Evaluated::Numbers(numbers) if numbers.shape() == NumberShape::Scalar);
+        let is_scalar =
+            matches!(of, Evaluated::CalculatedValue(numbers) if numbers.shape() == NumberShape::Scalar);
         let count = count.or(is_scalar.then_some(1));
         let count = count.ok_or_else(|| format!("{} has no members", of.type_name()))?;
         let indices =
@@ -274,7 +277,7 @@ impl<'a> Evaluator<'a> {
             1 => NumberShape::Scalar,
             count => NumberShape::Vector(count as u32),
         };
-        Ok(Evaluated::Numbers(Numbers::new(numbers.ty(), shape, bits)))
+        Ok(Evaluated::CalculatedValue(CalculatedValue::new(numbers.ty(), shape, bits)))
     }
 
     fn element(&self, of: &Evaluated, index: u64) -> Result<Evaluated, String> {
@@ -295,8 +298,8 @@ impl<'a> Evaluator<'a> {
                 }
                 array.child(index).map(Evaluated::Place)
             }
-            Evaluated::Numbers(numbers) => {
-                let part = numbers.part(index).map(Evaluated::Numbers);
+            Evaluated::CalculatedValue(numbers) => {
+                let part = numbers.part(index).map(Evaluated::CalculatedValue);
                 part.ok_or_else(|| format!("{index} is outside of {}", numbers.type_name()))
             }
         }
@@ -325,7 +328,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// The numbers of a value, for the components of a swizzle.
-    pub(super) fn numbers_for(&self, node: &Node) -> Result<Numbers, ExpressionError> {
+    pub(super) fn numbers_for(&self, node: &Node) -> Result<CalculatedValue, ExpressionError> {
         self.numbers(node)
     }
 }

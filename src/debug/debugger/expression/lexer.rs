@@ -1,7 +1,7 @@
 //! Splits an expression into tokens.
 
 use crate::debug::debugger::expression::error::ExpressionError;
-use crate::debug::debugger::expression::numbers::{Numbers, ScalarType};
+use crate::debug::debugger::expression::numbers::{CalculatedValue, ScalarType};
 
 /// A token and the column where it begins.
 #[derive(Clone, Debug)]
@@ -13,7 +13,7 @@ pub(super) struct Token {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TokenKind {
     Name(String),
-    Number(Numbers),
+    Number(CalculatedValue),
     /// An operator or a bracket.
     Mark(&'static str),
     End,
@@ -73,7 +73,7 @@ pub(super) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
 }
 
 /// Reads a number with its suffix; returns the text behind it.
-fn number(text: &str) -> Result<(Numbers, &str), String> {
+fn number(text: &str) -> Result<(CalculatedValue, &str), String> {
     let hexadecimal = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
     if let Some(digits) = hexadecimal {
         let end = digits.find(|next: char| !next.is_ascii_hexdigit()).unwrap_or(digits.len());
@@ -107,15 +107,15 @@ fn number(text: &str) -> Result<(Numbers, &str), String> {
     let end = rest.find(|next: char| !next.is_ascii_alphanumeric()).unwrap_or(rest.len());
     let (suffix, rest) = rest.split_at(end);
     let number = match suffix {
-        "" | "f" | "F" => {
-            digits.parse().map(|value: f32| Numbers::scalar(ScalarType::Float(32), value.to_bits().into()))
-        }
+        "" | "f" | "F" => digits
+            .parse()
+            .map(|value: f32| CalculatedValue::scalar(ScalarType::Float(32), value.to_bits().into())),
         "lf" | "LF" | "l" | "L" => {
-            digits.parse().map(|value: f64| Numbers::scalar(ScalarType::Float(64), value.to_bits()))
+            digits.parse().map(|value: f64| CalculatedValue::scalar(ScalarType::Float(64), value.to_bits()))
         }
         "h" | "H" | "hf" | "HF" => {
             let half = digits.parse().map(half::f16::from_f64);
-            half.map(|value| Numbers::scalar(ScalarType::Float(16), value.to_bits().into()))
+            half.map(|value| CalculatedValue::scalar(ScalarType::Float(16), value.to_bits().into()))
         }
         _ => return Err(format!("no float has the suffix `{suffix}`")),
     };
@@ -123,7 +123,7 @@ fn number(text: &str) -> Result<(Numbers, &str), String> {
 }
 
 /// An integer with a suffix: `u`, `l`, `ul`.
-fn integer(bits: u64, text: &str, is_hexadecimal: bool) -> Result<(Numbers, &str), String> {
+fn integer(bits: u64, text: &str, is_hexadecimal: bool) -> Result<(CalculatedValue, &str), String> {
     let end = text.find(|next: char| !(next.is_ascii_alphanumeric() || next == '_')).unwrap_or(text.len());
     let (suffix, rest) = text.split_at(end);
     let (signed, width) = match suffix.to_ascii_lowercase().as_str() {
@@ -142,5 +142,5 @@ fn integer(bits: u64, text: &str, is_hexadecimal: bool) -> Result<(Numbers, &str
         (true, false) => ScalarType::Int(width),
         (false, _) => ScalarType::Uint(width),
     };
-    Ok((Numbers::scalar(ty, bits), rest))
+    Ok((CalculatedValue::scalar(ty, bits), rest))
 }

@@ -1,5 +1,5 @@
-//! Expressions of a stopped invocation's variables, in the notation that GLSL, HLSL and Slang share:
-//! names, members, indices, swizzles, pointers, operators, constructors and functions.
+//! Expressions of a stopped invocation's variables, in the notation that GLSL, HLSL and Slang
+//! share: names, members, indices, swizzles, pointers, operators, constructors and functions.
 //!
 //! Conversions are those of GLSL. A comparison with `==` is one bool, the other comparisons of
 //! vectors are vectors of bools. Floats are calculated with in their own width.
@@ -17,7 +17,7 @@ mod type_names;
 
 pub use error::ExpressionError;
 pub use evaluate::Evaluated;
-pub use numbers::{NumberShape, Numbers, ScalarType};
+pub use numbers::{CalculatedValue, NumberShape, ScalarType};
 
 use crate::debug::debugger::lane_state::LaneState;
 use crate::debug::debugger::source_frames::SourceFrame;
@@ -119,7 +119,7 @@ fn assignments(
             let words = evaluator.words_for(value, &place)?;
             Ok(vec![(place, words)])
         }
-        Evaluated::Numbers(_) => {
+        Evaluated::CalculatedValue(_) => {
             Err(ExpressionError::new(target.column, "only variables and their parts can be set"))
         }
     }

@@ -68,13 +68,13 @@ pub(super) type ComponentBits = SmallVec<[u64; 4]>;
 /// A calculated value. The bits of a component are those of a float, the low bits of an integer, or
 /// 0 or 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Numbers {
+pub struct CalculatedValue {
     ty: ScalarType,
     shape: NumberShape,
     bits: ComponentBits,
 }
 
-impl Numbers {
+impl CalculatedValue {
     pub(super) fn scalar(ty: ScalarType, bits: u64) -> Self {
         Self { ty, shape: NumberShape::Scalar, bits: smallvec![bits] }
     }

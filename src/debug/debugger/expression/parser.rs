@@ -3,7 +3,7 @@
 
 use crate::debug::debugger::expression::error::ExpressionError;
 use crate::debug::debugger::expression::lexer::{Token, TokenKind, tokens};
-use crate::debug::debugger::expression::numbers::{NumberShape, Numbers, ScalarType};
+use crate::debug::debugger::expression::numbers::{CalculatedValue, NumberShape, ScalarType};
 use crate::debug::debugger::expression::syntax::{BinaryOperator, Node, NodeKind, UnaryOperator};
 use crate::debug::debugger::expression::type_names::numeric_type;
 
@@ -207,7 +207,7 @@ impl Parser {
         if !self.take("(") {
             let kind = match name.as_str() {
                 "true" | "false" => {
-                    NodeKind::Number(Numbers::scalar(ScalarType::Bool, u64::from(name == "true")))
+                    NodeKind::Number(CalculatedValue::scalar(ScalarType::Bool, u64::from(name == "true")))
                 }
                 _ => NodeKind::Name(name),
             };

@@ -1,6 +1,6 @@
 //! The tree of an expression.
 
-use crate::debug::debugger::expression::numbers::Numbers;
+use crate::debug::debugger::expression::numbers::CalculatedValue;
 
 /// A part of an expression, and the column that messages about it name.
 #[derive(Clone, Debug)]
@@ -14,7 +14,7 @@ pub(super) enum NodeKind {
     Name(String),
     /// A result id of the module: `%12`.
     Id(u32),
-    Number(Numbers),
+    Number(CalculatedValue),
     Unary(UnaryOperator, Box<Node>),
     Binary(BinaryOperator, Box<[Node; 2]>),
     /// `a ? b : c`

@@ -45,8 +45,8 @@ const PREFIXES: &[(&str, ScalarType)] = &[
 
 /// The numeric type of a name: `vec3`, `float3`, `mat4x3`, `float3x4`, `uint16_t`.
 ///
-/// HLSL counts the rows of a matrix first. As it is a list of its rows to SPIR-V, whose matrices are
-/// lists of columns, the rows are called columns here: `float3x4` is `mat3x4`.
+/// HLSL counts the rows of a matrix first. Its rows are the columns of SPIR-V's matrix, and are
+/// called columns here: `float3x4` is `mat3x4`.
 pub(super) fn numeric_type(name: &str) -> Option<(ScalarType, NumberShape)> {
     for &(scalar, ty) in SCALARS {
         if let Some(shape) = name.strip_prefix(scalar).and_then(shape_of_suffix) {

@@ -1,0 +1,182 @@
+//! The observers that count.
+
+use std::cell::RefCell;
+
+use crate::error::Result;
+use crate::harness::cost::instructions;
+use crate::harness::pixel_cost::call_tree::{Call, CallIndex, CallSite, CallTree};
+use crate::harness::pixel_cost::{LaunchCost, PixelCost};
+use crate::machine::{Batch, Observer, RayQueryStep, ShaderIndex};
+use crate::module::interface::Stage;
+use crate::pipeline::{Event, Launch, Pipeline, PipelineObserver, Stats};
+
+/// The lanes of the widest batch that is observed. Batches are of consecutive launch indices and
+/// begin at multiples of it.
+const LANES: usize = 64;
+
+/// Counts what the invocations of a launch cost.
+pub(super) struct LaunchCounter {
+    size: [u32; 3],
+    /// By shader and block: the instructions.
+    instructions: Vec<Vec<u64>>,
+    subgroup_size: u32,
+    state: RefCell<State>,
+}
+
+#[derive(Default)]
+struct State {
+    pixels: Vec<PixelCost>,
+    calls: CallTree,
+    /// By lane: its shaders that run or wait, the outermost first.
+    stacks: Vec<Vec<CallFrame>>,
+    /// The invocation that events are of, by its number in launch order.
+    invocation: usize,
+    shader: ShaderIndex,
+    /// Whether batches had one lane only.
+    one_by_one: bool,
+}
+
+/// A shader that runs or waits in a lane.
+struct CallFrame {
+    call: CallIndex,
+    /// Where it waits.
+    site: Option<CallSite>,
+}
+
+impl LaunchCounter {
+    /// A counter for a launch of a pipeline.
+    pub(super) fn new(pipeline: &Pipeline, size: [u32; 3]) -> Self {
+        let count = size.iter().map(|&side| side as usize).product();
+        let mut stacks = Vec::new();
+        stacks.resize_with(LANES, Vec::new);
+        let state = State { pixels: vec![PixelCost::default(); count], stacks, ..State::default() };
+        Self {
+            size,
+            instructions: pipeline.programs.iter().map(|program| instructions(program)).collect(),
+            subgroup_size: pipeline.subgroup_size,
+            state: RefCell::new(state),
+        }
+    }
+
+    /// Runs the launch.
+    pub(super) fn run(&mut self, launch: &Launch<'_>) -> Result<Stats> {
+        launch.run_observed(self.size, &mut Events(self), &mut Blocks(self))
+    }
+
+    /// What was counted.
+    pub(super) fn finish(self) -> LaunchCost {
+        let state = self.state.into_inner();
+        let is_seen = self.subgroup_size == 1 || !state.one_by_one;
+        let subgroup_size = Some(self.subgroup_size).filter(|&size| is_seen && size as usize <= LANES);
+        LaunchCost { size: self.size, pixels: state.pixels, subgroup_size, calls: state.calls }
+    }
+}
+
+/// Receives the events of the launch.
+struct Events<'a>(&'a LaunchCounter);
+
+impl PipelineObserver for Events<'_> {
+    fn observes_query_traversal(&self) -> bool {
+        true
+    }
+
+    fn invocation(&mut self, launch_id: [u32; 3]) {
+        let [x, y, z] = launch_id.map(|axis| axis as usize);
+        let [width, height, _] = self.0.size.map(|side| side as usize);
+        self.0.state.borrow_mut().invocation = (z * height + y) * width + x;
+    }
+
+    fn event(&mut self, event: Event) {
+        let state = &mut *self.0.state.borrow_mut();
+        let pixel = &mut state.pixels[state.invocation];
+        let stack = &mut state.stacks[state.invocation % LANES];
+        match event {
+            Event::Node(_) => pixel.nodes += 1,
+            Event::Primitive(..) => pixel.primitives += 1,
+            Event::RayQuery(event) => match event.step {
+                RayQueryStep::Node(_) => pixel.nodes += 1,
+                RayQueryStep::Primitive(..) => pixel.primitives += 1,
+                _ => {}
+            },
+            Event::Enter { shader, stage, .. } => {
+                pixel.any_hit += u64::from(stage == Stage::AnyHit);
+                let caller = stack.last().and_then(|frame| Some((frame.call, frame.site?)));
+                let call = state.calls.number(Call { caller, shader });
+                stack.push(CallFrame { call, site: None });
+            }
+            Event::Leave { .. } => {
+                stack.pop();
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Observes the blocks that run.
+struct Blocks<'a>(&'a LaunchCounter);
+
+impl<const W: usize> Observer<W> for Blocks<'_> {
+    fn resumed(&mut self, shader: ShaderIndex, _: &mut Batch<W>) {
+        let mut state = self.0.state.borrow_mut();
+        state.shader = shader;
+        state.one_by_one |= W == 1;
+    }
+
+    fn stopped(&mut self, _: ShaderIndex, batch: &Batch<W>) {
+        let mut state = self.0.state.borrow_mut();
+        for lane in batch.mask.lanes() {
+            let number = batch.invocations.number(lane) as usize;
+            if let Some(frame) = state.stacks[number % LANES].last_mut() {
+                frame.site = Some(CallSite::Op(batch.stopped_at()));
+            }
+        }
+    }
+
+    fn block(&mut self, batch: &Batch<W>) {
+        let state = &mut *self.0.state.borrow_mut();
+        let shader = state.shader;
+        let count = self.0.instructions[shader.index()][batch.block.index()];
+        let mut lanes = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as usize).peekable();
+        // Neighbours mostly have the same caller: they are counted together.
+        let mut same: Option<(CallIndex, u64)> = None;
+        while let Some(&first) = lanes.peek() {
+            let subgroup = first as u64 / u64::from(self.0.subgroup_size);
+            let begin = subgroup * u64::from(self.0.subgroup_size);
+            let end = (begin + u64::from(self.0.subgroup_size)).min(state.pixels.len() as u64);
+            let mut running = 0;
+            while let Some(number) = lanes.next_if(|&number| (number as u64) < end) {
+                running += 1;
+                state.pixels[number].instructions += count;
+                let Some(frame) = state.stacks[number % LANES].last() else { continue };
+                same = Some(match same {
+                    Some((call, lanes)) if call == frame.call => (call, lanes + 1),
+                    other => {
+                        enter(&mut state.calls, other, shader, batch);
+                        (frame.call, 1)
+                    }
+                });
+            }
+            if running < end - begin {
+                let mut rest = batch.mask.lanes().map(|lane| batch.invocations.number(lane));
+                while let Some(number) = rest.find(|number| (begin..end).contains(number)) {
+                    state.pixels[number as usize].divergent += count;
+                }
+            }
+        }
+        enter(&mut state.calls, same, shader, batch);
+    }
+}
+
+/// Counts lanes of one caller that enter a batch's block, in the function that they are in.
+fn enter<const W: usize>(
+    calls: &mut CallTree,
+    lanes: Option<(CallIndex, u64)>,
+    shader: ShaderIndex,
+    batch: &Batch<W>,
+) {
+    let Some((call, lanes)) = lanes else { return };
+    let function = batch.frames().iter().fold(call, |call, frame| {
+        calls.number(Call { caller: Some((call, CallSite::ReturnTo(frame.return_to))), shader })
+    });
+    calls.enter(function, batch.block, lanes);
+}

@@ -1,0 +1,115 @@
+//! What each pixel of a launch costs, and which source lines cost it.
+//!
+//! A launch runs under observers, in launch order on one thread, so that counts depend neither on
+//! threads nor on the machine: [`measure`] returns a [`LaunchCost`], which has a [`PixelCost`] for
+//! every launch index, and the [`CallTree`] from which a [`profile`] by source line is made. The
+//! shaders write what they would write without observers.
+//!
+//! Instructions are those of the SPIR-V modules, in every block that the invocation's lane enters,
+//! in all shaders that are called for it. Nodes and primitives are of the traversals of its rays
+//! and ray queries, each by itself. Divergence is of SPIR-V's subgroups, not of the interpreter's
+//! batches. `docs/looking.md` says more.
+
+mod call_tree;
+mod counter;
+mod heat;
+pub mod profile;
+
+pub use call_tree::CallTree;
+pub use heat::{Heat, HeatMeasure};
+
+use std::borrow::Cow;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::pixel_cost::counter::LaunchCounter;
+use crate::machine::Resources;
+use crate::pipeline::Launch;
+use crate::scene::Assembled;
+use crate::scene::frame::SingleLaunch;
+
+/// The most invocations that a launch may have whose pixels are counted, each of which takes some
+/// forty bytes.
+const MAX_INVOCATIONS: u64 = 1 << 26;
+
+/// What one invocation of ray generation costs, with all shaders that are called for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PixelCost {
+    /// Instructions of the SPIR-V modules.
+    pub instructions: u64,
+    /// Those of them that ran while another invocation of the subgroup did not run them, too.
+    pub divergent: u64,
+    /// Nodes of BVHs that were opened.
+    pub nodes: u64,
+    /// Primitives in the leaves that were reached.
+    pub primitives: u64,
+    /// Any-hit shaders that ran.
+    pub any_hit: u64,
+}
+
+/// What a launch costs.
+#[derive(Clone, Debug)]
+pub struct LaunchCost {
+    /// Width, height and depth.
+    pub size: [u32; 3],
+    /// By launch index, x fastest.
+    pub pixels: Vec<PixelCost>,
+    /// The invocations of a subgroup; `None` where invocations depend on each other's order and so
+    /// ran one by one, which says nothing of divergence.
+    pub subgroup_size: Option<u32>,
+    /// Which shaders ran, called from where.
+    pub calls: CallTree,
+}
+
+/// Runs the passes of a scene on resources, and counts what the launch of one of them costs.
+///
+/// # Errors
+/// The first trap. `InvalidScene` where the pass has no ray generation shader, `UnsupportedModule`
+/// for subgroups that are wider than a batch, `InvalidArgument` for too many
+/// invocations.
+pub fn measure(
+    assembled: &Assembled,
+    single: &SingleLaunch<'_>,
+    resources: &Resources,
+) -> Result<LaunchCost> {
+    check(single)?;
+    let mut counter = LaunchCounter::new(&single.pipeline, single.size);
+    let mut found = None;
+    for (number, pass) in assembled.passes.iter().enumerate() {
+        let outcome = if number == single.number {
+            let resources: Cow<'_, Resources> = single.resources(resources);
+            let launch = Launch { pipeline: &single.pipeline, resources: &resources };
+            let outcome = counter.run(&launch);
+            found = outcome.is_ok().then_some(number);
+            outcome
+        } else {
+            assembled.run_pass::<64>(pass, resources, &|_| ())
+        };
+        outcome.map_err(|error| assembled.in_pass(number, error))?;
+    }
+    match found {
+        Some(_) => Ok(counter.finish()),
+        None => Err(no_launch()),
+    }
+}
+
+fn no_launch() -> Error {
+    Error::new(ErrorKind::InvalidScene, "the scene has no launch whose pixels could be counted")
+}
+
+/// Refuses a launch that cannot be counted, before anything runs.
+fn check(single: &SingleLaunch<'_>) -> Result<()> {
+    if single.pipeline.sbt.ray_generation.is_none() {
+        return Err(no_launch());
+    }
+    if single.pipeline.uses_subgroups() && single.pipeline.subgroup_size > 64 {
+        let message = "counting the cost of pixels in subgroups of more than 64 invocations";
+        return Err(Error::new(ErrorKind::UnsupportedModule, message)
+            .note("`subgroup_size` of the scene's pipeline may be set to 64 or less"));
+    }
+    let count = single.size.iter().fold(1_u64, |count, &side| count.saturating_mul(side.into()));
+    if count > MAX_INVOCATIONS {
+        let message = format!("counting the cost of {count} pixels: {MAX_INVOCATIONS} are the most");
+        return Err(Error::new(ErrorKind::InvalidArgument, message).note("`--size` makes the launch smaller"));
+    }
+    Ok(())
+}

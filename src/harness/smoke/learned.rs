@@ -1,0 +1,188 @@
+//! What is learned of a shader's memory from where it traps: which addresses lead to what, which
+//! resources are too small, which geometry it needs.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::harness::smoke::fill::{FillContent, PlaceId, WideIntegers, region_of};
+use crate::harness::smoke::hits::SmokeGeometry;
+use crate::harness::smoke::resources::Given;
+use crate::machine::TrapCode;
+use crate::module::interface::InterfaceVariable;
+use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id, Module};
+use crate::ops::pointer::storage;
+use crate::pipeline::Trapped;
+
+/// Addresses that one shader may be taught.
+const MOST_ADDRESSES: usize = 256;
+/// How many times as large resources may become where an access goes beyond them, and in which
+/// steps.
+const MOST_SCALE: u32 = 64;
+pub(super) const SCALE_STEP: u32 = 8;
+/// Bytes beyond which an offset is not made good by a larger buffer.
+const MOST_OFFSET: u64 = 1 << 24;
+
+/// What was learned of a shader's memory while it ran.
+#[derive(Default)]
+pub(super) struct Learned {
+    /// What lies behind the addresses of what is made up.
+    pub known: BTreeMap<PlaceId, FillContent>,
+    /// By how many factors of 8 resources are larger than at first.
+    pub scale_steps: u32,
+    /// What was changed for which trap, in the run that goes on.
+    pub mended: Option<(String, Box<Trapped>)>,
+    /// The one kind of geometry that there is, where a shader needs it.
+    pub geometry: Option<SmokeGeometry>,
+    /// Whether it ran out of fuel: it has less of it from then on.
+    pub is_spent: bool,
+    /// Instructions, by their word offset, for which no resource is large enough.
+    hopeless: BTreeSet<u32>,
+    /// The instruction for which resources became larger last.
+    larger_for: Option<u32>,
+}
+
+impl Learned {
+    /// Goes back to resources of the first size where larger ones are larger than is allowed;
+    /// whether there are larger ones.
+    pub(super) fn give_up_larger(&mut self) -> bool {
+        let Some(offset) = self.larger_for.take().filter(|_| self.scale_steps > 0) else { return false };
+        self.scale_steps = 0;
+        self.mended = None;
+        self.hopeless.insert(offset)
+    }
+
+    /// Learns from a trap what memory lacks; whether that was anything new.
+    pub(super) fn learn(
+        &mut self,
+        shader: UsedMemory<'_>,
+        trapped: &Trapped,
+        given: &Given,
+        wide: &mut WideIntegers,
+        fuel: &mut u64,
+    ) -> bool {
+        if *fuel == 0 {
+            return false;
+        }
+        let lost = match trapped.code {
+            TrapCode::NullPointer
+            | TrapCode::AddressInvalid
+            | TrapCode::AddressMisaligned
+            | TrapCode::AddressOutOfBounds => true,
+            TrapCode::AccelerationStructureMissing => shader.addresses_structures(),
+            _ => false,
+        };
+        let content = lost.then(|| shader.content(trapped)).flatten();
+        let place = region_of(trapped.fault_value).and_then(|region| *given.places.get(region)?);
+        if let (Some(content), Some(place)) = (content, place)
+            && self.known.len() < MOST_ADDRESSES
+        {
+            return self.known.insert(place, content).is_none();
+        }
+        let beyond = match trapped.code {
+            TrapCode::BufferOutOfBounds | TrapCode::AddressOutOfBounds => {
+                trapped.fault_value & u64::from(u32::MAX) < MOST_OFFSET
+            }
+            TrapCode::ImageOutOfBounds => true,
+            TrapCode::DescriptorMissing | TrapCode::IndexOutOfBounds => shader.has_runtime_descriptors(),
+            _ => false,
+        };
+        if beyond && !self.hopeless.contains(&trapped.offset) {
+            if SCALE_STEP.pow(self.scale_steps + 1) <= MOST_SCALE {
+                self.scale_steps += 1;
+                self.larger_for = Some(trapped.offset);
+                let mended = || ("larger resources".to_owned(), Box::new(trapped.clone()));
+                self.mended.get_or_insert_with(mended);
+                return true;
+            }
+            self.scale_steps = 0;
+            self.hopeless.insert(trapped.offset);
+        }
+        let kind = match trapped.code {
+            TrapCode::NotTriangle | TrapCode::RayQueryNotTriangle => Some(SmokeGeometry::Triangle),
+            TrapCode::RayQueryNotAabb => Some(SmokeGeometry::Aabb),
+            TrapCode::NotSphere => Some(SmokeGeometry::Sphere),
+            TrapCode::NotLinearSweptSphere => Some(SmokeGeometry::Lss),
+            _ => None,
+        };
+        if let (Some(kind), None) = (kind, self.geometry) {
+            self.geometry = Some(kind);
+            let mended = || (format!("no geometry but {}", kind.name()), Box::new(trapped.clone()));
+            self.mended.get_or_insert_with(mended);
+            return true;
+        }
+        match (content, place) {
+            (Some(_), None) if *wide == WideIntegers::Numbers => {
+                *wide = WideIntegers::Addresses;
+                true
+            }
+            // What is no address must not be as large as one: a count, say.
+            _ if *wide == WideIntegers::Addresses && !self.known.is_empty() && !lost => {
+                *wide = WideIntegers::Known;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+/// The module of a shader, and the variables that it uses.
+#[derive(Clone, Copy)]
+pub(super) struct UsedMemory<'a> {
+    /// The module.
+    pub module: &'a Module,
+    /// The variables.
+    pub variables: &'a [InterfaceVariable],
+}
+
+impl UsedMemory<'_> {
+    /// Whether the module makes acceleration structures of addresses.
+    fn addresses_structures(&self) -> bool {
+        const CONVERT: u16 = 4447;
+        let functions = self.module.functions.iter();
+        let blocks = functions.flat_map(|function| &function.blocks);
+        blocks.flat_map(|block| &block.instructions).any(|instruction| instruction.opcode == CONVERT)
+    }
+
+    /// What the instruction that trapped expects behind its address.
+    fn content(&self, trapped: &Trapped) -> Option<FillContent> {
+        if trapped.code == TrapCode::AccelerationStructureMissing {
+            return Some(FillContent::Structure);
+        }
+        let module = self.module;
+        let functions = module.functions.iter().flat_map(|function| &function.blocks);
+        let mut instructions = functions.flat_map(|block| &block.instructions);
+        let instruction = instructions.find(|instruction| instruction.offset == trapped.offset)?;
+        let pointers = module.operand_ids(instruction).into_iter();
+        let mut found = pointers.filter_map(|id| physical_pointer(module, base(module, id)));
+        found.next().map(FillContent::Pointer)
+    }
+
+    /// Whether there are arrays of descriptors without a length.
+    fn has_runtime_descriptors(&self) -> bool {
+        let arrays = self.variables.iter().filter(|variable| variable.binding.is_some());
+        let mut types = arrays.filter_map(|variable| variable.ty);
+        types.any(|ty| matches!(self.module.ty(ty), Type::RuntimeArray { .. }))
+    }
+}
+
+/// The pointer that a chain of access chains begins with.
+fn base(module: &Module, mut id: Id) -> Id {
+    // OpAccessChain, OpInBoundsAccessChain, OpPtrAccessChain, OpInBoundsPtrAccessChain
+    const CHAINS: [u16; 4] = [65, 66, 67, 70];
+    while let Some(Definition::Result(function, block, at)) = module.definition(id) {
+        let block = &module.functions[function as usize].blocks[block as usize];
+        let instruction = &block.instructions[at as usize];
+        match module.operands(instruction).first() {
+            Some(&from) if CHAINS.contains(&instruction.opcode) => id = Id(from),
+            _ => break,
+        }
+    }
+    id
+}
+
+/// The type of an id that is a pointer to device memory.
+fn physical_pointer(module: &Module, id: Id) -> Option<TypeId> {
+    let ty = module.type_of(id)?;
+    let physical = storage::PHYSICAL_STORAGE_BUFFER;
+    matches!(module.ty(ty), Type::Pointer { storage_class, .. } if *storage_class == physical).then_some(ty)
+}

@@ -1,0 +1,420 @@
+//! Runs one test of a case, and explains why it fails.
+
+use std::path::Path;
+
+use crate::debug::render::{self, RenderOptions};
+use crate::debug::session::ResolvedRequest;
+use crate::debug::transcript::TranscriptLine;
+use crate::debug::{ExplainRequest, Session, command, shell};
+use crate::error::{Error, ErrorKind, Place, Result};
+use crate::harness::blame::{Writer, writer};
+use crate::harness::case::Loaded;
+use crate::harness::coverage::Recorder;
+#[cfg(feature = "cli")]
+use crate::harness::expect::PictureDifference;
+use crate::harness::expect::{Difference, Subject};
+use crate::harness::many_seeds::ManySeeds;
+use crate::harness::observe::fresh_resources;
+use crate::harness::rendering;
+use crate::harness::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
+use crate::harness::sanitize_table::scene_levels;
+use crate::harness::sanitized::{SanitizedRun, run_sanitized, sanitize_one};
+use crate::harness::stability::found::ShadowFindings;
+use crate::harness::stability::perturb::{perturb, perturb_one};
+use crate::harness::stability::shadow::{shadow, shadow_one};
+use crate::harness::stability::{Instability, Perturbation};
+use crate::harness::suite::options::SuiteOptions;
+use crate::harness::suite::{Outcome, Part, Test, TestFailure, pictures};
+use crate::sanitize::{Findings, Levels};
+use crate::scene::file::{GivenRay, RayEntry};
+
+/// One test of a loaded case.
+pub(super) struct Tester<'a> {
+    /// The case.
+    pub loaded: &'a Loaded,
+    /// The test.
+    pub test: &'a Test,
+    /// How it is run, and what is told of its failure.
+    pub options: &'a SuiteOptions,
+    /// The variant of the scene that is tested.
+    pub variant: Option<&'a str>,
+}
+
+impl Tester<'_> {
+    /// What the shadow interpreter finds in the test.
+    pub(super) fn shadow(&self) -> Result<(ShadowFindings, Option<Error>)> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        match self.part() {
+            None => shadow(scene, assembled),
+            Some(at) => shadow_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?),
+        }
+    }
+
+    /// Whether the test has an `[expect.stable]` of its own.
+    pub(super) fn says_what_is_stable(&self) -> bool {
+        match self.part() {
+            None => self.loaded.expectations.stable.is_some(),
+            Some(at) => self.loaded.rays[at].as_ref().is_some_and(|one| one.rest.stable.is_some()),
+        }
+    }
+
+    /// What depends on rounding. An error where that cannot be seen: invocations cannot run one by
+    /// one, or the test is of a trap.
+    pub(super) fn perturbed(&self, perturbation: &Perturbation) -> Result<Instability> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        match self.part() {
+            None => perturb(scene, assembled, perturbation),
+            Some(at) => perturb_one(scene, assembled, &ResolvedRequest::of(&scene.rays[at])?, perturbation),
+        }
+    }
+
+    /// What the sanitizer finds in the test.
+    pub(super) fn sanitized(&self, levels: &Levels) -> Result<SanitizedRun> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        let levels = &scene_levels(&scene.document)?.overridden_by(levels);
+        let resources = fresh_resources(&assembled.resources);
+        match self.part() {
+            None => run_sanitized(scene, assembled, &resources, levels),
+            Some(at) => {
+                let which = ResolvedRequest::of(&scene.rays[at])?;
+                sanitize_one(scene, assembled, &which, &resources, levels)
+            }
+        }
+    }
+
+    /// What depends on drawn choices in the test.
+    pub(super) fn drawn(&self, drawn: &ManySeeds) -> Result<Findings> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        let levels = scene_levels(&scene.document)?.overridden_by(&drawn.levels);
+        let path = scene.path.display().to_string();
+        let ray = self.part().map(|at| &scene.rays[at]);
+        let mut command = match ray {
+            None => format!("anyhit run {}", shell::word(&path)),
+            Some(ray) => command_line(&path, &request(ray)),
+        };
+        if let Some(variant) = self.variant {
+            command += &format!(" --variant {}", shell::word(variant));
+        }
+        let drawn = ManySeeds { levels, command: Some(command), ..drawn.clone() };
+        match ray {
+            None => drawn.run(scene, assembled),
+            Some(ray) => drawn.run_one(scene, assembled, &ResolvedRequest::of(ray)?),
+        }
+    }
+
+    /// The outcome of a test that passed but for findings, which are kept.
+    pub(super) fn judge(&self, found: Result<Findings>, all: &mut Findings) -> Outcome {
+        match found {
+            Ok(found) => {
+                let denied = found.denied().map(|one| Difference::of(one.report())).collect();
+                all.extend(found);
+                self.outcome(denied, None, self.part())
+            }
+            Err(error) => Outcome::Broken(error),
+        }
+    }
+
+    /// The ray's place in the file, where the test is of a ray.
+    pub(super) fn part(&self) -> Option<usize> {
+        match self.test.part {
+            Part::Launch => None,
+            Part::Ray(at) => Some(at),
+        }
+    }
+
+    /// Runs the launch, and compares it with what is expected.
+    pub(super) fn launch(&self, recorder: &mut Option<Recorder>) -> Result<Outcome> {
+        let (scene, assembled) = (&self.loaded.scene, &self.loaded.assembled);
+        let expectations = &self.loaded.expectations;
+        let observed = if self.options.all_widths && recorder.is_none() {
+            match self.loaded.widths() {
+                Ok(observed) => observed,
+                Err(error) if error.kind() == ErrorKind::Expectation => {
+                    return Ok(self.failed(vec![Difference::of(error)], None));
+                }
+                Err(error) => return Err(error),
+            }
+        } else {
+            let mut observed = match recorder {
+                Some(recorder) => launch_covered(scene, assembled, recorder),
+                None => run_launch(scene, assembled),
+            };
+            if !expectations.rays.is_empty() {
+                observed.rays = rays(
+                    scene,
+                    assembled,
+                    &mut RayMeasurements { recorder: recorder.as_mut(), ..RayMeasurements::default() },
+                );
+            }
+            self.loaded.add_costs(&mut observed)?;
+            observed
+        };
+        if self.options.check_optimizer {
+            match self.loaded.check_launch(&observed) {
+                Err(error) if error.kind() == ErrorKind::Expectation => {
+                    return Ok(self.failed(vec![Difference::of(error)], None));
+                }
+                checked => checked?,
+            }
+        }
+        let mut differences = expectations.differences(&observed);
+        differences.extend(rendering::differences(self.loaded, &observed, self.variant.is_some())?);
+        Ok(self.outcome(differences, expectations.known_failure.as_ref().map(|why| &why.value), None))
+    }
+
+    /// Runs a ray of the file, and compares it with what is expected.
+    pub(super) fn ray(&self, at: usize, recorder: &mut Option<Recorder>) -> Result<Outcome> {
+        let Some(expect) = self.loaded.rays.get(at).and_then(Option::as_ref) else {
+            let message = format!("the file has no ray {at} with expectations any more");
+            return Err(Error::new(ErrorKind::InvalidScene, message));
+        };
+        let (costs, stable) = (expect.rest.wants_costs(), expect.rest.stable.as_ref());
+        let mut watch = RayMeasurements { recorder: recorder.as_mut(), costs, stable };
+        let observed = run_ray(&self.loaded.scene, &self.loaded.assembled, at, &mut watch);
+        if let [(_, Err(error))] = &observed.rays[..]
+            && error.kind() != ErrorKind::Trap
+        {
+            return Err(error.clone().at(expect.span.place()));
+        }
+        if self.options.check_optimizer {
+            match self.loaded.check_ray(at, &observed) {
+                Err(error) if error.kind() == ErrorKind::Expectation => {
+                    return Ok(self.failed(vec![Difference::of(error)], Some(at)));
+                }
+                checked => checked?,
+            }
+        }
+        let differences = expect.differences(&observed);
+        let known = expect.rest.known_failure.as_ref().map(|why| &why.value);
+        Ok(self.outcome(differences, known, Some(at)))
+    }
+
+    /// The outcome of a test, given how it differs from what is expected.
+    pub(super) fn outcome(
+        &self,
+        differences: Vec<Difference>,
+        known: Option<&String>,
+        ray: Option<usize>,
+    ) -> Outcome {
+        match (differences.is_empty(), known) {
+            (true, Some(why)) => Outcome::KnownFailure(why.clone()),
+            (true, None) => Outcome::Passed,
+            (false, _) => {
+                // A mistake in what is expected is not a failed expectation.
+                let mistake = |one: &&Difference| {
+                    let told = [ErrorKind::Expectation, ErrorKind::Trap, ErrorKind::Finding];
+                    !told.contains(&one.error.kind()) && one.fix.is_none()
+                };
+                let mistakes: Vec<Error> =
+                    differences.iter().filter(mistake).map(|one| one.error.clone()).collect();
+                match mistakes.is_empty() {
+                    false => Outcome::Broken(Error::several(mistakes)),
+                    true => self.failed(differences, ray),
+                }
+            }
+        }
+    }
+
+    fn failed(&self, differences: Vec<Difference>, ray: Option<usize>) -> Outcome {
+        // The first that is about some ray or number in particular can be explained.
+        let shown = || differences.iter().filter(|difference| !difference.counted);
+        let told = shown().position(|difference| difference.subject != Subject::Launch).unwrap_or(0);
+        let Some(first) = shown().nth(told) else { return Outcome::Passed };
+        let mendable = differences.iter().all(|difference| difference.fix.is_some());
+        let mut failure = TestFailure {
+            errors: Vec::new(),
+            line: None,
+            explanation: None,
+            command: None,
+            pictures: Vec::new(),
+            fixes: differences.iter().filter_map(|difference| difference.fix.clone()).collect(),
+            mendable,
+        };
+        // What was stopped by a limit runs no second time.
+        let stopped = differences.iter().any(|one| one.error.trap().is_some_and(|trap| trap.code.is_limit()));
+        let skip = self.options.bless && mendable || stopped;
+        let writer = if skip { None } else { writer(self.loaded, &first.subject, ray) };
+        failure.line = writer.as_ref().and_then(|writer| writer.line.clone()).or_else(|| place(&first.error));
+        if !skip {
+            self.explain(&first.subject, ray, writer.as_ref(), &mut failure);
+        }
+        let note = writer.as_ref().and_then(Writer::note);
+        for (at, difference) in shown().enumerate() {
+            let mut error = difference.error.clone();
+            if let Some(note) = note.as_ref().filter(|_| at == told) {
+                error = error.note(note);
+            }
+            failure.errors.push(error);
+        }
+        if !skip {
+            let mut saved: Vec<&str> = Vec::new();
+            for picture in differences.iter().filter_map(|difference| difference.picture.as_ref()) {
+                // Several measures of one image need its pictures once.
+                if saved.contains(&picture.name.as_str()) {
+                    continue;
+                }
+                saved.push(&picture.name);
+                match pictures::save(&self.options.pictures, &self.test.name, picture) {
+                    Ok(paths) => failure.pictures.extend(paths),
+                    Err(error) => {
+                        failure.errors.push(error);
+                        continue;
+                    }
+                }
+                #[cfg(feature = "cli")]
+                self.add_page(picture, &mut failure);
+            }
+        }
+        Outcome::Failed(Box::new(failure))
+    }
+
+    /// Saves the page about a picture that differs. Without it the pictures still stand.
+    #[cfg(feature = "cli")]
+    fn add_page(&self, picture: &PictureDifference, failure: &mut TestFailure) {
+        let explains = !self.options.no_explanation;
+        let (folder, test) = (&self.options.pictures, &self.test.name);
+        let is_variant = self.variant.is_some();
+        match pictures::save_page(folder, test, picture, self.loaded, explains, is_variant) {
+            Ok(path) => failure.pictures.push(path),
+            Err(error) => failure.errors.push(error),
+        }
+    }
+
+    /// Explains the ray that a difference is about.
+    fn explain(
+        &self,
+        subject: &Subject,
+        ray: Option<usize>,
+        writer: Option<&Writer>,
+        failure: &mut TestFailure,
+    ) {
+        let scene = &self.loaded.scene;
+        let by_name = |name: &String| scene.rays.iter().find(|ray| ray.name() == Some(name));
+        let assembled = &self.loaded.assembled;
+        let size = assembled.single_launch(None).map_or(assembled.size, |single| single.size);
+        let wrote = writer.and_then(|writer| writer.invocation).map(|(number, id)| {
+            let pass = assembled.is_frame().then(|| assembled.passes[number].key(number));
+            in_pass(pass, ExplainRequest::Pixel(id))
+        });
+        let request = match (ray, subject) {
+            (Some(ray), _) => scene.rays.get(ray).map(request),
+            (None, Subject::Ray(name, _)) => by_name(name).map(request),
+            (None, Subject::Invocation(id)) => Some(ExplainRequest::Pixel(*id)),
+            (None, _) if wrote.is_some() => wrote,
+            (None, Subject::Texel(_, [x, y])) if *x < size[0] && *y < size[1] => {
+                Some(ExplainRequest::Pixel([*x, *y, 0]))
+            }
+            _ => None,
+        };
+        let Some(request) = request else { return };
+        failure.command = Some(command_line(&scene.path.display().to_string(), &request));
+        if self.options.no_explanation {
+            return;
+        }
+        // Without an explanation the difference still stands.
+        let Ok((transcript, _)) = Session::new(scene.clone()).and_then(|session| session.run(&request))
+        else {
+            return;
+        };
+        failure.explanation =
+            Some(render::text(&transcript, RenderOptions { colour: self.options.colour, all: false }));
+    }
+}
+
+/// Outputs that are not stable, and the branches that went another way then.
+pub(super) fn unstable(found: &Instability, file: &Path) -> Vec<Difference> {
+    if found.is_stable() {
+        return Vec::new();
+    }
+    let new = |line: String| {
+        let error = Error::new(ErrorKind::Expectation, format!("not stable: {line}"));
+        Difference::of(error.at(Place::File(file.to_path_buf())))
+    };
+    found.lines().into_iter().map(new).collect()
+}
+
+fn request(ray: &RayEntry) -> ExplainRequest {
+    let request = match ray {
+        RayEntry::Pixel { pixel, .. } => ExplainRequest::Pixel([pixel.value[0], pixel.value[1], 0]),
+        RayEntry::Given(given) => ExplainRequest::Ray(given.clone()),
+    };
+    in_pass(ray.pass().map(|key| key.value.0.clone()), request)
+}
+
+fn in_pass(pass: Option<String>, request: ExplainRequest) -> ExplainRequest {
+    match pass {
+        Some(pass) => ExplainRequest::InPass(pass, Box::new(request)),
+        None => request,
+    }
+}
+
+/// The command line that asks for the same, as a shell takes it.
+fn command_line(scene: &str, request: &ExplainRequest) -> String {
+    format!("anyhit trace-one-ray {}{}", shell::word(scene), arguments(request))
+}
+
+fn arguments(request: &ExplainRequest) -> String {
+    match request {
+        ExplainRequest::Pixel([x, y, 0]) => format!(" --pixel {x},{y}"),
+        ExplainRequest::Pixel([x, y, z]) => format!(" --pixel {x},{y},{z}"),
+        ExplainRequest::Ray(ray) => match &ray.name {
+            // What looks like six numbers is read as these.
+            Some(name) if !matches!(command::ray(name), Ok(Some(_))) => named(name),
+            _ => numbers(ray),
+        },
+        ExplainRequest::Named(name) => named(name),
+        ExplainRequest::Invocation { dispatch, id: [x, y, z] } => {
+            format!(" --invocation {x},{y},{z} --dispatch {dispatch}")
+        }
+        ExplainRequest::Default => String::new(),
+        ExplainRequest::InPass(pass, request) => {
+            format!("{} --pass {}", arguments(request), shell::word(pass))
+        }
+    }
+}
+
+fn named(name: &str) -> String {
+    // Quotes that are not needed make plain which words the name has.
+    match shell::word(name) {
+        plain if plain == name => format!(" --ray \"{name}\""),
+        quoted => format!(" --ray {quoted}"),
+    }
+}
+
+/// A ray by its numbers, with all in which it differs from what the command takes otherwise.
+fn numbers(ray: &GivenRay) -> String {
+    let words = |values: [f32; 3]| values.map(|value| value.to_string()).join(",");
+    let mut line = format!(" --ray \"{} {}\"", words(ray.origin), words(ray.direction));
+    let mut add = |differs: bool, option: &str, value: String| {
+        if differs {
+            line += &format!(" --{option} {value}");
+        }
+    };
+    add(ray.t_min != 0.0, "t-min", ray.t_min.to_string());
+    add(ray.t_max != f32::INFINITY, "t-max", ray.t_max.to_string());
+    add(ray.flags != 0, "flags", ray.flags.to_string());
+    add(ray.cull_mask != 0xFF, "cull-mask", ray.cull_mask.to_string());
+    add(ray.time != 0.0, "time", ray.time.to_string());
+    add(ray.sbt_offset != 0, "sbt-offset", ray.sbt_offset.to_string());
+    add(ray.sbt_stride != 1, "sbt-stride", ray.sbt_stride.to_string());
+    add(ray.miss_index != 0, "miss-index", ray.miss_index.to_string());
+    line
+}
+
+/// The shader's line that an error points at: of a trap, not of an expectation.
+fn place(error: &Error) -> Option<TranscriptLine> {
+    if error.kind() != ErrorKind::Trap {
+        return None;
+    }
+    error.places().find_map(|(place, _)| match place {
+        Place::Line { file, line, .. } => {
+            Some(TranscriptLine { file: file.clone(), line: *line, text: None })
+        }
+        Place::Text { file, text, span } => Some(TranscriptLine {
+            file: file.clone(),
+            line: text[..span.start].matches('\n').count() as u32 + 1,
+            text: text.get(span.clone()).map(str::to_owned),
+        }),
+        _ => None,
+    })
+}

@@ -1,0 +1,238 @@
+//! `anyhit trace-one-ray --interactive`: scripts of commands and what they are answered.
+//!
+//! `tests/debugger/*.stdin` hold the commands; `*.stdout` the transcripts, which
+//! `BLESS=1 cargo test` writes anew: they guard the form. The facts in them are derived by hand from
+//! the scenes and stand in the tests here.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use pretty_assertions::assert_eq;
+
+/// The transcript of a script, compared with the one that is kept.
+pub(crate) fn transcript(name: &str) -> String {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let script = root.join(format!("tests/debugger/{name}.stdin"));
+    let script = std::fs::read_to_string(script).expect("the script is there");
+    let (arguments, commands) = script.split_once('\n').expect("a line of arguments");
+    let arguments = arguments.strip_prefix("# trace-one-ray ").expect("the arguments");
+    let (text, errors) = run(&words(arguments), commands);
+    assert_eq!(errors, "", "{name}");
+    let kept = root.join(format!("tests/debugger/{name}.stdout"));
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::write(&kept, &text).expect("the folder is there");
+    }
+    let expected = std::fs::read_to_string(&kept).unwrap_or_default();
+    assert_eq!(text, expected, "{name}: `BLESS=1 cargo test` if the new form is meant");
+    text
+}
+
+/// What the program answers to commands, and its errors.
+fn run(arguments: &[String], commands: &str) -> (String, String) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_anyhit"))
+        .arg("trace-one-ray")
+        .arg("--interactive")
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary of this crate starts");
+    // A session that has ended reads no more.
+    let _ = child.stdin.take().expect("a pipe").write_all(commands.as_bytes());
+    let output = child.wait_with_output().expect("the program ends");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+    (text(output.stdout), text(output.stderr))
+}
+
+/// The words of a command line, of which some are quoted.
+fn words(text: &str) -> Vec<String> {
+    let parts = text.split('"').enumerate();
+    let words = parts.flat_map(|(number, part)| match number % 2 {
+        1 => vec![part.to_owned()],
+        _ => part.split_whitespace().map(str::to_owned).collect(),
+    });
+    words.collect()
+}
+
+/// Checks that texts stand in a transcript, in this order.
+#[track_caller]
+pub(crate) fn tells(transcript: &str, facts: &[&str]) {
+    let mut rest = transcript;
+    for fact in facts {
+        let at =
+            rest.find(fact).unwrap_or_else(|| panic!("`{fact}` is not told after the facts before:\n{rest}"));
+        rest = &rest[at + fact.len()..];
+    }
+}
+
+/// The ray meets the first hair at t = 5 - 2 - 1/2, which is cut, and the second at 5 - 1/2, a quarter
+/// of the way from (-1, 0, 0) to (3, 0, 0): its axis is at the origin there, and the normal is
+/// (0, 0, 1). The colour is half of that, shifted by a half.
+#[test]
+fn from_ray_generation_into_any_hit_and_closest_hit_and_back_to_who_wrote() {
+    tells(
+        &transcript("hair"),
+        &[
+            "main at shaders/pass/debugger/hair/cut.rahit:9  AnyHitKHR `main`",
+            "1 main at shaders/pass/debugger/hair/main.rgen:19  RayGenerationKHR `main`",
+            "cut.rahit:11",
+            "hair = int 0",
+            "shade.rchit:22",
+            "gl_HitLSSPositionsNV = vec3[2]((-1, 0, 0), (3, 0, 0))",
+            "centre = vec3(0, 0, 0)",
+            "normal = vec3(0, 0, 1)",
+            "dot(normal, gl_WorldRayDirectionEXT) = float -1",
+            "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 4.5 }",
+            // The third component of the colour is written by the closest-hit shader.
+            "who payload.colour.b\n",
+            "payload.colour.b = float 1\n",
+            "shade.rchit:23",
+            "who hit\n",
+            "hit = vec3(0, 0, 0.5)\n",
+            "shade.rchit:21",
+            "rfinish\n",
+            "main.rgen:19",
+            "rnext\n",
+            "main.rgen:18",
+            // Before the trace it is ray generation's own zero.
+            "who payload.colour\n",
+            "payload.colour = vec3(0, 0, 0)\n",
+            "main.rgen:17",
+            "the start of history",
+        ],
+    );
+}
+
+/// The ray of pixel 1,1 meets sphere 0 alone; the callable is asked to double its t of 3.875.
+#[test]
+fn slang_is_debugged_by_its_own_names() {
+    tells(
+        &transcript("slang"),
+        &[
+            "every_second at shaders/pass/slang/hit/hit.slang:83  AnyHitKHR `every_second`",
+            "print payload.any_hits\npayload.any_hits = uint 1\n",
+            "round at shaders/pass/slang/hit/hit.slang:58  ClosestHitKHR `round`",
+            // The centre (-0.25, -0.25, 0), and 1/8 above it.
+            "hit = vec3(-0.25, -0.25, 0.125)",
+            // The any-hit shader counted, in the payload that it was given before.
+            "who payload.any_hits\n",
+            "every_second at shaders/pass/slang/hit/hit.slang:83",
+            "twice at shaders/pass/slang/hit/hit.slang:117  CallableKHR `twice`",
+            "question = Question { value: float 3.875, answer: float 0 }",
+        ],
+    );
+}
+
+/// Two boxes stand in the way of invocation 1's ray; the loop over candidates is followed.
+#[test]
+fn a_ray_query_of_a_compute_shader_is_stepped_through() {
+    tells(
+        &transcript("query"),
+        &[
+            "GLCompute `main`",
+            "ray query: begins: origin (1, 0, 5)",
+            "box = int 0",
+            "entry = float 2",
+            "t = float 4",
+        ],
+    );
+}
+
+/// Without debug information the lines are instructions.
+#[test]
+fn a_module_without_debug_information_is_stepped_by_instruction() {
+    tells(
+        &transcript("bare"),
+        &[
+            "RayGenerationKHR `main`",
+            "OpStore",
+            "OpTraceRayKHR",
+            "ClosestHitKHR `main`",
+            "rcontinue\nbreakpoint 1\n",
+            "OpTraceRayKHR",
+        ],
+    );
+}
+
+/// An index of 4, which is the launch index, into an array of 4 traps.
+#[test]
+fn a_trap_is_stopped_at_and_its_cause_found_backwards() {
+    tells(
+        &transcript("trap"),
+        &[
+            "trapped: ",
+            "weighted at shaders/fail/memory/full-debug-info/main.rgen:14",
+            "1 main at shaders/fail/memory/full-debug-info/main.rgen:20",
+            "weight.index = int 4",
+            "who weight.index\n",
+            "main at shaders/fail/memory/full-debug-info/main.rgen:20",
+            "gl_LaunchIDEXT.x = uint 4",
+        ],
+    );
+}
+
+/// With the hair's number set to 1 the any-hit shader keeps the first hair, at t = 2.5.
+#[test]
+fn a_variable_is_set_and_the_invocation_goes_another_way() {
+    tells(
+        &transcript("changed"),
+        &[
+            "payload.t was written: float 0 -> float -1",
+            "hair = int 1",
+            "breakpoint 3: shaders/pass/debugger/hair/shade.rchit:24 if gl_HitTEXT == 2.5",
+            "printed: the normal is vec3(0, 0, 1), t 2.5",
+            "breakpoint 3\n",
+            "payload.t was written: float -1 -> float 2.5",
+            "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 2.5 }",
+            "the start of history",
+        ],
+    );
+}
+
+/// The traversal of the ray, event by event.
+#[test]
+fn a_traversal_is_stepped_through() {
+    tells(
+        &transcript("traversal"),
+        &[
+            "1 of 5: ray at depth 1: origin (0, 0, 5), direction (0, 0, -1), t from 0 to 100",
+            "primitive 0: candidate at t 2.5",
+            "primitive 1: candidate at t 4.5",
+            "instance 0: entered",
+        ],
+    );
+}
+
+/// A command that makes no sense says why, and a script ends there.
+#[test]
+fn mistakes_are_explained() {
+    let scene = ["shaders/pass/debugger/hair/scene.toml".to_owned()];
+    for (command, answer) in [
+        ("jump", "there is no command `jump`"),
+        ("break 1000", "no code of `shaders/pass/debugger/hair/main.rgen` is on line 1000 or after it"),
+        ("break nothing", "no function is called `nothing`"),
+        ("break OpFrob", "`OpFrob` is no opcode of SPIR-V"),
+        ("break other.rgen:3", "no shader comes from `other.rgen`; the sources are "),
+        ("break", "a place is missing"),
+        ("break primitive=x", "`x` is no index"),
+        ("break verdict=gone", "`gone` is no verdict; they are entered, "),
+        ("print nomral", "no variable `nomral` here"),
+        ("print 1 +", "column 4"),
+        ("set origin", "`set NAME = EXPRESSION` sets a variable"),
+        ("set 1 = 2", "can be set"),
+        ("frame 9", "there are 1 frames, counted from 0"),
+        ("up", "this is the outermost frame"),
+        ("goto soon", "`soon` is no step number"),
+        ("delete 4", "there is no breakpoint 4"),
+        ("watch 1 + 1", "it lies nowhere"),
+        ("step many", "`many` is no number of times"),
+    ] {
+        let (text, errors) = run(&scene, &format!("{command}\nwhere\n"));
+        assert!(text.contains(answer), "`{command}` is answered:\n{text}");
+        assert!(errors.contains("the script failed"), "{errors}");
+        assert!(!text.contains("(anyhit) where"), "a script goes on after a mistake:\n{text}");
+    }
+}
