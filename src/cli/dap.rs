@@ -47,7 +47,7 @@ pub struct DapArgs {
 /// # Errors
 /// `Io` where the port is taken, or the editor cannot be written to.
 pub fn run(args: DapArgs) -> Result<()> {
-    let host = Rc::new(DiskHost { files: args.files.files()?, limits: args.limits.clone() });
+    let host = Rc::new(DiskHost { files: args.files.files()?, limits: args.limits });
     let Some(port) = args.port else {
         return serve(host, stdin(), &mut stdout().lock())
             .map_err(|error| Error::io("standard output", error));

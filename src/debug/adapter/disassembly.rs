@@ -42,7 +42,7 @@ impl Listing {
 /// The address of a shader's instruction: the shader in the high word, its byte in the module in
 /// the low one.
 pub(super) fn reference(shader: usize, offset: u32) -> String {
-    format!("{:#018x}", (shader as u64 + 1) << 32 | u64::from(offset) * 4)
+    format!("{:#018x}", ((shader as u64 + 1) << 32) | (u64::from(offset) * 4))
 }
 
 /// The shader and the word offset of an address.
