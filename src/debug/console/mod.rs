@@ -119,7 +119,7 @@ impl Console {
             Action::ContinueBack => self.steps(rest, Debugger::resume_back),
             Action::Nan => self.steps("", Debugger::resume_to_nan),
             Action::Begin => {
-                self.debugger.to_first_line();
+                self.debugger.go_to_first_line();
                 Ok(self.stopped(&Stop::Entry))
             }
             Action::Goto => {

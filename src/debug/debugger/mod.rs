@@ -200,7 +200,7 @@ impl Debugger {
     }
 
     /// Goes back to the first line.
-    pub fn to_first_line(&mut self) {
+    pub fn go_to_first_line(&mut self) {
         self.seek(self.first);
     }
 
@@ -489,13 +489,13 @@ impl Debugger {
     pub fn step_back(&mut self, step: Step) -> Stop {
         let depth = self.course.depth();
         let conditions = match step {
-            Step::Out if depth == 0 => return self.to_beginning(),
+            Step::Out if depth == 0 => return self.go_to_beginning(),
             Step::Out => StopConditions { line: Some(depth - 1), ..StopConditions::default() },
             Step::Over => StopConditions { line: Some(depth), ..StopConditions::default() },
             step => self.step_conditions(step, depth),
         };
         let hits = self.last_hits(&conditions, self.course.time);
-        let Some(hit) = hits.into_iter().next() else { return self.to_beginning() };
+        let Some(hit) = hits.into_iter().next() else { return self.go_to_beginning() };
         self.seek(hit.time);
         match hit.reason {
             Reason::Traversal(id) => Stop::Traversal(id),
@@ -513,7 +513,7 @@ impl Debugger {
         let mut before = self.course.time;
         loop {
             let hits = self.last_hits(&conditions, before);
-            let Some(time) = hits.first().map(|hit| hit.time) else { return self.to_beginning() };
+            let Some(time) = hits.first().map(|hit| hit.time) else { return self.go_to_beginning() };
             self.seek(time);
             let reasons: Vec<Reason> = hits.into_iter().map(|hit| hit.reason).collect();
             if let Some(stop) = self.decide(&reasons, Direction::Backwards) {
@@ -523,7 +523,7 @@ impl Debugger {
         }
     }
 
-    fn to_beginning(&mut self) -> Stop {
+    fn go_to_beginning(&mut self) -> Stop {
         self.seek(self.first.min(self.course.time));
         Stop::Beginning
     }
