@@ -32,8 +32,8 @@ const MOST_HEADER_BYTES: u64 = 4096;
 /// pixel, ray and invocation. docs/debugging.md has configurations for several editors.
 #[derive(Args, Clone, Debug)]
 pub struct DapArgs {
-    /// Listen for one editor after the other on this port of this machine, instead of standard input
-    /// and output; 0 takes a free one
+    /// Listen for one editor after the other on this port of this machine, instead of standard
+    /// input and output; 0 takes a free one
     #[arg(long, value_name = "N")]
     port: Option<u16>,
     #[command(flatten)]

@@ -163,7 +163,7 @@ impl Launched {
         }
     }
 
-    /// The variables of a scope. Of several with one name, the others are told apart by their lines.
+    /// The variables of a scope. Of several with one name, all but the first have their lines, too.
     fn in_scope(&mut self, frame: &StackFrame, kind: ScopeKind) -> Vec<Named> {
         let variables = match kind {
             ScopeKind::Locals => self.debugger.locals(frame),
