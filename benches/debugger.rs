@@ -8,7 +8,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use anyhit::internals::debug::debugger::{Breakpoint, BreakpointPlace, Debugger, Step, Stop};
+use anyhit::internals::debug::debugger::{Breakpoint, BreakpointPlace, Debugger, Stepping, StopReason};
 use anyhit::internals::debug::session::{ExplainRequest, Session};
 use anyhit::internals::scene::{DiskFiles, LoadOptions, load};
 
@@ -24,15 +24,15 @@ fn main() {
     let mut debugger = Debugger::of_scene(&session, &request).expect("such an invocation");
     debugger.begin();
     let (mut text, mut debugger) = (String::new(), debugger);
-    let mut row = |name: &str, debugger: &mut Debugger, act: &mut dyn FnMut(&mut Debugger) -> Stop| {
+    let mut row = |name: &str, debugger: &mut Debugger, act: &mut dyn FnMut(&mut Debugger) -> StopReason| {
         let begin = Instant::now();
         let stop = act(debugger);
         let seconds = begin.elapsed().as_secs_f64();
         text += &format!("{name:44} {seconds:8.3} s  at step {:>11}  {stop:?}\n", debugger.time());
     };
     row("run to the end", &mut debugger, &mut Debugger::resume);
-    row("back over the last line", &mut debugger, &mut |it| it.step_back(Step::Over));
-    row("back over a line of the loop", &mut debugger, &mut |it| it.step_back(Step::Over));
+    row("back over the last line", &mut debugger, &mut |it| it.step_back(Stepping::Over));
+    row("back over a line of the loop", &mut debugger, &mut |it| it.step_back(Stepping::Over));
     // The line before the loop: a breakpoint that all turns lie before.
     let id = debugger.new_breakpoint_id();
     let place = BreakpointPlace::Line { file: SOURCE.to_owned(), line: 11 };
@@ -40,11 +40,11 @@ fn main() {
     row("back to a breakpoint before the loop", &mut debugger, &mut Debugger::resume_back);
     row("to the middle", &mut debugger, &mut |it| {
         it.seek(50_000_000);
-        Stop::Step
+        StopReason::Step
     });
     row("back to the begin", &mut debugger, &mut |it| {
         it.seek(0);
-        Stop::Beginning
+        StopReason::Beginning
     });
     print!("{text}");
 }

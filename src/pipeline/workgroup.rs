@@ -52,7 +52,7 @@ struct WorkgroupBatch<const W: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Round {
     /// Every lane has ended or waits at a barrier, and some wait.
-    Waiting,
+    AtBarrier,
     /// Every lane has ended.
     Over,
     /// The observer paused a batch; the round is to be resumed.
@@ -232,7 +232,7 @@ where
     ) -> (bool, WorkgroupState<W>) {
         let ended = loop {
             match self.advance(std::slice::from_ref(group), observers) {
-                Round::Waiting => {}
+                Round::AtBarrier => {}
                 Round::Over => break true,
                 Round::Paused => break false,
             }
@@ -315,7 +315,7 @@ where
         }
         match self.state.batches.iter().all(|member| member.waiting.is_empty()) {
             true => Round::Over,
-            false => Round::Waiting,
+            false => Round::AtBarrier,
         }
     }
 

@@ -26,7 +26,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
 
-use crate::debug::debugger::{Debugger, Step};
+use crate::debug::debugger::{Debugger, Stepping};
 use crate::error::Error;
 use crate::scene::{LoadOptions, ResolvedScene};
 
@@ -63,8 +63,8 @@ enum Motion {
     Begin,
     Resume,
     ResumeBack,
-    Step(Step),
-    StepBack(Step),
+    Step(Stepping),
+    StepBack(Stepping),
     /// Goes on with what was interrupted.
     Proceed,
     /// Makes the step that traps, which ends it.
@@ -228,11 +228,11 @@ impl Adapter {
                 Ok(json!({ "allThreadsContinued": true }))
             }
             "reverseContinue" => self.move_on(Motion::ResumeBack),
-            "next" => self.step(request, Step::Over, Motion::Step),
-            "stepIn" => self.step(request, Step::Into, Motion::Step),
-            "stepOut" => self.step(request, Step::Out, Motion::Step),
-            "stepBack" => self.step(request, Step::Over, Motion::StepBack),
-            "anyhit/stepTraversal" => self.move_on(Motion::Step(Step::Traversal)),
+            "next" => self.step(request, Stepping::Over, Motion::Step),
+            "stepIn" => self.step(request, Stepping::Into, Motion::Step),
+            "stepOut" => self.step(request, Stepping::Out, Motion::Step),
+            "stepBack" => self.step(request, Stepping::Over, Motion::StepBack),
+            "anyhit/stepTraversal" => self.move_on(Motion::Step(Stepping::Traversal)),
             "anyhit/traversal" => self.traversal(),
             "disassemble" => self.disassemble(request),
             "readMemory" => self.read_memory(request),

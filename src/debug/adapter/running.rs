@@ -5,7 +5,7 @@ use emmy_dap_types::types::SteppingGranularity;
 use serde_json::{Value, json};
 
 use crate::debug::console::traversal_events;
-use crate::debug::debugger::{Step, Stop};
+use crate::debug::debugger::{Stepping, StopReason};
 use crate::error::Error;
 
 use super::initialize::{NAN, TRAP};
@@ -25,7 +25,7 @@ impl Adapter {
                 Motion::Step(step) => debugger.step(step),
                 Motion::StepBack(step) => debugger.step_back(step),
                 Motion::Proceed => debugger.proceed(),
-                Motion::Trap => Stop::End,
+                Motion::Trap => StopReason::End,
             };
             match trap {
                 Some(error) => self.end(Some(&error)),
@@ -51,14 +51,14 @@ impl Adapter {
     pub(super) fn step(
         &mut self,
         request: &Request,
-        step: Step,
-        motion: impl FnOnce(Step) -> Motion,
+        step: Stepping,
+        motion: impl FnOnce(Stepping) -> Motion,
     ) -> Answer {
         // All requests to step have these arguments.
         let arguments: NextArguments = request.arguments()?;
         let step = match (arguments.granularity, step) {
-            (Some(SteppingGranularity::Instruction), Step::Over) => Step::OverInstruction,
-            (Some(SteppingGranularity::Instruction), Step::Into) => Step::IntoInstruction,
+            (Some(SteppingGranularity::Instruction), Stepping::Over) => Stepping::OverInstruction,
+            (Some(SteppingGranularity::Instruction), Stepping::Into) => Stepping::IntoInstruction,
             (_, step) => step,
         };
         self.move_on(motion(step))
@@ -75,45 +75,45 @@ impl Adapter {
         self.stopped_because(json!({ "reason": "pause" }));
     }
 
-    fn stop(&mut self, stop: Stop) {
+    fn stop(&mut self, stop: StopReason) {
         self.send_output();
         let no_debug = self.arguments.as_ref().is_some_and(|arguments| arguments.no_debug);
         let stops_at_traps = !no_debug && self.filters.iter().any(|filter| filter == TRAP);
         match stop {
-            Stop::Interrupted => self.state = State::Running(Motion::Proceed),
-            Stop::End => self.end(None),
-            Stop::Trap(error) if !stops_at_traps => self.end(Some(&error)),
-            Stop::Trap(error) => {
+            StopReason::Interrupted => self.state = State::Running(Motion::Proceed),
+            StopReason::End => self.end(None),
+            StopReason::Trap(error) if !stops_at_traps => self.end(Some(&error)),
+            StopReason::Trap(error) => {
                 let message = error.message().to_owned();
                 if let Some(launched) = &mut self.launched {
                     launched.trap = Some(error);
                 }
                 self.stopped_at_exception(TRAP, "Paused before a trap", message);
             }
-            Stop::Nan => {
+            StopReason::Nan => {
                 let message = "an operation has made a NaN of numbers".to_owned();
                 self.stopped_at_exception(NAN, "Paused behind a NaN", message);
             }
-            Stop::Entry => self.stopped_because(json!({ "reason": "entry" })),
-            Stop::Step => self.stopped_because(json!({ "reason": "step" })),
-            Stop::Traversal(None) => {
+            StopReason::Entry => self.stopped_because(json!({ "reason": "entry" })),
+            StopReason::Step => self.stopped_because(json!({ "reason": "step" })),
+            StopReason::Traversal(None) => {
                 let description = "Paused in a traversal";
                 self.stopped_because(json!({ "reason": "step", "description": description }));
             }
-            Stop::Traversal(Some(id)) => {
+            StopReason::Traversal(Some(id)) => {
                 self.stopped_because(json!({ "reason": "breakpoint", "hitBreakpointIds": [id.0] }));
             }
-            Stop::Beginning => {
+            StopReason::Beginning => {
                 self.leave_nowhere();
                 let description = "Paused at the beginning";
                 self.stopped_because(json!({ "reason": "entry", "description": description }));
             }
-            Stop::Breakpoints(ids) => {
+            StopReason::Breakpoints(ids) => {
                 let reason = ids.first().map_or("breakpoint", |id| self.breakpoints.reason(*id));
                 let ids: Vec<u32> = ids.iter().map(|id| id.0).collect();
                 self.stopped_because(json!({ "reason": reason, "hitBreakpointIds": ids }));
             }
-            Stop::Wrote(write) => {
+            StopReason::Wrote(write) => {
                 let (ids, text) = self.written(&write);
                 self.stopped_because(json!({
                     "reason": "data breakpoint",

@@ -2,13 +2,13 @@
 
 use std::fmt::Write as _;
 
-use crate::debug::debugger::Step;
+use crate::debug::debugger::Stepping;
 
 /// What a command does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
-    Step(Step),
-    StepBack(Step),
+    Step(Stepping),
+    StepBack(Stepping),
     Continue,
     ContinueBack,
     Nan,
@@ -71,19 +71,19 @@ const fn command(
 /// The commands, in the order in which `help` lists them.
 #[rustfmt::skip]
 pub static COMMANDS: &[Command] = &[
-    command(&["step", "s"], "[N]", "to the next line, into functions and the shaders that a ray calls", Action::Step(Step::Into), true),
-    command(&["next", "n"], "[N]", "to the next line of this function", Action::Step(Step::Over), true),
-    command(&["finish", "fin", "out"], "", "to the caller", Action::Step(Step::Out), true),
-    command(&["stepi", "si"], "[N]", "to the next instruction, into calls", Action::Step(Step::IntoInstruction), true),
-    command(&["nexti", "ni"], "[N]", "to the next instruction of this function", Action::Step(Step::OverInstruction), true),
+    command(&["step", "s"], "[N]", "to the next line, into functions and the shaders that a ray calls", Action::Step(Stepping::Into), true),
+    command(&["next", "n"], "[N]", "to the next line of this function", Action::Step(Stepping::Over), true),
+    command(&["finish", "fin", "out"], "", "to the caller", Action::Step(Stepping::Out), true),
+    command(&["stepi", "si"], "[N]", "to the next instruction, into calls", Action::Step(Stepping::IntoInstruction), true),
+    command(&["nexti", "ni"], "[N]", "to the next instruction of this function", Action::Step(Stepping::OverInstruction), true),
     command(&["continue", "c", "run", "r"], "[N]", "to the next breakpoint, or the end", Action::Continue, true),
     command(&["until", "u"], "PLACE", "to a place: `until 27`, `until shade`", Action::Until, false),
     command(&["traversal", "t"], "", "to what the traversal of a ray does next", Action::Traversal, true),
     command(&["nan"], "", "to the first NaN that an operation makes of numbers", Action::Nan, false),
-    command(&["rstep", "rs", "reverse-step"], "[N]", "back to the line before, wherever it is", Action::StepBack(Step::Into), true),
-    command(&["rnext", "rn", "reverse-next"], "[N]", "back to the line before in this function, or to its call", Action::StepBack(Step::Over), true),
-    command(&["rfinish", "rout", "reverse-finish"], "", "back to the line that called this function", Action::StepBack(Step::Out), true),
-    command(&["rstepi", "rsi", "reverse-stepi"], "[N]", "back to the instruction before", Action::StepBack(Step::IntoInstruction), true),
+    command(&["rstep", "rs", "reverse-step"], "[N]", "back to the line before, wherever it is", Action::StepBack(Stepping::Into), true),
+    command(&["rnext", "rn", "reverse-next"], "[N]", "back to the line before in this function, or to its call", Action::StepBack(Stepping::Over), true),
+    command(&["rfinish", "rout", "reverse-finish"], "", "back to the line that called this function", Action::StepBack(Stepping::Out), true),
+    command(&["rstepi", "rsi", "reverse-stepi"], "[N]", "back to the instruction before", Action::StepBack(Stepping::IntoInstruction), true),
     command(&["rcontinue", "rc", "reverse-continue"], "[N]", "back to the breakpoint before, or the begin", Action::ContinueBack, true),
     command(&["rtraversal", "rt", "reverse-traversal"], "", "back to what the traversal did before", Action::TraversalBack, true),
     command(&["who", "last-write"], "EXPRESSION", "back to the step that wrote a value last, in whichever shader", Action::LastWrite, false),

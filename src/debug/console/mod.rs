@@ -9,8 +9,8 @@ pub mod traversal_events;
 use std::fmt::Write as _;
 
 use crate::debug::debugger::{
-    Breakpoint, BreakpointId, BreakpointPlace, Debugger, StackFrame, Step, Stop, Variable, VariableKind,
-    VariablePlace,
+    Breakpoint, BreakpointId, BreakpointPlace, Debugger, StackFrame, Stepping, StopReason, Variable,
+    VariableKind, VariablePlace,
 };
 use crate::debug::values::TypedValue;
 
@@ -120,7 +120,7 @@ impl Console {
             Action::Nan => self.steps("", Debugger::resume_to_nan),
             Action::Begin => {
                 self.debugger.go_to_first_line();
-                Ok(self.stopped(&Stop::Entry))
+                Ok(self.stopped(&StopReason::Entry))
             }
             Action::Goto => {
                 let time = rest
@@ -128,7 +128,7 @@ impl Console {
                     .map_err(|_| format!("`{rest}` is no step number; `where` tells the one here"))?;
                 self.debugger.seek(time);
                 let is_there = self.debugger.time() == time;
-                Ok(self.stopped(if is_there { &Stop::Step } else { &Stop::End }))
+                Ok(self.stopped(if is_there { &StopReason::Step } else { &StopReason::End }))
             }
             Action::Until => {
                 let place = places::parse(rest, self.current_file().as_deref())?;
@@ -141,7 +141,7 @@ impl Console {
                 let place = self.debugger.place(&frame, rest)?;
                 let stop = self.debugger.back_to_last_write(&frame, &place)?;
                 let text = match &stop {
-                    Stop::Wrote(write) => {
+                    StopReason::Wrote(write) => {
                         let value = match place.own_registers() {
                             Some(_) => {
                                 TypedValue::of_type(place.module(), place.ty(), &write.after).to_string()
@@ -152,7 +152,7 @@ impl Console {
                     }
                     _ => format!("nothing has written {rest} before\n"),
                 };
-                Ok(text + &self.stopped(&Stop::Step))
+                Ok(text + &self.stopped(&StopReason::Step))
             }
             Action::Break => self.add_breakpoint(rest),
             Action::Log => self.add_log_point(rest),
@@ -202,15 +202,19 @@ impl Console {
     }
 
     /// Steps, several times if a number is given, up to a stop that no step asked for.
-    fn steps(&mut self, count: &str, mut step: impl FnMut(&mut Debugger) -> Stop) -> Result<String, String> {
+    fn steps(
+        &mut self,
+        count: &str,
+        mut step: impl FnMut(&mut Debugger) -> StopReason,
+    ) -> Result<String, String> {
         let count: u64 = match count {
             "" => 1,
             text => text.parse().map_err(|_| format!("`{text}` is no number of times"))?,
         };
-        let mut stop = Stop::Step;
+        let mut stop = StopReason::Step;
         for _ in 0..count {
             stop = step(&mut self.debugger);
-            if !matches!(stop, Stop::Step) {
+            if !matches!(stop, StopReason::Step) {
                 break;
             }
         }
@@ -233,8 +237,10 @@ impl Console {
         }
         match stop {
             None => Ok(String::new()),
-            Some(Stop::Breakpoints(ids)) if ids.contains(&id) => Ok(self.stopped(&Stop::Step)),
-            Some(Stop::End) => Ok("the place was not reached\n".to_owned() + &self.stopped(&Stop::End)),
+            Some(StopReason::Breakpoints(ids)) if ids.contains(&id) => Ok(self.stopped(&StopReason::Step)),
+            Some(StopReason::End) => {
+                Ok("the place was not reached\n".to_owned() + &self.stopped(&StopReason::End))
+            }
             Some(other) => Ok(self.stopped(&other)),
         }
     }
@@ -253,7 +259,7 @@ impl Console {
     }
 
     /// Tells a stop: why, where, the line, what is displayed.
-    fn stopped(&mut self, stop: &Stop) -> String {
+    fn stopped(&mut self, stop: &StopReason) -> String {
         self.frame = 0;
         self.shown_event = None;
         let mut text = self.new_output();
@@ -279,20 +285,20 @@ impl Console {
         text
     }
 
-    fn reason(&mut self, stop: &Stop) -> String {
+    fn reason(&mut self, stop: &StopReason) -> String {
         match stop {
-            Stop::Entry | Stop::Step => String::new(),
-            Stop::Breakpoints(ids) => {
+            StopReason::Entry | StopReason::Step => String::new(),
+            StopReason::Breakpoints(ids) => {
                 let ids: Vec<String> = ids.iter().map(|id| id.0.to_string()).collect();
                 let word = if ids.len() == 1 { "breakpoint" } else { "breakpoints" };
                 format!("{word} {}\n", ids.join(", "))
             }
-            Stop::Traversal(id) => {
+            StopReason::Traversal(id) => {
                 let mut text = id.map_or_else(String::new, |id| format!("breakpoint {}\n", id.0));
                 text += &traversal_events::list(self.debugger.events());
                 text
             }
-            Stop::Wrote(write) => {
+            StopReason::Wrote(write) => {
                 let watch = self.debugger.watches().get(write.watch).and_then(|watch| watch.breakpoint);
                 let known = watch.and_then(|id| self.watched.iter().find(|(number, ..)| *number == id.0));
                 let Some((number, name, place)) = known else {
@@ -304,11 +310,11 @@ impl Console {
                     false => format!("breakpoint {number}: {name} was written: {before} -> {after}\n"),
                 }
             }
-            Stop::Nan => "the step before made the first NaN\n".into(),
-            Stop::Trap(error) => format!("trapped: {}\n", error.message()),
-            Stop::Interrupted => "interrupted\n".into(),
-            Stop::Beginning => "the start of history: nothing is before this\n".into(),
-            Stop::End => "the end: everything has run\n".into(),
+            StopReason::Nan => "the step before made the first NaN\n".into(),
+            StopReason::Trap(error) => format!("trapped: {}\n", error.message()),
+            StopReason::Interrupted => "interrupted\n".into(),
+            StopReason::Beginning => "the start of history: nothing is before this\n".into(),
+            StopReason::End => "the end: everything has run\n".into(),
         }
     }
 
@@ -450,11 +456,11 @@ impl Console {
             return format!("{} of {}: {}\n", at + 1, events.len(), events[at]);
         }
         let stop = match backwards {
-            false => self.debugger.step(Step::Traversal),
-            true => self.debugger.step_back(Step::Traversal),
+            false => self.debugger.step(Stepping::Traversal),
+            true => self.debugger.step_back(Stepping::Traversal),
         };
-        let Stop::Traversal(None) = stop else { return self.stopped(&stop) };
-        let text = self.stopped(&Stop::Step);
+        let StopReason::Traversal(None) = stop else { return self.stopped(&stop) };
+        let text = self.stopped(&StopReason::Step);
         let events = traversal_events::told(self.debugger.events());
         let at = if backwards { events.len().saturating_sub(1) } else { 0 };
         self.shown_event = Some(at);

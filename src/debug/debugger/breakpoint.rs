@@ -9,9 +9,9 @@ use crate::module::interface::Stage;
 use crate::ops::translate::Origin;
 use crate::pipeline::Event;
 
-use super::condition::{instance_verdict_name, verdict_name};
+use super::course::Moment;
 use super::source_map::{LineIndex, SourceMap, SourcePosition};
-use super::tracker::Moment;
+use super::traversal_names::{instance_verdict_name, verdict_name};
 
 /// The number of a breakpoint, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

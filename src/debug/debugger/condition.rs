@@ -7,7 +7,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
-use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict};
 use crate::machine::{Buffer, OpIndex, Reg};
 use crate::ops::access::Access;
 use crate::ops::pointer::storage;
@@ -15,7 +14,8 @@ use crate::pipeline::Event;
 use crate::program::Program;
 
 use super::breakpoint::{BreakpointId, BreakpointTable};
-use super::tracker::{Moment, Time};
+use super::course::{Moment, Time};
+use super::traversal_names::is_step_of_traversal;
 
 /// How many places a search backwards keeps at a time.
 const MOST_HITS: usize = 1024;
@@ -295,21 +295,6 @@ impl StopConditions {
     }
 }
 
-/// Whether a step through a traversal stops at an event.
-pub fn is_step_of_traversal(event: &Event) -> bool {
-    matches!(
-        event,
-        Event::Trace { .. }
-            | Event::Node(_)
-            | Event::Instance(..)
-            | Event::Primitive(..)
-            | Event::Candidate { .. }
-            | Event::Opaque(_)
-            | Event::Traversed { .. }
-            | Event::RayQuery(_)
-    )
-}
-
 /// The words of a buffer.
 pub(super) fn words_of(buffer: &Buffer) -> Vec<u32> {
     buffer.words().iter().map(|word| word.load(Relaxed)).collect()
@@ -350,28 +335,4 @@ fn makes_nan(program: &Program, op: OpIndex, register: &dyn Fn(Reg) -> u32) -> b
         Access::Effect => {}
     });
     made && !read && program.module.is_float_result(program.origins[op.index()].offset)
-}
-
-/// A name for a verdict of the traversal, as breakpoints and listings write it.
-pub fn verdict_name(verdict: PrimitiveVerdict) -> &'static str {
-    match verdict {
-        PrimitiveVerdict::Missed => "missed",
-        PrimitiveVerdict::OutsideInterval(_) => "outside-interval",
-        PrimitiveVerdict::Transparent(_) => "transparent",
-        PrimitiveVerdict::CulledByOpacity(_) => "culled-by-opacity",
-        PrimitiveVerdict::CulledByFace(_) => "culled-by-face",
-        PrimitiveVerdict::Behind(_) => "behind",
-        PrimitiveVerdict::Opaque(_) => "opaque",
-        PrimitiveVerdict::Candidate(_) => "candidate",
-    }
-}
-
-/// A name for what became of an instance.
-pub fn instance_verdict_name(verdict: InstanceVerdict) -> &'static str {
-    match verdict {
-        InstanceVerdict::Entered => "entered",
-        InstanceVerdict::Masked => "masked",
-        InstanceVerdict::Skipped => "skipped",
-        InstanceVerdict::Missed => "missed-box",
-    }
 }

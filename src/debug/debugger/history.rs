@@ -1,12 +1,10 @@
 //! The way back: states of a debuggee at some times, from which any other time is reached by
 //! running.
 
-use rustc_hash::FxHashSet;
-
+use super::course::{Course, Time};
 use super::debuggee::SavedState;
 use super::memory_state::MemoryState;
-use super::source_map::LineIndex;
-use super::tracker::{Course, Time};
+use super::segment_summary::SegmentSummary;
 
 /// How many checkpoints are kept: when there are more, every other one is dropped.
 const MOST_CHECKPOINTS: usize = 128;
@@ -23,43 +21,6 @@ pub(super) struct Checkpoint {
     pub memory: MemoryState,
     /// Whether something was set by hand at this time: whoever runs up to it goes on from here.
     pub is_edited: bool,
-}
-
-/// What happened for the first time after a checkpoint, up to the next one: enough to know where a
-/// search need not look.
-#[derive(Clone, Debug)]
-pub(super) struct SegmentSummary {
-    min_depth: u32,
-    lines: FxHashSet<LineIndex>,
-}
-
-impl Default for SegmentSummary {
-    fn default() -> Self {
-        Self { min_depth: u32::MAX, lines: FxHashSet::default() }
-    }
-}
-
-impl SegmentSummary {
-    /// Notes that a line begins.
-    pub(super) fn add(&mut self, depth: u32, line: LineIndex) {
-        self.min_depth = self.min_depth.min(depth);
-        self.lines.insert(line);
-    }
-
-    /// Whether a line begins at a depth of calls or less.
-    pub(super) fn has_line_within(&self, depth: u32) -> bool {
-        self.min_depth <= depth
-    }
-
-    /// Whether one of these lines begins.
-    pub(super) fn has_one_of(&self, mut lines: impl Iterator<Item = LineIndex>) -> bool {
-        lines.any(|line| self.lines.contains(&line))
-    }
-
-    fn append(&mut self, later: Self) {
-        self.min_depth = self.min_depth.min(later.min_depth);
-        self.lines.extend(later.lines);
-    }
 }
 
 /// Checkpoints, ascending in time, each with what happened after it.

@@ -9,20 +9,24 @@ use crate::program::Program;
 
 use super::breakpoint::BreakpointId;
 use super::condition::{Reason, StopConditions, Watch, WatchedWords, Write};
+use super::course::Time;
 use super::stack::StackFrame;
-use super::tracker::Time;
 use super::variable_place::VariablePlace;
-use super::{Debugger, Stop};
+use super::{Debugger, StopReason};
 
 impl Debugger {
     /// Goes back to the step that wrote a value last: it is next then. A payload is followed into
     /// the shaders that were given it, and out to the one that gave it.
     ///
-    /// Returns the write, or [`Stop::Beginning`] where nothing has written it: then it stays.
+    /// Returns the write, or [`StopReason::Beginning`] where nothing has written it: then it stays.
     ///
     /// # Errors
     /// Why the value cannot be followed, in words.
-    pub fn back_to_last_write(&mut self, frame: &StackFrame, place: &VariablePlace) -> Result<Stop, String> {
+    pub fn back_to_last_write(
+        &mut self,
+        frame: &StackFrame,
+        place: &VariablePlace,
+    ) -> Result<StopReason, String> {
         let now = self.course.time;
         let mut words = self.watched_words(frame, place)?;
         let mut number = frame.number;
@@ -39,10 +43,10 @@ impl Debugger {
             match (last, outer) {
                 (Some(write), _) => {
                     self.seek(write.time.unwrap_or(now));
-                    return Ok(Stop::Wrote(write));
+                    return Ok(StopReason::Wrote(write));
                 }
                 (None, Some(outer)) => (number, words) = (number - 1, outer),
-                (None, None) => return Ok(Stop::Beginning),
+                (None, None) => return Ok(StopReason::Beginning),
             }
         }
     }

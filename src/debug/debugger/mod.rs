@@ -8,6 +8,7 @@
 
 mod breakpoint;
 mod condition;
+mod course;
 mod debuggee;
 pub mod expression;
 mod history;
@@ -17,6 +18,7 @@ pub mod lane_state;
 mod last_write;
 mod memory_state;
 mod place_memory;
+mod segment_summary;
 pub mod source_frames;
 mod source_locals;
 mod source_map;
@@ -25,6 +27,7 @@ mod stack;
 mod start;
 mod stopped_lane;
 mod tracker;
+mod traversal_names;
 mod value_layout;
 mod value_paths;
 pub mod variable_place;
@@ -42,20 +45,21 @@ use crate::machine::printed::Printed;
 use crate::pipeline::{Event, Pipeline, Resumed};
 
 use condition::{Hit, StopConditions, words_of};
+use course::Course;
 use debuggee::Debuggee;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
-use tracker::{Course, Tracker};
+use segment_summary::SegmentSummary;
+use tracker::Tracker;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
-pub use condition::{
-    Reason, Watch, WatchedWords, Write, instance_verdict_name, is_step_of_traversal, verdict_name,
-};
+pub use condition::{Reason, Watch, WatchedWords, Write};
+pub use course::Time;
 pub use lane_state::LaneState;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
 pub use stack::StackFrame;
-pub use tracker::Time;
+pub use traversal_names::{instance_verdict_name, is_step_of_traversal, verdict_name};
 pub use variable_place::VariablePlace;
 pub use variables::{
     Variable, VariableKind, global_variables, temporaries_in_frame, variables_in_frame, variables_in_scope,
@@ -63,7 +67,7 @@ pub use variables::{
 
 /// A step of the debugger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum Stepping {
     /// To the next line, in functions and shaders that this one calls, too.
     Into,
     /// To the next line of this function, or of its caller where it ends.
@@ -80,7 +84,7 @@ pub enum Step {
 
 /// Why the debugger stopped.
 #[derive(Clone, Debug)]
-pub enum Stop {
+pub enum StopReason {
     /// At the first line.
     Entry,
     /// A step came to its end.
@@ -180,20 +184,20 @@ impl Debugger {
     }
 
     /// Goes on with what was interrupted.
-    pub fn proceed(&mut self) -> Stop {
+    pub fn proceed(&mut self) -> StopReason {
         match self.interrupted.take() {
             Some(conditions) => self.run_on(conditions),
-            None => Stop::Step,
+            None => StopReason::Step,
         }
     }
 
     /// Runs to the first line.
-    pub fn begin(&mut self) -> Stop {
+    pub fn begin(&mut self) -> StopReason {
         let line = StopConditions { until: Time::MAX, line: Some(u32::MAX), ..StopConditions::default() };
         match self.run(line) {
-            Stop::Step => {
+            StopReason::Step => {
                 self.first = self.course.time;
-                Stop::Entry
+                StopReason::Entry
             }
             other => other,
         }
@@ -245,28 +249,28 @@ impl Debugger {
     }
 
     /// Makes a step.
-    pub fn step(&mut self, step: Step) -> Stop {
+    pub fn step(&mut self, step: Stepping) -> StopReason {
         let conditions = self.step_conditions(step, self.course.depth());
         let conditions = StopConditions { breakpoints: Some(self.table.clone()), ..conditions };
         self.run(conditions)
     }
 
-    fn step_conditions(&self, step: Step, depth: u32) -> StopConditions {
+    fn step_conditions(&self, step: Stepping, depth: u32) -> StopConditions {
         let any = Some(u32::MAX);
         let none = StopConditions { until: Time::MAX, ..StopConditions::default() };
         match step {
-            Step::Into => StopConditions { line: any, ..none },
+            Stepping::Into => StopConditions { line: any, ..none },
             // The caller goes on in the middle of a line.
-            Step::Over => StopConditions { line: Some(depth), below: Some(depth), ..none },
-            Step::Out => StopConditions { below: Some(depth), ..none },
-            Step::IntoInstruction => StopConditions { instruction: any, ..none },
-            Step::OverInstruction => StopConditions { instruction: Some(depth), ..none },
-            Step::Traversal => StopConditions { traversal: true, ..none },
+            Stepping::Over => StopConditions { line: Some(depth), below: Some(depth), ..none },
+            Stepping::Out => StopConditions { below: Some(depth), ..none },
+            Stepping::IntoInstruction => StopConditions { instruction: any, ..none },
+            Stepping::OverInstruction => StopConditions { instruction: Some(depth), ..none },
+            Stepping::Traversal => StopConditions { traversal: true, ..none },
         }
     }
 
     /// Runs on to the next breakpoint, watched write or trap.
-    pub fn resume(&mut self) -> Stop {
+    pub fn resume(&mut self) -> StopReason {
         self.run(StopConditions {
             until: Time::MAX,
             breakpoints: Some(self.table.clone()),
@@ -286,19 +290,19 @@ impl Debugger {
     }
 
     /// Runs on to the first NaN that an operation makes of numbers.
-    pub fn resume_to_nan(&mut self) -> Stop {
+    pub fn resume_to_nan(&mut self) -> StopReason {
         self.run(StopConditions { until: Time::MAX, nan: true, ..StopConditions::default() })
     }
 
     /// Runs on until conditions are met.
-    fn run(&mut self, mut conditions: StopConditions) -> Stop {
+    fn run(&mut self, mut conditions: StopConditions) -> StopReason {
         conditions.watches.extend(self.watches.iter().cloned());
         self.look_at_watched(&mut conditions);
         conditions.interrupt.clone_from(&self.interrupt);
         self.run_on(conditions)
     }
 
-    fn run_on(&mut self, mut conditions: StopConditions) -> Stop {
+    fn run_on(&mut self, mut conditions: StopConditions) -> StopReason {
         self.interrupted = None;
         loop {
             if self.advance(&mut conditions) == Resumed::Ended {
@@ -306,7 +310,7 @@ impl Debugger {
             }
             if conditions.only_arrived() && self.course.time < conditions.until {
                 self.interrupted = Some(conditions);
-                return Stop::Interrupted;
+                return StopReason::Interrupted;
             }
             let reasons = std::mem::take(&mut conditions.met);
             if let Some(stop) = self.decide(&reasons, Direction::Forwards) {
@@ -317,28 +321,28 @@ impl Debugger {
 
     /// What reasons come to; `None` where only breakpoints are met whose condition does not hold, or
     /// that print and go on.
-    fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<Stop> {
+    fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<StopReason> {
         let (mut hit, mut traversals) = (Vec::new(), Vec::new());
         for reason in reasons {
             match reason {
                 Reason::Breakpoint(id) if self.stops_at(*id, direction) => hit.push(*id),
                 Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => traversals.push(*id),
                 Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
-                Reason::Wrote(write) => return Some(Stop::Wrote(write.clone())),
-                Reason::Nan { .. } => return Some(Stop::Nan),
-                Reason::Traversal(None) => return Some(Stop::Traversal(None)),
+                Reason::Wrote(write) => return Some(StopReason::Wrote(write.clone())),
+                Reason::Nan { .. } => return Some(StopReason::Nan),
+                Reason::Traversal(None) => return Some(StopReason::Traversal(None)),
                 Reason::Stepped | Reason::Arrived => {}
             }
         }
         traversals.dedup();
         if let Some(first) = traversals.first() {
-            return Some(Stop::Traversal(Some(*first)));
+            return Some(StopReason::Traversal(Some(*first)));
         }
         if !hit.is_empty() {
-            return Some(Stop::Breakpoints(hit));
+            return Some(StopReason::Breakpoints(hit));
         }
         let stepped = |reason: &Reason| matches!(reason, Reason::Stepped | Reason::Arrived);
-        reasons.iter().any(stepped).then_some(Stop::Step)
+        reasons.iter().any(stepped).then_some(StopReason::Step)
     }
 
     /// Whether a breakpoint that was reached stops: its condition holds, it was hit often enough,
@@ -394,10 +398,10 @@ impl Debugger {
     }
 
     /// What the end is. It stays before the last step, where everything can still be looked at.
-    fn at_end(&mut self) -> Stop {
+    fn at_end(&mut self) -> StopReason {
         let stop = match self.debuggee.trapped() {
-            Some(trapped) => Stop::Trap(trapped.error.clone()),
-            None => Stop::End,
+            Some(trapped) => StopReason::Trap(trapped.error.clone()),
+            None => StopReason::End,
         };
         self.seek(self.course.time.saturating_sub(1));
         stop
@@ -486,25 +490,25 @@ impl Debugger {
 
     /// Makes a step backwards: to the begin of the line before, in the same function or its caller
     /// (`Over`), or wherever it is (`Into`); to the call of this function (`Out`).
-    pub fn step_back(&mut self, step: Step) -> Stop {
+    pub fn step_back(&mut self, step: Stepping) -> StopReason {
         let depth = self.course.depth();
         let conditions = match step {
-            Step::Out if depth == 0 => return self.go_to_beginning(),
-            Step::Out => StopConditions { line: Some(depth - 1), ..StopConditions::default() },
-            Step::Over => StopConditions { line: Some(depth), ..StopConditions::default() },
+            Stepping::Out if depth == 0 => return self.go_to_beginning(),
+            Stepping::Out => StopConditions { line: Some(depth - 1), ..StopConditions::default() },
+            Stepping::Over => StopConditions { line: Some(depth), ..StopConditions::default() },
             step => self.step_conditions(step, depth),
         };
         let hits = self.last_hits(&conditions, self.course.time);
         let Some(hit) = hits.into_iter().next() else { return self.go_to_beginning() };
         self.seek(hit.time);
         match hit.reason {
-            Reason::Traversal(id) => Stop::Traversal(id),
-            _ => Stop::Step,
+            Reason::Traversal(id) => StopReason::Traversal(id),
+            _ => StopReason::Step,
         }
     }
 
     /// Runs backwards to the breakpoint before, or to the step that wrote what is watched.
-    pub fn resume_back(&mut self) -> Stop {
+    pub fn resume_back(&mut self) -> StopReason {
         let conditions = StopConditions {
             breakpoints: Some(self.table.clone()),
             watches: self.watches.clone(),
@@ -523,9 +527,9 @@ impl Debugger {
         }
     }
 
-    fn go_to_beginning(&mut self) -> Stop {
+    fn go_to_beginning(&mut self) -> StopReason {
         self.seek(self.first.min(self.course.time));
-        Stop::Beginning
+        StopReason::Beginning
     }
 
     /// The reasons at the last time before a time at which conditions were met. Searches backwards,
@@ -602,7 +606,7 @@ impl Debugger {
 }
 
 /// Whether conditions can be met in a segment.
-fn can_be_in(conditions: &StopConditions, summary: &history::SegmentSummary) -> bool {
+fn can_be_in(conditions: &StopConditions, summary: &SegmentSummary) -> bool {
     let at_lines = match &conditions.breakpoints {
         None => false,
         Some(table) => table.only_lines().is_none_or(|lines| summary.has_one_of(lines)),

@@ -3,17 +3,14 @@
 
 use std::cell::RefCell;
 
-use crate::machine::{Batch, Bindings, BlockIndex, Observer, OpIndex, Reg, ShaderIndex};
+use crate::machine::{Batch, Bindings, Observer, OpIndex, ShaderIndex};
 use crate::ops::op::Op;
 use crate::pipeline::Event;
 
 use super::condition::{Ran, StopConditions};
-use super::history::SegmentSummary;
-use super::source_map::{LineIndex, ShaderSites, Site, SourceMap};
-
-/// How many steps the invocation has made: operations and terminators of its shaders, the
-/// pipeline's own work not counted. Step 0 is the first operation of all.
-pub type Time = u64;
+use super::course::{ActiveShader, Course, FrameLine, Moment};
+use super::segment_summary::SegmentSummary;
+use super::source_map::{ShaderSites, Site, SourceMap};
 
 /// The invocation that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,86 +31,6 @@ impl Followed {
             }
         }
     }
-}
-
-/// A shader that has begun and not ended.
-#[derive(Clone, Copy, Debug)]
-struct ActiveShader {
-    /// How many shaders had begun before it.
-    run: u64,
-    /// The depth of its entry point among all function calls.
-    base: u32,
-    /// The first register of the payload or callable data of its last call.
-    passes: Option<Reg>,
-    last_block: Option<BlockIndex>,
-    last_calls: usize,
-}
-
-/// The line that a function call is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct FrameLine {
-    scope: u32,
-    line: LineIndex,
-    /// Whether its first line has begun.
-    has_begun: bool,
-}
-
-/// What is known of the invocation's course so far: a part of every checkpoint.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Course {
-    /// The steps made.
-    pub time: Time,
-    active: Vec<ActiveShader>,
-    /// How many shaders have begun.
-    begun: u64,
-    frames: Vec<FrameLine>,
-    last: Option<(ShaderIndex, Site)>,
-    last_origin: Option<(ShaderIndex, u32, u32)>,
-    /// What the pipeline did since the step before.
-    pub events: Vec<Event>,
-    /// The last pause came before the step that is next.
-    pub paused: bool,
-}
-
-impl Course {
-    /// The depth of the function that runs: how many calls it is in, of functions and of shaders.
-    pub(super) fn depth(&self) -> u32 {
-        (self.frames.len() as u32).saturating_sub(1)
-    }
-
-    /// The run of a shader that has begun and not ended, by its number from the outermost.
-    pub(super) fn run(&self, number: usize) -> Option<u64> {
-        Some(self.active.get(number)?.run)
-    }
-
-    /// The run of the shader that called one of them, and the first register of what that was given.
-    pub(super) fn caller(&self, number: usize) -> Option<(u64, Reg)> {
-        let caller = self.active.get(number.checked_sub(1)?)?;
-        Some((caller.run, caller.passes?))
-    }
-}
-
-/// A moment at which the invocation is about to make a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Moment<'a> {
-    /// The steps made before.
-    pub time: Time,
-    /// The shader.
-    pub shader: ShaderIndex,
-    /// Its sites.
-    pub sites: &'a ShaderSites,
-    /// The operation or terminator.
-    pub op: OpIndex,
-    /// Its site.
-    pub site: Site,
-    /// How many calls of functions and shaders it is in.
-    pub depth: u32,
-    /// Whether a line begins here.
-    pub begins_line: bool,
-    /// Whether a function begins here: its first line.
-    pub begins_function: bool,
-    /// Whether an instruction begins here: an instruction may be several operations.
-    pub begins_instruction: bool,
 }
 
 /// The observer that follows an invocation.
