@@ -1,4 +1,4 @@
-//! What going back costs: an invocation of some 10^8 steps is run to its end, and then gone back in.
+//! What going back costs: an invocation of some 10^8 steps is run to its end, and gone back in.
 //!
 //! `cargo bench --bench debugger` prints the table of `docs/debugging.md`. Without `--bench`
 //! (`cargo test --benches`) every row runs once over few steps.

@@ -1,8 +1,8 @@
 //! `anyhit trace-one-ray --interactive`: scripts of commands and what they are answered.
 //!
 //! `tests/debugger/*.stdin` hold the commands; `*.stdout` the transcripts, which
-//! `BLESS=1 cargo test` writes anew: they guard the form. The facts in them are derived by hand from
-//! the scenes and stand in the tests here.
+//! `BLESS=1 cargo test` writes anew: they guard the form. The facts in them are derived by hand
+//! from the scenes and stand in the tests here.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -68,9 +68,9 @@ pub(crate) fn tells(transcript: &str, facts: &[&str]) {
     }
 }
 
-/// The ray meets the first hair at t = 5 - 2 - 1/2, which is cut, and the second at 5 - 1/2, a quarter
-/// of the way from (-1, 0, 0) to (3, 0, 0): its axis is at the origin there, and the normal is
-/// (0, 0, 1). The colour is half of that, shifted by a half.
+/// The ray meets the first hair at t = 5 - 2 - 1/2, which is cut, and the second at 5 - 1/2, a
+/// quarter of the way from (-1, 0, 0) to (3, 0, 0): its axis is at the origin there, and the normal
+/// is (0, 0, 1). The colour is half of that, shifted by a half.
 #[test]
 fn from_ray_generation_into_any_hit_and_closest_hit_and_back_to_who_wrote() {
     tells(
@@ -194,7 +194,9 @@ fn a_variable_is_set_and_the_invocation_goes_another_way() {
             "breakpoint 2\n",
             "payload.t was written: float -1 -> float 2.5",
             "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 2.5 }",
-            "the start of history",
+            // Backwards, in the other order.
+            "breakpoint 2\n",
+            "payload.t was written: float 0 -> float -1",
         ],
     );
 }

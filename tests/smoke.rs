@@ -337,7 +337,7 @@ fn debug_information_and_the_order_of_declarations_change_nothing() {
             Op::Source | Op::SourceContinued | Op::SourceExtension | Op::ModuleProcessed => false,
             Op::Name | Op::MemberName | Op::Line | Op::NoLine => false,
             Op::ExtInstImport => !debug.contains(&one[1]),
-            Op::ExtInst => !debug.contains(&one[3]),
+            Op::ExtInst | Op::ExtInstWithForwardRefsKHR => !debug.contains(&one[3]),
             _ => true,
         };
         let kept: Vec<&[u32]> = instructions(&words).filter(keeps).collect();

@@ -56,8 +56,8 @@ pub struct TraceOneRayArgs {
     /// ray
     #[arg(long, value_name = "PRECISION", value_parser = precision::parser())]
     precision: Option<Precision>,
-    /// Debug it: step by line, forwards and backwards, with breakpoints and variables; commands come
-    /// from the terminal, or from standard input
+    /// Debug it: step by line, forwards and backwards, with breakpoints and variables; commands
+    /// come from the terminal, or from standard input
     #[arg(long, short, conflicts_with_all = ["json", "all"])]
     interactive: bool,
     /// Print JSON

@@ -33,8 +33,9 @@ impl Module {
         }
     }
 
-    /// The instruction at an offset, in words from the start of the module, as a disassembler writes
-    /// it: `%12 (normal) = OpFMul vec3 %10 (direction) %11`. Constants are told by their values.
+    /// The instruction at an offset, in words from the start of the module, as a disassembler
+    /// writes it: `%12 (normal) = OpFMul vec3 %10 (direction) %11`. Constants are told by their
+    /// values.
     #[doc(hidden)]
     pub fn describe_instruction(&self, offset: u32) -> String {
         let Some(instruction) = self.instruction_at(offset) else {

@@ -1,7 +1,7 @@
 //! Puts right in which file the lines of a function are, where glslang tells the wrong one.
 //!
-//! After an `#include` glslang takes the body of `main`, with `-gVS` its head, too, to be in the file
-//! that was included last: the lines are right, the file is not. A function's head is never in
+//! After an `#include` glslang takes the body of `main`, with `-gVS` its head, too, to be in the
+//! file that was included last: the lines are right, the file is not. A function's head is never in
 //! another file than the whole of its body, and a text tells which file has it.
 
 use std::ops::Range;

@@ -243,8 +243,8 @@ where
         self.run()
     }
 
-    /// Runs until the stack is empty, or until the observer pauses it; returns the finished trace if
-    /// the host called it.
+    /// Runs until the stack is empty, or until the observer pauses it; returns the finished trace
+    /// if the host called it.
     pub(super) fn run(&mut self) -> Option<Box<Trace<W>>> {
         loop {
             if self.watch.is_some() && self.is_over() {

@@ -60,7 +60,7 @@ pub struct Write {
 pub(super) struct Hit {
     /// When: the step that is next then.
     pub time: Time,
-    /// Why.
+    /// Why it stopped.
     pub reason: Reason,
 }
 

@@ -59,7 +59,7 @@ impl Course {
         Some(self.active.get(number)?.run)
     }
 
-    /// The run of the shader that called one of them, and the first register of what that was given.
+    /// The run of the shader that called one of them, and the first register of what it gave.
     pub(super) fn caller(&self, number: usize) -> Option<(u64, Reg)> {
         let caller = self.active.get(number.checked_sub(1)?)?;
         Some((caller.run, caller.passes?))

@@ -55,7 +55,7 @@ pub(super) trait Debuggee {
     /// The words of a builtin in one of these shaders; `None` where its stage has none.
     fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>>;
 
-    /// The data of the shader record of one of these shaders: its buffer, where it begins, its size.
+    /// The data of the shader record of one of these shaders: buffer, begin and size.
     fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)>;
 
     /// The memory of its workgroup.

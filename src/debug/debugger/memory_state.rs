@@ -15,7 +15,8 @@ pub(super) struct ChangingMemory {
     images: Vec<Arc<Image>>,
 }
 
-/// What they held at one time. Those that have not changed since the copy before are shared with it.
+/// What they held at one time. Those that have not changed since the copy before are shared with
+/// it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MemoryState {
     buffers: Vec<Arc<[u32]>>,

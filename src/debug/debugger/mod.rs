@@ -1,10 +1,10 @@
-//! A debugger of one invocation or ray: it steps by line and by instruction, into the shaders that a
-//! ray calls and through traversal, forwards and backwards.
+//! A debugger of one invocation or ray: it steps by line and by instruction, into the shaders that
+//! a ray calls and through traversal, forwards and backwards.
 //!
 //! An invocation runs in an unoptimised program, in which every variable has registers of its own.
 //! [`tracker`] follows it and counts its steps; [`history`] keeps states at some times, so that any
-//! step is reached again by running on from the state before it. Nothing here reads or writes a file
-//! or a terminal.
+//! step is reached again by running on from the state before it. Nothing here reads or writes a
+//! file or a terminal.
 
 mod breakpoint;
 mod condition;
@@ -319,8 +319,8 @@ impl Debugger {
         }
     }
 
-    /// What reasons come to; `None` where only breakpoints are met whose condition does not hold, or
-    /// that print and go on.
+    /// What reasons come to; `None` where only breakpoints are met whose condition does not hold,
+    /// or that print and go on.
     fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<StopReason> {
         let (mut hit, mut traversals) = (Vec::new(), Vec::new());
         for reason in reasons {

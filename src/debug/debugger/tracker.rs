@@ -1,5 +1,5 @@
-//! Follows one invocation while it runs: counts its steps, knows its function calls, and tells where
-//! lines begin and what is asked to stop it.
+//! Follows one invocation while it runs: counts its steps, knows its function calls, and tells
+//! where lines begin and what is asked to stop it.
 
 use std::cell::RefCell;
 
