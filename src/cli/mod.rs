@@ -7,6 +7,7 @@
 
 #[cfg(feature = "stress")]
 pub mod check_math;
+mod compare;
 pub mod compile;
 mod input;
 pub mod inspect;
@@ -16,6 +17,7 @@ mod limits;
 mod many_seeds;
 mod module_file;
 mod output;
+mod page_args;
 mod precision;
 pub mod render;
 pub mod run;

@@ -593,8 +593,10 @@ impl Tester<'_> {
         else {
             return;
         };
-        failure.explanation =
-            Some(render::text(&transcript, RenderOptions { colour: self.options.colour, all: false }));
+        failure.explanation = Some(render::text(
+            &transcript,
+            RenderOptions { colour: self.options.colour, ..RenderOptions::default() },
+        ));
     }
 }
 
