@@ -584,9 +584,7 @@ fn two_runs_are_compared_to_where_they_part() {
     std::fs::write(&narrow, scene).expect("a file");
     let parted = page(&[narrow.to_str().expect("UTF-8"), "--compare", saved]);
     let (_, way) = parted.split_once("the first thing that goes another way").expect(&parted);
-    for words in
-        ["ray at depth 1 (number 2)", "main.rgen:19", "primitive 0, its verdict:", "A  missed", "B  opaque"]
-    {
+    for words in ["ray at depth 1 (number 2)", "main.rgen:19", "instance 0, its verdict:", "B  entered"] {
         assert!(way.contains(words), "{words}: {parted}");
     }
     for (other, words) in [
