@@ -408,3 +408,232 @@ fn a_single_ray_runs_with_many_seeds() {
     let (text, code) = found(&["--pixel", "0,0", "--allow", "tie-order"]);
     assert_eq!(code, Some(0), "{text}");
 }
+
+/// Sixteen rays from (i % 4, i / 4, 4) along -z; those at x = 3 pass by the wall at z = 0. Twelve
+/// shadow rays begin on the wall, with tMin 0, and meet it at t 0.
+const SAMPLES: &str = "shaders/pass/testing/samples/scene.toml";
+
+/// What a command prints, which succeeds.
+fn page(arguments: &[&str]) -> String {
+    let output = run(arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {stderr}");
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+/// The transcript of the sixteen rays.
+fn samples(arguments: &[&str]) -> Value {
+    serde_json::from_str(&page(&[&[SAMPLES, "--json"], arguments].concat())).expect("JSON")
+}
+
+/// A line of a shader run.
+fn executed(run: &Value, line: u64) -> &Value {
+    let lines = run["lines"].as_array().expect("lines");
+    lines.iter().find(|one| one["line"] == line).unwrap_or_else(|| panic!("no line {line} in {lines:?}"))
+}
+
+/// The variable that a line set.
+fn set<'a>(run: &'a Value, line: u64, name: &str) -> &'a Value {
+    let values = executed(run, line)["values"].as_array().expect("values");
+    let found = values.iter().find(|one| one["name"] == name);
+    found.unwrap_or_else(|| panic!("no `{name}` at line {line}: {values:?}"))
+}
+
+#[test]
+fn many_rays_are_a_screen_with_a_line_each() {
+    let text = page(&[SAMPLES]);
+    assert!(text.lines().count() <= 60, "{text}");
+    let words = "16 rays traced at shaders/pass/testing/samples/main.rgen:19: 12 hit, 4 missed";
+    assert!(text.contains(words), "{text}");
+    let misses = text.lines().filter(|line| line.contains("missed") && line.contains("MissKHR `sky`"));
+    assert_eq!(misses.count(), 4, "{text}");
+    let summary = page(&[SAMPLES, "--summary"]);
+    let squeezed = summary.split_whitespace().collect::<Vec<_>>().join(" ");
+    for words in [
+        "ray 16 rays: 12 hit, 4 missed",
+        "float 0 -> 4",
+        "ran 28 rays, shaders: 12 ClosestHitKHR, 4 MissKHR, 1 RayGenerationKHR",
+        "printed shadow 0.000000 (and 1 text more)",
+    ] {
+        assert!(squeezed.contains(words), "{words}: {summary}");
+    }
+    assert!(text.starts_with(summary.trim_end()), "the page begins with the summary: {text}");
+    assert!(page(&[SAMPLES, "--all"]).matches("ray at depth 1,").count() == 16);
+}
+
+#[test]
+fn lines_tell_what_they_set() {
+    // Ray 6 begins at (6 % 4, 6 / 4) = (2, 1).
+    let transcript = samples(&["--sample", "6"]);
+    let wall = &transcript["root"]["steps"][6]["shader"];
+    assert_eq!(set(wall, 16, "at")["last"]["value"], json!([2.0, 1.0, 0.0]));
+    assert_eq!(set(wall, 17, "normal")["last"]["value"], json!([0.0, 0.0, -1.0]));
+    // TerminateOnFirstHitKHR 4, SkipClosestHitShaderKHR 8.
+    assert_eq!(set(wall, 18, "flags")["last"]["value"], json!(12));
+    assert_eq!(
+        executed(wall, 16)["text"],
+        "vec3 at = gl_WorldRayOriginEXT + gl_HitTEXT * gl_WorldRayDirectionEXT;"
+    );
+    let payload = &set(wall, 25, "payload")["last"];
+    assert_eq!((member(payload, "light"), member(payload, "bounces")), (&json!(0.0), &json!(1)));
+    // The others were not asked for.
+    assert_eq!(transcript["root"]["steps"][5]["shader"]["lines"], Value::Null);
+    assert_eq!(samples(&["--locals", "none"])["root"]["steps"][0]["shader"]["lines"], Value::Null);
+    // In a loop the first and the last value stand.
+    let root = samples(&["--locals", "all"])["root"].clone();
+    let origin = set(&root, 17, "origin");
+    assert_eq!((&origin["first"]["value"], &origin["count"]), (&json!([0.0, 0.0, 4.0]), &json!(16)));
+    assert_eq!(origin["last"]["value"], json!([3.0, 3.0, 4.0]));
+    // Each fourth ray adds the light of the sky.
+    let sum = set(&root, 20, "sum");
+    assert_eq!((&sum["first"]["value"], &sum["last"]["value"]), (&json!(0.0), &json!(4.0)));
+    let text = page(&[SAMPLES, "--sample", "6"]);
+    assert!(text.contains("gl_HitTEXT (RayTmaxKHR)"), "{text}");
+    let squeezed = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(squeezed.contains("17 vec3 normal = vec3(0.0, 0.0, -1.0); normal = vec3(0, 0, -1)"), "{text}");
+}
+
+#[test]
+fn what_is_printed_stands_where_it_was_printed() {
+    // Ray 9 hits at (1, 2), where the closest-hit shader prints behind its shadow ray.
+    let root = samples(&[])["root"].clone();
+    let inner = &root["steps"][9]["shader"]["printed"][0];
+    assert_eq!((&inner["text"], &inner["line"]), (&json!("shadow 0.000000"), &json!(22)));
+    assert_eq!((&inner["number"], &inner["steps_before"]), (&json!(0), &json!(1)));
+    let outer = &root["printed"][0];
+    assert_eq!((&outer["text"], &outer["line"]), (&json!("sum 4.000000"), &json!(22)));
+    assert_eq!((&outer["number"], &outer["steps_before"]), (&json!(1), &json!(16)));
+    let text = page(&[SAMPLES, "--sample", "9"]);
+    let words = "printed at shaders/pass/testing/samples/wall.rchit:22, pixel (0, 0), depth 1";
+    assert!(text.contains(words), "{text}");
+}
+
+#[test]
+fn filters_show_parts_of_the_page() {
+    let shadows = page(&[SAMPLES, "--depth", "2"]);
+    assert_eq!(shadows.lines().filter(|line| line.starts_with("ray at depth 2,")).count(), 12, "{shadows}");
+    let path = "in RayGenerationKHR `raygen` > ray at depth 1 (number 0) > ClosestHitKHR `wall`:";
+    assert!(shadows.contains(path), "{shadows}");
+    let sky = page(&[SAMPLES, "--shader", "sky"]);
+    assert_eq!(sky.lines().filter(|line| line.starts_with("MissKHR `sky`")).count(), 4, "{sky}");
+    let normals = page(&[SAMPLES, "--at", "wall.rchit:17"]);
+    assert_eq!(normals.matches("normal = vec3(0, 0, -1)").count(), 12, "{normals}");
+    let one = page(&[SAMPLES, "--sample", "2"]);
+    assert!(one.contains("origin     (2, 0, 4)") && !one.contains("(number 3)"), "{one}");
+    let both = page(&[SAMPLES, "--sample", "2", "--depth", "2"]);
+    assert_eq!(both.matches("ray at depth 2,").count(), 1, "{both}");
+    for (arguments, words) in [
+        (&["--sample", "16"][..], "there is no ray 16: the outermost shader traces 16"),
+        (&["--depth", "3"], "the deepest ray is at depth 2"),
+        (&["--shader", "nobody"], "ClosestHitKHR `wall`"),
+        (&["--at", "wall.rchit"], "not FILE:LINE"),
+    ] {
+        let output = run(&[&[SAMPLES], arguments].concat());
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && error.contains(words), "{words}: {error}");
+    }
+}
+
+/// The texts of the hints of a kind.
+fn hints(transcript: &Value, kind: &str) -> Vec<String> {
+    let all = transcript["hints"].as_array().expect("hints").iter().filter(|hint| hint["kind"] == kind);
+    all.map(|hint| hint["text"].as_str().expect("text").to_owned()).collect()
+}
+
+#[test]
+fn hints_tell_known_patterns() {
+    let all = samples(&["--locals", "all"]);
+    let own = hints(&all, "self_intersection");
+    assert_eq!(own.len(), 3, "{own:?}");
+    assert!(own[0].contains("instance 0 `wall`, primitive 0") && own[0].contains("at t 0,"), "{own:?}");
+    assert!(own[2].ends_with("(and 9 more of this kind)"), "{own:?}");
+    assert!(hints(&all, "starts_on_surface").is_empty());
+    assert!(hints(&all, "normal_along_ray")[0].contains("`normal`"));
+    // (scene, arguments, kind, words): the facts are those of the scenes' comments.
+    let cases: [(&str, &[&str], &str, &str); 8] = [
+        ("sphere", &["--ray", "0,0,4 0,0,-1", "--cull-mask", "0x100"], "empty_cull_mask", "0x100"),
+        // The ball's mask is 6.
+        ("sphere", &["--ray", "0,0,4 0,0,-1", "--cull-mask", "1"], "all_masked", "0x06"),
+        ("capsule", &["--ray", "0,0,4 0,0,-1", "--sbt-offset", "5"], "no_record", "the table has 3"),
+        // At twice the speed t is 1.5, and the way is 3.
+        ("sphere", &["--ray", "0,0,4 0,0,-2"], "direction_length", "t 1.5 is about 3 in distance"),
+        // Triangles that are not opaque, at t 8, 9 and 10; the first is ignored.
+        (
+            "any-hit",
+            &["--ray", "0,0,10 0,0,-1", "--flags", "CullNoOpaqueKHR"],
+            "all_culled",
+            "CullNoOpaqueKHR",
+        ),
+        ("any-hit", &["--ray", "0,0,10 0,0,-1", "--t-max", "8.5"], "all_ignored", "its 1 candidate"),
+        (
+            "any-hit",
+            &["--ray", "0,0,10 0,0,-1", "--t-min", "8.125", "--t-max", "8.5"],
+            "only_outside_interval",
+            "the nearest at t 8",
+        ),
+        ("sphere", &["--ray", "beside"], "no_hint", ""),
+    ];
+    for (scene, arguments, kind, words) in cases {
+        let transcript = told(scene, arguments);
+        let found = hints(&transcript, kind);
+        assert_eq!(found.len(), usize::from(kind != "no_hint"), "{kind}: {}", transcript["hints"]);
+        assert!(found.iter().all(|hint| hint.contains(words)), "{words}: {found:?}");
+    }
+    assert_eq!(told("sphere", &["--ray", "head-on"])["hints"], json!([]));
+}
+
+#[test]
+fn two_runs_are_compared_to_where_they_part() {
+    const SPHERE: &str = "tests/trace-one-ray/sphere.toml";
+    // The sphere is the same on both sides of x = 0.
+    let text = page(&[SPHERE, "--pixel", "1,0", "--compare", "pixel=0,0"]);
+    for words in ["LaunchIdKHR:", "A  uvec3(1, 0, 0)", "B  uvec3(0, 0, 0)", "everything goes the same way"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let saved = folder.path().join("before.json");
+    std::fs::write(&saved, page(&[SAMPLES, "--json", "--locals", "all"])).expect("a file");
+    let saved = saved.to_str().expect("UTF-8");
+    let same = page(&[SAMPLES, "--compare", saved]);
+    assert!(same.contains("no difference"), "{same}");
+    // Where the wall ends at x = 1.5, the ray at x = 2 is the first that misses it.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).display().to_string();
+    let scene = std::fs::read_to_string(Path::new(&root).join(SAMPLES)).expect("the scene");
+    let scene = scene.replace("2.5, ", "1.5, ").replace("../../../..", &root);
+    let narrow = folder.path().join("narrow.toml");
+    std::fs::write(&narrow, scene).expect("a file");
+    let parted = page(&[narrow.to_str().expect("UTF-8"), "--compare", saved]);
+    let (_, way) = parted.split_once("the first thing that goes another way").expect(&parted);
+    for words in ["ray at depth 1 (number 2)", "main.rgen:19", "instance 0, its verdict:", "B  entered"] {
+        assert!(way.contains(words), "{words}: {parted}");
+    }
+    for (other, words) in [
+        ("pixel=9,9", "is outside the launch"),
+        ("precision=good", "`good` is no precision"),
+        ("nowhere.json", "nowhere.json"),
+        ("nowhere.toml", "nowhere.toml"),
+    ] {
+        let output = run(&[SPHERE, "--pixel", "1,0", "--compare", other]);
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && error.contains(words), "{words}: {error}");
+    }
+}
+
+#[test]
+fn a_ray_is_drawn() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
+    let (svg, png, obj) = (file("ray.svg"), file("ray.png"), file("ray.obj"));
+    page(&[SAMPLES, "--sample", "6", "--draw", &svg, "--obj", &obj]);
+    page(&[SAMPLES, "--sample", "6", "--draw", &png]);
+    let svg = std::fs::read_to_string(svg).expect("the picture");
+    assert!(svg.contains(">instance 0 `wall`</text>") && svg.contains("t 4</text>"), "{svg}");
+    let png = std::fs::read(png).expect("the picture");
+    assert!(png.starts_with(b"\x89PNG"));
+    let obj = std::fs::read_to_string(obj).expect("the objects");
+    // From (2, 1, 4) to the wall at z = 0; the triangle's vertices are the scene's.
+    assert!(obj.contains("g ray_0_hit\nv 2 1 4\nv 2 1 0\n"), "{obj}");
+    assert!(obj.contains("v 2.5 -20 0\nv 2.5 20 0\nv -40 0 0\nf "), "{obj}");
+    let output = run(&[SAMPLES, "--draw", "ray.gif"]);
+    assert_eq!(output.status.code(), Some(2));
+}

@@ -7,6 +7,7 @@
 
 #[cfg(feature = "stress")]
 pub mod check_math;
+mod compare;
 pub mod compile;
 pub mod dap;
 mod input;
@@ -17,6 +18,7 @@ mod limits;
 mod many_seeds;
 mod module_file;
 mod output;
+mod page_args;
 mod precision;
 pub mod render;
 pub mod run;

@@ -5,14 +5,18 @@ use std::path::{Component, Path, PathBuf};
 
 use clap::Args;
 
+use crate::cli::compare::{self, Other};
 use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
+use crate::cli::page_args::PageArgs;
 use crate::cli::render::size;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{interactive, output, precision};
+use crate::debug::Transcript;
 use crate::debug::command;
+use crate::debug::compare as parting;
 use crate::debug::debugger::Debugger;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
@@ -22,7 +26,7 @@ use crate::geometry::Ray;
 use crate::machine::LaunchLimits;
 use crate::scene::file::GivenRay;
 use crate::scene::files::{DiskFiles, Files};
-use crate::scene::{LoadOptions, demo};
+use crate::scene::{LoadOptions, ResolvedScene, demo};
 
 /// Traces one ray and explains everything that happened to it.
 ///
@@ -63,6 +67,8 @@ pub struct TraceOneRayArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    page: PageArgs,
     #[command(flatten)]
     files: SceneFileArgs,
     #[command(flatten)]
@@ -122,16 +128,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         Some(pass) => ExplainRequest::InPass(pass, Box::new(args.request()?)),
         None => args.request()?,
     };
-    let options = LoadOptions {
-        size: args.size,
-        precision: args.precision,
-        variant: args.variant.variant.clone(),
-        ..LoadOptions::default()
-    };
-    let mut scene = match &args.scene {
-        Some(path) => args.files.scene(path, &options)?,
-        None => demo::scene(&options)?,
-    };
+    let mut scene = args.load(args.scene.as_deref(), args.precision)?;
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
@@ -163,17 +160,25 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         interactive::run(debugger, colour)?;
         return Ok(None);
     }
-    let (mut transcript, trap) = session.run(&request)?;
-    if args.scene.is_none() {
-        transcript.scene = "swept-spheres (part of the program)".into();
+    if let Some(other) = &args.page.compare {
+        let other = Other::parse(other)?;
+        output::print(args.compare(&session, &request, other, colour)?)?;
+        return Ok(None);
     }
+    let (transcript, trap) = args.explain(&session, &request, args.scene.as_deref())?;
+    args.page.draw(&session, &transcript)?;
+    let options = RenderOptions { colour, all: args.all, summary: true };
+    let filter = args.page.filter();
     if args.json {
         let json = serde_json::to_string_pretty(&transcript)
             .map_err(|error| Error::new(ErrorKind::Io, error.to_string()))?;
         output::print(format_args!("{json}\n"))?;
-    } else {
-        let options = RenderOptions { colour, all: args.all };
+    } else if args.page.summary {
+        output::print(render::summary(&transcript, options))?;
+    } else if filter.is_empty() {
         output::print(render::text(&transcript, options))?;
+    } else {
+        output::print(render::parts(&transcript, &filter, options)?)?;
     }
     Ok(trap)
 }
@@ -199,6 +204,71 @@ impl TraceOneRayArgs {
             ("--precision", self.precision.map(|precision| precision.name().to_owned())),
         ];
         command_line("trace-one-ray", self.scene.as_deref(), &flags)
+    }
+
+    /// Loads a scene, or the one that is part of the program.
+    fn load(&self, path: Option<&Path>, precision: Option<Precision>) -> Result<ResolvedScene> {
+        let variant = self.variant.variant.clone();
+        let options = LoadOptions { size: self.size, precision, variant, ..LoadOptions::default() };
+        match path {
+            Some(path) => self.files.scene(path, &options),
+            None => demo::scene(&options),
+        }
+    }
+
+    /// Runs a request in a scene that was loaded from a path.
+    fn explain(
+        &self,
+        session: &Session,
+        request: &ExplainRequest,
+        path: Option<&Path>,
+    ) -> Result<(Transcript, Option<Error>)> {
+        let follow = |transcript: &Transcript| self.page.followed(transcript, self.page.compare.is_some());
+        let (mut transcript, trap) =
+            session.run_with_lines(request, &follow, &mut |name| source_text(path, name))?;
+        if path.is_none() {
+            transcript.scene = "swept-spheres (part of the program)".into();
+        }
+        Ok((transcript, trap))
+    }
+
+    /// Where a run and another one part, as text.
+    fn compare(
+        &self,
+        session: &Session,
+        request: &ExplainRequest,
+        other: Other,
+        colour: bool,
+    ) -> Result<String> {
+        let path = self.scene.as_deref();
+        let run = |session: &Session, request: &ExplainRequest, path: Option<&Path>| {
+            compare::json(&self.explain(session, request, path)?.0)
+        };
+        let first = run(session, request, path)?;
+        let load = |path: Option<&Path>, precision: Option<Precision>| {
+            let mut scene = self.load(path, precision)?;
+            self.limits.limits(LaunchLimits::default()).give(&mut scene);
+            Session::new(scene)
+        };
+        let (second, name) = match other {
+            Other::Pixel(pixel) => {
+                let request = match &self.pass {
+                    Some(pass) => ExplainRequest::InPass(pass.clone(), Box::new(pixel)),
+                    None => pixel,
+                };
+                (run(session, &request, path)?, self.page.compare.clone().unwrap_or_default())
+            }
+            Other::Precision(precision) => {
+                let name = format!("precision={}", precision.name());
+                (run(&load(path, Some(precision))?, request, path)?, name)
+            }
+            Other::Scene(scene) => {
+                let path = Some(Path::new(&scene));
+                (run(&load(path, self.precision)?, request, path)?, scene.clone())
+            }
+            Other::Saved(file) => (compare::read(&file)?, file),
+        };
+        Ok(parting::text(&first, &second, ["this run", &name], colour))
     }
 
     fn request(&self) -> Result<ExplainRequest> {

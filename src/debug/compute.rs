@@ -4,6 +4,7 @@ use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
 use crate::debug::session::{ExplainRequest, Session, count_events, invalid, run_counts};
+use crate::debug::summary;
 use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
 use crate::error::{Error, ErrorReport, Result};
 use crate::pipeline::{Pipeline, RunPart};
@@ -89,17 +90,20 @@ impl Session {
                 }
             })?;
         let printed = take().into_iter().filter(|line| line.launch_id == id);
+        let printed: Vec<String> = printed.map(|line| line.text).collect();
         let counts = run_counts(&count_events(&observed.events));
         let module = self.scene.dispatches[number].shader.module;
         let names = Names::of_dispatch(&self.scene, module, &pipeline).with_memory(&resources.memory);
         let root = EventReader::new(&pipeline, names, observed.events).root();
         let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
-        let transcript = Transcript {
+        let mut transcript = Transcript {
             version: VERSION,
             scene: self.scene.path.display().to_string(),
             ray_name: None,
             pass: (!self.scene.passes.is_empty()).then(|| passes[at].key(at)),
             launch: None,
+            summary: Vec::new(),
+            hints: Vec::new(),
             dispatch: Some(DispatchIndex {
                 dispatch: number,
                 id,
@@ -109,10 +113,12 @@ impl Session {
             root,
             writes,
             writes_left_out: left_out,
-            printed: printed.map(|line| line.text).collect(),
+            printed,
             counts,
             trap: observed.trap.as_ref().map(ErrorReport::of),
+            lines_cut: false,
         };
+        summary::complete(&mut transcript);
         Ok((transcript, observed.trap))
     }
 }

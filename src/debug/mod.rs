@@ -7,24 +7,38 @@
 
 #[cfg(feature = "cli")]
 pub mod adapter;
+mod builtin_names;
 pub mod console;
 pub mod debugger;
+pub mod executed_lines;
 pub mod names;
 mod page;
 mod query_reader;
 pub mod reader;
 pub mod render;
+mod summary_words;
 pub mod transcript;
 mod traversal;
 pub mod values;
+mod walk;
 
 // What explains a scene file by its own names.
 #[cfg(feature = "scenes")]
 pub mod command;
 #[cfg(feature = "scenes")]
+pub mod compare;
+#[cfg(feature = "scenes")]
 mod compute;
 #[cfg(feature = "scenes")]
+pub mod drawing;
+#[cfg(feature = "scenes")]
+mod event_log;
+#[cfg(feature = "scenes")]
+mod hints;
+#[cfg(feature = "scenes")]
 mod layout;
+#[cfg(feature = "scenes")]
+pub mod line_recorder;
 #[cfg(feature = "scenes")]
 mod memory;
 #[cfg(feature = "scenes")]
@@ -33,6 +47,8 @@ mod scene_names;
 pub mod session;
 #[cfg(feature = "scenes")]
 pub mod shell;
+#[cfg(feature = "scenes")]
+mod summary;
 
 #[cfg(feature = "scenes")]
 pub use session::{ExplainRequest, Session};

@@ -78,8 +78,18 @@ impl Page {
 
     /// Writes a nested part: its lines begin with one more guide.
     pub(super) fn nested(&mut self, guide: &'static str, write: impl FnOnce(&mut Self)) {
-        self.guides.push(guide);
+        self.push_guide(guide);
         write(self);
+        self.pop_guide();
+    }
+
+    /// Begins a nested part.
+    pub(super) fn push_guide(&mut self, guide: &'static str) {
+        self.guides.push(guide);
+    }
+
+    /// Ends the nested part that was begun last.
+    pub(super) fn pop_guide(&mut self) {
         self.guides.pop();
     }
 

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use std::vec::IntoIter;
 
 use crate::accel::{Candidate, RecordIndex, Tlas};
+use crate::debug::builtin_names::source_name;
+use crate::debug::executed_lines::PrintedText;
 use crate::debug::names::{self, Names};
 use crate::debug::query_reader::QueryReader;
 use crate::debug::transcript::{
@@ -25,45 +27,73 @@ pub struct EventReader<'a> {
     pipeline: &'a Pipeline,
     names: Names<'a>,
     events: Peekable<IntoIter<Event>>,
+    /// How many events were read.
+    read: usize,
+    /// What was printed, each with the number of events before it.
+    printed: Peekable<IntoIter<(usize, String)>>,
+    /// How many of these texts were read.
+    texts: usize,
+    /// How many shaders have begun.
+    begun: u64,
 }
 
 impl<'a> EventReader<'a> {
     /// A reader of the events of a pipeline.
     pub fn new(pipeline: &'a Pipeline, names: Names<'a>, events: Vec<Event>) -> Self {
-        Self { pipeline, names, events: events.into_iter().peekable() }
+        let printed = Vec::new().into_iter().peekable();
+        Self { pipeline, names, events: events.into_iter().peekable(), read: 0, printed, texts: 0, begun: 0 }
+    }
+
+    /// Gives what the shaders printed, each text with the number of events before it.
+    #[must_use]
+    pub fn with_printed(self, printed: Vec<(usize, String)>) -> Self {
+        Self { printed: printed.into_iter().peekable(), ..self }
+    }
+
+    fn next_event(&mut self) -> Option<Event> {
+        self.read += 1;
+        self.events.next()
     }
 
     /// Reads the first step, a shader or a ray; `None` if there are no events.
     pub fn root(&mut self) -> Option<Step> {
-        self.steps(None).into_iter().next()
+        self.steps(None).0.into_iter().next()
     }
 
-    /// Reads the steps up to the end of the current shader.
-    fn steps(&mut self, program: Option<&'a Program>) -> Vec<Step> {
+    /// Reads the steps up to the end of the current shader, and what it printed itself.
+    fn steps(&mut self, program: Option<&'a Program>) -> (Vec<Step>, Vec<PrintedText>) {
         let mut steps = Vec::new();
+        let mut printed = Vec::new();
         let mut queries = QueryReader::new(program);
         loop {
+            while let Some((_, text)) = self.printed.next_if(|(before, _)| *before <= self.read) {
+                let number = self.texts;
+                self.texts += 1;
+                printed.push(PrintedText { text, number, steps_before: steps.len(), file: None, line: None });
+            }
             match self.events.peek() {
                 Some(Event::Enter { .. }) => steps.extend(self.shader().map(Box::new).map(Step::Shader)),
                 Some(Event::Trace { .. }) => steps.extend(self.trace().map(Box::new).map(Step::Trace)),
                 Some(Event::RayQuery(_)) => {
-                    if let Some(Event::RayQuery(event)) = self.events.next() {
+                    if let Some(Event::RayQuery(event)) = self.next_event() {
                         queries.read(event, &mut steps, &self.names);
                     }
                 }
                 Some(&Event::Report { t, hit_kind, accepted }) => {
-                    self.events.next();
+                    self.next_event();
                     steps.push(Step::Report { t: FloatValue::F32(t), hit_kind: hit_kind.0, accepted });
                 }
-                _ => return steps,
+                _ => return (steps, printed),
             }
         }
     }
 
     fn shader(&mut self) -> Option<ShaderRun> {
-        let Event::Enter { shader, builtins, payload, attributes, .. } = self.events.next()? else {
+        let Event::Enter { shader, builtins, payload, attributes, .. } = self.next_event()? else {
             return None;
         };
+        let run = self.begun;
+        self.begun += 1;
         let program = &*self.pipeline.programs[shader.index()];
         let data = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA]
             .into_iter()
@@ -74,17 +104,19 @@ impl<'a> EventReader<'a> {
         let of = |ty: Option<TypeId>, words: &[u32]| {
             Some(names.value(TypedValue::of_type(&program.module, ty?, words)))
         };
-        let steps = self.steps(Some(program));
-        let (exit, after) = match self.events.next() {
+        let (steps, printed) = self.steps(Some(program));
+        let (exit, after) = match self.next_event() {
             Some(Event::Leave { exit, payload, .. }) => (exit, payload),
             _ => (Exit::Returned, payload.clone()),
         };
         Some(ShaderRun {
+            run,
             shader: self.names.shader(shader),
             builtins: builtins
                 .iter()
                 .map(|(builtin, words)| NamedValue {
                     name: builtin.name,
+                    source_name: source_name(program.module.generator, program.stage, builtin.name),
                     value: TypedValue::of_builtin(builtin, words),
                 })
                 .collect(),
@@ -92,12 +124,14 @@ impl<'a> EventReader<'a> {
             payload_before: of(data, &payload),
             payload_after: of(data, &after),
             steps,
+            lines: Vec::new(),
+            printed,
             exit: shader_exit(program, exit),
         })
     }
 
     fn trace(&mut self) -> Option<Trace> {
-        let Event::Trace { caller, tlas, depth, trace: operands, sbt, payload, .. } = self.events.next()?
+        let Event::Trace { caller, tlas, depth, trace: operands, sbt, payload, .. } = self.next_event()?
         else {
             return None;
         };
@@ -120,7 +154,7 @@ impl<'a> EventReader<'a> {
         // The t of the closest hit known so far.
         let mut closest: Option<f32> = None;
         let mut ran = None;
-        while let Some(event) = self.events.next() {
+        while let Some(event) = self.next_event() {
             match event {
                 Event::Node(instance) => trace.traversal.count_node(instance),
                 Event::Instance(instance, verdict) => trace.traversal.set_instance_verdict(instance, verdict),

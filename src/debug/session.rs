@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use crate::accel::Tlas;
 use crate::debug::command;
+use crate::debug::event_log::EventLog;
 use crate::debug::memory::Snapshot;
 use crate::debug::names::Names;
 use crate::debug::reader::EventReader;
+use crate::debug::summary;
 use crate::debug::transcript::{LaunchIndex, RunCounts, Transcript, VERSION};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
 use crate::geometry::Ray;
@@ -111,18 +113,26 @@ impl Session {
         let resources = single.resources(all);
         let run = Launch { pipeline: &single.pipeline, resources: &resources };
         let snapshot = Snapshot::take(all);
-        let mut events: Vec<Event> = Vec::new();
+        // A ray from the host has no launch index.
+        let log = |id| EventLog::new(all.printed.clone(), id);
+        let (mut log, own) = match request.what {
+            SingleRun::Pixel(id) => (log(id), id),
+            SingleRun::Ray(_) => (log([0; 3]), [0; 3]),
+        };
         let (launch, outcome) = match request.what {
             SingleRun::Pixel(id) => {
                 let size = single.size;
-                (Some(LaunchIndex { id, size }), run.run_one(id, size, &mut events, &mut ()))
+                (Some(LaunchIndex { id, size }), run.run_one(id, size, &mut log, &mut ()))
             }
             SingleRun::Ray(ray) => {
                 let tlas = if let Some((_, tlas)) = self.scene.tlas.first() { tlas } else { Tlas::empty() };
                 let operands = ray.operands(&single.pipeline)?;
-                (None, run.trace(tlas, operands, &mut events).map(|outcome| outcome.stats))
+                (None, run.trace(tlas, operands, &mut log).map(|outcome| outcome.stats))
             }
         };
+        let printed = all.printed.as_ref().map_or_else(Vec::new, |all| all.take());
+        let own = printed.iter().filter(|line| line.launch_id == own).map(|line| line.text.clone());
+        let (events, own) = log.finish(own);
         let (stats, trap) = match outcome {
             // The other invocations of the subgroup are not part of the transcript.
             Ok(_) if single.pipeline.uses_subgroups() => (count_events(&events), None),
@@ -130,21 +140,22 @@ impl Session {
             Err(error) if error.kind() == ErrorKind::Trap => (count_events(&events), Some(error)),
             Err(error) => return Err(error),
         };
-        let printed = all.printed.as_ref().map_or_else(Vec::new, |all| all.take());
         let names = Names::new(&self.scene, single.index, &single.pipeline).with_memory(&all.memory);
-        let root = EventReader::new(&single.pipeline, names, events).root();
+        let root = EventReader::new(&single.pipeline, names, events).with_printed(own).root();
         let Some(root) = root else {
             return Err(Error::new(ErrorKind::InvalidScene, "the ray generation record is a null handle"));
         };
         let id = launch.map(|launch| launch.id);
         let (writes, writes_left_out) =
             snapshot.changes(&self.scene, &single.pipeline, all, &single.pass, id);
-        let transcript = Transcript {
+        let mut transcript = Transcript {
             version: VERSION,
             scene: self.scene.path.display().to_string(),
             ray_name,
             pass: single.told(),
             launch,
+            summary: Vec::new(),
+            hints: Vec::new(),
             dispatch: None,
             root,
             writes,
@@ -152,7 +163,9 @@ impl Session {
             printed: printed.into_iter().map(|line| line.text).collect(),
             counts: run_counts(&stats),
             trap: trap.as_ref().map(ErrorReport::of),
+            lines_cut: false,
         };
+        summary::complete(&mut transcript);
         Ok((transcript, trap))
     }
 

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::debug::executed_lines::{ExecutedLine, PrintedText};
 use crate::debug::values::{FloatValue, TypedValue};
 use crate::error::ErrorReport;
 
@@ -28,6 +29,10 @@ pub struct Transcript {
     pub pass: Option<String>,
     /// The launch index; `None` for a ray from the host.
     pub launch: Option<LaunchIndex>,
+    /// What happened in short, a line each.
+    pub summary: Vec<SummaryLine>,
+    /// Known reasons of surprise that the facts below show.
+    pub hints: Vec<Hint>,
     /// The invocation of a dispatch; omitted for launches and rays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dispatch: Option<DispatchIndex>,
@@ -44,6 +49,60 @@ pub struct Transcript {
     pub counts: RunCounts,
     /// The trap that ended the run, if one did.
     pub trap: Option<ErrorReport>,
+    /// Whether more lines ran than are followed, so that `lines` of shader runs end early; omitted
+    /// where all were.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub lines_cut: bool,
+}
+
+/// A line of the summary.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SummaryLine {
+    /// What it is about: `ray`, `payload`, `wrote`, `ran`, `printed`, `trap`.
+    pub about: &'static str,
+    /// The line.
+    pub text: String,
+}
+
+/// A known reason of surprise, which facts of the transcript show.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Hint {
+    /// Which one.
+    pub kind: HintKind,
+    /// It in words, with the numbers.
+    pub text: String,
+}
+
+/// A pattern that is known to surprise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HintKind {
+    /// A ray hits the primitive that it starts on.
+    SelfIntersection,
+    /// A ray begins at a hit point, with `RayTminKHR` 0.
+    StartsOnSurface,
+    /// A ray's origin or direction holds a NaN or an infinity.
+    NotFinite,
+    /// A shader left a NaN in the payload or in memory.
+    NanWritten,
+    /// The ray's cull mask has no bit.
+    EmptyCullMask,
+    /// The masks of all instances share no bit with the ray's cull mask.
+    AllMasked,
+    /// The structure has no instance.
+    EmptyStructure,
+    /// The ray meets primitives outside its interval alone.
+    OnlyOutsideInterval,
+    /// The ray's flags cull all that it meets.
+    AllCulled,
+    /// Any-hit shaders ignored all that the ray meets.
+    AllIgnored,
+    /// The record that was chosen is a null handle, or the table lacks it.
+    NoRecord,
+    /// A shader reads t as a distance, and the direction's length is not 1.
+    DirectionLength,
+    /// A variable named for a normal points along the ray.
+    NormalAlongRay,
 }
 
 /// An invocation of a launch.
@@ -105,6 +164,8 @@ pub enum Step {
 /// One run of a shader.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShaderRun {
+    /// How many shaders had begun before it.
+    pub run: u64,
     /// The shader.
     pub shader: ShaderLabel,
     /// The builtins that it reads.
@@ -117,6 +178,13 @@ pub struct ShaderRun {
     pub payload_after: Option<TypedValue>,
     /// The shader's actions, in order.
     pub steps: Vec<Step>,
+    /// The lines that ran, in the order in which they first did; omitted where they were not
+    /// followed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lines: Vec<ExecutedLine>,
+    /// What it printed; omitted if nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub printed: Vec<PrintedText>,
     /// How the shader ended.
     pub exit: ShaderExit,
 }
@@ -126,6 +194,9 @@ pub struct ShaderRun {
 pub struct NamedValue {
     /// The specification's name.
     pub name: &'static str,
+    /// What the language of the shader's source calls it; omitted where that is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source_name: Option<&'static str>,
     /// Its value.
     #[serde(flatten)]
     pub value: TypedValue,
@@ -310,6 +381,9 @@ pub struct InstanceReport {
     pub mask: u8,
     /// `InstanceCustomIndexKHR`
     pub custom_index: u32,
+    /// The box around it in world space, at the ray's time: the least and the greatest coordinates;
+    /// `None` where it is empty.
+    pub bounds: Option<[[FloatValue; 3]; 2]>,
     /// Whether its transform is not the identity.
     pub transformed: bool,
     /// Whether it or its vertices move while time goes from 0 to 1.

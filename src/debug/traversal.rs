@@ -9,7 +9,7 @@ use crate::debug::transcript::{
     TranscriptLine, Traversal,
 };
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
-use crate::geometry::{Intersection, Surface};
+use crate::geometry::{Bounds, Intersection, Surface};
 
 impl Names<'_> {
     /// A ray before its traversal.
@@ -33,11 +33,11 @@ impl Names<'_> {
             cull_mask: operands.cull_mask,
             time: (tlas.moves() || operands.time != 0.0).then_some(FloatValue::F32(operands.time)),
             nodes: 0,
-            instances: self.instances(tlas),
+            instances: self.instances(tlas, operands.time),
         }
     }
 
-    fn instances(&self, tlas: &Arc<Tlas>) -> Vec<InstanceReport> {
+    fn instances(&self, tlas: &Arc<Tlas>, time: f32) -> Vec<InstanceReport> {
         let one = |(number, instance): (usize, &accel::TlasInstance)| InstanceReport {
             instance: number as u32,
             geometry: self.geometry(tlas, number as u32).to_vec(),
@@ -45,6 +45,7 @@ impl Names<'_> {
             primitives: instance.blas.geometries().iter().map(|one| one.data.primitive_count()).sum(),
             mask: instance.mask,
             custom_index: instance.custom_index,
+            bounds: world_bounds(instance, time).map(|corners| corners.map(|one| one.map(FloatValue::F32))),
             transformed: instance.motion.is_some()
                 || instance.transform != [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
             moves: instance.motion.is_some() || instance.blas.moves(),
@@ -84,6 +85,21 @@ impl Names<'_> {
             data: data.map_or_else(Vec::new, primitive_data),
         }
     }
+}
+
+/// The box around an instance in world space: the least and the greatest coordinates of the
+/// corners of its box in object space.
+fn world_bounds(instance: &accel::TlasInstance, time: f32) -> Option<[[f32; 3]; 2]> {
+    let bounds = instance.blas.bounds();
+    let is_empty = (0..3).any(|axis| bounds.min[axis] > bounds.max[axis]);
+    let rows = instance.object_to_world(time);
+    let corner = |number: usize| -> [f32; 3] {
+        let of = |axis: usize| if number >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        rows.map(|[x, y, z, w]| x * of(0) + y * of(1) + z * of(2) + w)
+    };
+    let corners: [[f32; 3]; 8] = std::array::from_fn(corner);
+    let bounds = Bounds::of_points(&corners);
+    (!is_empty).then_some([bounds.min, bounds.max])
 }
 
 impl Traversal {
@@ -188,5 +204,5 @@ fn primitive_data(primitive: accel::Primitive) -> Vec<NamedValue> {
 }
 
 fn named(name: &'static str, ty: &str, content: ValueContent) -> NamedValue {
-    NamedValue { name, value: TypedValue { ty: ty.to_owned(), content } }
+    NamedValue { name, source_name: None, value: TypedValue { ty: ty.to_owned(), content } }
 }

@@ -167,6 +167,27 @@ impl ValueContent {
         }
     }
 
+    /// Whether a float in it is a NaN.
+    pub fn has_nan(&self) -> bool {
+        match self {
+            Self::Float(value) => value.as_f64().is_nan(),
+            Self::List(items) => items.iter().any(Self::has_nan),
+            Self::Members(members) => members.iter().any(|member| member.value.content.has_nan()),
+            _ => false,
+        }
+    }
+
+    /// The numbers of a vector of three floats.
+    pub fn as_vec3(&self) -> Option<[f64; 3]> {
+        let Self::List(items) = self else { return None };
+        let number = |item: &Self| match item {
+            Self::Float(value) => Some(value.as_f64()),
+            _ => None,
+        };
+        let numbers: Option<Vec<f64>> = items.iter().map(number).collect();
+        numbers?.try_into().ok()
+    }
+
     /// A float of 32 bits.
     pub fn f32(value: f32) -> Self {
         Self::Float(FloatValue::F32(value))
@@ -214,6 +235,17 @@ impl fmt::Display for ValueContent {
                 }
                 f.write_str(" }")
             }
+        }
+    }
+}
+
+impl FloatValue {
+    /// The number.
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Self::F16(value) => value.into(),
+            Self::F32(value) | Self::Small(_, value) => value.into(),
+            Self::F64(value) => value,
         }
     }
 }

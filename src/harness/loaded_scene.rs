@@ -430,7 +430,7 @@ impl LoadedScene {
     /// As [`Session::run`]; a trap is part of the text.
     pub fn explain(&self, request: impl Into<ExplainRequest>) -> Result<String> {
         let (transcript, _) = Session::new(self.scene.clone())?.run(&request.into())?;
-        Ok(render::text(&transcript, RenderOptions::default()))
+        Ok(render::text(&transcript, RenderOptions { summary: true, ..RenderOptions::default() }))
     }
 }
 

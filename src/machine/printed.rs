@@ -83,6 +83,13 @@ impl Printed {
         lines.keep();
     }
 
+    /// How many texts of an invocation are kept.
+    #[cfg(feature = "scenes")]
+    pub(crate) fn count_of(&self, [x, y, z]: [u32; 3]) -> usize {
+        let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        lines.kept.get(&[z, y, x]).map_or(0, Vec::len)
+    }
+
     /// Takes all texts so far, in launch order; those of one invocation in the order of printing.
     /// Where some were cut, the last text says how many.
     pub fn take(&self) -> Vec<PrintedLine> {

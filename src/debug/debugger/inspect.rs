@@ -16,6 +16,11 @@ impl Debugger {
         read(&mut StoppedLane::new(&mut *self.debuggee, frame.number, frame.shader))
     }
 
+    /// How many shaders had begun before that of a frame.
+    pub fn run_number(&self, frame: &StackFrame) -> Option<u64> {
+        self.course.run(frame.number)
+    }
+
     /// The local variables of a frame.
     pub fn locals(&mut self, frame: &StackFrame) -> Vec<Variable> {
         let program = self.sources.shader(frame.shader).program.clone();

@@ -14,6 +14,17 @@ use super::debuggee::Debuggee;
 use super::memory_state::ChangingMemory;
 
 impl Debugger {
+    /// Calls a function, and puts back what the memory of a scene held before.
+    pub fn keeping_memory<T>(session: &Session, run: impl FnOnce() -> T) -> T {
+        let assembled = &session.assembled;
+        let programs: Vec<_> = assembled.programs().cloned().collect();
+        let memory = ChangingMemory::of(&programs, &assembled.resources);
+        let before = memory.state(None);
+        let result = run();
+        memory.restore(&before);
+        result
+    }
+
     /// Debugs an invocation or ray of a scene, which has not begun. The passes before it have run.
     ///
     /// # Errors

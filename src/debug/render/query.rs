@@ -1,19 +1,16 @@
 //! Renders ray queries as text.
 
-use crate::debug::page::{Page, TextStyle};
-use crate::debug::render::{TraversalView, Writer, ray, source_suffix};
+use crate::debug::page::TextStyle;
+use crate::debug::render::words::{ray, source_suffix};
+use crate::debug::render::{TraversalView, Writer};
 use crate::debug::transcript::{QueryCandidate, QueryEnd, QueryReport};
 
-impl Writer {
+impl Writer<'_> {
     pub(super) fn query(&mut self, query: &QueryReport) {
         let head = self.page.styled(TextStyle::Heading, "ray query");
         self.page
             .line(format_args!("{head}{}", source_suffix(query.traversal.called_at.as_ref(), "initialised")));
-        self.page.nested("│ ", |page| {
-            let mut inner = Self { page: std::mem::replace(page, Page::new(false)), all: self.all };
-            inner.query_body(query);
-            *page = inner.page;
-        });
+        self.nested("│ ", |writer| writer.query_body(query));
     }
 
     fn query_body(&mut self, query: &QueryReport) {

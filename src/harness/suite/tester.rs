@@ -316,8 +316,10 @@ impl Tester<'_> {
         else {
             return;
         };
-        failure.explanation =
-            Some(render::text(&transcript, RenderOptions { colour: self.options.colour, all: false }));
+        failure.explanation = Some(render::text(
+            &transcript,
+            RenderOptions { colour: self.options.colour, ..RenderOptions::default() },
+        ));
     }
 }
 

@@ -1,0 +1,4 @@
+struct Payload {
+    float light;
+    uint bounces;
+};

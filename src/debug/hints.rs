@@ -1,0 +1,302 @@
+//! Known reasons of surprise, each shown by facts of the transcript.
+
+use crate::debug::summary_words::{label, primitive};
+use crate::debug::transcript::{
+    ExitKind, Hint, HintKind, HitReport, InstanceReport, PrimitiveOutcome, RecordChoice, ShaderRun, Step,
+    Trace, Transcript, Traversal,
+};
+use crate::debug::values::{FloatValue, TypedValue};
+use crate::debug::walk::{self, AnyRay, PlacedRay};
+
+/// How many hints of one kind are told.
+const MAX_OF_A_KIND: usize = 3;
+
+/// What part of the distance from the camera, or the ray before, counts as "at its start".
+const AT_START: f64 = 1e-3;
+
+/// A rule about one ray: the hint in words, where it applies.
+type RayRule = fn(&PlacedRay<'_>) -> Option<String>;
+
+/// The rules, by the kind of their hints.
+const RAY_RULES: &[(HintKind, RayRule)] = &[
+    (HintKind::NotFinite, not_finite),
+    (HintKind::SelfIntersection, self_intersection),
+    (HintKind::StartsOnSurface, starts_on_surface),
+    (HintKind::EmptyStructure, empty_structure),
+    (HintKind::EmptyCullMask, empty_cull_mask),
+    (HintKind::AllMasked, all_masked),
+    (HintKind::OnlyOutsideInterval, only_outside_interval),
+    (HintKind::AllCulled, all_culled),
+    (HintKind::AllIgnored, all_ignored),
+    (HintKind::NoRecord, no_record),
+    (HintKind::DirectionLength, direction_length),
+    (HintKind::NormalAlongRay, normal_along_ray),
+];
+
+/// The hints of a transcript.
+pub(super) fn of(transcript: &Transcript) -> Vec<Hint> {
+    let rays = walk::rays(&transcript.root);
+    let mut hints = Vec::new();
+    for &(kind, rule) in RAY_RULES {
+        let texts = rays.iter().filter_map(|ray| Some(format!("{}: {}", place(ray.ray), rule(ray)?)));
+        hints.extend(limited(kind, texts.collect()));
+    }
+    hints.extend(limited(HintKind::NanWritten, nans(transcript)));
+    hints
+}
+
+/// The first hints of a kind; the last one says how many there are more.
+fn limited(kind: HintKind, mut texts: Vec<String>) -> Vec<Hint> {
+    let more = texts.len().saturating_sub(MAX_OF_A_KIND);
+    texts.truncate(MAX_OF_A_KIND);
+    if more > 0
+        && let Some(last) = texts.last_mut()
+    {
+        *last += &format!(" (and {more} more of this kind)");
+    }
+    texts.into_iter().map(|text| Hint { kind, text }).collect()
+}
+
+/// Which ray: its depth and line.
+fn place(ray: AnyRay<'_>) -> String {
+    let what = match ray {
+        AnyRay::Trace(trace) => format!("ray at depth {}", trace.depth),
+        AnyRay::Query(_) => "ray query".to_owned(),
+    };
+    match &ray.traversal().called_at {
+        Some(line) => format!("{what}, {}:{}", line.file, line.line),
+        None => what,
+    }
+}
+
+fn not_finite(placed: &PlacedRay<'_>) -> Option<String> {
+    let traversal = placed.ray.traversal();
+    let is_finite = |values: &[FloatValue; 3]| values.iter().all(|value| value.as_f64().is_finite());
+    let what = match (is_finite(&traversal.origin), is_finite(&traversal.direction)) {
+        (true, true) => return None,
+        (false, true) => "its origin holds",
+        (true, false) => "its direction holds",
+        (false, false) => "its origin and its direction hold",
+    };
+    Some(format!("{what} a NaN or an infinity, with which it hits nothing"))
+}
+
+fn self_intersection(placed: &PlacedRay<'_>) -> Option<String> {
+    let hit = placed.ray.hit()?;
+    let length = placed.ray.traversal().direction_length.as_f64();
+    let from = placed.from.iter().find(|from| is_start(placed.ray, **from, hit, length))?;
+    let before = from.hit()?;
+    Some(format!(
+        "it hits the primitive that it starts on ({}) again, at t {}, where the ray before hit it at t {}; \
+         a larger tMin or an origin moved along the normal avoids that",
+        primitive(hit),
+        hit.t,
+        before.t
+    ))
+}
+
+/// Whether a ray starts at the hit of another, and hits the same primitive there.
+fn is_start(ray: AnyRay<'_>, from: AnyRay<'_>, hit: &HitReport, length: f64) -> bool {
+    let Some(before) = from.hit() else { return false };
+    let of = |hit: &HitReport| (hit.instance, hit.geometry, hit.primitive);
+    let came = before.t.as_f64() * from.traversal().direction_length.as_f64();
+    of(before) == of(hit)
+        && hit.t.as_f64() * length <= AT_START * came
+        && distance(&ray.traversal().origin, &before.position) <= AT_START * came
+}
+
+fn starts_on_surface(placed: &PlacedRay<'_>) -> Option<String> {
+    let traversal = placed.ray.traversal();
+    if traversal.t_min.as_f64() != 0.0 || self_intersection(placed).is_some() {
+        return None;
+    }
+    let largest = traversal.origin.iter().map(|value| value.as_f64().abs()).fold(0.0, f64::max);
+    let rounding = 4.0 * f64::from(f32::EPSILON) * largest;
+    let is_at = |from: &&AnyRay<'_>| {
+        from.hit().is_some_and(|hit| distance(&traversal.origin, &hit.position) <= rounding)
+    };
+    let from = placed.from.iter().find(is_at)?.hit()?;
+    Some(format!(
+        "it begins at the point where the ray before hit {}, with tMin 0: by rounding it may hit the \
+         surface that it leaves",
+        primitive(from)
+    ))
+}
+
+fn empty_structure(placed: &PlacedRay<'_>) -> Option<String> {
+    placed.ray.traversal().instances.is_empty().then(|| "the structure has no instance".to_owned())
+}
+
+fn empty_cull_mask(placed: &PlacedRay<'_>) -> Option<String> {
+    let traversal = placed.ray.traversal();
+    let is_empty = traversal.cull_mask & 0xFF == 0 && !traversal.instances.is_empty();
+    is_empty.then(|| {
+        format!("the low 8 bits of its cull mask {:#x} are 0: it hits no instance", traversal.cull_mask)
+    })
+}
+
+fn all_masked(placed: &PlacedRay<'_>) -> Option<String> {
+    let Traversal { cull_mask, instances, .. } = placed.ray.traversal();
+    let is_masked = |one: &InstanceReport| u32::from(one.mask) & cull_mask == 0;
+    let applies = cull_mask & 0xFF != 0 && !instances.is_empty() && instances.iter().all(is_masked);
+    applies.then(|| {
+        let all = instances.iter().fold(0, |all, one| all | one.mask);
+        format!(
+            "its cull mask {:#04x} shares no bit with the mask of any instance; their bits together are {all:#04x}",
+            cull_mask & 0xFF
+        )
+    })
+}
+
+/// The verdicts on the primitives that a ray meets and does not hit, with the t of each.
+fn met(ray: AnyRay<'_>) -> Vec<(PrimitiveOutcome, FloatValue)> {
+    let tested = ray.traversal().instances.iter().flat_map(|instance| &instance.tested);
+    tested.filter_map(|one| Some((one.verdict, one.t?))).collect()
+}
+
+fn only_outside_interval(placed: &PlacedRay<'_>) -> Option<String> {
+    let met = met(placed.ray);
+    let are_outside = met.iter().all(|(verdict, _)| *verdict == PrimitiveOutcome::OutsideInterval);
+    if placed.ray.hit().is_some() || met.is_empty() || !are_outside {
+        return None;
+    }
+    let Traversal { t_min, t_max, .. } = placed.ray.traversal();
+    // The one that is nearest to the interval.
+    let off = |t: &FloatValue| (t_min.as_f64() - t.as_f64()).max(t.as_f64() - t_max.as_f64());
+    let nearest = met.iter().map(|(_, t)| t).min_by(|a, b| off(a).total_cmp(&off(b)))?;
+    Some(format!(
+        "all that it meets lies outside its interval, t {t_min} to {t_max}: the nearest at t {nearest}"
+    ))
+}
+
+fn all_culled(placed: &PlacedRay<'_>) -> Option<String> {
+    let met = met(placed.ray);
+    let is_culled = |verdict: PrimitiveOutcome| {
+        matches!(verdict, PrimitiveOutcome::CulledByFace | PrimitiveOutcome::CulledByOpacity)
+    };
+    let applies =
+        placed.ray.hit().is_none() && !met.is_empty() && met.iter().all(|(verdict, _)| is_culled(*verdict));
+    applies.then(|| {
+        let flags = &placed.ray.traversal().flags;
+        let (names, count) = (flags.names.join(" | "), met.len());
+        let plural = if count == 1 { "primitive" } else { "primitives" };
+        format!("its flags ({names}) cull all that it meets: {count} {plural}")
+    })
+}
+
+fn all_ignored(placed: &PlacedRay<'_>) -> Option<String> {
+    let AnyRay::Trace(trace) = placed.ray else { return None };
+    let is_ignored = |run: &ShaderRun| run.exit.how == ExitKind::Ignored;
+    let applies = trace.hit.is_none()
+        && trace.record.is_some()
+        && !trace.decisions.is_empty()
+        && trace.decisions.iter().all(|one| !one.is_box && one.shader.as_ref().is_some_and(is_ignored));
+    applies.then(|| {
+        let count = trace.decisions.len();
+        let plural = if count == 1 { "candidate" } else { "candidates" };
+        format!("it misses as any-hit ignored its {count} {plural}")
+    })
+}
+
+fn no_record(placed: &PlacedRay<'_>) -> Option<String> {
+    let AnyRay::Trace(Trace { record: Some(record), hit, .. }) = placed.ray else { return None };
+    let RecordChoice { table, index, arithmetic, records, group: None, .. } = record else { return None };
+    let sum = match arithmetic {
+        Some(sum) => format!(
+            " (instance offset {} + geometry {} x stride {} + offset {})",
+            sum.instance_offset, sum.geometry, sum.stride, sum.offset
+        ),
+        None => String::new(),
+    };
+    let what = if *index >= *records as u64 {
+        format!("does not exist: the table has {records}")
+    } else {
+        "is a null handle".to_owned()
+    };
+    let ran = if hit.is_some() { "closest-hit" } else { "miss" };
+    Some(format!("{table} record {index}{sum} {what}, so that no {ran} shader runs"))
+}
+
+fn direction_length(placed: &PlacedRay<'_>) -> Option<String> {
+    let AnyRay::Trace(Trace { hit: Some(hit), shader: Some(run), .. }) = placed.ray else { return None };
+    let length = placed.ray.traversal().direction_length;
+    let builtin = run.builtins.iter().find(|one| matches!(one.name, "RayTmaxKHR" | "HitTNV"))?;
+    ((length.as_f64() - 1.0).abs() > 0.01).then(|| {
+        let name = builtin.source_name.unwrap_or(builtin.name);
+        let distance = FloatValue::F32((hit.t.as_f64() * length.as_f64()) as f32);
+        format!(
+            "its shader reads {name}, which counts in lengths of the direction: t {} is about {distance} in \
+             distance, as the direction's length is {length}",
+            hit.t
+        )
+    })
+}
+
+fn normal_along_ray(placed: &PlacedRay<'_>) -> Option<String> {
+    let AnyRay::Trace(Trace { hit: Some(hit), shader: Some(run), .. }) = placed.ray else { return None };
+    let traversal = placed.ray.traversal();
+    // A normal in object space is no direction of the world where the instance is transformed.
+    if traversal.instances.get(hit.instance as usize)?.transformed {
+        return None;
+    }
+    let direction = traversal.direction.map(FloatValue::as_f64);
+    let size = traversal.direction_length.as_f64();
+    run.lines.iter().find_map(|line| {
+        line.values.iter().find_map(|value| {
+            let normal = value.last.content.as_vec3()?;
+            let dot = normal.iter().zip(&direction).map(|(a, b)| a * b).sum::<f64>() / size;
+            (value.name.to_lowercase().contains("normal") && dot > 1e-3).then(|| {
+                format!(
+                    "`{}` of {}:{} points along the ray, not against it: their dot product is {:.3}",
+                    value.name, line.file, line.line, dot
+                )
+            })
+        })
+    })
+}
+
+/// The shaders that left a NaN where there was none, and the memory that got one.
+fn nans(transcript: &Transcript) -> Vec<String> {
+    let mut texts = Vec::new();
+    for run in walk::runs(&transcript.root) {
+        let has = |value: &Option<TypedValue>| value.as_ref().is_some_and(|value| value.content.has_nan());
+        let made = run.lines.iter().find(|line| {
+            line.values.iter().any(|value| value.last.content.has_nan() || value.first.content.has_nan())
+        });
+        let left = has(&run.payload_after) && !has(&run.payload_before);
+        let name = label(&run.shader);
+        match made {
+            Some(line) => {
+                let value = line
+                    .values
+                    .iter()
+                    .find(|value| value.last.content.has_nan() || value.first.content.has_nan());
+                let value = value.map_or_else(String::new, |value| format!("`{}`", value.name));
+                texts.push(format!("{name}: {value} becomes NaN at {}:{}", line.file, line.line));
+            }
+            None if left && !leaves_nan(&run.steps) => {
+                texts.push(format!("{name} leaves a NaN in the payload"));
+            }
+            None => {}
+        }
+    }
+    let written = transcript
+        .writes
+        .iter()
+        .filter(|write| write.after.content.has_nan() && !write.before.content.has_nan());
+    texts.extend(written.map(|write| format!("a NaN is written to `{}`", write.resource)));
+    texts
+}
+
+/// Whether a ray among steps came back with a NaN in its payload.
+fn leaves_nan(steps: &[Step]) -> bool {
+    steps.iter().any(|step| match step {
+        Step::Trace(trace) => trace.payload_after.as_ref().is_some_and(|value| value.content.has_nan()),
+        _ => false,
+    })
+}
+
+fn distance(a: &[FloatValue; 3], b: &[FloatValue; 3]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a.as_f64() - b.as_f64()).powi(2));
+    squares.sum::<f64>().sqrt()
+}

@@ -1,0 +1,175 @@
+//! Renders shader runs: what they were given, which lines ran, what they did.
+
+use crate::debug::executed_lines::{AssignedValue, ExecutedLine, PrintedText};
+use crate::debug::page::TextStyle;
+use crate::debug::render::Writer;
+use crate::debug::render::words::{annotated, change, label, payload_label, source_suffix, value_rows};
+use crate::debug::transcript::{ExitKind, NamedValue, ShaderRun};
+use crate::debug::values::TypedValue;
+
+/// How wide the text of source lines is, so that the values stand in a column.
+const LINE_WIDTH: usize = 64;
+
+impl Writer<'_> {
+    pub(super) fn shader(&mut self, run: &ShaderRun) {
+        let head = self.page.styled(TextStyle::Heading, run.shader.stage);
+        self.page.line(format_args!("{head} {}", label(&run.shader)));
+        self.nested("  ", |writer| writer.shader_body(run));
+    }
+
+    fn shader_body(&mut self, run: &ShaderRun) {
+        let builtin = |one: &NamedValue| {
+            let name = match one.source_name {
+                Some(name) => format!("{name} ({})", one.name),
+                None => one.name.to_owned(),
+            };
+            (name, annotated(one.name, &one.value))
+        };
+        let mut rows: Vec<(String, String)> = run.builtins.iter().map(builtin).collect();
+        rows.extend(run.attributes.iter().flat_map(|value| value_rows("hit attribute", value)));
+        rows.extend(run.payload_before.iter().flat_map(|value| value_rows(payload_label(run), value)));
+        self.page.rows(rows);
+        self.lines(&run.lines);
+        self.steps(run);
+        if let (Some(before), Some(after)) = (&run.payload_before, &run.payload_after) {
+            self.payload_change(payload_label(run), before, after);
+        }
+        let ending = match (run.exit.how, run.shader.stage) {
+            (ExitKind::Returned, "AnyHitKHR") => "returned: the candidate is accepted".to_owned(),
+            (ExitKind::Returned, _) => "returned".to_owned(),
+            (ExitKind::Ignored, _) => "ignored the intersection: the candidate is dropped".to_owned(),
+            (ExitKind::Terminated, _) => {
+                "terminated the ray: the candidate is accepted, the search ends".to_owned()
+            }
+            (ExitKind::Trapped, _) => {
+                let message = run.exit.message.unwrap_or_default();
+                let text = format!("TRAPPED: {message}{}", source_suffix(run.exit.at.as_ref(), ""));
+                self.page.styled(TextStyle::Trap, text)
+            }
+        };
+        self.page.line(ending);
+    }
+
+    /// Shows the members of a payload that changed, or says that none did.
+    fn payload_change(&mut self, word: &str, before: &TypedValue, after: &TypedValue) {
+        let pairs = before.parts().into_iter().zip(after.parts());
+        let changed: Vec<(String, String)> = pairs
+            .filter(|((_, before), (_, after))| before != after)
+            .map(|((path, before), (_, after))| {
+                let name = if path.is_empty() { word.to_owned() } else { format!("{word}.{path}") };
+                (name, change(before, after))
+            })
+            .collect();
+        if changed.is_empty() {
+            let text = self.page.styled(TextStyle::Dim, format_args!("{word} unchanged"));
+            self.page.line(text);
+        }
+        self.page.rows(changed);
+    }
+
+    /// The lines that ran, each with the variables that it set.
+    fn lines(&mut self, lines: &[ExecutedLine]) {
+        if lines.is_empty() {
+            return;
+        }
+        self.page.blank_line();
+        let shown: Vec<&ExecutedLine> = lines.iter().filter(|line| !line.values.is_empty()).collect();
+        let rest = lines.len() - shown.len();
+        let mut file = None;
+        self.page.line(self.page.styled(TextStyle::Heading, "lines that ran"));
+        let all = self.options.all;
+        for line in lines.iter().filter(|line| all || !line.values.is_empty()) {
+            if file != Some(&line.file) {
+                self.page.line(format_args!("  {}", self.page.styled(TextStyle::Dim, &line.file)));
+                file = Some(&line.file);
+            }
+            self.executed_line(line, width(&shown));
+        }
+        if rest > 0 && !self.options.all {
+            let text = format!("  {rest} more, which set no variable (--all shows them)");
+            self.page.line(self.page.styled(TextStyle::Dim, text));
+        }
+    }
+
+    /// A line with its values, in a column or below it.
+    pub(super) fn executed_line(&mut self, line: &ExecutedLine, width: usize) {
+        let text = line.text.as_deref().unwrap_or("(its text is not known)");
+        let times = match line.count {
+            0 | 1 => String::new(),
+            count => format!("  ({count} times)"),
+        };
+        let number = self.page.styled(TextStyle::Name, format_args!("{:>5}", line.line));
+        let mut values = line.values.iter().map(|value| assigned(value, line.count));
+        let size = text.chars().count();
+        let pad = " ".repeat(width.saturating_sub(size));
+        let first = match size > width {
+            true => None,
+            false => values.next(),
+        };
+        let first = first.unwrap_or_default();
+        self.page.line(format_args!("{number}  {text}{pad}  {first}{times}"));
+        for value in values {
+            self.page.line(format_args!("       {}  {value}", " ".repeat(width)));
+        }
+    }
+
+    /// The steps of a run and what it printed, in order; rays are summed up where they are many.
+    fn steps(&mut self, run: &ShaderRun) {
+        let mut printed = run.printed.iter().peekable();
+        let tables = self.tables(run);
+        for (at, step) in run.steps.iter().enumerate() {
+            while let Some(text) = printed.next_if(|text| text.steps_before <= at) {
+                self.printed(text);
+            }
+            match tables.iter().find(|table| table.holds(at)) {
+                Some(table) if table.begins(at) => {
+                    self.page.blank_line();
+                    self.table(table);
+                }
+                Some(_) => {}
+                None => {
+                    self.page.blank_line();
+                    self.step(step);
+                }
+            }
+        }
+        printed.for_each(|text| self.printed(text));
+        if !run.steps.is_empty() || !run.printed.is_empty() {
+            self.page.blank_line();
+        }
+    }
+
+    /// A text that the shader printed, with its place.
+    pub(super) fn printed(&mut self, printed: &PrintedText) {
+        self.page.blank_line();
+        let mut place = Vec::new();
+        if let (Some(file), Some(line)) = (&printed.file, printed.line) {
+            place.push(format!("at {file}:{line}"));
+        }
+        place.extend((!self.place.is_empty()).then(|| self.place.clone()));
+        place.push(format!("depth {}", self.depth));
+        let head = self.page.styled(TextStyle::Heading, "printed");
+        self.page.line(format_args!("{head} {}", place.join(", ")));
+        for line in printed.text.lines() {
+            self.page.line(format_args!("  {line}"));
+        }
+        self.printed += 1;
+    }
+}
+
+/// How wide the column of the lines' text is.
+pub(super) fn width(lines: &[&ExecutedLine]) -> usize {
+    let size = |line: &&ExecutedLine| line.text.as_ref().map_or(0, |text| text.chars().count());
+    lines.iter().map(size).filter(|&size| size <= LINE_WIDTH).max().unwrap_or(0)
+}
+
+/// `segment = float 2`; of several times `i = int 0 ... 7 (8 times)`, the first and the last.
+fn assigned(value: &AssignedValue, runs: u64) -> String {
+    let AssignedValue { name, count, first, last } = value;
+    // That of the line is told anyway.
+    let times = if *count == runs { String::new() } else { format!(" ({count} times)") };
+    match first == last {
+        true => format!("{name} = {first}{times}"),
+        false => format!("{name} = {first} ... {}{times}", last.content),
+    }
+}
