@@ -107,12 +107,9 @@ impl View {
     }
 
     fn include(&mut self, point: Point) {
-        let flat = self.flat(point);
-        for side in 0..2 {
-            if flat[side].is_finite() {
-                self.low[side] = self.low[side].min(flat[side]);
-                self.high[side] = self.high[side].max(flat[side]);
-            }
+        for (side, at) in self.flat(point).into_iter().enumerate().filter(|(_, at)| at.is_finite()) {
+            self.low[side] = self.low[side].min(at);
+            self.high[side] = self.high[side].max(at);
         }
     }
 
