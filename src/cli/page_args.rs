@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use crate::atomic_file;
 use crate::debug::line_recorder::FollowedRuns;
-use crate::debug::render::Filter;
+use crate::debug::render::PageFilter;
 use crate::debug::{Session, Transcript};
 use crate::error::Result;
 
@@ -44,12 +44,12 @@ pub(super) struct PageArgs {
     /// Show only what happened at this line: rays traced there, values set, texts printed
     #[arg(long, value_name = "FILE:LINE", value_parser = line, conflicts_with_all = ["json", "interactive"])]
     at: Option<(String, u32)>,
-    /// Show where this run parts from another one: `pixel=X,Y`, `precision=fast` or `exact`, another
-    /// scene's file, or the file that --json was printed to before
+    /// Show where this run parts from another one: `pixel=X,Y`, `precision=fast` or `exact`,
+    /// another scene's file, or the file that --json was printed to before
     #[arg(long, value_name = "OTHER", conflicts_with_all = ["json", "interactive", "summary"])]
     pub compare: Option<String>,
-    /// Draw the ray (that of --sample), the boxes of instances and the primitives tested, as .svg or
-    /// .png
+    /// Draw the ray (that of --sample), the boxes of instances and the primitives tested, as .svg
+    /// or .png
     #[arg(long, value_name = "FILE", value_parser = picture, conflicts_with = "compare")]
     draw: Option<PathBuf>,
     /// Write the ray, the boxes of instances and the primitives tested as a Wavefront OBJ
@@ -59,8 +59,13 @@ pub(super) struct PageArgs {
 
 impl PageArgs {
     /// What of the page is shown.
-    pub(super) fn filter(&self) -> Filter {
-        Filter { depth: self.depth, sample: self.sample, shader: self.shader.clone(), at: self.at.clone() }
+    pub(super) fn filter(&self) -> PageFilter {
+        PageFilter {
+            depth: self.depth,
+            sample: self.sample,
+            shader: self.shader.clone(),
+            at: self.at.clone(),
+        }
     }
 
     /// The shader runs whose lines are followed; `all` where nothing is asked for.

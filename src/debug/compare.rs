@@ -11,7 +11,7 @@ use crate::debug::page::{Page, TextStyle};
 
 /// A place where two runs differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Difference {
+pub struct RunDifference {
     /// The shaders and rays that it is in, the outermost first.
     pub path: Vec<String>,
     /// The line of the first run, `file:line: text`, where it is known.
@@ -26,9 +26,9 @@ pub struct Difference {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parting {
     /// The first difference of all.
-    pub value: Option<Difference>,
+    pub value: Option<RunDifference>,
     /// The first thing that went another way: another hit, another shader, another line.
-    pub way: Option<Difference>,
+    pub way: Option<RunDifference>,
 }
 
 /// Whether a difference is of a value alone.
@@ -73,8 +73,12 @@ struct Comparison {
 
 impl Comparison {
     fn differ(&mut self, what: &str, kind: Kind, values: [String; 2]) {
-        let difference =
-            || Difference { path: self.path.clone(), line: self.line.clone(), what: what.to_owned(), values };
+        let difference = || RunDifference {
+            path: self.path.clone(),
+            line: self.line.clone(),
+            what: what.to_owned(),
+            values,
+        };
         match kind {
             Kind::Way if self.found.way.is_none() => {
                 let difference = difference();
@@ -314,8 +318,8 @@ impl Comparison {
     }
 }
 
-/// The lines of two runs in the order of the first: those of one text are one line. A line that only
-/// one of the runs has is left out where the other's source does not have its text, as that was
+/// The lines of two runs in the order of the first: those of one text are one line. A line that
+/// only one of the runs has is left out where the other's source does not have its text, as that was
 /// edited; where lines were not followed in one of them there are none.
 fn common_lines<'a>(a: &'a Value, b: &'a Value) -> Vec<(&'a Value, &'a Value)> {
     let (Some(of_a), Some(of_b)) = (a.as_array(), b.as_array()) else { return Vec::new() };
@@ -443,7 +447,7 @@ pub fn text(first: &Value, second: &Value, names: [&str; 2], colour: bool) -> St
     page.finish()
 }
 
-fn difference(page: &mut Page, title: &str, difference: &Difference) {
+fn difference(page: &mut Page, title: &str, difference: &RunDifference) {
     page.blank_line();
     page.line(page.styled(TextStyle::Heading, title));
     page.nested("  ", |page| {

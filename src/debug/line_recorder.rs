@@ -21,12 +21,12 @@ const MAX_STOPS: usize = 20_000;
 const MAX_WORDS: usize = 256;
 
 /// Reads the text of a source by the name that a compiler gave it.
-pub type ReadSource<'a> = dyn FnMut(&str) -> Option<String> + 'a;
+pub type SourceTexts<'a> = dyn FnMut(&str) -> Option<String> + 'a;
 
 /// The shader runs whose lines are noted, by their numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FollowedRuns {
-    /// These.
+    /// Only these of them.
     Only(Vec<u64>),
     /// All of them.
     All,
@@ -57,7 +57,7 @@ impl Session {
         &self,
         request: &ExplainRequest,
         follow: &dyn Fn(&Transcript) -> FollowedRuns,
-        read: &mut ReadSource<'_>,
+        read: &mut SourceTexts<'_>,
     ) -> Result<(Transcript, Option<crate::error::Error>)> {
         let (mut transcript, trap) = Debugger::keeping_memory(self, || self.run(request))?;
         let runs = follow(&transcript);
@@ -72,7 +72,7 @@ fn add_lines(
     request: &ExplainRequest,
     transcript: &mut Transcript,
     runs: FollowedRuns,
-    read: &mut ReadSource<'_>,
+    read: &mut SourceTexts<'_>,
 ) -> Result<()> {
     walk::for_each_source_line(&mut transcript.root, &mut |line| {
         if line.text.is_none()

@@ -13,7 +13,7 @@ use crate::debug::transcript::{
     Transcript, Traversal,
 };
 
-pub use parts::{Filter, parts};
+pub use parts::{PageFilter, parts};
 
 use words::{change, label, ray, source_suffix, value_rows, vector, with_plural};
 

@@ -9,7 +9,7 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// Which parts of a transcript are shown: those that fit all that is given.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Filter {
+pub struct PageFilter {
     /// Rays at this depth; with a shader or a line, the shaders that such rays call.
     pub depth: Option<u32>,
     /// What followed from this ray of the outermost shader, counted from 0.
@@ -20,7 +20,7 @@ pub struct Filter {
     pub at: Option<(String, u32)>,
 }
 
-impl Filter {
+impl PageFilter {
     /// Whether it lets everything through.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
@@ -53,7 +53,7 @@ impl Filter {
 ///
 /// # Errors
 /// `InvalidArgument` where there are none, with what there is.
-pub fn parts(transcript: &Transcript, filter: &Filter, options: RenderOptions) -> Result<String> {
+pub fn parts(transcript: &Transcript, filter: &PageFilter, options: RenderOptions) -> Result<String> {
     let mut writer = Writer::of(transcript, options);
     writer.title(transcript);
     let mut search = Search { filter, writer, found: 0 };
@@ -98,7 +98,7 @@ fn invalid(message: impl Into<String>) -> Error {
 }
 
 struct Search<'a> {
-    filter: &'a Filter,
+    filter: &'a PageFilter,
     writer: Writer<'a>,
     found: usize,
 }

@@ -2,8 +2,8 @@
 //!
 //! With `SPV_KHR_float_controls2` the fast-math mode of an instruction says it, or that of the
 //! entry point for floats of its width. Otherwise everything is allowed but what `NoContraction`
-//! forbids ("the operation cannot be combined with another instruction", and may not be reassociated), and
-//! what `SignedZeroInfNanPreserve` and `DenormPreserve` preserve.
+//! forbids ("the operation cannot be combined with another instruction", and may not be
+//! reassociated), and what `SignedZeroInfNanPreserve` and `DenormPreserve` preserve.
 
 use rustc_hash::FxHashMap;
 
