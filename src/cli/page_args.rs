@@ -44,8 +44,8 @@ pub(super) struct PageArgs {
     /// Show only what happened at this line: rays traced there, values set, texts printed
     #[arg(long, value_name = "FILE:LINE", value_parser = line, conflicts_with_all = ["json", "interactive"])]
     at: Option<(String, u32)>,
-    /// Show where this run parts from another one: `pixel=X,Y`, `precision=fast` or `exact`,
-    /// another scene's file, or the file that --json was printed to before
+    /// Show where this run parts from another one: `pixel=X,Y`, `precision=float`, `double` or
+    /// `exact`, another scene's file, or the file that --json was printed to before
     #[arg(long, value_name = "OTHER", conflicts_with_all = ["json", "interactive", "summary"])]
     pub compare: Option<String>,
     /// Draw the ray (that of --sample), the boxes of instances and the primitives tested, as .svg

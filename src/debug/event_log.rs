@@ -23,18 +23,15 @@ impl EventLog {
     }
 
     /// Notes what was printed since the last event.
-    fn look(&mut self) {
+    pub(super) fn look(&mut self) {
         if let Some(printed) = &self.printed {
             self.before.resize(printed.count_of(self.launch_id), self.events.len());
         }
     }
 
-    /// The events, and the invocation's texts, each with the number of events before it.
-    pub(super) fn finish(
-        mut self,
-        texts: impl Iterator<Item = String>,
-    ) -> (Vec<Event>, Vec<(usize, String)>) {
-        self.look();
+    /// The events, and the invocation's texts, which were taken after the last look, each with the
+    /// number of events before it.
+    pub(super) fn finish(self, texts: impl Iterator<Item = String>) -> (Vec<Event>, Vec<(usize, String)>) {
         let printed = self.before.iter().copied().zip(texts).collect();
         (self.events, printed)
     }

@@ -45,16 +45,31 @@ pub(super) fn of(transcript: &Transcript) -> Vec<Hint> {
     hints
 }
 
-/// The first hints of a kind; the last one says how many there are more.
-fn limited(kind: HintKind, mut texts: Vec<String>) -> Vec<Hint> {
-    let more = texts.len().saturating_sub(MAX_OF_A_KIND);
-    texts.truncate(MAX_OF_A_KIND);
-    if more > 0
-        && let Some(last) = texts.last_mut()
-    {
-        *last += &format!(" (and {more} more of this kind)");
+/// The first hints of a kind; the last one says how many there are more. Those that are the same are
+/// told once.
+fn limited(kind: HintKind, texts: Vec<String>) -> Vec<Hint> {
+    let mut counted: Vec<(String, usize)> = Vec::new();
+    for text in texts {
+        match counted.iter_mut().find(|(known, _)| *known == text) {
+            Some((_, count)) => *count += 1,
+            None => counted.push((text, 1)),
+        }
     }
-    texts.into_iter().map(|text| Hint { kind, text }).collect()
+    let more = counted.len().saturating_sub(MAX_OF_A_KIND);
+    counted.truncate(MAX_OF_A_KIND);
+    let mut hints: Vec<Hint> = counted
+        .into_iter()
+        .map(|(text, count)| {
+            let times = if count > 1 { format!(" ({count} times)") } else { String::new() };
+            Hint { kind, text: text + &times }
+        })
+        .collect();
+    if more > 0
+        && let Some(last) = hints.last_mut()
+    {
+        last.text += &format!(" (and {more} more of this kind)");
+    }
+    hints
 }
 
 /// Which ray: its depth and line.
@@ -299,4 +314,25 @@ fn leaves_nan(steps: &[Step]) -> bool {
 fn distance(a: &[FloatValue; 3], b: &[FloatValue; 3]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a.as_f64() - b.as_f64()).powi(2));
     squares.sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_is_told_once_and_of_many_a_few() {
+        let texts = |texts: &[&str]| -> Vec<String> {
+            let hints = limited(HintKind::AllMasked, texts.iter().map(|&text| text.to_owned()).collect());
+            hints.into_iter().map(|hint| hint.text).collect()
+        };
+        assert_eq!(texts(&["a", "b", "a"]), ["a (2 times)", "b"]);
+        assert_eq!(texts(&["a", "b", "c", "d", "e"]), ["a", "b", "c (and 2 more of this kind)"]);
+    }
+
+    #[test]
+    fn a_distance_is_that_of_two_points() {
+        let point = |values: [f32; 3]| values.map(FloatValue::F32);
+        assert_eq!(distance(&point([1.0, 2.0, 3.0]), &point([1.0, 5.0, 7.0])), 5.0);
+    }
 }

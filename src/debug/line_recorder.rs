@@ -20,6 +20,9 @@ const MAX_STOPS: usize = 20_000;
 /// Variables with more words than these are not told.
 const MAX_WORDS: usize = 256;
 
+/// What a line begins with that is the head of a loop.
+const LOOPS: [&str; 2] = ["for", "while"];
+
 /// Reads the text of a source by the name that a compiler gave it.
 pub type SourceTexts<'a> = dyn FnMut(&str) -> Option<String> + 'a;
 
@@ -229,7 +232,10 @@ impl Recorder {
             });
             record.lines.len() - 1
         });
-        record.lines[number].count += 1;
+        // The head of a loop begins twice in a turn: its end and its condition.
+        let is_loop =
+            sources.text(position).is_some_and(|text| LOOPS.iter().any(|way| begins_with(text, way)));
+        record.lines[number].count += u64::from(frame.line != Some(number) || !is_loop);
         frame.entry = frame.entry.or(Some(position));
         frame.line = Some(number);
         frame.locals = locals;
@@ -365,7 +371,9 @@ fn was_set(line: &ExecutedLine, before: Option<&Seen>, now: &Seen) -> bool {
         return false;
     }
     let assigns = || line.text.as_ref().is_some_and(|text| is_assignment(text, &now.name));
-    !before.is_declared || before.words != now.words || assigns()
+    // Where its declaration is passed by a jump, no line has set it.
+    let is_named = || line.text.as_ref().is_none_or(|text| has_word(text, &now.name));
+    before.words != now.words || !before.is_declared && is_named() || assigns()
 }
 
 /// Whether the text of a line is an assignment to a variable, whatever else runs: `x = 0;`.
@@ -377,6 +385,12 @@ fn is_assignment(text: &str, name: &str) -> bool {
         rest.starts_with('=') && !rest.starts_with("==")
     });
     is_simple && !WAYS.iter().any(|way| has_word(text, way))
+}
+
+/// Whether a text begins with a whole word.
+fn begins_with(text: &str, word: &str) -> bool {
+    let rest = text.trim_start().strip_prefix(word);
+    rest.is_some_and(|rest| !rest.starts_with(|letter: char| letter.is_alphanumeric() || letter == '_'))
 }
 
 /// Whether a text has a name in it as a whole word.

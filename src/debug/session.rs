@@ -130,6 +130,7 @@ impl Session {
                 (None, run.trace(tlas, operands, &mut log).map(|outcome| outcome.stats))
             }
         };
+        log.look();
         let printed = all.printed.as_ref().map_or_else(Vec::new, |all| all.take());
         let own = printed.iter().filter(|line| line.launch_id == own).map(|line| line.text.clone());
         let (events, own) = log.finish(own);

@@ -2,7 +2,7 @@
 
 use crate::debug::hints;
 use crate::debug::summary_words::{counts, label, outcome, with_plural};
-use crate::debug::transcript::{ChangeLocation, MemoryChange, SummaryLine, Trace, Transcript};
+use crate::debug::transcript::{ChangeLocation, MemoryChange, ShaderRun, SummaryLine, Trace, Transcript};
 use crate::debug::walk::{self, AnyRay};
 
 /// Writes the summary and the hints of a transcript.
@@ -14,7 +14,8 @@ pub(super) fn complete(transcript: &mut Transcript) {
 fn lines(transcript: &Transcript) -> Vec<SummaryLine> {
     let rays: Vec<AnyRay<'_>> =
         walk::samples(&transcript.root).into_iter().filter_map(AnyRay::of_step).collect();
-    let mut lines = vec![SummaryLine { about: "ray", text: fate(&rays) }];
+    let later = walk::shader_of_sample(&transcript.root, 0);
+    let mut lines = vec![SummaryLine { about: "ray", text: fate(&rays, later) }];
     let mut add = |about: &'static str, text: String| lines.push(SummaryLine { about, text });
     if let [AnyRay::Trace(Trace { payload_after: Some(after), .. })] = rays[..] {
         add("payload", after.to_string());
@@ -37,15 +38,18 @@ fn lines(transcript: &Transcript) -> Vec<SummaryLine> {
     lines
 }
 
-/// What became of the rays that the outermost shader traced itself.
-fn fate(rays: &[AnyRay<'_>]) -> String {
+/// What became of the rays that the outermost shader traced itself; `shader` is the closest-hit or miss
+/// shader of the first, which a hit object may have kept until it was executed.
+fn fate(rays: &[AnyRay<'_>], shader: Option<&ShaderRun>) -> String {
     match rays {
         [] => "no ray was traced".to_owned(),
         [ray] => {
             let fate = outcome(*ray);
-            match *ray {
-                AnyRay::Trace(Trace { shader: Some(run), .. }) => format!("{fate} -> {}", label(&run.shader)),
-                AnyRay::Trace(Trace { no_shader: Some(why), .. }) => format!("{fate}; no shader runs: {why}"),
+            match (*ray, shader) {
+                (_, Some(run)) => format!("{fate} -> {}", label(&run.shader)),
+                (AnyRay::Trace(Trace { no_shader: Some(why), .. }), None) => {
+                    format!("{fate}; no shader runs: {why}")
+                }
                 _ => fate,
             }
         }
@@ -94,6 +98,6 @@ mod tests {
         assert_eq!(with_plural(1, "ray"), "1 ray");
         assert_eq!(with_plural(0, "ray"), "0 rays");
         assert_eq!(counts(&[]), "");
-        assert_eq!(fate(&[]), "no ray was traced");
+        assert_eq!(fate(&[], None), "no ray was traced");
     }
 }

@@ -97,11 +97,16 @@ impl View {
         // Of two that are equal, the view from the front, then from the side, then from above.
         let axis = [2, 0, 1].into_iter().min_by(|&a, &b| moves(a).total_cmp(&moves(b))).unwrap_or(2);
         let mut view = Self { axis, low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
-        let rays = drawing.rays.iter().take(1).flat_map(|ray| [ray.from, ray.to]);
-        let met = drawing.primitives.iter().filter(|one| one.fate == PrimitiveFate::Hit);
-        let met = met.flat_map(|one| one.shape.lines().concat());
-        for point in rays.chain(met) {
-            view.include(point);
+        let Some(ray) = drawing.rays.first() else { return view };
+        view.include(ray.from);
+        view.include(ray.to);
+        // As much of the primitive that is hit as is no farther from there than the ray came.
+        let came = (0..3).map(moves).fold(0.0, f64::max);
+        let hit = drawing.primitives.iter().filter(|one| one.fate == PrimitiveFate::Hit);
+        for point in hit.flat_map(|one| one.shape.lines().concat()) {
+            view.include(std::array::from_fn(|axis| {
+                point[axis].max(ray.to[axis] - came).min(ray.to[axis] + came)
+            }));
         }
         view
     }

@@ -5,8 +5,8 @@
 #include "payload.glsl"
 //@ flags: -g
 
-// Two mistakes: the shadow ray begins at the hit point, from t 0 on, and so meets the wall itself; and
-// the normal points away from the ray's origin.
+// A mistake: the normal points along the ray, and so the shadow ray begins behind the wall and meets
+// it again.
 
 layout(set = 0, binding = 0) uniform accelerationStructureEXT scene;
 layout(location = 0) rayPayloadInEXT Payload payload;
@@ -17,7 +17,7 @@ void main() {
     vec3 normal = vec3(0.0, 0.0, -1.0);
     uint flags = gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
     shadow = 0.0;
-    traceRayEXT(scene, flags, 0xFF, 0, 0, 1, at, 0.0, vec3(0.0, 0.0, 1.0), 100.0, 1);
+    traceRayEXT(scene, flags, 0xFF, 0, 0, 1, at + normal * 0.0001, 0.0, vec3(0.0, 0.0, 1.0), 100.0, 1);
     if (at.x == 1.0 && at.y == 2.0) {
         debugPrintfEXT("shadow %f", shadow);
     }
