@@ -246,11 +246,12 @@ fn documented(page: &Path, rules: &[&Rule]) -> Result<(), Failed> {
 
 /// A fixture that no case names would be compiled, kept and never run. (Those of `bench/` are run
 /// by `cargo test --benches`, those of rules have both of their shaders run above, and those of
-/// `debugging/` are walked through in `debugger_walks.rs`.)
+/// `debugging/` are walked through in `debugger_walks.rs`, those in `debug/` have their variables
+/// read in `source_variables.rs`.)
 fn every_fixture(cases: &[Case], root: &Path) -> Result<(), Failed> {
     let mut left = BTreeSet::new();
     collect(&root.join("spirv-fixtures"), &mut left);
-    let others = ["bench", "sanitize", "many-seeds", "debugging"];
+    let others = ["bench", "sanitize", "many-seeds", "debugging", "debug"];
     let others = others.map(|folder| root.join("spirv-fixtures").join(folder));
     let others = others.map(|folder| folder.canonicalize().expect("a folder of fixtures"));
     assert!(!left.is_empty(), "no fixtures found");

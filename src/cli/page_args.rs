@@ -15,9 +15,9 @@ use crate::error::Result;
 enum Locals {
     /// The closest-hit or miss shader of the first ray, or of that of --sample
     Hit,
-    /// Every shader
+    /// Every shader that runs
     All,
-    /// None
+    /// No shader
     None,
 }
 

@@ -16,7 +16,6 @@ use crate::cli::stability::StabilityArgs;
 use crate::cli::{interactive, output, precision};
 use crate::debug::Transcript;
 use crate::debug::command;
-use crate::debug::compare as parting;
 use crate::debug::debugger::Debugger;
 use crate::debug::render::{self, RenderOptions};
 use crate::debug::session::{ExplainRequest, Session};
@@ -268,7 +267,7 @@ impl TraceOneRayArgs {
             }
             Other::Saved(file) => (compare::read(&file)?, file),
         };
-        Ok(parting::text(&first, &second, ["this run", &name], colour))
+        Ok(compare::text(&first, &second, ["this run", &name], colour))
     }
 
     fn request(&self) -> Result<ExplainRequest> {

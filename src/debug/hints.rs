@@ -45,8 +45,8 @@ pub(super) fn of(transcript: &Transcript) -> Vec<Hint> {
     hints
 }
 
-/// The first hints of a kind; the last one says how many there are more. Those that are the same are
-/// told once.
+/// The first hints of a kind; the last one says how many there are more. Those that are the same
+/// are told once.
 fn limited(kind: HintKind, texts: Vec<String>) -> Vec<Hint> {
     let mut counted: Vec<(String, usize)> = Vec::new();
     for text in texts {

@@ -29,7 +29,7 @@ pub type SourceTexts<'a> = dyn FnMut(&str) -> Option<String> + 'a;
 /// The shader runs whose lines are noted, by their numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FollowedRuns {
-    /// Only these of them.
+    /// Those with these numbers.
     Only(Vec<u64>),
     /// All of them.
     All,

@@ -12,7 +12,7 @@ pub mod console;
 pub mod debugger;
 pub mod executed_lines;
 pub mod names;
-mod page;
+pub(crate) mod page;
 mod query_reader;
 pub mod reader;
 pub mod render;
@@ -25,8 +25,6 @@ mod walk;
 // What explains a scene file by its own names.
 #[cfg(feature = "scenes")]
 pub mod command;
-#[cfg(feature = "scenes")]
-pub mod compare;
 #[cfg(feature = "scenes")]
 mod compute;
 #[cfg(feature = "scenes")]

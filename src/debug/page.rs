@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 /// The role of a piece of text; a terminal shows it by colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum TextStyle {
+pub(crate) enum TextStyle {
     /// A heading.
     Heading,
     /// A name.
@@ -19,7 +19,7 @@ pub(super) enum TextStyle {
 
 /// A page of lines of text.
 #[derive(Clone, Debug)]
-pub(super) struct Page {
+pub(crate) struct Page {
     text: String,
     guides: Vec<&'static str>,
     colour: bool,
@@ -27,17 +27,17 @@ pub(super) struct Page {
 
 impl Page {
     /// An empty page.
-    pub(super) fn new(colour: bool) -> Self {
+    pub(crate) fn new(colour: bool) -> Self {
         Self { text: String::new(), guides: Vec::new(), colour }
     }
 
     /// Returns the text.
-    pub(super) fn finish(self) -> String {
+    pub(crate) fn finish(self) -> String {
         self.text
     }
 
     /// A piece of text with the escapes of a style, if the page is coloured.
-    pub(super) fn styled(&self, style: TextStyle, text: impl Display) -> String {
+    pub(crate) fn styled(&self, style: TextStyle, text: impl Display) -> String {
         if !self.colour {
             return text.to_string();
         }
@@ -52,7 +52,7 @@ impl Page {
     }
 
     /// Writes a line.
-    pub(super) fn line(&mut self, text: impl Display) {
+    pub(crate) fn line(&mut self, text: impl Display) {
         let text = text.to_string();
         let guides = self.guides.concat();
         let guides = if text.is_empty() { guides.trim_end() } else { &guides };
@@ -61,12 +61,12 @@ impl Page {
     }
 
     /// Writes an empty line, with guides.
-    pub(super) fn blank_line(&mut self) {
+    pub(crate) fn blank_line(&mut self) {
         self.line("");
     }
 
     /// Writes two columns, the first as wide as its widest label.
-    pub(super) fn rows<L: AsRef<str>, T: Display>(&mut self, rows: impl IntoIterator<Item = (L, T)>) {
+    pub(crate) fn rows<L: AsRef<str>, T: Display>(&mut self, rows: impl IntoIterator<Item = (L, T)>) {
         let rows: Vec<(L, T)> = rows.into_iter().collect();
         let width = rows.iter().map(|(label, _)| label.as_ref().chars().count()).max().unwrap_or(0);
         for (label, text) in rows {
@@ -77,19 +77,19 @@ impl Page {
     }
 
     /// Writes a nested part: its lines begin with one more guide.
-    pub(super) fn nested(&mut self, guide: &'static str, write: impl FnOnce(&mut Self)) {
+    pub(crate) fn nested(&mut self, guide: &'static str, write: impl FnOnce(&mut Self)) {
         self.push_guide(guide);
         write(self);
         self.pop_guide();
     }
 
     /// Begins a nested part.
-    pub(super) fn push_guide(&mut self, guide: &'static str) {
+    pub(crate) fn push_guide(&mut self, guide: &'static str) {
         self.guides.push(guide);
     }
 
     /// Ends the nested part that was begun last.
-    pub(super) fn pop_guide(&mut self) {
+    pub(crate) fn pop_guide(&mut self) {
         self.guides.pop();
     }
 
@@ -99,7 +99,7 @@ impl Page {
 }
 
 /// A count with a comma between thousands.
-pub(super) fn with_thousands_separators(count: impl Into<u64>) -> String {
+pub(crate) fn with_thousands_separators(count: impl Into<u64>) -> String {
     let digits = count.into().to_string();
     let mut out = String::new();
     for (at, digit) in digits.chars().enumerate() {

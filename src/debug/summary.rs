@@ -38,8 +38,8 @@ fn lines(transcript: &Transcript) -> Vec<SummaryLine> {
     lines
 }
 
-/// What became of the rays that the outermost shader traced itself; `shader` is the closest-hit or miss
-/// shader of the first, which a hit object may have kept until it was executed.
+/// What became of the rays that the outermost shader traced itself. `shader` is the closest-hit or
+/// miss shader of the first, which a hit object may have kept until it was executed.
 fn fate(rays: &[AnyRay<'_>], shader: Option<&ShaderRun>) -> String {
     match rays {
         [] => "no ray was traced".to_owned(),

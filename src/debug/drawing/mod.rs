@@ -125,7 +125,7 @@ impl Drawing {
         svg::write(&view::View::of(self).picture(self))
     }
 
-    /// The same as a PNG.
+    /// A PNG of it, seen as in the SVG.
     ///
     /// # Errors
     /// As the writer of PNGs.

@@ -64,8 +64,7 @@ impl ObjFile {
     }
 }
 
-/// A label as one word: the name of a group ends at a blank. What stands behind a comma is left
-/// out.
+/// A label as one word, as the name of a group ends at a blank; without what is behind a comma.
 fn word(label: &str) -> String {
     let label = label.split(',').next().unwrap_or_default();
     let letter = |letter: char| if letter.is_alphanumeric() { letter } else { '_' };

@@ -112,9 +112,12 @@ impl View {
     }
 
     fn include(&mut self, point: Point) {
-        for (side, at) in self.flat(point).into_iter().enumerate().filter(|(_, at)| at.is_finite()) {
-            self.low[side] = self.low[side].min(at);
-            self.high[side] = self.high[side].max(at);
+        let flat = self.flat(point);
+        for ((value, low), high) in flat.into_iter().zip(&mut self.low).zip(&mut self.high) {
+            if value.is_finite() {
+                *low = low.min(value);
+                *high = high.max(value);
+            }
         }
     }
 

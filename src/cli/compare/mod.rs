@@ -1,5 +1,7 @@
 //! `anyhit trace-one-ray --compare`: where two runs part.
 
+mod parting;
+
 use std::path::Path;
 
 use serde_json::Value;
@@ -10,16 +12,18 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
 use crate::scene::files::{DiskFiles, Files};
 
+pub(super) use parting::text;
+
 /// What a run is compared with.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Other {
-    /// The same scene at another pixel.
+    /// Another pixel of the scene.
     Pixel(ExplainRequest),
-    /// The same run with intersections of another precision.
+    /// Intersections of another precision.
     Precision(Precision),
     /// The transcript of an earlier run.
     Saved(String),
-    /// The same request in another scene.
+    /// Another scene, with the request.
     Scene(String),
 }
 
@@ -63,7 +67,7 @@ pub(super) fn read(path: &str) -> Result<Value> {
     let bytes = DiskFiles.read(Path::new(path))?;
     let invalid = |why: String| {
         Error::new(ErrorKind::InvalidArgument, format!("`{path}` is no transcript: {why}"))
-            .note("`anyhit trace-one-ray SCENE --json > before.json` writes one")
+            .note("`anyhit trace-one-ray SCENE --json` prints one")
     };
     let value: Value = serde_json::from_slice(&bytes).map_err(|error| invalid(error.to_string()))?;
     if value["version"] != crate::debug::transcript::VERSION || !value["root"].is_object() {

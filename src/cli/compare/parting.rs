@@ -11,7 +11,7 @@ use crate::debug::page::{Page, TextStyle};
 
 /// A place where two runs differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RunDifference {
+pub(super) struct RunDifference {
     /// The shaders and rays that it is in, the outermost first.
     pub path: Vec<String>,
     /// The line of the first run, `file:line: text`, where it is known.
@@ -24,7 +24,7 @@ pub struct RunDifference {
 
 /// Where two runs part.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Parting {
+pub(super) struct Parting {
     /// The first difference of all.
     pub value: Option<RunDifference>,
     /// The first thing that went another way: another hit, another shader, another line.
@@ -54,7 +54,7 @@ const OF_RAY: [&str; 11] = [
 ];
 
 /// Where the runs of two transcripts part, given as JSON.
-pub fn parting(first: &Value, second: &Value) -> Parting {
+pub(super) fn parting(first: &Value, second: &Value) -> Parting {
     let mut comparison = Comparison::default();
     comparison.step(&first["root"], &second["root"]);
     comparison.writes(&first["writes"], &second["writes"]);
@@ -415,7 +415,7 @@ fn show(value: &Value) -> String {
 }
 
 /// Two runs and where they part, as text; `names` says which runs they are.
-pub fn text(first: &Value, second: &Value, names: [&str; 2], colour: bool) -> String {
+pub(in crate::cli) fn text(first: &Value, second: &Value, names: [&str; 2], colour: bool) -> String {
     let mut page = Page::new(colour);
     page.rows([("A", names[0]), ("B", names[1])]);
     let Parting { value, way } = parting(first, second);
