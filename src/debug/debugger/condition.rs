@@ -45,7 +45,7 @@ pub enum Reason {
 /// A write to what a data breakpoint watches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Write {
-    /// Which of [`StopConditions::watches`].
+    /// Which of the watches, by its place in their list.
     pub watch: usize,
     /// The step that wrote it; `None` where the pipeline did, as a call of a shader returned.
     pub time: Option<Time>,

@@ -2,7 +2,7 @@
 //! a ray calls and through traversal, forwards and backwards.
 //!
 //! An invocation runs in an unoptimised program, in which every variable has registers of its own.
-//! [`tracker`] follows it and counts its steps; [`history`] keeps states at some times, so that any
+//! `tracker` follows it and counts its steps; `history` keeps states at some times, so that any
 //! step is reached again by running on from the state before it. Nothing here reads or writes a
 //! file or a terminal.
 

@@ -71,7 +71,7 @@ pub fn evaluate(
 /// Sets what an expression names, `payload.colour.xy`, to the value of another.
 ///
 /// # Errors
-/// As [`evaluate`], and why a place cannot be set or takes no such value. Columns are those of the
+/// As `evaluate`, and why a place cannot be set or takes no such value. Columns are those of the
 /// text that is wrong.
 pub fn assign(
     program: &Program,
