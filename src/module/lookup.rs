@@ -137,6 +137,7 @@ impl Module {
     }
 
     /// The instruction at an offset, in words from the start of the module.
+    #[doc(hidden)]
     pub fn instruction_at(&self, offset: u32) -> Option<&Instruction> {
         let function = self.functions.iter().rfind(|function| function.offset <= offset)?;
         let mut all = function.blocks.iter().flat_map(|block| &block.instructions);
@@ -144,6 +145,7 @@ impl Module {
     }
 
     /// Whether the result of the instruction at an offset is a float of 32 bits, or made of such.
+    #[doc(hidden)]
     pub fn is_float_result(&self, offset: u32) -> bool {
         let ty = self.instruction_at(offset).and_then(|instruction| self.type_of(instruction.result?));
         let Some(mut ty) = ty else { return false };
