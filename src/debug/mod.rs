@@ -8,7 +8,9 @@
 #[cfg(feature = "cli")]
 pub mod adapter;
 mod builtin_names;
+#[cfg(feature = "scenes")]
 pub mod console;
+#[cfg(feature = "scenes")]
 pub mod debugger;
 pub mod executed_lines;
 pub mod names;

@@ -42,6 +42,7 @@ pub(super) fn label(shader: &ShaderLabel) -> String {
 }
 
 /// A count with its noun.
+#[cfg(feature = "scenes")]
 pub(super) fn with_plural(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }

@@ -1,6 +1,8 @@
 //! Ways through a transcript: all its rays and shader runs, in the order in which they began.
 
-use crate::debug::transcript::{HitReport, QueryReport, ShaderRun, Step, Trace, TranscriptLine, Traversal};
+#[cfg(feature = "scenes")]
+use crate::debug::transcript::TranscriptLine;
+use crate::debug::transcript::{HitReport, QueryReport, ShaderRun, Step, Trace, Traversal};
 
 /// A ray that was traced, or that of a ray query.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +51,7 @@ pub(super) struct PlacedRay<'a> {
     /// The ray.
     pub ray: AnyRay<'a>,
     /// The hit that its shader was called for, and those of the shader's own rays before it.
+    #[cfg_attr(not(feature = "scenes"), expect(dead_code, reason = "hints about scenes read it"))]
     pub from: Vec<AnyRay<'a>>,
 }
 

@@ -23,7 +23,6 @@ pub mod source_frames;
 mod source_locals;
 mod source_map;
 mod stack;
-#[cfg(feature = "scenes")]
 mod start;
 mod stopped_lane;
 mod tracker;
