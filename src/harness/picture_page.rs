@@ -74,7 +74,8 @@ pub fn explain(
         if let Some(name) = scene_name {
             name.clone_into(&mut transcript.scene);
         }
-        Some(([x, y], render::text(&transcript, RenderOptions::default())))
+        let options = RenderOptions { summary: true, ..RenderOptions::default() };
+        Some(([x, y], render::text(&transcript, options)))
     };
     pixels.par_iter().filter_map(text).collect()
 }

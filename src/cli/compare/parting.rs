@@ -319,8 +319,8 @@ impl Comparison {
 }
 
 /// The lines of two runs in the order of the first: those of one text are one line. A line that
-/// only one of the runs has is left out where the other's source does not have its text, as that was
-/// edited; where lines were not followed in one of them there are none.
+/// only one of the runs has is left out where the other's source does not have its text, as that
+/// was edited; where lines were not followed in one of them there are none.
 fn common_lines<'a>(a: &'a Value, b: &'a Value) -> Vec<(&'a Value, &'a Value)> {
     let (Some(of_a), Some(of_b)) = (a.as_array(), b.as_array()) else { return Vec::new() };
     let key = |line: &Value| (show(&line["function"]), show(&line["text"]));
