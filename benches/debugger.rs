@@ -1,7 +1,7 @@
 //! What going back costs: an invocation of some 10^8 steps is run to its end, and gone back in.
 //!
-//! `cargo bench --bench debugger` prints how long each takes (`docs/debugging.md`). Without `--bench`
-//! (`cargo test --benches`) every row runs once over few steps.
+//! `cargo bench --bench debugger` prints how long each takes (`docs/debugging.md`). Without
+//! `--bench` (`cargo test --benches`) every row runs once over few steps.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 
