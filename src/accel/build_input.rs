@@ -352,24 +352,11 @@ fn invalid(message: impl Into<String>) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use half::f16;
-
     use super::*;
     use crate::accel::Primitive;
+    use crate::accel::element_format::tests::{floats, halves, shorts};
 
     const TRIANGLE: BuildRange = BuildRange { primitive_count: None, primitive_offset: 0, first_vertex: 0 };
-
-    fn floats(values: &[f32]) -> Vec<u8> {
-        values.iter().flat_map(|x| x.to_le_bytes()).collect()
-    }
-
-    fn halves(values: &[f32]) -> Vec<u8> {
-        values.iter().flat_map(|x| f16::from_f32(*x).to_le_bytes()).collect()
-    }
-
-    fn shorts(values: &[u16]) -> Vec<u8> {
-        values.iter().flat_map(|x| x.to_le_bytes()).collect()
-    }
 
     fn packed(bytes: &[u8]) -> Strided<'_> {
         Strided { bytes, stride: None }

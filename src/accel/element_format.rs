@@ -127,18 +127,18 @@ pub(super) fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn floats(values: &[f32]) -> Vec<u8> {
+    pub(in crate::accel) fn floats(values: &[f32]) -> Vec<u8> {
         values.iter().flat_map(|x| x.to_le_bytes()).collect()
     }
 
-    fn halves(values: &[f32]) -> Vec<u8> {
+    pub(in crate::accel) fn halves(values: &[f32]) -> Vec<u8> {
         values.iter().flat_map(|x| f16::from_f32(*x).to_le_bytes()).collect()
     }
 
-    fn shorts(values: &[u16]) -> Vec<u8> {
+    pub(in crate::accel) fn shorts(values: &[u16]) -> Vec<u8> {
         values.iter().flat_map(|x| x.to_le_bytes()).collect()
     }
 

@@ -86,10 +86,14 @@ pub(super) fn picture_parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(picture_file)
 }
 
+/// Whether the user wants no colours, wherever output goes: `NO_COLOR` is set.
+pub(super) fn is_plain() -> bool {
+    std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
+}
+
 /// Prints an error to standard error, in colour where that is a terminal and `NO_COLOR` is not set.
 pub(super) fn report(error: &Error) {
-    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let styled = !plain && stderr().is_terminal();
+    let styled = !is_plain() && stderr().is_terminal();
     let text = if styled { error.render_coloured() } else { error.render() };
     // There is no other stream to report that standard error cannot be written.
     let _ = stderr().lock().write_all(visible(&text, styled).as_bytes());

@@ -103,23 +103,9 @@ pub fn run(args: RenderArgs) -> Result<()> {
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
         kind.check()?;
     }
-    let options = LoadOptions {
-        size: args.size,
-        precision: args.precision,
-        streams: true,
-        variant: args.variant.variant.clone(),
-    };
     let begin = Instant::now();
     let file = args.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
-    let mut resolved = match &args.scene {
-        Some(path) => args.files.scene(path, &options)?,
-        None => scene::demo::scene(&options)?,
-    };
-    output::notes(&resolved.notes);
-    args.limits.limits(LaunchLimits::default()).give(&mut resolved);
-    if !resolved.launches() && !resolved.dispatches.is_empty() {
-        return Err(compute_only(&resolved));
-    }
+    let resolved = load(&args, true)?;
     let Some((output, image)) = output_image(&resolved) else {
         let message = "the scene has no output image: give one storage image `output = true`";
         return Err(Error::new(ErrorKind::InvalidScene, message).at(Place::File(resolved.path)));
@@ -239,21 +225,7 @@ fn run_look(args: RenderArgs) -> Result<()> {
     if let Some(kind) = args.output.as_deref().and_then(PictureKind::of) {
         kind.check()?;
     }
-    let options = LoadOptions {
-        size: args.size,
-        precision: args.precision,
-        streams: false,
-        variant: args.variant.variant.clone(),
-    };
-    let mut scene = match &args.scene {
-        Some(path) => args.files.scene(path, &options)?,
-        None => scene::demo::scene(&options)?,
-    };
-    output::notes(&scene.notes);
-    args.limits.limits(LaunchLimits::default()).give(&mut scene);
-    if !scene.launches() && !scene.dispatches.is_empty() {
-        return Err(compute_only(&scene));
-    }
+    let scene = load(&args, false)?;
     let mut flags = String::new();
     if let Some([width, height]) = args.size {
         flags += &format!(" --size {width}x{height}");
@@ -273,6 +245,26 @@ fn run_look(args: RenderArgs) -> Result<()> {
             json: args.json,
         },
     )
+}
+
+/// Loads the scene to render, with its limits; `streams` as in [`LoadOptions`].
+fn load(args: &RenderArgs, streams: bool) -> Result<ResolvedScene> {
+    let options = LoadOptions {
+        size: args.size,
+        precision: args.precision,
+        streams,
+        variant: args.variant.variant.clone(),
+    };
+    let mut scene = match &args.scene {
+        Some(path) => args.files.scene(path, &options)?,
+        None => scene::demo::scene(&options)?,
+    };
+    output::notes(&scene.notes);
+    args.limits.limits(LaunchLimits::default()).give(&mut scene);
+    if !scene.launches() && !scene.dispatches.is_empty() {
+        return Err(compute_only(&scene));
+    }
+    Ok(scene)
 }
 
 /// The error for a scene that dispatches compute shaders and launches no ray generation shader.

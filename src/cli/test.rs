@@ -171,8 +171,7 @@ pub fn run(args: TestArgs) -> Result<()> {
 }
 
 fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
-    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let colour = !plain && args.format == Format::Plain && stdout().is_terminal();
+    let colour = !output::is_plain() && args.format == Format::Plain && stdout().is_terminal();
     let options = SuiteOptions {
         jobs: args.jobs.map_or(0, usize::from),
         all_widths: args.all_widths,

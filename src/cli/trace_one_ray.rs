@@ -151,8 +151,7 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
         let drawn = args.many_seeds.run_one(&args.sanitize, scene, assembled, &resolved, command)?;
         return Ok(args.sanitize.run_one(scene, assembled, &resolved, drawn).err());
     }
-    let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-    let colour = !plain && stdout().is_terminal();
+    let colour = !output::is_plain() && stdout().is_terminal();
     if args.interactive {
         let mut debugger = Debugger::of_scene(&session, &request)?;
         debugger.supply_texts(&mut |name| source_text(args.scene.as_deref(), name));

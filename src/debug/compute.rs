@@ -60,21 +60,27 @@ impl Session {
         })
     }
 
+    /// Runs the passes before a dispatch; returns the dispatch's own, with its number.
+    pub(super) fn run_before_dispatch(&self, number: usize) -> Result<(usize, &Pass)> {
+        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
+        let passes = &self.assembled.passes;
+        let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
+        for before in &passes[..at] {
+            self.assembled.run_pass::<64>(before, &self.assembled.resources, &|_| ())?;
+        }
+        Ok((at, &passes[at]))
+    }
+
     /// Runs everything before a dispatch, then the workgroup of an invocation, and returns the
     /// transcript of the invocation with the changes that itself made.
     pub(super) fn run_invocation(&self, number: usize, id: [u32; 3]) -> Result<(Transcript, Option<Error>)> {
         let dispatch = self.dispatch(number)?;
         let all = &self.assembled.resources;
-        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
-        let passes = &self.assembled.passes;
-        let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
-        for before in &passes[..at] {
-            self.assembled.run_pass::<64>(before, all, &|_| ())?;
-        }
+        let (at, pass) = self.run_before_dispatch(number)?;
         let mut builder = Pipeline::builder();
         builder.shader(dispatch.compute.program.clone());
         let pipeline = builder.build()?;
-        let resources = self.assembled.pass_resources(&passes[at], all);
+        let resources = self.assembled.pass_resources(pass, all);
         // What was printed before is not the invocation's.
         let take = || all.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         take();
@@ -84,7 +90,7 @@ impl Session {
                 RunPart::Begins => snapshot = Some(Snapshot::take(all)),
                 RunPart::Ends => {
                     let Some(before) = snapshot.take() else { return };
-                    let (more, also) = before.changes(&self.scene, &pipeline, all, &passes[at], None);
+                    let (more, also) = before.changes(&self.scene, &pipeline, all, pass, None);
                     writes.extend(more);
                     left_out += also;
                 }
@@ -100,7 +106,7 @@ impl Session {
             version: VERSION,
             scene: self.scene.path.display().to_string(),
             ray_name: None,
-            pass: (!self.scene.passes.is_empty()).then(|| passes[at].key(at)),
+            pass: (!self.scene.passes.is_empty()).then(|| pass.key(at)),
             launch: None,
             summary: Vec::new(),
             hints: Vec::new(),

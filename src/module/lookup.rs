@@ -139,9 +139,8 @@ impl Module {
     /// The instruction at an offset, in words from the start of the module.
     #[doc(hidden)]
     pub fn instruction_at(&self, offset: u32) -> Option<&Instruction> {
-        let function = self.functions.iter().rfind(|function| function.offset <= offset)?;
-        let mut all = function.blocks.iter().flat_map(|block| &block.instructions);
-        all.find(|instruction| instruction.offset == offset)
+        let block = self.block_at(self.function_at(offset)?, offset)?;
+        block.instructions.iter().find(|instruction| instruction.offset == offset)
     }
 
     /// Whether the result of the instruction at an offset is a float of 32 bits, or made of such.

@@ -266,13 +266,7 @@ impl Launch<'_> {
         observer: &mut O,
     ) -> Result<Stats> {
         let record = self.ray_generation()?;
-        self.invocation_count(size)?;
-        if id.iter().zip(size).any(|(&at, side)| at >= side) {
-            let ([x, y, z], [width, height, depth]) = (id, size);
-            let message =
-                format!("invocation {x},{y},{z} is outside the launch of {width} x {height} x {depth}");
-            return Err(Error::new(ErrorKind::InvalidArgument, message));
-        }
+        self.check_invocation(id, size)?;
         if self.pipeline.uses_subgroups() && self.pipeline.subgroup_size > 1 {
             return match self.pipeline.subgroup_size {
                 ..=64 => self.run_subgroup::<64, T>(record, id, size, pipeline_observer),
@@ -289,6 +283,25 @@ impl Launch<'_> {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),
         }
+    }
+
+    /// Checks that a launch has an invocation.
+    pub(super) fn check_invocation(&self, id: [u32; 3], size: [u32; 3]) -> Result<()> {
+        self.invocation_count(size)?;
+        if id.iter().zip(size).all(|(&at, side)| at < side) {
+            return Ok(());
+        }
+        let ([x, y, z], [width, height, depth]) = (id, size);
+        let message = format!("invocation {x},{y},{z} is outside the launch of {width} x {height} x {depth}");
+        Err(Error::new(ErrorKind::InvalidArgument, message))
+    }
+
+    /// The positions of an invocation's subgroup in the launch by index.
+    pub(super) fn subgroup_of(&self, id: [u32; 3], size: [u32; 3]) -> Range<u64> {
+        let subgroup = u64::from(self.pipeline.subgroup_size);
+        let first = InvocationOrder::by_index(size).linear_index(id) / subgroup * subgroup;
+        let count: u64 = size.map(u64::from).iter().product();
+        first..count.min(first + subgroup)
     }
 
     /// The watch of what runs without a launch: one invocation, one ray.
@@ -313,12 +326,7 @@ impl Launch<'_> {
         let (mut only, mut observer) = (OnlyInvocation::new(id, pipeline_observer), ());
         let mut stack = Stack::<W, _, _>::new(self.pipeline, &bindings, &mut only, &mut observer)
             .watched(self.watch_of_one());
-        let [x, y, z] = id.map(u64::from);
-        let [width, height, depth] = size.map(u64::from);
-        let subgroup = u64::from(self.pipeline.subgroup_size);
-        let first = ((z * height + y) * width + x) / subgroup * subgroup;
-        let end = (width * height * depth).min(first + subgroup);
-        stack.launch_batch(record, &InvocationOrder::by_index(size), first..end);
+        stack.launch_batch(record, &InvocationOrder::by_index(size), self.subgroup_of(id, size));
         match stack.trapped {
             Some(trapped) => Err(trapped.error),
             None => Ok(stack.stats),

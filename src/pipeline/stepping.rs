@@ -5,12 +5,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::accel::Tlas;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
 use crate::machine::{Batch, Bindings, Observer, Resources, ShaderIndex};
 use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::host_ray::RayOperands;
 use crate::pipeline::launch::Launch;
-use crate::pipeline::observer::{Caller, Event, PipelineObserver};
+use crate::pipeline::observer::{Event, PipelineObserver};
 use crate::pipeline::order::InvocationOrder;
 use crate::pipeline::stack::{ShaderCallFrame, Stack, bindings};
 use crate::pipeline::stats::Stats;
@@ -82,20 +82,9 @@ where
     ) -> Result<Self> {
         let launch = Launch { pipeline: &pipeline, resources };
         let record = launch.ray_generation()?.clone();
-        let count = launch.invocation_count(size)?;
-        if launch_id.iter().zip(size).any(|(&at, side)| at >= side) {
-            let message = format!("launch index {launch_id:?} is outside the launch of {size:?}");
-            return Err(Error::new(ErrorKind::InvalidArgument, message));
-        }
+        launch.check_invocation(launch_id, size)?;
         let at = InvocationOrder::by_index(size).linear_index(launch_id);
-        let positions = match W {
-            1 => at..at + 1,
-            _ => {
-                let subgroup = u64::from(pipeline.subgroup_size);
-                let first = at / subgroup * subgroup;
-                first..count.min(first + subgroup)
-            }
-        };
+        let positions = if W == 1 { at..at + 1 } else { launch.subgroup_of(launch_id, size) };
         let subject = Subject::Invocations { record, size, positions, launch_id };
         Ok(Self::new(pipeline, resources, subject))
     }
@@ -231,9 +220,5 @@ impl PipelineObserver for EventsOf<'_> {
         if self.is_selected {
             (self.on_event)(event);
         }
-    }
-
-    fn null_shader(&mut self, _: Caller, _: &mut [u32]) -> bool {
-        false
     }
 }

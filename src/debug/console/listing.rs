@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::debug::debugger::{SourceMap, SourcePosition, StackFrame, Time};
+use crate::debug::debugger::{SourceMap, SourcePosition, StackFrame};
 
 /// How many lines a listing shows before and after the one that it is about.
 const AROUND: u32 = 5;
@@ -34,7 +34,7 @@ impl Listing {
     }
 
     /// Where a frame is stopped, with its line.
-    pub(super) fn stop(self, sources: &SourceMap, frame: &StackFrame, _time: Time) -> String {
+    pub(super) fn stop(self, sources: &SourceMap, frame: &StackFrame) -> String {
         let mut text = self.frame(sources, frame) + "\n";
         if let Some(position) = frame.position {
             let line = match sources.is_disassembly(position) {

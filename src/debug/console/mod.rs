@@ -230,18 +230,16 @@ impl Console {
         with.push(Breakpoint::new(id, place));
         let set = self.debugger.set_breakpoints(with).last().cloned();
         let nowhere = set.as_ref().filter(|set| !set.is_somewhere()).map(|set| set.place.clone());
-        let stop = nowhere.is_none().then(|| self.debugger.resume());
-        self.debugger.set_breakpoints(before);
         if let Some(place) = nowhere {
+            self.debugger.set_breakpoints(before);
             return Err(places::nowhere(&place, self.debugger.sources()));
         }
+        let stop = self.debugger.resume();
+        self.debugger.set_breakpoints(before);
         match stop {
-            None => Ok(String::new()),
-            Some(StopReason::Breakpoints(ids)) if ids.contains(&id) => Ok(self.stopped(&StopReason::Step)),
-            Some(StopReason::End) => {
-                Ok("the place was not reached\n".to_owned() + &self.stopped(&StopReason::End))
-            }
-            Some(other) => Ok(self.stopped(&other)),
+            StopReason::Breakpoints(ids) if ids.contains(&id) => Ok(self.stopped(&StopReason::Step)),
+            StopReason::End => Ok("the place was not reached\n".to_owned() + &self.stopped(&StopReason::End)),
+            other => Ok(self.stopped(&other)),
         }
     }
 
@@ -319,7 +317,7 @@ impl Console {
     }
 
     fn place_line(&self, frame: &StackFrame) -> String {
-        self.listing.stop(self.debugger.sources(), frame, self.debugger.time())
+        self.listing.stop(self.debugger.sources(), frame)
     }
 
     fn backtrace(&self) -> String {

@@ -36,10 +36,7 @@ pub enum Reason {
     /// What is watched was written.
     Wrote(Write),
     /// An operation made the first NaN.
-    Nan {
-        /// The step that made it.
-        time: Time,
-    },
+    Nan,
 }
 
 /// A write to what a data breakpoint watches.
@@ -269,7 +266,7 @@ impl StopConditions {
             }
         }
         if self.nan && makes_nan(program, op, register) {
-            self.met.push(Reason::Nan { time });
+            self.met.push(Reason::Nan);
         }
     }
 

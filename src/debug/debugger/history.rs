@@ -29,15 +29,13 @@ pub(super) struct History {
     interval: Time,
     /// The time up to which the invocation has run once.
     pub frontier: Time,
-    /// When it ends, once that is known.
-    pub end: Option<Time>,
 }
 
 impl History {
     /// A history that begins with a state at time 0.
     pub(super) fn new(beginning: Checkpoint) -> Self {
         let checkpoints = vec![(beginning, SegmentSummary::default())];
-        Self { checkpoints, interval: FIRST_INTERVAL, frontier: 0, end: None }
+        Self { checkpoints, interval: FIRST_INTERVAL, frontier: 0 }
     }
 
     /// When the next checkpoint is due.
@@ -83,7 +81,7 @@ impl History {
     pub(super) fn go_another_way(&mut self, edited: Checkpoint) {
         let time = edited.course.time;
         self.checkpoints.retain(|(checkpoint, _)| checkpoint.course.time < time);
-        (self.frontier, self.end) = (time, None);
+        self.frontier = time;
         self.checkpoints.push((edited, SegmentSummary::default()));
     }
 
@@ -93,10 +91,10 @@ impl History {
         all.find(|checkpoint| checkpoint.is_edited && checkpoint.course.time > time)
     }
 
-    /// The last checkpoint at a time or before it.
-    pub(super) fn before(&self, time: Time) -> &Checkpoint {
+    /// The segment that begins with the last checkpoint at a time or before it.
+    pub(super) fn segment_at(&self, time: Time) -> usize {
         let after = self.checkpoints.partition_point(|(one, _)| one.course.time <= time);
-        &self.checkpoints[after.max(1) - 1].0
+        after.max(1) - 1
     }
 
     /// How many segments there are: what lies between two checkpoints, or behind the last.

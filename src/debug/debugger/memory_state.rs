@@ -1,6 +1,5 @@
 //! Copies of the memory that shaders can change, to go back in time.
 
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -30,47 +29,36 @@ impl ChangingMemory {
         if !programs.iter().any(|program| program.accesses.iter().any(|access| access.stores)) {
             return all;
         }
-        let mut known = HashSet::new();
         let descriptors = resources.descriptors.values().flatten().flat_map(Descriptor::kinds);
         for descriptor in descriptors {
             match descriptor {
-                Descriptor::Buffer(buffer) => all.add(buffer, &mut known),
-                Descriptor::Image(image) if known.insert(Arc::as_ptr(image).addr()) => {
+                Descriptor::Buffer(buffer) => all.add(buffer),
+                Descriptor::Image(image) if !all.images.iter().any(|known| Arc::ptr_eq(known, image)) => {
                     all.images.push(image.clone());
                 }
                 _ => {}
             }
         }
-        resources.memory.named_buffers().for_each(|(_, buffer)| all.add(buffer, &mut known));
+        resources.memory.named_buffers().for_each(|(_, buffer)| all.add(buffer));
         all
     }
 
     /// Adds a buffer; of several views of one memory, each that is another part of it.
-    fn add(&mut self, buffer: &Arc<Buffer>, known: &mut HashSet<usize>) {
-        if buffer.is_null() || self.buffers.iter().any(|other| other.is_same(buffer)) {
-            return;
+    fn add(&mut self, buffer: &Arc<Buffer>) {
+        if !buffer.is_null() && !self.buffers.iter().any(|other| other.is_same(buffer)) {
+            self.buffers.push(buffer.clone());
         }
-        known.insert(buffer.memory_id());
-        self.buffers.push(buffer.clone());
     }
 
     /// A copy of what is there now.
     pub(super) fn state(&self, before: Option<&MemoryState>) -> MemoryState {
         let buffers = self.buffers.iter().enumerate().map(|(at, buffer)| {
             let now = || buffer.words().iter().map(|word| word.load(Relaxed));
-            let same = before.and_then(|before| before.buffers.get(at));
-            match same.filter(|same| now().eq(same.iter().copied())) {
-                Some(same) => same.clone(),
-                None => now().collect(),
-            }
+            shared_copy(now, before.and_then(|before| before.buffers.get(at)))
         });
         let images = self.images.iter().enumerate().map(|(at, image)| {
             let now = || image.words().iter().map(|word| word.load(Relaxed));
-            let same = before.and_then(|before| before.images.get(at));
-            match same.filter(|same| now().eq(same.iter().copied())) {
-                Some(same) => same.clone(),
-                None => now().collect(),
-            }
+            shared_copy(now, before.and_then(|before| before.images.get(at)))
         });
         MemoryState { buffers: buffers.collect(), images: images.collect() }
     }
@@ -83,5 +71,16 @@ impl ChangingMemory {
         for (image, words) in self.images.iter().zip(&state.images) {
             image.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
         }
+    }
+}
+
+/// A copy of words; the copy from before, where they are the same.
+fn shared_copy<T: Copy + PartialEq, I: Iterator<Item = T>>(
+    now: impl Fn() -> I,
+    before: Option<&Arc<[T]>>,
+) -> Arc<[T]> {
+    match before.filter(|before| now().eq(before.iter().copied())) {
+        Some(same) => same.clone(),
+        None => now().collect(),
     }
 }

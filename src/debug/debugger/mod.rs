@@ -328,7 +328,7 @@ impl Debugger {
                 Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => traversals.push(*id),
                 Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
                 Reason::Wrote(write) => return Some(StopReason::Wrote(write.clone())),
-                Reason::Nan { .. } => return Some(StopReason::Nan),
+                Reason::Nan => return Some(StopReason::Nan),
                 Reason::Traversal(None) => return Some(StopReason::Traversal(None)),
                 Reason::Stepped | Reason::Arrived => {}
             }
@@ -424,12 +424,10 @@ impl Debugger {
                 self.history.frontier = self.course.time;
             }
             if resumed == Resumed::Ended {
-                self.history.end = Some(self.course.time);
                 return resumed;
             }
             if edit == Some(self.course.time) {
-                let time = self.course.time;
-                self.restore_before(time);
+                self.restore_segment(self.history.segment_at(self.course.time));
             }
             if is_new && self.course.time >= self.history.next_due() {
                 let checkpoint = self.checkpoint(false);
@@ -467,9 +465,9 @@ impl Debugger {
         }
     }
 
-    /// Puts the last state at a time or before it back.
-    fn restore_before(&mut self, time: Time) {
-        let checkpoint = self.history.before(time);
+    /// Puts the state back that a segment begins with.
+    fn restore_segment(&mut self, number: usize) {
+        let (checkpoint, _) = self.history.segment(number);
         self.course = checkpoint.course.clone();
         self.debuggee.restore(&checkpoint.state);
         self.memory.restore(&checkpoint.memory);
@@ -477,9 +475,10 @@ impl Debugger {
 
     /// Goes to a step, or to the last one where there are not so many.
     pub fn seek(&mut self, time: Time) {
-        let kept = self.history.before(time).course.time;
+        let number = self.history.segment_at(time);
+        let kept = self.history.segment(number).0.course.time;
         if time < self.course.time || kept > self.course.time || !self.course.paused {
-            self.restore_before(time);
+            self.restore_segment(number);
         }
         let must_run = self.course.time < time || !self.course.paused;
         if must_run && self.advance(&mut StopConditions::at(time)) == Resumed::Ended && self.course.time > 0 {
@@ -569,13 +568,6 @@ impl Debugger {
                 WatchedWords::Memory(buffer) => Some((0, words_of(buffer))),
             };
         }
-    }
-
-    fn restore_segment(&mut self, number: usize) {
-        let (checkpoint, _) = self.history.segment(number);
-        self.course = checkpoint.course.clone();
-        self.debuggee.restore(&checkpoint.state);
-        self.memory.restore(&checkpoint.memory);
     }
 
     /// Sets breakpoints, in the place of those that there were; returns them with the lines that

@@ -141,8 +141,7 @@ impl SourceMap {
     /// The offsets of instructions around one of them: as many before and after it.
     pub fn instructions_around(&self, shader: ShaderIndex, offset: u32, around: usize) -> Vec<u32> {
         let module = &self.shader(shader).program.module;
-        let function = module.functions.iter().rfind(|function| function.offset <= offset);
-        let blocks = function.map_or(&[][..], |function| &function.blocks);
+        let blocks = module.function_at(offset).map_or(&[][..], |function| &function.blocks);
         let all: Vec<u32> = blocks
             .iter()
             .flat_map(|block| &block.instructions)
@@ -191,11 +190,9 @@ impl ShaderSites {
     pub fn function_name(&self, scope: u32) -> String {
         let id = self.function(scope);
         let debug = &self.program.module.debug_info;
-        let name = debug.function_names.get(&id).map(|name| name.to_string());
-        let name = name.or_else(|| debug.names.get(&id).cloned());
-        // glslang writes the types of parameters behind the name.
-        let name = name.map(|name| name.split('(').next().unwrap_or_default().to_owned());
-        name.filter(|name| !name.is_empty()).unwrap_or_else(|| format!("%{}", id.0))
+        let name = debug.function_names.get(&id).map(|name| &**name).filter(|name| !name.is_empty());
+        let name = name.or_else(|| self.program.module.name(id));
+        name.map_or_else(|| format!("%{}", id.0), str::to_owned)
     }
 
     /// The terminator of the block that calls a function and goes on in a block.

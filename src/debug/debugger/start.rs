@@ -6,8 +6,8 @@ use crate::accel::Tlas;
 use crate::debug::session::{ExplainRequest, Session, SingleRun};
 use crate::error::Result;
 use crate::machine::Resources;
+use crate::ops::lane_kernel::{LaneKernel, Width};
 use crate::pipeline::{Compute, Pipeline, SteppedDispatch, SteppedLaunch};
-use crate::scene::pass::{Pass, PassWork};
 
 use super::Debugger;
 use super::debuggee::Debuggee;
@@ -42,24 +42,9 @@ impl Debugger {
         let needs_subgroup = pipeline.uses_subgroups() && pipeline.subgroup_size > 1;
         let debuggee: Box<dyn Debuggee> = match request.what {
             SingleRun::Pixel(id) => match needs_subgroup.then_some(pipeline.subgroup_size) {
-                None => Box::new(SteppedLaunch::<1>::of_invocation(
-                    pipeline.clone(),
-                    &resources,
-                    id,
-                    single.size,
-                )?),
-                Some(..=64) => Box::new(SteppedLaunch::<64>::of_invocation(
-                    pipeline.clone(),
-                    &resources,
-                    id,
-                    single.size,
-                )?),
-                Some(_) => Box::new(SteppedLaunch::<128>::of_invocation(
-                    pipeline.clone(),
-                    &resources,
-                    id,
-                    single.size,
-                )?),
+                None => of_invocation::<1>(&pipeline, &resources, id, single.size)?,
+                Some(..=64) => of_invocation::<64>(&pipeline, &resources, id, single.size)?,
+                Some(_) => of_invocation::<128>(&pipeline, &resources, id, single.size)?,
             },
             SingleRun::Ray(ray) => {
                 let tlas = match session.scene.tlas.first() {
@@ -75,14 +60,8 @@ impl Debugger {
 
     fn of_dispatch(session: &Session, number: usize, id: [u32; 3]) -> Result<Self> {
         let dispatch = session.dispatch(number)?;
-        let all = &session.assembled.resources;
-        let is_wanted = |pass: &Pass| matches!(pass.work, PassWork::Dispatch(at) if at == number);
-        let passes = &session.assembled.passes;
-        let at = passes.iter().position(is_wanted).expect("bug in anyhit: a dispatch without a pass");
-        for before in &passes[..at] {
-            session.assembled.run_pass::<64>(before, all, &|_| ())?;
-        }
-        let resources = session.assembled.pass_resources(&passes[at], all).into_owned();
+        let (_, pass) = session.run_before_dispatch(number)?;
+        let resources = session.assembled.pass_resources(pass, &session.assembled.resources).into_owned();
         let compute: Compute = dispatch.compute.unoptimized()?;
         let mut builder = Pipeline::builder();
         builder.shader(compute.program.clone());
@@ -105,4 +84,17 @@ impl Debugger {
         }
         Self::new(debuggee, pipeline, memory, resources.printed.clone())
     }
+}
+
+/// An invocation in batches of a width.
+fn of_invocation<const W: usize>(
+    pipeline: &Arc<Pipeline>,
+    resources: &Resources,
+    id: [u32; 3],
+    size: [u32; 3],
+) -> Result<Box<dyn Debuggee>>
+where
+    LaneKernel: Width<W>,
+{
+    Ok(Box::new(SteppedLaunch::<W>::of_invocation(pipeline.clone(), resources, id, size)?))
 }

@@ -6,7 +6,8 @@
 //! order that is drawn for its instruction: the parts are shuffled, and neighbours are joined until
 //! one is left. In formulas a product is joined with or without being rounded.
 
-use crate::harness::many_seeds::contraction::{ExecutedArithmetic, factors};
+use crate::harness::many_seeds::contraction::factors;
+use crate::harness::many_seeds::executed_kernel::ExecutedKernel;
 use crate::harness::many_seeds::float_arithmetic::{FloatArithmetic, sign_bit};
 use crate::harness::many_seeds::lane_bits::{set_words, words};
 use crate::harness::many_seeds::live_registers::LiveRegisters;
@@ -65,13 +66,13 @@ enum LanePart {
 /// Notes the chain that an operation continues, and evaluates it in another order, if that is
 /// drawn.
 pub(super) fn after<const W: usize>(
-    executed: ExecutedArithmetic<'_>,
+    executed: ExecutedKernel<'_>,
     choices: &OpenChoices,
     live: &mut LiveChains,
     arithmetic: &mut FloatArithmetic,
     batch: &mut Batch<W>,
 ) {
-    let ExecutedArithmetic { kernel, to, from, licence, .. } = executed;
+    let ExecutedKernel { kernel, to, from, licence, .. } = executed;
     let is_product = kernel.name == "FMul";
     let (chain_kind, choice, least) = match licence.is_formula {
         true => (ChainKind::Formula(licence.offset), ChoiceKind::DotOrder, 2),

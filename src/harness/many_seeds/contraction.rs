@@ -1,10 +1,10 @@
 //! Sums of products with one rounding instead of two, where the module allows it.
 
+use crate::harness::many_seeds::executed_kernel::ExecutedKernel;
 use crate::harness::many_seeds::float_arithmetic::{FloatArithmetic, sign_bit};
-use crate::harness::many_seeds::float_licence::FloatLicence;
 use crate::harness::many_seeds::lane_bits::{set_words, words};
 use crate::harness::many_seeds::live_registers::LiveRegisters;
-use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpIndex, OpenChoices, Reg};
+use crate::machine::{Batch, ChoiceKind, OpenChoices, Reg};
 use crate::ops::lane_kernel::LaneKernel;
 
 /// The factors of a product, lane by lane.
@@ -19,50 +19,16 @@ pub(super) fn factors<const W: usize>(batch: &Batch<W>, kernel: &LaneKernel, fro
     (0..W).map(|lane| [factor(0, lane), factor(1, lane)]).collect()
 }
 
-/// A sum or a product that was executed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ExecutedArithmetic<'a> {
-    /// The operation.
-    pub op: OpIndex,
-    /// `FAdd`, `FSub`, `FMul`, or `Fma` of `GLSL.std.450`.
-    pub kernel: &'static LaneKernel,
-    /// The register of the result.
-    pub to: Reg,
-    /// Those of the operands.
-    pub from: &'a [Reg; 3],
-    /// What may be done with it.
-    pub licence: &'a FloatLicence,
-}
-
-impl ExecutedArithmetic<'_> {
-    /// The site of a choice about its instruction: it is made for all invocations and components.
-    pub(super) fn place(&self, choices: &OpenChoices) -> u64 {
-        u64::from(choices.shader.0) << 32 | u64::from(self.licence.offset)
-    }
-
-    /// Whether the second operand is subtracted.
-    pub(super) fn is_difference(&self) -> bool {
-        self.kernel.name == "FSub"
-    }
-
-    /// Notes a draw that makes a difference.
-    pub(super) fn note(&self, choices: &OpenChoices, kind: ChoiceKind) {
-        let site = choices.site(kind, [0; 3], self.place(choices));
-        let (shader, op) = (choices.shader, Some(self.op));
-        choices.note(site, || DrawnDetails::Value { shader, op, what: None });
-    }
-}
-
 /// Notes the factors of a product, or recomputes a sum with a product that is not rounded, if that
 /// is drawn. Returns whether the sum was.
 pub(super) fn after<const W: usize>(
-    executed: ExecutedArithmetic<'_>,
+    executed: ExecutedKernel<'_>,
     choices: &OpenChoices,
     live: &mut LiveProducts,
     arithmetic: &mut FloatArithmetic,
     batch: &mut Batch<W>,
 ) -> bool {
-    let ExecutedArithmetic { kernel, to, from, licence, .. } = executed;
+    let ExecutedKernel { kernel, to, from, licence, .. } = executed;
     if !licence.contracts || licence.is_formula {
         return false;
     }
@@ -78,13 +44,13 @@ pub(super) fn after<const W: usize>(
 
 /// Recomputes a sum, if that is drawn, in the lanes where an operand is a product.
 fn contract<const W: usize>(
-    executed: ExecutedArithmetic<'_>,
+    executed: ExecutedKernel<'_>,
     choices: &OpenChoices,
     live: &LiveProducts,
     arithmetic: &mut FloatArithmetic,
     batch: &mut Batch<W>,
 ) -> bool {
-    let ExecutedArithmetic { kernel, to, from, .. } = executed;
+    let ExecutedKernel { kernel, to, from, .. } = executed;
     let [first, second] = [from[0], from[1]].map(|register| live.get(register));
     if first.is_none() && second.is_none() {
         return false;
@@ -116,12 +82,12 @@ fn contract<const W: usize>(
 
 /// Recomputes `Fma` with one rounding, if that is drawn; this crate rounds twice.
 fn fuse<const W: usize>(
-    executed: ExecutedArithmetic<'_>,
+    executed: ExecutedKernel<'_>,
     choices: &OpenChoices,
     arithmetic: &mut FloatArithmetic,
     batch: &mut Batch<W>,
 ) -> bool {
-    let ExecutedArithmetic { kernel, to, from, .. } = executed;
+    let ExecutedKernel { kernel, to, from, .. } = executed;
     let site = choices.site(ChoiceKind::Contraction, [0; 3], executed.place(choices));
     if choices.draw(site).is_none_or(|mut random| random.below(2) == 0) {
         return false;

@@ -4,11 +4,11 @@
 //! Whether an instruction deviates is drawn once. How far it does is a function of its operands:
 //! like on a device, the same operands give the same result.
 
+use crate::harness::many_seeds::executed_kernel::ExecutedKernel;
 use crate::harness::many_seeds::float_arithmetic::{FloatArithmetic, is_denormal, one, sign_bit};
-use crate::harness::many_seeds::float_licence::FloatLicence;
 use crate::harness::many_seeds::lane_bits::{set_words, words};
 use crate::harness::stability::device_result;
-use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpIndex, OpenChoices, Reg};
+use crate::machine::{Batch, ChoiceKind, OpenChoices};
 use crate::math::random::Random;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::operand_check::LaneOperands;
@@ -60,21 +60,6 @@ const SIGNED_ZEROS: [&str; 14] = [
     "RoundEven",
 ];
 
-/// A kernel on floats that was executed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ExecutedKernel<'a> {
-    /// The operation.
-    pub op: OpIndex,
-    /// The kernel.
-    pub kernel: &'static LaneKernel,
-    /// The register of the result.
-    pub to: Reg,
-    /// Those of the operands.
-    pub from: &'a [Reg; 3],
-    /// What may be done with it.
-    pub licence: &'a FloatLicence,
-}
-
 /// Draws the results of an operation.
 pub(super) fn after<const W: usize>(
     executed: ExecutedKernel<'_>,
@@ -121,9 +106,8 @@ impl ExecutedKernel<'_> {
         batch: &mut Batch<W>,
         mut result: impl FnMut(Random, LaneOperation) -> Option<u64>,
     ) {
-        let Self { op, kernel, to, from, licence } = *self;
-        let place = u64::from(choices.shader.0) << 32 | u64::from(licence.offset);
-        let site = choices.site(kind, [0; 3], place);
+        let Self { kernel, to, from, .. } = *self;
+        let site = choices.site(kind, [0; 3], self.place(choices));
         let Some(random) = choices.draw(site) else { return };
         let mut differs = false;
         for lane in batch.mask.lanes() {
@@ -136,8 +120,7 @@ impl ExecutedKernel<'_> {
             set_words(batch, to, kernel.words, lane, drawn);
         }
         if differs {
-            let shader = choices.shader;
-            choices.note(site, || DrawnDetails::Value { shader, op: Some(op), what: None });
+            self.note(choices, kind);
         }
     }
 }
@@ -223,6 +206,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use crate::machine::Reg;
     use crate::machine::Registers;
     use crate::ops::arithmetic::{FDiv, FMul};
     use crate::ops::glsl::Log2;

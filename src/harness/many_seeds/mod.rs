@@ -6,6 +6,7 @@
 
 mod chains;
 mod contraction;
+mod executed_kernel;
 mod float_arithmetic;
 mod float_licence;
 mod float_results;

@@ -13,7 +13,7 @@ use crate::math::permutation::OrderLimit;
 pub(super) enum SmallestOrder {
     /// One exchange, at the end of these.
     Exchange(OrderLimits),
-    /// None: that invocations run one after the other, not side by side.
+    /// Without any exchange: invocations that run one after the other, in place of side by side.
     OneByOne(OrderLimits),
 }
 

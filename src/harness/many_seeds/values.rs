@@ -4,10 +4,11 @@
 use std::sync::Arc;
 
 use crate::harness::many_seeds::chains::{self, LiveChains};
-use crate::harness::many_seeds::contraction::{self, ExecutedArithmetic, LiveProducts};
+use crate::harness::many_seeds::contraction::{self, LiveProducts};
+use crate::harness::many_seeds::executed_kernel::ExecutedKernel;
 use crate::harness::many_seeds::float_arithmetic::FloatArithmetic;
 use crate::harness::many_seeds::float_licence::FloatLicences;
-use crate::harness::many_seeds::float_results::{self, ExecutedKernel};
+use crate::harness::many_seeds::float_results;
 use crate::harness::many_seeds::robust_texels;
 use crate::harness::many_seeds::undefined::UndefinedParts;
 use crate::harness::many_seeds::undefined_results::UndefinedResults;
@@ -76,8 +77,8 @@ impl<'a> ValueDraws<'a> {
         let Op::LaneKernel { kernel, to, from } = executed else { return };
         let Some(licence) = shader.licences.get(op) else { return };
         let (kernel, to) = (*kernel, *to);
+        let one = ExecutedKernel { op, kernel, to, from, licence };
         if matches!(kernel.name, "FAdd" | "FSub" | "FMul" | "Fma") {
-            let one = ExecutedArithmetic { op, kernel, to, from, licence };
             let (products, arithmetic) = (&mut self.products, &mut self.arithmetic);
             let is_contracted = choices.kinds.contains(&ChoiceKind::Contraction)
                 && contraction::after(one, choices, products, arithmetic, batch);
@@ -87,7 +88,6 @@ impl<'a> ValueDraws<'a> {
             }
         }
         if choices.kinds.iter().any(|kind| kind.is_of_fast_math()) {
-            let one = ExecutedKernel { op, kernel, to, from, licence };
             float_results::after(one, choices, &mut self.arithmetic, batch);
         }
     }

@@ -24,8 +24,8 @@ pub(super) fn groups(module: &Module, size: [u32; 3], several: bool) -> [u32; 3]
 }
 
 /// The invocations of a launch, given the axes of which its shader reads where an invocation
-/// stands: as many along one axis as along two. Those side by side along another axis would all do
-/// the same, and race.
+/// stands: as many along one axis as along two. Invocations that differ in another axis alone would
+/// all do the same, and write the same memory.
 pub(super) fn launch_size(read: [bool; 3]) -> [u32; 3] {
     let [width, height, depth] = LAUNCH;
     match read {

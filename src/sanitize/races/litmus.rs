@@ -92,6 +92,15 @@ pub(super) enum Memory {
     Shared,
 }
 
+/// Decorates a buffer of words, given its array, block and variable.
+pub(super) fn decorate_buffer(a: &mut Assembler, [array, block, variable]: [u32; 3], binding: u32) {
+    a.op(Op::Decorate, &[array, 6, 4]);
+    a.op(Op::Decorate, &[block, 2]);
+    a.op(Op::MemberDecorate, &[block, 0, 35, 0]);
+    a.op(Op::Decorate, &[variable, 34, 0]);
+    a.op(Op::Decorate, &[variable, 33, binding]);
+}
+
 /// The module of a test. A shader has the code of all invocations, each behind a test of its
 /// number, between the barriers.
 pub(super) struct Writer {
@@ -245,11 +254,7 @@ fn broken(litmus: &Litmus, memory: Memory) -> Vec<&'static str> {
         if memory == Memory::Shared && variable == 30 {
             continue;
         }
-        a.op(Op::Decorate, &[array, 6, 4]);
-        a.op(Op::Decorate, &[block, 2]);
-        a.op(Op::MemberDecorate, &[block, 0, 35, 0]);
-        a.op(Op::Decorate, &[variable, 34, 0]);
-        a.op(Op::Decorate, &[variable, 33, binding]);
+        decorate_buffer(&mut a, [array, block, variable], binding);
     }
     a.types();
     let mut writer = Writer { a, next: 100, memory, constants: Vec::new(), own: 50 };

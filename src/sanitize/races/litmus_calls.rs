@@ -14,7 +14,7 @@ use crate::module::assemble::Assembler;
 use crate::pipeline::{Launch, Pipeline};
 use crate::program::lower::lower;
 use crate::sanitize::races::litmus::{
-    ACQ, ACQ_VIS, Memory, Privacy, REL, REL_AV, Step, Writer, X, constants_of, races,
+    ACQ, ACQ_VIS, Memory, Privacy, REL, REL_AV, Step, Writer, X, constants_of, decorate_buffer, races,
 };
 use crate::sanitize::{Levels, ProgramPlan, Sanitizer};
 
@@ -129,11 +129,7 @@ fn module(test: &CallTest, call: Call) -> Assembler {
     a.with_string(Op::EntryPoint, &[5313, 40], "main", &[30, 31, LOCATIONS[0]]);
     a.with_string(Op::EntryPoint, &[stage, 70], "called", &[30, 31, LOCATIONS[1]]);
     for (array, block, variable, binding) in [(20, 21, 30, 0), (26, 27, 31, 1)] {
-        a.op(Op::Decorate, &[array, 6, 4]);
-        a.op(Op::Decorate, &[block, 2]);
-        a.op(Op::MemberDecorate, &[block, 0, 35, 0]);
-        a.op(Op::Decorate, &[variable, 34, 0]);
-        a.op(Op::Decorate, &[variable, 33, binding]);
+        decorate_buffer(&mut a, [array, block, variable], binding);
     }
     a.types();
     let mut writer = Writer { a, next: 100, memory: Memory::Buffer, constants: Vec::new(), own: 0 };
