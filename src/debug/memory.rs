@@ -6,8 +6,8 @@ use std::sync::Arc;
 use crate::debug::layout::BufferLayout;
 use crate::debug::transcript::{ChangeLocation, MemoryChange};
 use crate::debug::values::{self, TypedValue};
-use crate::machine::format::Class;
-use crate::machine::image::Image;
+use crate::machine::format::{Class, Format};
+use crate::machine::image::{Image, ImageState};
 use crate::machine::{Binding, Buffer, Descriptor, Resources};
 use crate::pipeline::Pipeline;
 use crate::scene::ResolvedScene;
@@ -28,7 +28,7 @@ pub(super) struct Snapshot {
 #[derive(Debug)]
 enum ResourceContent {
     Words(Vec<u32>),
-    Image(Arc<Image>),
+    Image(ImageState),
 }
 
 impl Snapshot {
@@ -36,7 +36,7 @@ impl Snapshot {
     pub(super) fn take(resources: &Resources) -> Self {
         let content = |descriptor: &Descriptor| match descriptor {
             Descriptor::Buffer(buffer) => Some(ResourceContent::Words(words(buffer))),
-            Descriptor::Image(image) => Some(ResourceContent::Image(image.copied())),
+            Descriptor::Image(image) => Some(ResourceContent::Image(image.state())),
             _ => None,
         };
         let contents = descriptors(resources).filter_map(|(at, one)| Some((at, content(one)?)));
@@ -112,20 +112,30 @@ impl Change {
 }
 
 /// Changed texels of the first mip level, and the texel at `wanted`, changed or not.
-fn changed_texels(before: &Image, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change> {
+fn changed_texels(before: &ImageState, after: &Image, wanted: Option<[u32; 3]>) -> Vec<Change> {
     let shape = after.shape();
     let [width, height, _] = shape.extent.map(u64::from);
-    let mut changes = Vec::new();
-    for number in 0..shape.level_texels(0) {
-        let texel = number / u64::from(shape.samples);
-        let at = [texel % width, texel / width % height, texel / (width * height)].map(|axis| axis as u32);
-        let bits = |image: &Image| image.load(number as usize);
-        if bits(before) != bits(after) || wanted == Some(at) {
-            let (before, after) = (colour(before, bits(before)), colour(after, bits(after)));
-            changes.push(Change { target: ChangeLocation::Texel(at), member: None, before, after });
-        }
-    }
-    changes
+    let samples = u64::from(shape.samples);
+    let place = |number: usize| {
+        let texel = number as u64 / samples;
+        [texel % width, texel / width % height, texel / (width * height)].map(|axis| axis as u32)
+    };
+    let first = |[x, y, z]: [u32; 3]| {
+        let [x, y, z] = [x, y, z].map(u64::from);
+        ((z * height + y) * width + x) * samples
+    };
+    let inside = |at: &[u32; 3]| at.iter().zip(shape.extent).all(|(&at, extent)| at < extent);
+    let wanted = wanted.filter(inside).map_or(0..0, |at| first(at) as usize..(first(at) + samples) as usize);
+    let format = after.format();
+    let changed = after.texels_unlike(before).take_while(|&texel| (texel as u64) < shape.level_texels(0));
+    let mut numbers: Vec<usize> = changed.chain(wanted).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let change = |number: usize| {
+        let [before, after] = [before.load(number), after.load(number)].map(|bits| colour(format, bits));
+        Change { target: ChangeLocation::Texel(place(number)), member: None, before, after }
+    };
+    numbers.into_iter().map(change).collect()
 }
 
 /// Changed words of a buffer; if the buffer's type is known, changed scalars and vectors.
@@ -189,8 +199,7 @@ fn words(buffer: &Buffer) -> Vec<u32> {
 }
 
 /// A texel as a shader reads it, without the components that the format lacks.
-fn colour(image: &Image, bits: u128) -> TypedValue {
-    let format = image.format();
+fn colour(format: Format, bits: u128) -> TypedValue {
     let (prefix, scalar) = match (format.class(), format.is_wide()) {
         (Class::Float, _) => ("", "float"),
         (Class::Sint, false) => ("i", "int"),

@@ -1,13 +1,16 @@
 //! Images as plain data: their shape, and texels that threads may share.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, OnceLock};
 
 use smallvec::SmallVec;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
+use crate::machine::image_words::{ImageWords, texel};
+
+pub(crate) use crate::machine::image_words::ImageState;
 
 /// `VkImageViewType`, and texel buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -174,7 +177,7 @@ pub struct Image {
     levels: SmallVec<[Level; 1]>,
     /// The resident texels: all of them, except in a band.
     resident: Range<usize>,
-    words: Box<[AtomicU64]>,
+    words: ImageWords,
     sample_weight: OnceLock<SampleWeight>,
     null: bool,
 }
@@ -225,9 +228,9 @@ impl Image {
         let words = bytes.chunks(8).map(|chunk| {
             let mut word = [0; 8];
             word[..chunk.len()].copy_from_slice(chunk);
-            AtomicU64::new(u64::from_le_bytes(word))
+            u64::from_le_bytes(word)
         });
-        Self::from_words(format, shape, whole(&shape), words)
+        Self::from_words(format, shape, whole(&shape), || ImageWords::new(words))
     }
 
     /// An image whose texels are all the same, given its bytes.
@@ -275,23 +278,20 @@ impl Image {
             pattern[first..first + 8].iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
         });
         let size = (resident.end - resident.start).saturating_mul(each);
-        let words = (0..size.div_ceil(8)).map(|at| AtomicU64::new(pattern[at % 2]));
-        Self::from_words(format, shape, resident, words)
+        Self::from_words(format, shape, resident, || ImageWords::filled(size.div_ceil(8), pattern))
     }
 
     fn from_words(
         format: Format,
         shape: ImageShape,
         resident: Range<usize>,
-        words: impl Iterator<Item = AtomicU64>,
+        words: impl FnOnce() -> Option<ImageWords>,
     ) -> Result<Arc<Self>> {
         shape.check()?;
-        let mut memory: Vec<AtomicU64> = Vec::new();
-        if memory.try_reserve_exact(words.size_hint().0).is_err() {
+        let words = words().ok_or_else(|| {
             let message = format!("no memory for an image of {} texels", shape.texels());
-            return Err(Error::new(ErrorKind::InvalidImage, message));
-        }
-        memory.extend(words);
+            Error::new(ErrorKind::InvalidImage, message)
+        })?;
         let mut levels = SmallVec::new();
         let mut first = 0;
         for level in 0..shape.levels {
@@ -299,15 +299,7 @@ impl Image {
             first += shape.level_texels(level) as usize;
         }
         let sample_weight = OnceLock::new();
-        Ok(Arc::new(Self {
-            format,
-            shape,
-            levels,
-            resident,
-            words: memory.into_boxed_slice(),
-            sample_weight,
-            null: false,
-        }))
+        Ok(Arc::new(Self { format, shape, levels, resident, words, sample_weight, null: false }))
     }
 
     /// How texels are stored.
@@ -382,13 +374,7 @@ impl Image {
     #[doc(hidden)]
     #[inline]
     pub(crate) fn load(&self, index: usize) -> u128 {
-        let size = self.format.texel_size() as usize;
-        let word = |at: usize| u128::from(self.words[at].load(Relaxed));
-        if size == 16 {
-            return word(2 * index) | word(2 * index + 1) << 64;
-        }
-        let byte = index * size;
-        (word(byte / 8) >> (byte % 8 * 8)) & ((1 << (8 * size)) - 1)
+        texel(self.format, index, |at| self.words.load(at))
     }
 
     /// Overwrites the texel at an index that [`Image::index`] gave.
@@ -397,10 +383,10 @@ impl Image {
     pub(crate) fn store(&self, index: usize, bits: u128) {
         match self.format.texel_size() {
             16 => {
-                self.words[2 * index].store(bits as u64, Relaxed);
-                self.words[2 * index + 1].store((bits >> 64) as u64, Relaxed);
+                self.words.store(2 * index, bits as u64);
+                self.words.store(2 * index + 1, (bits >> 64) as u64);
             }
-            8 => self.words[index].store(bits as u64, Relaxed),
+            8 => self.words.store(index, bits as u64),
             _ => {
                 self.update(index, |_| Some(bits as u64));
             }
@@ -415,14 +401,13 @@ impl Image {
         let size = self.format.texel_size() as usize;
         assert!(size <= 8, "bug in anyhit: an atomic operation on a texel of {size} bytes");
         let byte = index * size;
-        let (word, shift) = (&self.words[byte / 8], byte % 8 * 8);
+        let shift = byte % 8 * 8;
         let mask = u64::MAX >> (64 - 8 * size);
         let replace = |word: u64| {
             let new = function(word >> shift & mask)?;
             Some(word & !(mask << shift) | (new & mask) << shift)
         };
-        let (Ok(before) | Err(before)) = word.fetch_update(Relaxed, Relaxed, replace);
-        before >> shift & mask
+        self.words.update(byte / 8, replace) >> shift & mask
     }
 
     /// A copy of the resident bytes of all levels.
@@ -430,20 +415,44 @@ impl Image {
         (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
     }
 
-    /// The words that hold the resident texels.
+    /// The words that hold the resident texels, to be read.
     #[doc(hidden)]
     pub fn words(&self) -> &[AtomicU64] {
-        &self.words
+        self.words.all()
     }
 
     /// A deep copy of the image.
     #[must_use]
     pub fn copied(&self) -> Arc<Self> {
-        let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed)));
+        let words = self.words.copied();
         let (format, shape, levels) = (self.format, self.shape, self.levels.clone());
         let (resident, sample_weight) = (self.resident.clone(), self.sample_weight.clone());
-        let null = self.null;
-        Arc::new(Self { format, shape, levels, resident, words: words.collect(), sample_weight, null })
+        Arc::new(Self { format, shape, levels, resident, words, sample_weight, null: self.null })
+    }
+
+    /// What its texels are now.
+    pub(crate) fn state(&self) -> ImageState {
+        self.words.state(self.format)
+    }
+
+    /// Whether its texels are what they were.
+    pub(crate) fn is_like(&self, before: &ImageState) -> bool {
+        self.words.unlike(before).next().is_none()
+    }
+
+    /// Puts back what its texels were.
+    pub(crate) fn restore(&self, before: &ImageState) {
+        let differing = self.words.unlike(before).flatten();
+        differing.for_each(|at| self.words.store(at, before.word(at)));
+    }
+
+    /// The resident texels that are not what they were, by [`Image::index`], ascending.
+    pub(crate) fn texels_unlike(&self, before: &ImageState) -> impl Iterator<Item = usize> {
+        let size = self.format.texel_size() as usize;
+        let texels = move |words: Range<usize>| words.start * 8 / size..words.end * 8 / size;
+        let resident = self.resident.len();
+        let differs = move |&at: &usize| at < resident && self.load(at) != before.load(at);
+        self.words.unlike(before).flat_map(texels).filter(differs)
     }
 
     /// A copy of the resident bytes of a level; none of one that it does not have.

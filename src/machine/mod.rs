@@ -11,6 +11,7 @@ pub mod device_memory;
 pub mod format;
 pub mod hit_object;
 pub mod image;
+mod image_words;
 pub mod index;
 pub mod invocation;
 pub mod lanes;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
-use crate::machine::image::Image;
+use crate::machine::image::{Image, ImageState};
 use crate::machine::{Buffer, Descriptor, Resources};
 use crate::program::Program;
 
@@ -19,7 +19,7 @@ pub(super) struct ChangingMemory {
 #[derive(Clone, Debug, Default)]
 pub(super) struct MemoryState {
     buffers: Vec<Arc<[u32]>>,
-    images: Vec<Arc<[u64]>>,
+    images: Vec<Arc<ImageState>>,
 }
 
 impl ChangingMemory {
@@ -57,8 +57,8 @@ impl ChangingMemory {
             shared_copy(now, before.and_then(|before| before.buffers.get(at)))
         });
         let images = self.images.iter().enumerate().map(|(at, image)| {
-            let now = || image.words().iter().map(|word| word.load(Relaxed));
-            shared_copy(now, before.and_then(|before| before.images.get(at)))
+            let same = before.and_then(|before| before.images.get(at)).filter(|before| image.is_like(before));
+            same.cloned().unwrap_or_else(|| Arc::new(image.state()))
         });
         MemoryState { buffers: buffers.collect(), images: images.collect() }
     }
@@ -68,17 +68,14 @@ impl ChangingMemory {
         for (buffer, words) in self.buffers.iter().zip(&state.buffers) {
             buffer.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
         }
-        for (image, words) in self.images.iter().zip(&state.images) {
-            image.words().iter().zip(&words[..]).for_each(|(word, &value)| word.store(value, Relaxed));
+        for (image, state) in self.images.iter().zip(&state.images) {
+            image.restore(state);
         }
     }
 }
 
 /// A copy of words; the copy from before, where they are the same.
-fn shared_copy<T: Copy + PartialEq, I: Iterator<Item = T>>(
-    now: impl Fn() -> I,
-    before: Option<&Arc<[T]>>,
-) -> Arc<[T]> {
+fn shared_copy<I: Iterator<Item = u32>>(now: impl Fn() -> I, before: Option<&Arc<[u32]>>) -> Arc<[u32]> {
     match before.filter(|before| now().eq(before.iter().copied())) {
         Some(same) => same.clone(),
         None => now().collect(),

@@ -1,0 +1,200 @@
+//! The memory of an image. What nothing was stored to is neither touched, copied nor compared: of a
+//! picture of which one pixel is looked at, almost all.
+
+use std::ops::Range;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+
+use bytemuck::allocation::try_zeroed_slice_box;
+
+use crate::machine::format::Format;
+
+/// The words of a block: a page of memory, and a whole number of texels of every size.
+const BLOCK_WORDS: usize = 512;
+
+/// The words that hold the texels of an image, and which of them may have been stored to.
+#[derive(Debug)]
+pub(super) struct ImageWords {
+    words: Box<[AtomicU64]>,
+    /// What they were at first, in turn, where they all followed one pattern.
+    fill: Option<[u64; 2]>,
+    /// Whether anything was stored to a block of words.
+    stored: Box<[AtomicBool]>,
+}
+
+/// What the texels of an image were at one time.
+#[derive(Debug)]
+pub(crate) struct ImageState {
+    format: Format,
+    fill: [u64; 2],
+    /// The blocks that may not be as filled, ascending by their number.
+    blocks: Vec<(usize, Box<[u64]>)>,
+}
+
+impl ImageWords {
+    /// These words; `None` where there is no memory for them.
+    pub(super) fn new(words: impl ExactSizeIterator<Item = u64>) -> Option<Self> {
+        let mut memory: Vec<AtomicU64> = Vec::new();
+        memory.try_reserve_exact(words.len()).ok()?;
+        memory.extend(words.map(AtomicU64::new));
+        Self::of(memory.into_boxed_slice(), None)
+    }
+
+    /// A number of words that are a pattern's in turn; `None` where there is no memory for them.
+    pub(super) fn filled(count: usize, fill: [u64; 2]) -> Option<Self> {
+        if fill == [0; 2] {
+            return Self::of(try_zeroed_slice_box(count).ok()?, Some(fill));
+        }
+        let filled = Self::new((0..count).map(|at| fill[at % 2]))?;
+        Some(Self { fill: Some(fill), ..filled })
+    }
+
+    fn of(words: Box<[AtomicU64]>, fill: Option<[u64; 2]>) -> Option<Self> {
+        let stored = try_zeroed_slice_box(words.len().div_ceil(BLOCK_WORDS)).ok()?;
+        Some(Self { words, fill, stored })
+    }
+
+    /// All of them, to be read.
+    pub(super) fn all(&self) -> &[AtomicU64] {
+        &self.words
+    }
+
+    #[inline]
+    pub(super) fn load(&self, at: usize) -> u64 {
+        self.words[at].load(Relaxed)
+    }
+
+    #[inline]
+    pub(super) fn store(&self, at: usize, word: u64) {
+        self.mark(at);
+        self.words[at].store(word, Relaxed);
+    }
+
+    /// Atomically replaces a word by a function of it, and returns the old one. It stays where the
+    /// function returns `None`.
+    #[inline]
+    pub(super) fn update(&self, at: usize, replace: impl FnMut(u64) -> Option<u64>) -> u64 {
+        self.mark(at);
+        let (Ok(before) | Err(before)) = self.words[at].fetch_update(Relaxed, Relaxed, replace);
+        before
+    }
+
+    #[inline]
+    fn mark(&self, at: usize) {
+        let stored = &self.stored[at / BLOCK_WORDS];
+        if !stored.load(Relaxed) {
+            stored.store(true, Relaxed);
+        }
+    }
+
+    /// A copy of them.
+    pub(super) fn copied(&self) -> Self {
+        let words = self.words.iter().map(|word| AtomicU64::new(word.load(Relaxed))).collect();
+        let stored = self.stored.iter().map(|stored| AtomicBool::new(stored.load(Relaxed))).collect();
+        Self { words, fill: self.fill, stored }
+    }
+
+    /// What they hold now, as texels of a format.
+    pub(super) fn state(&self, format: Format) -> ImageState {
+        let words = |block| self.words_of(block).map(|at| self.load(at)).collect();
+        let blocks = (0..self.stored.len()).filter(|&block| !self.is_as_filled(block));
+        ImageState {
+            format,
+            fill: self.fill.unwrap_or_default(),
+            blocks: blocks.map(|block| (block, words(block))).collect(),
+        }
+    }
+
+    /// The blocks of words that are not what they were, as ranges of their words.
+    pub(super) fn unlike(&self, before: &ImageState) -> impl Iterator<Item = Range<usize>> {
+        let may_differ = |&block: &usize| !self.is_as_filled(block) || before.block(block).is_some();
+        let differs = |words: &Range<usize>| words.clone().any(|at| self.load(at) != before.word(at));
+        (0..self.stored.len()).filter(may_differ).map(|block| self.words_of(block)).filter(differs)
+    }
+
+    /// Whether a block is known to hold the pattern that all were filled with.
+    fn is_as_filled(&self, block: usize) -> bool {
+        self.fill.is_some() && !self.stored[block].load(Relaxed)
+    }
+
+    fn words_of(&self, block: usize) -> Range<usize> {
+        block * BLOCK_WORDS..((block + 1) * BLOCK_WORDS).min(self.words.len())
+    }
+}
+
+impl ImageState {
+    /// The texel that was at an index of [`Image::index`](super::image::Image::index).
+    pub(crate) fn load(&self, index: usize) -> u128 {
+        texel(self.format, index, |at| self.word(at))
+    }
+
+    pub(super) fn word(&self, at: usize) -> u64 {
+        self.block(at / BLOCK_WORDS).map_or(self.fill[at % 2], |words| words[at % BLOCK_WORDS])
+    }
+
+    fn block(&self, number: usize) -> Option<&[u64]> {
+        let found = self.blocks.binary_search_by_key(&number, |(block, _)| *block).ok()?;
+        Some(&self.blocks[found].1)
+    }
+}
+
+/// A texel of words.
+#[inline]
+pub(super) fn texel(format: Format, index: usize, word: impl Fn(usize) -> u64) -> u128 {
+    let size = format.texel_size() as usize;
+    let word = |at: usize| u128::from(word(at));
+    if size == 16 {
+        return word(2 * index) | word(2 * index + 1) << 64;
+    }
+    let byte = index * size;
+    (word(byte / 8) >> (byte % 8 * 8)) & ((1 << (8 * size)) - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(count: usize, state: &ImageState) -> Vec<u64> {
+        (0..count).map(|at| state.word(at)).collect()
+    }
+
+    fn starts(ranges: impl Iterator<Item = Range<usize>>) -> Vec<usize> {
+        ranges.map(|range| range.start).collect()
+    }
+
+    #[test]
+    fn blocks_that_differ_are_found_whatever_they_were_filled_with() {
+        let count = 3 * BLOCK_WORDS + 5;
+        for fill in [[0; 2], [7, 9]] {
+            let filled = || (0..count).map(|at| fill[at % 2]);
+            for words in
+                [ImageWords::filled(count, fill), ImageWords::new(filled().collect::<Vec<_>>().into_iter())]
+            {
+                let words = words.expect("memory");
+                let before = words.state(Format::RGBA32F);
+                assert_eq!(words.unlike(&before).count(), 0);
+                // The same value again is no difference, and neither is one that was put back.
+                words.store(1, fill[1]);
+                words.store(BLOCK_WORDS, 1);
+                words.store(BLOCK_WORDS, fill[0]);
+                words.update(count - 1, |word| Some(word + 1));
+                assert_eq!(starts(words.unlike(&before)), [3 * BLOCK_WORDS]);
+                assert_eq!(all(count, &before), filled().collect::<Vec<_>>());
+                let after = words.state(Format::RGBA32F);
+                let mut wanted: Vec<u64> = filled().collect();
+                wanted[count - 1] += 1;
+                assert_eq!(all(count, &after), wanted);
+                // What was stored long ago, and is as it was filled now.
+                words.store(count - 1, fill[(count - 1) % 2]);
+                assert_eq!(starts(words.unlike(&after)), [3 * BLOCK_WORDS]);
+                assert_eq!(words.unlike(&before).count(), 0);
+            }
+        }
+    }
+
+    #[test]
+    fn there_is_no_memory_for_everything() {
+        assert!(ImageWords::filled(usize::MAX / 16, [0; 2]).is_none());
+        assert!(ImageWords::filled(usize::MAX / 16, [1; 2]).is_none());
+    }
+}
