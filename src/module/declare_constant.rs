@@ -107,7 +107,10 @@ impl Loader<'_> {
             }
             Type::Struct { members, .. } => (ConstituentTypes::Each(members), Some(members.len() as u64)),
             Type::Other(_) => (ConstituentTypes::Anything, None),
-            _ => return Err(self.expected(span, span.start + 1, "a composite type")),
+            _ => {
+                let error = self.expected(span, span.start + 1, "a composite type");
+                return Err(error.note("SPIR-V, 3.3.7: one constituent for each element of the type"));
+            }
         };
         if let Some(count) = count
             && count != found

@@ -171,6 +171,29 @@ impl Module {
         ids
     }
 
+    /// Whether control can come to a block of a function, both by index.
+    #[doc(hidden)]
+    pub fn reaches(&self, function: u32, block: u32) -> bool {
+        let Some(body) = self.functions.get(function as usize) else { return false };
+        let mut reached = vec![false; body.blocks.len()];
+        let mut open = vec![0];
+        while let Some(at) = open.pop() {
+            let Some(here) = body.blocks.get(at as usize) else { continue };
+            if std::mem::replace(&mut reached[at as usize], true) {
+                continue;
+            }
+            let Some(terminator) = here.instructions.last() else { continue };
+            for label in self.branch_targets(terminator) {
+                if let Some(Definition::Label(its, target)) = self.definition(label)
+                    && its == function
+                {
+                    open.push(target);
+                }
+            }
+        }
+        reached.get(block as usize).copied().unwrap_or(false)
+    }
+
     /// The labels that a terminator may branch to, in the order of its operands; empty for others.
     #[doc(hidden)]
     pub fn branch_targets(&self, terminator: &Instruction) -> SmallVec<[Id; 2]> {

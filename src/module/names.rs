@@ -6,6 +6,15 @@ use rspirv::{grammar, spirv};
 
 pub use crate::module::grammar::opcode_name;
 
+/// The extensions that specify an instruction, by its name (`OpTraceRayMotionNV`); none for one of
+/// SPIR-V itself, and for an unknown one.
+pub fn extensions_of(name: &str) -> &'static [&'static str] {
+    let known = name
+        .strip_prefix("Op")
+        .and_then(|name| grammar::INSTRUCTION_TABLE.iter().find(|instruction| instruction.opname == name));
+    known.map_or(&[], |instruction| instruction.extensions)
+}
+
 /// The name of a capability (`RayTracingKHR`), or `capability 1234`.
 pub fn capability_name(number: u32) -> Cow<'static, str> {
     // rspirv's tables are older than this capability.

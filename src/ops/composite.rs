@@ -367,7 +367,10 @@ fn bitcast(translator: &mut Translator<'_>, instruction: &Instruction) -> Result
     let (from, to) = (bits(translator, source)?, bits(translator, target)?);
     if from * translator.component_count(source) != to * translator.component_count(target) {
         let [source, target] = [source, target].map(|ty| translator.module.describe_type(ty));
-        return Err(translator.invalid(format!("OpBitcast of {source} to {target}, which has other bits")));
+        let message = format!("OpBitcast of {source} to {target}, which has other bits");
+        return Err(translator
+            .invalid(message)
+            .note("SPIR-V, 3.3.11, OpBitcast: as many bits on both sides"));
     }
     let words = translator.words(id)?;
     if from == to || (from >= 32 && to == 32) {

@@ -9,7 +9,7 @@ mod rays;
 mod rules;
 
 use crate::error::Result;
-use crate::module::names::{ext_inst_name, opcode_name};
+use crate::module::names::{ext_inst_name, extensions_of, opcode_name};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Definition, Id, Instruction, Module};
 use crate::ops::translate::Translator;
@@ -148,6 +148,15 @@ pub fn check(translator: &Translator<'_>, number: u16, instruction: &Instruction
     Ok(())
 }
 
+/// Where the specifications tell what the operands of an instruction are.
+fn section_of(name: &str) -> String {
+    match extensions_of(name) {
+        [] if name.starts_with("Op") => format!("SPIR-V, 3.3, {name}"),
+        [] => format!("GLSL.std.450, {name}"),
+        extensions => format!("{}, {name}", extensions.join(", ")),
+    }
+}
+
 /// The most positions that a rule has.
 const MAX_POSITIONS: usize = 12;
 
@@ -179,7 +188,7 @@ impl PositionChecker<'_, '_> {
         let needed = self.describe(constraint);
         let which = if at == 0 { "the result".to_owned() } else { format!("operand {at}") };
         let message = format!("{which} of {name} is of type {found}, where {needed} must be");
-        Err(self.translator.invalid(message).note(format!("the section of {name} in its specification")))
+        Err(self.translator.invalid(message).note(section_of(name)))
     }
 
     /// Whether a type satisfies a constraint; unchecked types satisfy all.

@@ -612,6 +612,11 @@ impl<'m> Translator<'m> {
         let value = match self.module.definition(id) {
             Some(Definition::Constant(index)) => return self.constant_value(index),
             Some(Definition::Variable(index)) => IdValue::Pointer(pointer::variable(self, index)?.into()),
+            // Where control never comes, what is computed there has no value, and nobody sees it.
+            Some(Definition::Result(function, block, _)) if !self.module.reaches(function, block) => {
+                let ty = self.type_of(id)?;
+                return Ok(IdValue::Words(self.undefined(ty)?));
+            }
             Some(Definition::Result(..) | Definition::Parameter(..)) => {
                 return Err(self.invalid(format!("%{} is used where it has no value yet", id.0)));
             }

@@ -168,3 +168,43 @@ fn phis<'a>(module: &Module, site: &Site<'a>, target: Id) -> impl Iterator<Item 
     let instructions = block.map_or(&[][..], |block| &site.function.blocks[block].instructions);
     instructions.iter().take_while(|instruction| instruction.opcode == opcode::PHI)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use rspirv::spirv::Op;
+
+    use crate::module::assemble::Assembler;
+    use crate::program::lower::lower;
+
+    /// The merge block of an endless loop is lowered though control never comes to it, and may name
+    /// what another such block computes (SPIR-V, 2.16.1: only a use that control comes to must be
+    /// dominated).
+    #[test]
+    fn what_control_never_comes_to_needs_no_value() {
+        let mut a = Assembler::new();
+        a.with_string(Op::EntryPoint, &[5, 30], "main", &[]);
+        a.op(Op::ExecutionMode, &[30, 17, 1, 1, 1]);
+        a.types();
+        a.function(30, 31, |a| {
+            a.op(Op::Branch, &[32]);
+            a.op(Op::Label, &[32]);
+            a.op(Op::LoopMerge, &[34, 35, 0]);
+            a.op(Op::Branch, &[35]);
+            a.op(Op::Label, &[33]);
+            a.op(Op::IAdd, &[5, 40, 8, 8]);
+            a.op(Op::Branch, &[35]);
+            a.op(Op::Label, &[35]);
+            a.op(Op::Branch, &[32]);
+            a.op(Op::Label, &[34]);
+            a.op(Op::IAdd, &[5, 41, 40, 8]);
+            a.op(Op::Return, &[]);
+        });
+        let module = Arc::new(a.loaded());
+        let reached: Vec<bool> = (0..5).map(|block| module.reaches(0, block)).collect();
+        // In their order: 31, 32, 33, 35, 34.
+        assert_eq!(reached, [true, true, false, true, false]);
+        lower(&module, &module.entry_points[0]).expect("a valid module");
+    }
+}
