@@ -4,6 +4,7 @@
 mod command;
 mod listing;
 mod places;
+mod script;
 pub mod traversal_events;
 
 use std::fmt::Write as _;
@@ -17,6 +18,7 @@ use crate::debug::values::TypedValue;
 use command::{Action, help};
 pub use command::{COMMANDS, Command, complete};
 use listing::Listing;
+pub use script::{PROMPT, run_script, transcript};
 
 /// A debugger that understands commands.
 #[derive(Debug)]

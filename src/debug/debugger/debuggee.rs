@@ -4,17 +4,18 @@ use std::any::Any;
 use std::cell::RefCell;
 use std::sync::Arc;
 
+use crate::error::Error;
 use crate::machine::{Batch, Bindings, BlockIndex, Buffer, Lanes, Mask, OpIndex, Reg, ShaderIndex};
 use crate::ops::builtin::{Builtin, stage_letter};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{ActiveShader, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch, Trapped};
+use crate::pipeline::{ActiveShader, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch};
 use crate::program::Program;
 
 use super::tracker::{Followed, Tracker};
 
 /// A shader that has begun and not ended, while everything is paused.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct StoppedShader {
+pub struct StoppedShader {
     /// The shader.
     pub shader: ShaderIndex,
     /// The operation or terminator that is next; of a shader that waits, the one that it waits in.
@@ -24,10 +25,10 @@ pub(super) struct StoppedShader {
 }
 
 /// A kept state of a debuggee.
-pub(super) type SavedState = Box<dyn Any>;
+pub type SavedState = Box<dyn Any>;
 
 /// One invocation or ray that runs in steps.
-pub(super) trait Debuggee {
+pub trait Debuggee {
     /// Runs until the tracker pauses it, or to the end.
     fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed;
 
@@ -61,8 +62,8 @@ pub(super) trait Debuggee {
     /// The memory of its workgroup.
     fn workgroup_memory(&self) -> Option<Arc<Buffer>>;
 
-    /// The trap that ended it.
-    fn trapped(&self) -> Option<&Trapped>;
+    /// The trap, or the mistake of what answers its calls, that ended it.
+    fn trapped(&self) -> Option<&Error>;
 }
 
 impl<const W: usize> Debuggee for SteppedLaunch<W>
@@ -134,8 +135,8 @@ where
         None
     }
 
-    fn trapped(&self) -> Option<&Trapped> {
-        Self::trapped(self)
+    fn trapped(&self) -> Option<&Error> {
+        Self::trapped(self).map(|trapped| &trapped.error)
     }
 }
 
@@ -204,8 +205,8 @@ where
         Some(self.workgroup().memory.clone())
     }
 
-    fn trapped(&self) -> Option<&Trapped> {
-        Self::trapped(self)
+    fn trapped(&self) -> Option<&Error> {
+        Self::trapped(self).map(|trapped| &trapped.error)
     }
 }
 
@@ -221,7 +222,7 @@ where
 }
 
 /// The words of a builtin in a lane of a shader; `None` where its stage has none.
-fn builtin_words<const W: usize>(
+pub fn builtin_words<const W: usize>(
     program: &Program,
     batch: &Batch<W>,
     lane: usize,
@@ -235,7 +236,7 @@ fn builtin_words<const W: usize>(
 }
 
 /// The operation of a paused batch that runs next, or the terminator of its block.
-fn next_step<const W: usize>(program: &Program, batch: &Batch<W>) -> OpIndex {
+pub fn next_step<const W: usize>(program: &Program, batch: &Batch<W>) -> OpIndex {
     match batch.op == program.blocks[batch.block.index()].end {
         true => program.terminator_index(batch.block),
         false => batch.op,

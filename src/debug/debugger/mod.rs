@@ -9,7 +9,7 @@
 mod breakpoint;
 mod condition;
 mod course;
-mod debuggee;
+pub mod debuggee;
 pub mod expression;
 mod history;
 mod id_places;
@@ -25,7 +25,7 @@ mod source_map;
 mod stack;
 mod start;
 mod stopped_lane;
-mod tracker;
+pub mod tracker;
 mod traversal_names;
 mod value_layout;
 mod value_paths;
@@ -399,7 +399,7 @@ impl Debugger {
     /// What the end is. It stays before the last step, where everything can still be looked at.
     fn at_end(&mut self) -> StopReason {
         let stop = match self.debuggee.trapped() {
-            Some(trapped) => StopReason::Trap(trapped.error.clone()),
+            Some(error) => StopReason::Trap(error.clone()),
             None => StopReason::End,
         };
         self.seek(self.course.time.saturating_sub(1));
