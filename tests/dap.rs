@@ -205,6 +205,11 @@ fn a_trap_stops_before_its_step() {
 }
 
 #[test]
+fn findings_of_the_sanitizer_stop() {
+    hold("sanitizer.jsonl");
+}
+
+#[test]
 fn requests_that_no_editor_sends_are_refused() {
     hold("hostile.jsonl");
 }

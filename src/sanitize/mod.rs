@@ -36,7 +36,7 @@ pub mod traced_rays;
 pub mod unwritten;
 mod value_path;
 
-pub use finding::{Finding, Findings};
+pub use finding::{Finding, Findings, Occurrence};
 pub use levels::Levels;
 pub use plan::ProgramPlan;
 pub use rule::{Level, Rule, RuleKind};

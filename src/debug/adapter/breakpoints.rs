@@ -1,8 +1,8 @@
-//! Breakpoints at lines, functions and instructions, and exception filters.
+//! Breakpoints at lines, functions and instructions.
 
 use emmy_dap_types::requests::{
-    BreakpointLocationsArguments, SetBreakpointsArguments, SetExceptionBreakpointsArguments,
-    SetFunctionBreakpointsArguments, SetInstructionBreakpointsArguments,
+    BreakpointLocationsArguments, SetBreakpointsArguments, SetFunctionBreakpointsArguments,
+    SetInstructionBreakpointsArguments,
 };
 use emmy_dap_types::responses::{
     BreakpointLocationsResponse, SetBreakpointsResponse, SetFunctionBreakpointsResponse,
@@ -14,7 +14,6 @@ use serde_json::json;
 use crate::debug::debugger::{Breakpoint, BreakpointId, BreakpointPlace, SourcePosition};
 
 use super::disassembly::shader_and_offset;
-use super::initialize::{NAN, TRAP};
 use super::protocol::{Answer, Refusal, Request, body};
 use super::sources::{Sources, path_of_uri};
 use super::{Adapter, Launched};
@@ -143,23 +142,6 @@ impl Adapter {
         body(SetInstructionBreakpointsResponse { breakpoints })
     }
 
-    pub(super) fn set_exception_breakpoints(&mut self, request: &Request) -> Answer {
-        let arguments: SetExceptionBreakpointsArguments = request.arguments()?;
-        let options = arguments.filter_options.unwrap_or_default();
-        let all: Vec<String> =
-            arguments.filters.into_iter().chain(options.into_iter().map(|option| option.filter_id)).collect();
-        let verified: Vec<_> = all
-            .iter()
-            .map(|filter| match filter == TRAP || filter == NAN {
-                true => json!({ "verified": true }),
-                false => json!({ "verified": false, "message": format!("there is no filter `{filter}`") }),
-            })
-            .collect();
-        self.filters = all;
-        self.apply_breakpoints();
-        Ok(json!({ "breakpoints": verified }))
-    }
-
     pub(super) fn breakpoint_locations(&mut self, request: &Request) -> Answer {
         let arguments: BreakpointLocationsArguments = request.arguments()?;
         let client = self.client;
@@ -195,7 +177,7 @@ impl Adapter {
     /// Gives the debugger the breakpoints that were asked for.
     pub(super) fn apply_breakpoints(&mut self) {
         let is_enabled = !self.arguments.as_ref().is_some_and(|arguments| arguments.no_debug);
-        let stops_at_nan = is_enabled && self.filters.iter().any(|filter| filter == NAN);
+        let stops_at_nan = is_enabled && self.filters.nans;
         let Some(Launched { debugger, sources, .. }) = &mut self.launched else { return };
         let hits = |id: BreakpointId| {
             debugger.breakpoints().iter().find(|one| one.id == id).map_or(0, |breakpoint| breakpoint.hits)

@@ -84,6 +84,9 @@ impl Adapter {
             sent_output: 0,
             trap: None,
             exception: None,
+            session,
+            request,
+            findings: None,
         })
     }
 
@@ -100,6 +103,10 @@ impl Adapter {
         let stops = self.arguments.as_ref().is_some_and(|arguments| arguments.stop_on_entry);
         self.outbox.event("thread", json!({ "reason": "started", "threadId": THREAD }));
         self.apply_breakpoints();
+        if let Err(why) = self.apply_findings() {
+            let output = format!("the sanitizer does not look at this run: {why}\n");
+            self.outbox.event("output", json!({ "category": "important", "output": output }));
+        }
         self.state = State::Running(if stops { Motion::Begin } else { Motion::Resume });
     }
 }

@@ -8,6 +8,7 @@
 mod breakpoints;
 mod data_breakpoints;
 mod disassembly;
+mod exceptions;
 mod frames;
 mod initialize;
 mod launch;
@@ -26,12 +27,14 @@ use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
 
-use crate::debug::debugger::{Debugger, Stepping};
+use crate::debug::debugger::{Debugger, FindingFilter, Stepping};
+use crate::debug::session::{ExplainRequest, Session};
 use crate::error::Error;
 use crate::scene::{LoadOptions, ResolvedScene};
 
 use breakpoints::RequestedBreakpoints;
 use data_breakpoints::DataBreakpoints;
+use exceptions::{Exception, ExceptionFilters};
 use initialize::Client;
 use launch_arguments::LaunchArguments;
 use protocol::{Answer, Outbox, Refusal, Request};
@@ -95,8 +98,13 @@ struct Launched {
     sent_output: usize,
     /// The error of the step that is next, which traps.
     trap: Option<Error>,
-    /// Why it stopped, where that is an exception: its filter, and what it is.
-    exception: Option<(&'static str, String)>,
+    /// Why it stopped, where that is an exception.
+    exception: Option<Exception>,
+    /// What was loaded, and what of it is debugged: it may be run again beside.
+    session: Session,
+    request: ExplainRequest,
+    /// Which findings of the sanitizer stop it.
+    findings: Option<FindingFilter>,
 }
 
 /// A debug adapter for one client.
@@ -108,7 +116,7 @@ pub struct Adapter {
     breakpoints: RequestedBreakpoints,
     data_breakpoints: DataBreakpoints,
     /// The exception filters that are on.
-    filters: Vec<String>,
+    filters: ExceptionFilters,
     arguments: Option<LaunchArguments>,
     launched: Option<Launched>,
     state: State,
@@ -132,7 +140,7 @@ impl Adapter {
             client: Client::default(),
             breakpoints: RequestedBreakpoints::default(),
             data_breakpoints: DataBreakpoints::default(),
-            filters: vec![initialize::TRAP.to_owned()],
+            filters: ExceptionFilters::default(),
             arguments: None,
             launched: None,
             state: State::Idle,

@@ -8,8 +8,8 @@ use crate::debug::console::traversal_events;
 use crate::debug::debugger::{Stepping, StopReason};
 use crate::error::Error;
 
-use super::initialize::{NAN, TRAP};
-use super::protocol::{Answer, Refusal, Request, body};
+use super::exceptions::Exception;
+use super::protocol::{Answer, Request};
 use super::{Adapter, Motion, State, THREAD};
 
 impl Adapter {
@@ -78,22 +78,20 @@ impl Adapter {
     fn stop(&mut self, stop: StopReason) {
         self.send_output();
         let no_debug = self.arguments.as_ref().is_some_and(|arguments| arguments.no_debug);
-        let stops_at_traps = !no_debug && self.filters.iter().any(|filter| filter == TRAP);
+        let stops_at_traps = !no_debug && self.filters.traps;
         match stop {
             StopReason::Interrupted => self.state = State::Running(Motion::Proceed),
             StopReason::End => self.end(None),
             StopReason::Trap(error) if !stops_at_traps => self.end(Some(&error)),
             StopReason::Trap(error) => {
-                let message = error.message().to_owned();
+                let exception = Exception::trap(&error);
                 if let Some(launched) = &mut self.launched {
                     launched.trap = Some(error);
                 }
-                self.stopped_at_exception(TRAP, "Paused before a trap", message);
+                self.stopped_at_exception(exception);
             }
-            StopReason::Nan => {
-                let message = "an operation has made a NaN of numbers".to_owned();
-                self.stopped_at_exception(NAN, "Paused behind a NaN", message);
-            }
+            StopReason::Nan => self.stopped_at_exception(Exception::nan()),
+            StopReason::Findings(findings) => self.stopped_at_exception(Exception::findings(&findings)),
             StopReason::Entry => self.stopped_because(json!({ "reason": "entry" })),
             StopReason::Step => self.stopped_because(json!({ "reason": "step" })),
             StopReason::Traversal(None) => {
@@ -133,15 +131,16 @@ impl Adapter {
         }
     }
 
-    fn stopped_at_exception(&mut self, filter: &'static str, description: &str, message: String) {
-        if let Some(launched) = &mut self.launched {
-            launched.exception = Some((filter, message.clone()));
-        }
-        self.stopped_because(json!({
+    fn stopped_at_exception(&mut self, exception: Exception) {
+        let event = json!({
             "reason": "exception",
-            "description": description,
-            "text": message,
-        }));
+            "description": exception.description,
+            "text": exception.text,
+        });
+        if let Some(launched) = &mut self.launched {
+            launched.exception = Some(exception);
+        }
+        self.stopped_because(event);
     }
 
     /// Tells the client that the invocation has stopped.
@@ -190,19 +189,5 @@ impl Adapter {
     pub(super) fn traversal(&mut self) -> Answer {
         let launched = self.stopped()?;
         Ok(json!({ "events": traversal_events::told(launched.debugger.events()) }))
-    }
-
-    pub(super) fn exception_info(&mut self) -> Answer {
-        let launched = self.stopped()?;
-        let Some((filter, message)) = &launched.exception else {
-            return Err(Refusal::new("the invocation has not stopped at an exception"));
-        };
-        let report = launched.trap.as_ref().map(Error::render);
-        body(json!({
-            "exceptionId": filter,
-            "description": message,
-            "breakMode": "always",
-            "details": { "message": message, "stackTrace": report },
-        }))
     }
 }

@@ -309,6 +309,9 @@ impl Console {
                 }
             }
             StopReason::Nan => "the step before made the first NaN\n".into(),
+            StopReason::Findings(findings) => findings.iter().fold(String::new(), |text, finding| {
+                format!("{text}{}: {}\n", finding.rule.id, finding.error.message())
+            }),
             StopReason::Trap(error) => format!("trapped: {}\n", error.message()),
             StopReason::Interrupted => "interrupted\n".into(),
             StopReason::Beginning => "the start of history: nothing is before this\n".into(),

@@ -110,7 +110,7 @@ where
         let lane = self.lane();
         let position = own_shaders(self).nth(shader).map(|(position, _)| position);
         if let Some(batch) = position.and_then(|position| self.batch_mut(position)) {
-            batch.registers[register].0[lane] = word;
+            set_word(batch, register, lane, word);
         }
     }
 
@@ -183,7 +183,7 @@ where
         if let Some(batch) = self.batch_mut()
             && let Some(lane) = followed.lane(batch)
         {
-            batch.registers[register].0[lane] = word;
+            set_word(batch, register, lane, word);
         }
     }
 
@@ -206,6 +206,14 @@ where
 
     fn trapped(&self) -> Option<&Trapped> {
         Self::trapped(self)
+    }
+}
+
+/// Sets a register of a lane, which is defined then.
+fn set_word<const W: usize>(batch: &mut Batch<W>, register: Reg, lane: usize, word: u32) {
+    batch.registers[register].0[lane] = word;
+    if let Some(shadow) = &mut batch.registers.shadow {
+        shadow.define_lanes(register, Mask::lane(lane));
     }
 }
 

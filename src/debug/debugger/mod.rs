@@ -11,6 +11,7 @@ mod condition;
 mod course;
 mod debuggee;
 pub mod expression;
+mod findings_ahead;
 mod history;
 mod id_places;
 mod inspect;
@@ -18,6 +19,7 @@ pub mod lane_state;
 mod last_write;
 mod memory_state;
 mod place_memory;
+mod sanitized_steps;
 mod segment_summary;
 pub mod source_frames;
 mod source_locals;
@@ -42,18 +44,21 @@ use crate::error::Error;
 use crate::machine::Reg;
 use crate::machine::printed::Printed;
 use crate::pipeline::{Event, Pipeline, Resumed};
+use crate::sanitize::Finding;
 
 use condition::{Hit, StopConditions, words_of};
 use course::Course;
 use debuggee::Debuggee;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
+use sanitized_steps::{SanitizedSteps, Sanitizing};
 use segment_summary::SegmentSummary;
 use tracker::Tracker;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
 pub use course::Time;
+pub use findings_ahead::{FindingFilter, FindingsAhead};
 pub use lane_state::LaneState;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
@@ -96,6 +101,8 @@ pub enum StopReason {
     Wrote(Write),
     /// The step before made a NaN from numbers.
     Nan,
+    /// The step that is next meets findings of the sanitizer.
+    Findings(Vec<Finding>),
     /// The step that is next traps.
     Trap(Error),
     /// Another thread asked for it; [`Debugger::proceed`] goes on with what was interrupted.
@@ -135,6 +142,10 @@ pub struct Debugger {
     interrupt: Option<Arc<AtomicBool>>,
     /// What was interrupted.
     interrupted: Option<StopConditions>,
+    /// The sanitizer that looks at this run.
+    sanitizing: Option<Sanitizing>,
+    /// The run that knows at which steps this one meets findings of the sanitizer.
+    ahead: Option<Box<FindingsAhead>>,
 }
 
 impl Debugger {
@@ -169,6 +180,8 @@ impl Debugger {
             stops_at_nan: false,
             interrupt: None,
             interrupted: None,
+            sanitizing: None,
+            ahead: None,
         }
     }
 
@@ -250,7 +263,8 @@ impl Debugger {
     /// Makes a step.
     pub fn step(&mut self, step: Stepping) -> StopReason {
         let conditions = self.step_conditions(step, self.course.depth());
-        let conditions = StopConditions { breakpoints: Some(self.table.clone()), ..conditions };
+        let nan = self.stops_at_nan;
+        let conditions = StopConditions { breakpoints: Some(self.table.clone()), nan, ..conditions };
         self.run(conditions)
     }
 
@@ -303,11 +317,21 @@ impl Debugger {
 
     fn run_on(&mut self, mut conditions: StopConditions) -> StopReason {
         self.interrupted = None;
+        let wanted = conditions.until;
         loop {
+            conditions.until = wanted.min(self.free_until());
             if self.advance(&mut conditions) == Resumed::Ended {
                 return self.at_end();
             }
-            if conditions.only_arrived() && self.course.time < conditions.until {
+            let has_come = std::mem::replace(&mut conditions.until, wanted) <= self.course.time;
+            let findings = self.findings_here();
+            if !findings.is_empty() {
+                return StopReason::Findings(findings);
+            }
+            if conditions.only_arrived() && self.course.time < wanted {
+                if has_come && !conditions.is_interrupted() {
+                    continue;
+                }
                 self.interrupted = Some(conditions);
                 return StopReason::Interrupted;
             }
@@ -446,7 +470,14 @@ impl Debugger {
         let followed = self.debuggee.followed();
         let mut tracker =
             Tracker::new(&mut self.course, &self.sources, followed, conditions, &inbox, summary);
+        let sanitizer = self.sanitizing.as_mut().and_then(Sanitizing::take);
+        tracker.sanitized =
+            self.sanitizing.as_ref().zip(sanitizer).map(|(with, sanitizer)| with.looking(sanitizer));
         let resumed = self.debuggee.resume(&mut tracker, &inbox);
+        let sanitizer = tracker.sanitized.take().map(SanitizedSteps::paused);
+        if let Some(sanitizing) = &mut self.sanitizing {
+            sanitizing.keep(sanitizer);
+        }
         let printed = self.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         if is_new {
             // Nothing can stop behind the last step.
@@ -514,8 +545,14 @@ impl Debugger {
         };
         let mut before = self.course.time;
         loop {
+            let finding = self.last_finding_before(before);
             let hits = self.last_hits(&conditions, before);
-            let Some(time) = hits.first().map(|hit| hit.time) else { return self.go_to_beginning() };
+            let time = hits.first().map(|hit| hit.time);
+            if let Some(found) = finding.filter(|&found| time.is_none_or(|time| time <= found)) {
+                self.seek(found);
+                return StopReason::Findings(self.findings_here());
+            }
+            let Some(time) = time else { return self.go_to_beginning() };
             self.seek(time);
             let reasons: Vec<Reason> = hits.into_iter().map(|hit| hit.reason).collect();
             if let Some(stop) = self.decide(&reasons, Direction::Backwards) {

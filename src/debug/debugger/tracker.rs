@@ -8,7 +8,8 @@ use crate::ops::op::Op;
 use crate::pipeline::Event;
 
 use super::condition::{Ran, StopConditions};
-use super::course::{ActiveShader, Course, FrameLine, Moment};
+use super::course::{ActiveShader, Course, FrameLine, Moment, Time};
+use super::sanitized_steps::SanitizedSteps;
 use super::segment_summary::SegmentSummary;
 use super::source_map::{ShaderSites, Site, SourceMap};
 
@@ -44,6 +45,8 @@ pub(super) struct Tracker<'a> {
     inbox: &'a RefCell<Vec<Event>>,
     /// Where lines are noted that begin for the first time.
     summary: Option<&'a mut SegmentSummary>,
+    /// The sanitizer, where it looks at the run, too.
+    pub(super) sanitized: Option<SanitizedSteps<'a>>,
     shader: ShaderIndex,
     lane: Option<usize>,
 }
@@ -63,7 +66,7 @@ impl<'a> Tracker<'a> {
             course.events.clear();
         }
         let (shader, lane) = (ShaderIndex(0), None);
-        Self { course, sources, followed, conditions, inbox, summary, shader, lane }
+        Self { course, sources, followed, conditions, inbox, summary, sanitized: None, shader, lane }
     }
 
     /// Takes what the pipeline has reported.
@@ -109,6 +112,9 @@ impl<'a> Tracker<'a> {
         }
         if self.conditions.is_met(self.course.time) {
             self.course.paused = true;
+            if let Some(sanitized) = &mut self.sanitized {
+                sanitized.pause();
+            }
             return true;
         }
         self.course.time += 1;
@@ -161,6 +167,11 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// The followed invocation and the step that is next, for the sanitizer.
+    fn at(&self) -> (Followed, Time) {
+        (self.followed, self.course.time)
+    }
+
     /// The lane, where it is among those that run.
     fn running_lane<const W: usize>(&self, batch: &Batch<W>) -> Option<usize> {
         self.lane.filter(|&lane| batch.mask.contains(lane))
@@ -168,7 +179,19 @@ impl<'a> Tracker<'a> {
 }
 
 impl<const W: usize> Observer<W> for Tracker<'_> {
+    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        let at = self.at();
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.began(shader, batch);
+            sanitized.note(batch, at);
+        }
+    }
+
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        let at = self.at();
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.resumed(shader, batch, at);
+        }
         self.take_events();
         self.shader = shader;
         self.lane = self.followed.lane(batch);
@@ -185,6 +208,10 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+        let at = self.at();
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.stopped(shader, batch, at);
+        }
         let program = &self.sources.shader(shader).program;
         if self.lane.is_some()
             && let Some(Op::Stop(call)) = program.ops.get(batch.stopped_at().index())
@@ -195,6 +222,11 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn block(&mut self, batch: &Batch<W>) {
+        let at = self.at();
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.block(batch);
+            sanitized.note(batch, at);
+        }
         if self.running_lane(batch).is_none() {
             return;
         }
@@ -211,10 +243,21 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
+        let at = self.at();
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.before(batch, op);
+            sanitized.note(batch, at);
+        }
         self.running_lane(batch).is_some() && self.arrive(op, batch.frames().len())
     }
 
-    fn after(&mut self, batch: &mut Batch<W>, _: &Bindings, op: OpIndex) {
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+        // The step was counted before it was made.
+        let at = (self.followed, self.course.time.saturating_sub(1));
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.after(batch, bindings, op);
+            sanitized.note(batch, at);
+        }
         if let Some(events) = batch.queries.events.as_mut().filter(|events| !events.is_empty()) {
             let lane = self.lane.map(|lane| lane as u32);
             let own = events.drain(..).filter(|event| Some(event.lane) == lane);
@@ -235,6 +278,11 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
+        let at = self.at();
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.terminator(batch);
+            sanitized.note(batch, at);
+        }
         let terminator = self.sources.shader(self.shader).program.terminator_index(batch.block);
         self.running_lane(batch).is_some() && self.arrive(terminator, batch.frames().len())
     }
