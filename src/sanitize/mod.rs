@@ -42,5 +42,5 @@ pub use plan::ProgramPlan;
 pub use rule::{Level, Rule, RuleKind};
 pub use sanitizer::Sanitizer;
 pub use structures::StructureNames;
-pub use traced_rays::{RayWatch, SeenRays};
+pub use traced_rays::{PausedRayWatch, RayWatch, SeenRays};
 pub use unwritten::{LaunchSize, UnwrittenMemory};

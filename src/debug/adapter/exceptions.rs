@@ -229,12 +229,12 @@ impl Adapter {
             return Ok(());
         };
         launched.findings = None;
-        launched.debugger.stop_at_findings(None);
+        launched.console.debugger.stop_at_findings(None);
         let Some(filter) = wanted else { return Ok(()) };
         let (scene, request) = (launched.session.scene().clone(), launched.request.clone());
         let ahead = scene_levels(&scene.document)
             .and_then(|levels| FindingsAhead::of_scene(scene, request, levels, filter.clone()));
-        launched.debugger.stop_at_findings(Some(ahead.map_err(|error| in_a_line(&error))?));
+        launched.console.debugger.stop_at_findings(Some(ahead.map_err(|error| in_a_line(&error))?));
         launched.findings = Some(filter);
         Ok(())
     }

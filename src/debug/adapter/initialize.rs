@@ -37,6 +37,12 @@ impl Client {
         i64::from(column.max(1)) - 1 + self.first_column
     }
 
+    /// The column that the client means, from 1.
+    pub(super) fn column_from(self, column: i64) -> u32 {
+        let column = column.saturating_sub(self.first_column).saturating_add(1);
+        u32::try_from(column.max(1)).unwrap_or(u32::MAX)
+    }
+
     /// The line that the client means; the first where it has no such number.
     pub(super) fn line_from(self, line: i64) -> u32 {
         let line = line.saturating_sub(self.first).saturating_add(1);
@@ -62,6 +68,7 @@ impl Adapter {
             supports_evaluate_for_hovers: yes,
             exception_breakpoint_filters: Some(ExceptionFilters::offered()),
             supports_exception_filter_options: yes,
+            supports_completions_request: yes,
             supports_step_back: yes,
             supports_set_variable: yes,
             supports_set_expression: yes,

@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use crate::debug::console::Console;
 use crate::debug::debugger::Debugger;
 use crate::debug::session::Session;
 use crate::error::Result;
@@ -70,14 +71,16 @@ impl Adapter {
         let session = Session::new(scene)?;
         notes.extend(session.assembled().notes.iter().cloned());
         let mut debugger = Debugger::of_scene(&session, &request)?;
-        debugger.interrupted_by(self.interrupt.clone());
+        debugger.interrupted_by(self.flags.message.clone());
+        debugger.given_up_by(self.flags.stop.clone());
         let sources = Sources::new(&debugger, &*self.host, path);
         for note in notes {
             let output = format!("note: {note}\n");
             self.outbox.event("output", json!({ "category": "console", "output": output }));
         }
         Ok(Launched {
-            debugger,
+            console: Console::embedded(debugger),
+            console_breakpoints: Vec::new(),
             sources,
             name,
             stopped: StoppedState::default(),

@@ -5,11 +5,12 @@
 //! steps, so a finding is met again at the same step however often the debugger goes back.
 
 use std::fmt;
+use std::rc::Rc;
 
 use crate::debug::session::{ExplainRequest, Session};
 use crate::error::Result;
 use crate::pipeline::Resumed;
-use crate::sanitize::{Finding, Level, Levels, Rule};
+use crate::sanitize::{Finding, Level, Levels, Rule, StructureNames};
 use crate::scene::ResolvedScene;
 use crate::scene::pass::PassWork;
 use crate::scene::unwritten::unwritten_memory;
@@ -179,8 +180,10 @@ impl Debugger {
         let resources = own.unwrap_or_else(|| assembled.resources.clone());
         // What passes before it have written is not known.
         let unwritten = (number == Some(0)).then(|| unwritten_memory(session.scene(), &resources));
+        run.history.keep_no_more();
         let pipeline = run.pipeline.clone();
-        run.sanitizing = Some(Sanitizing::new(&pipeline, is_launch, levels.clone(), |sanitizer| {
+        let names = is_launch.then(|| Rc::new(session.scene().clone()) as Rc<dyn StructureNames>);
+        run.sanitizing = Some(Sanitizing::new(&pipeline, names, levels.clone(), |sanitizer| {
             sanitizer.with_unwritten(unwritten.unwrap_or_default()).with_resources(&resources)
         }));
         Ok(run)

@@ -1,39 +1,52 @@
 //! The sanitizer beside a tracker: at which steps the invocation that is followed meets findings.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
 use crate::machine::{Batch, Observer, ShaderIndex};
-use crate::pipeline::Pipeline;
-use crate::sanitize::{Finding, Levels, ProgramPlan, Sanitizer};
+use crate::pipeline::{Event, Pipeline};
+use crate::sanitize::{
+    Finding, Levels, PausedRayWatch, ProgramPlan, RayWatch, Sanitizer, SeenRays, StructureNames,
+};
 
 use super::course::Time;
-use super::tracker::Followed;
 
 /// A finding that the followed invocation meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FoundAt {
     /// The step that breaks the rule.
     pub time: Time,
-    /// The finding, by its place among all of the run.
-    pub finding: usize,
+    /// The finding.
+    pub finding: FindingNumber,
+}
+
+/// A finding of a run, by its place among those of steps or of rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FindingNumber {
+    OfStep(usize),
+    OfRay(usize),
 }
 
 /// What the sanitizer of a run borrows while it runs, and the sanitizer itself while the run is
 /// paused.
-#[derive(Debug)]
 pub(super) struct Sanitizing {
     plans: Vec<ProgramPlan>,
     levels: Levels,
-    /// Of a dispatch there is none.
-    pipeline: Option<Arc<Pipeline>>,
+    /// The pipeline that traces rays, and what the scene calls what they meet; of a dispatch there
+    /// is none.
+    rays: Option<(Arc<Pipeline>, Rc<dyn StructureNames>)>,
     paused: Option<SanitizedSteps<'static>>,
 }
 
 /// The sanitizer while the invocation runs.
-#[derive(Debug)]
 pub(super) struct SanitizedSteps<'a> {
     /// The sanitizer: whoever tells it of something asks [`SanitizedSteps::note`] what came of it.
     pub(super) sanitizer: Sanitizer<'a>,
+    /// What the rays of the run are checked with.
+    names: Option<(&'a Pipeline, &'a dyn StructureNames)>,
+    levels: &'a Levels,
+    rays: PausedRayWatch,
+    seen: SeenRays,
     /// What was found, ascending in time.
     found: Vec<FoundAt>,
     /// Whether the tracker has paused the run: a shader that goes on then has called nothing.
@@ -45,15 +58,24 @@ impl Sanitizing {
     /// it what else it knows.
     pub(super) fn new(
         pipeline: &Arc<Pipeline>,
-        is_launch: bool,
+        names: Option<Rc<dyn StructureNames>>,
         levels: Levels,
         prepare: impl FnOnce(Sanitizer<'_>) -> Sanitizer<'_>,
     ) -> Self {
         let plans: Vec<_> = pipeline.programs.iter().map(ProgramPlan::new).collect();
         let sanitizer = prepare(Sanitizer::new(&plans, &levels).noting_occurrences());
         let sanitizer = sanitizer.borrowing(&[], Levels::defaults(), None);
-        let paused = Some(SanitizedSteps { sanitizer, found: Vec::new(), is_paused: false });
-        Self { plans, levels, pipeline: is_launch.then(|| pipeline.clone()), paused }
+        let steps = SanitizedSteps {
+            sanitizer,
+            names: None,
+            levels: Levels::defaults(),
+            rays: PausedRayWatch::noting_occurrences(),
+            seen: SeenRays::default(),
+            found: Vec::new(),
+            is_paused: false,
+        };
+        let rays = names.map(|names| (pipeline.clone(), names));
+        Self { plans, levels, rays, paused: Some(steps) }
     }
 
     /// What was found so far, ascending in time.
@@ -62,8 +84,12 @@ impl Sanitizing {
     }
 
     /// A finding, by its place among all.
-    pub(super) fn finding(&self, number: usize) -> Option<&Finding> {
-        self.paused.as_ref()?.sanitizer.findings().iter().nth(number)
+    pub(super) fn finding(&self, number: FindingNumber) -> Option<&Finding> {
+        let paused = self.paused.as_ref()?;
+        match number {
+            FindingNumber::OfStep(number) => paused.sanitizer.findings().iter().nth(number),
+            FindingNumber::OfRay(number) => paused.rays.findings().iter().nth(number),
+        }
     }
 
     /// Takes the sanitizer out for the time that a run goes on.
@@ -73,7 +99,8 @@ impl Sanitizing {
 
     /// The sanitizer that was taken out, with what it needs to look at steps.
     pub(super) fn looking<'a>(&'a self, steps: SanitizedSteps<'static>) -> SanitizedSteps<'a> {
-        steps.borrowing(&self.plans, &self.levels, self.pipeline.as_deref())
+        let rays = self.rays.as_ref().map(|(pipeline, names)| (&**pipeline, &**names));
+        steps.borrowing(&self.plans, &self.levels, rays)
     }
 
     /// Keeps the sanitizer until the run goes on.
@@ -87,10 +114,11 @@ impl SanitizedSteps<'_> {
         self,
         plans: &'b [ProgramPlan],
         levels: &'b Levels,
-        pipeline: Option<&'b Pipeline>,
+        names: Option<(&'b Pipeline, &'b dyn StructureNames)>,
     ) -> SanitizedSteps<'b> {
-        let Self { sanitizer, found, is_paused } = self;
-        SanitizedSteps { sanitizer: sanitizer.borrowing(plans, levels, pipeline), found, is_paused }
+        let Self { sanitizer, rays, seen, found, is_paused, .. } = self;
+        let sanitizer = sanitizer.borrowing(plans, levels, names.map(|(pipeline, _)| pipeline));
+        SanitizedSteps { sanitizer, names, levels, rays, seen, found, is_paused }
     }
 
     /// The sanitizer without what it borrows.
@@ -103,45 +131,52 @@ impl SanitizedSteps<'_> {
         self.is_paused = true;
     }
 
-    /// Notes what the followed invocation has met at a step.
-    pub(super) fn note<const W: usize>(&mut self, batch: &Batch<W>, (followed, time): (Followed, Time)) {
+    /// Notes what the followed invocation has met at a step; `own` tells its launch index.
+    pub(super) fn note(&mut self, time: Time, own: impl FnOnce() -> Option<[u32; 3]>) {
         let met = self.sanitizer.take_occurrences();
         if met.is_empty() {
             return;
         }
-        let own = followed.lane(batch).map(|lane| batch.invocations.launch_id(lane));
+        let own = own();
         for occurrence in met.into_iter().filter(|occurrence| Some(occurrence.launch_id) == own) {
-            let found = FoundAt { time, finding: occurrence.finding };
-            // Several invocations of one operation, or operations of one instruction, say it once.
-            if self.found.last() != Some(&found) {
-                self.found.push(found);
-            }
+            self.add(FoundAt { time, finding: FindingNumber::OfStep(occurrence.finding) });
+        }
+    }
+
+    /// Looks at what the pipeline has done for the followed invocation at a step.
+    pub(super) fn event(&mut self, event: Event, time: Time) {
+        let Some((pipeline, names)) = self.names else { return };
+        let paused = std::mem::take(&mut self.rays);
+        let mut watch = RayWatch::of_paused(pipeline, names, self.levels, &mut self.seen, paused);
+        watch.event(event);
+        self.rays = watch.pause();
+        for occurrence in self.rays.take_occurrences() {
+            self.add(FoundAt { time, finding: FindingNumber::OfRay(occurrence.finding) });
+        }
+    }
+
+    /// Adds what was found. A ray's findings come when its traversal is over, and the next shader
+    /// may have begun.
+    fn add(&mut self, found: FoundAt) {
+        let at = self.found.partition_point(|one| one.time <= found.time);
+        // An operation may meet one several times, for each of its operands.
+        let same_step = self.found[..at].iter().rev().take_while(|one| one.time == found.time);
+        if !same_step.into_iter().any(|one| one.finding == found.finding) {
+            self.found.insert(at, found);
         }
     }
 
     /// A shader begins to run, or goes on.
-    pub(super) fn resumed<const W: usize>(
-        &mut self,
-        shader: ShaderIndex,
-        batch: &mut Batch<W>,
-        at: (Followed, Time),
-    ) {
+    pub(super) fn resumed<const W: usize>(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
         if !std::mem::take(&mut self.is_paused) {
             self.sanitizer.resumed(shader, batch);
-            self.note(batch, at);
         }
     }
 
     /// A shader has stopped.
-    pub(super) fn stopped<const W: usize>(
-        &mut self,
-        shader: ShaderIndex,
-        batch: &Batch<W>,
-        at: (Followed, Time),
-    ) {
+    pub(super) fn stopped<const W: usize>(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
         if !self.is_paused {
             self.sanitizer.stopped(shader, batch);
-            self.note(batch, at);
         }
     }
 }
