@@ -3,10 +3,10 @@
 //!
 //! A line of a session is a request with the response that is expected to be the next message
 //! (`request`, `arguments`, and `body` or `error`), a request whose response comes later (`send`),
-//! a response (`response`, and `body` or `error`) or an event (`event`, `body`) that is expected next, or a
-//! comment (`note`). Of an expected object only the members that it has are compared; an array
-//! whose last item is `"..."` may go on. `"$name"` stands for any value and remembers it, and for
-//! that value from then on; `{root}` stands for this repository's folder.
+//! a response (`response`, and `body` or `error`) or an event (`event`, `body`) that is expected
+//! next, or a comment (`note`). Of an expected object only the members that it has are compared; an
+//! array whose last item is `"..."` may go on. `"$name"` stands for any value and remembers it, and
+//! for that value from then on; `{root}` stands for this repository's folder.
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read, Write};

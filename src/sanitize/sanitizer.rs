@@ -109,8 +109,8 @@ impl<'a> Sanitizer<'a> {
         &self.findings
     }
 
-    /// The same sanitizer with what it borrows at another place: of a run that pauses, whoever
-    /// owns the plans keeps it meanwhile.
+    /// Goes on with plans, levels and a pipeline that lie elsewhere: while a run is paused, the
+    /// sanitizer is kept without those of its owner.
     #[must_use]
     pub fn borrowing<'b>(
         self,

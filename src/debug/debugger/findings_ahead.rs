@@ -44,7 +44,7 @@ impl FindingFilter {
 
 /// What was set by hand, for the second run to do the same.
 #[derive(Clone, Debug)]
-struct Edit {
+pub(super) struct Assignment {
     time: Time,
     /// The frame, counted from the innermost.
     frame: usize,
@@ -59,8 +59,8 @@ pub struct FindingsAhead {
     run: Debugger,
     filter: FindingFilter,
     /// Ascending in time; the first ones have been made.
-    edits: Vec<Edit>,
-    edits_made: usize,
+    assignments: Vec<Assignment>,
+    assignments_made: usize,
     has_ended: bool,
 }
 
@@ -93,8 +93,8 @@ impl FindingsAhead {
             prepare: Box::new(prepare),
             run,
             filter,
-            edits: Vec::new(),
-            edits_made: 0,
+            assignments: Vec::new(),
+            assignments_made: 0,
             has_ended: false,
         })
     }
@@ -102,21 +102,24 @@ impl FindingsAhead {
     /// Runs on until all steps before a time are known, or to the end.
     fn cover(&mut self, time: Time) {
         while !self.has_ended && self.run.course.time < time {
-            let edit = self.edits.get(self.edits_made).map_or(Time::MAX, |edit| edit.time);
-            let mut conditions = StopConditions::at(time.min(edit));
+            let assignment =
+                self.assignments.get(self.assignments_made).map_or(Time::MAX, |assignment| assignment.time);
+            let mut conditions = StopConditions::at(time.min(assignment));
             self.has_ended = self.run.advance(&mut conditions) == Resumed::Ended;
-            self.make_edits();
+            self.make_assignments();
         }
     }
 
     /// Sets what was set by hand at the step that is next.
-    fn make_edits(&mut self) {
+    fn make_assignments(&mut self) {
         let now = self.run.course.time;
-        while let Some(edit) = self.edits.get(self.edits_made).filter(|edit| edit.time == now).cloned() {
-            self.edits_made += 1;
-            if let Some(frame) = self.run.stack().into_iter().nth(edit.frame) {
+        while let Some(assignment) =
+            self.assignments.get(self.assignments_made).filter(|assignment| assignment.time == now).cloned()
+        {
+            self.assignments_made += 1;
+            if let Some(frame) = self.run.stack().into_iter().nth(assignment.frame) {
                 // What could be set in one run can be in the other.
-                let _ = self.run.assign(&frame, &edit.target, &edit.value);
+                let _ = self.run.assign(&frame, &assignment.target, &assignment.value);
             }
         }
     }
@@ -148,14 +151,16 @@ impl FindingsAhead {
         met.collect()
     }
 
-    /// Has the second run do what was set by hand in the first.
-    fn edit(&mut self, edit: Edit) -> Result<()> {
-        self.edits.retain(|before| before.time <= edit.time);
-        if self.run.course.time > edit.time {
+    /// Has the second run do what was set by hand in the first, the last of all these just now.
+    fn follow(&mut self, assignments: &[Assignment]) -> Result<()> {
+        self.assignments = assignments.to_vec();
+        if assignments.last().is_some_and(|last| self.run.course.time > last.time) {
             self.run = (self.prepare)()?;
-            (self.edits_made, self.has_ended) = (0, false);
+            (self.assignments_made, self.has_ended) = (0, false);
         }
-        self.edits.push(edit);
+        if self.run.course.paused {
+            self.make_assignments();
+        }
         Ok(())
     }
 }
@@ -192,7 +197,8 @@ impl Debugger {
     /// Stops from now on at findings of the sanitizer, which a second run knows; `None` for no
     /// longer.
     pub fn stop_at_findings(&mut self, ahead: Option<FindingsAhead>) {
-        self.ahead = ahead.map(Box::new);
+        self.ahead =
+            ahead.map(|ahead| Box::new(FindingsAhead { assignments: self.assignments.clone(), ..ahead }));
     }
 
     /// How far a run may go: to the next finding, or to where none is known yet.
@@ -217,13 +223,16 @@ impl Debugger {
         ahead.times().rfind(|&found| found < time)
     }
 
-    /// Something was set by hand in a frame: the second run does the same.
-    pub(super) fn edit_ahead(&mut self, frame: &StackFrame, target: &str, value: &str) {
-        let number = self.stack().iter().position(|one| one == frame);
-        let Some((ahead, frame)) = self.ahead.as_mut().zip(number) else { return };
+    /// Something was set by hand in a frame: what was set later is forgotten, and the second run
+    /// does the same.
+    pub(super) fn note_assignment(&mut self, frame: &StackFrame, target: &str, value: &str) {
+        let Some(frame) = self.stack().iter().position(|one| one == frame) else { return };
         let (target, value) = (target.to_owned(), value.to_owned());
-        let edit = Edit { time: self.course.time, frame, target, value };
-        if let Err(error) = ahead.edit(edit) {
+        let assignment = Assignment { time: self.course.time, frame, target, value };
+        self.assignments.retain(|before| before.time <= assignment.time);
+        self.assignments.push(assignment);
+        let Some(ahead) = &mut self.ahead else { return };
+        if let Err(error) = ahead.follow(&self.assignments) {
             self.ahead = None;
             self.print(format!("no findings of the sanitizer are told any more: {error}"));
         }

@@ -112,7 +112,7 @@ impl Debugger {
         let set =
             self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));
         set.map_err(|error| error.to_string())?;
-        self.edit_ahead(frame, target, value);
+        self.note_assignment(frame, target, value);
         self.keep_edit();
         self.evaluate(frame, target)
     }

@@ -54,6 +54,7 @@ use crate::sanitize::Finding;
 use condition::{StopConditions, words_of};
 use course::Course;
 use debuggee::Debuggee;
+use findings_ahead::Assignment;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
 use sanitized_steps::{SanitizedSteps, Sanitizing};
@@ -147,6 +148,8 @@ pub struct Debugger {
     give_up: Option<Arc<AtomicBool>>,
     /// The sanitizer that looks at this run.
     sanitizing: Option<Sanitizing>,
+    /// What was set by hand, ascending in time.
+    assignments: Vec<Assignment>,
     /// The run that knows at which steps this one meets findings of the sanitizer.
     ahead: Option<Box<FindingsAhead>>,
 }
@@ -188,6 +191,7 @@ impl Debugger {
             interrupted: None,
             give_up: None,
             sanitizing: None,
+            assignments: Vec::new(),
             ahead: None,
         }
     }

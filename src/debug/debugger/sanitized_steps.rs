@@ -54,8 +54,8 @@ pub(super) struct SanitizedSteps<'a> {
 }
 
 impl Sanitizing {
-    /// The sanitizer of a run that has not begun, of shaders that are not optimised. `prepare` gives
-    /// it what else it knows.
+    /// The sanitizer of a run that has not begun, of shaders that are not optimised. `prepare`
+    /// gives it what else it knows.
     pub(super) fn new(
         pipeline: &Arc<Pipeline>,
         names: Option<Rc<dyn StructureNames>>,
