@@ -8,6 +8,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use anyhit::{ComputeTest, Hit, Module, Ray, ShaderTest};
 use pretty_assertions::assert_eq;
 
 /// The transcript of a script, compared with the one that is kept.
@@ -215,6 +216,74 @@ fn a_traversal_is_stepped_through() {
     );
 }
 
+/// A case's ray from z = 4 over x = 0 meets the hole at z = 1, t = 3, then the leaf at z = 0, t = 4:
+/// the any-hit shader counts to 2, first at the hole.
+#[test]
+fn a_ray_of_a_test_file_is_debugged() {
+    tells(
+        &transcript("test-case"),
+        &[
+            "leaf.rchit:12  ClosestHitKHR `main`",
+            "payload = Payload { colour: vec3(0, 0, 0), t: float 0, seen: uint 2 }\n",
+            "who payload.seen\n",
+            "payload.seen = uint 2\n",
+            "hole.rahit:12  AnyHitKHR `main`",
+            "gl_HitTEXT = float 4\n",
+            "payload.seen = uint 1\n",
+            "hole.rahit:12  AnyHitKHR `main`",
+            "gl_HitTEXT = float 3\n",
+        ],
+    );
+}
+
+/// The ray's payload begins with a count of 5, to which the hole and the leaf add one each.
+#[test]
+fn a_test_begins_with_the_payload_that_it_gives() {
+    let told = transcript("test-payload");
+    tells(&told, &["AnyHitKHR", "payload.seen = uint 5\n", "ClosestHitKHR", "payload.seen = uint 7\n"]);
+}
+
+/// The ray down at the sphere of radius 1/2 meets it at t = 4 - 1/2, where the normal is (0, 0, 1).
+/// Answers of traces are asked again on the way back.
+#[test]
+fn a_shader_test_is_debugged() -> anyhit::Result<()> {
+    let sphere = Module::open("spirv-fixtures/pass/sphere/closest-hit/main.rchit.spv")?;
+    let hit = Hit::sphere([0.0; 3], 0.5).ray(Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]));
+    let test = ShaderTest::new(&sphere, "main")?.hit(hit.clone());
+    let told = test.debug("print gl_HitTEXT\nbreak OpReturn\ncontinue\nprint payload\ncontinue")?;
+    tells(
+        &told,
+        &[
+            "ClosestHitKHR `main`",
+            "gl_HitTEXT = float 3.5\n",
+            "normal: vec3(0, 0, 1)",
+            "t: float 3.5",
+            "the end: everything has run\n",
+        ],
+    );
+    let error = test.debug("print 1\nfrob").unwrap_err();
+    let expected = "line 2 of the script failed: `frob`: there is no command `frob`; `help` lists them";
+    assert_eq!(error.message(), expected);
+    Ok(())
+}
+
+/// Invocation 5 of the second workgroup's sum: its index within the workgroup is 5 - 4.
+#[test]
+fn an_invocation_of_a_compute_test_is_debugged() -> anyhit::Result<()> {
+    let source = "
+        @group(0) @binding(0) var<storage, read_write> sums: array<u32>;
+        @compute @workgroup_size(4)
+        fn sum(@builtin(local_invocation_index) local: u32, @builtin(global_invocation_id) id: vec3u) {
+            sums[id.x] = 10 * id.x + local;
+        }";
+    let module = Module::from_source("sum.wgsl", source)?;
+    let test = ComputeTest::new(&module, "sum")?.buffer(0, 0, &[0u32; 8]).workgroups([2, 1, 1]);
+    let told = test.debug([5, 0, 0], "watch sums[5]\ncontinue")?;
+    tells(&told, &["GLCompute `sum`", "sums[5] was written: uint 0 -> uint 51\n"]);
+    assert!(test.debug([8, 0, 0], "where").is_err());
+    Ok(())
+}
+
 /// A command that makes no sense says why, and a script ends there.
 #[test]
 fn mistakes_are_explained() {
@@ -241,7 +310,8 @@ fn mistakes_are_explained() {
     ] {
         let (text, errors) = run(&scene, &format!("{command}\nwhere\n"));
         assert!(text.contains(answer), "`{command}` is answered:\n{text}");
-        assert!(errors.contains("the script failed"), "{errors}");
+        assert!(errors.contains("line 1 of the script failed"), "{errors}");
+        assert!(errors.contains(answer), "`{command}` ends with:\n{errors}");
         assert!(!text.contains("(anyhit) where"), "a script goes on after a mistake:\n{text}");
     }
 }

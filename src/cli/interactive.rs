@@ -13,11 +13,9 @@ use rustyline::validate::Validator;
 use rustyline::{Config, Context, Editor, Helper};
 
 use crate::cli::output;
-use crate::debug::console::Console;
+use crate::debug::console::{Console, PROMPT, run_script};
 use crate::debug::debugger::Debugger;
 use crate::error::{Error, ErrorKind, Result};
-
-const PROMPT: &str = "(anyhit) ";
 
 /// Reads commands and answers them, until `quit` or the end of the input. A script's commands are
 /// printed before their answers, so that the whole reads as a transcript.
@@ -35,25 +33,9 @@ pub(super) fn run(debugger: Debugger, colours: bool) -> Result<()> {
 }
 
 fn from_script(mut console: Console) -> Result<()> {
-    for (number, line) in (1..).zip(stdin().lock().lines()) {
-        let line = line.map_err(|error| Error::new(ErrorKind::Io, format!("standard input: {error}")))?;
-        let command = line.trim();
-        // A comment of the script.
-        if command.starts_with('#') {
-            output::print(format_args!("{command}\n"))?;
-            continue;
-        }
-        let reply = console.execute(command);
-        output::print(format_args!("{PROMPT}{command}\n{}", reply.text))?;
-        if reply.quits {
-            break;
-        }
-        if reply.failed {
-            let message = format!("command {number} of the script failed: `{command}`");
-            return Err(Error::new(ErrorKind::InvalidArgument, message));
-        }
-    }
-    Ok(())
+    let failed = |error| Error::new(ErrorKind::Io, format!("standard input: {error}"));
+    let lines = stdin().lock().lines().map(|line| line.map_err(failed));
+    run_script(&mut console, lines, &mut |text| output::print(text))
 }
 
 fn from_terminal(console: Console) -> Result<()> {

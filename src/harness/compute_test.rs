@@ -2,6 +2,10 @@
 
 use std::sync::Arc;
 
+#[cfg(feature = "scenes")]
+use crate::debug::console::transcript;
+#[cfg(feature = "scenes")]
+use crate::debug::debugger::Debugger;
 use crate::error::{Error, Result};
 use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::given::{Given, gives_resources};
@@ -148,6 +152,23 @@ impl ComputeTest {
         let mut findings = check_module(&compute.program, ShaderIndex(0), &levels);
         findings.extend(sanitizer.into_findings());
         findings.into_warnings(outcome.map(|_| ()))
+    }
+
+    /// Runs an invocation, given by its `GlobalInvocationId`, with its workgroup in the debugger of
+    /// `anyhit trace-one-ray --interactive`, and returns the transcript of commands, one a line.
+    /// `docs/debugging.md` describes them.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for an invocation outside of the workgroups, and for the first command that
+    /// fails, with its line; else the mistakes of [`ComputeTest::run`] in what the test gives. A
+    /// trap is part of the transcript.
+    #[cfg(feature = "scenes")]
+    pub fn debug(&self, id: [u32; 3], commands: &str) -> Result<String> {
+        self.given.check(&self.compute.program)?;
+        let mut resources = memory::copied(&self.given.resources);
+        resources.printed = Some(Arc::default());
+        let debugger = Debugger::of_compute(&self.compute, &resources, self.groups, id)?;
+        transcript(debugger, commands)
     }
 }
 

@@ -5,6 +5,7 @@ mod command;
 mod embedded;
 mod listing;
 mod places;
+mod script;
 pub mod traversal_events;
 
 use std::fmt::Write as _;
@@ -19,6 +20,7 @@ use command::{Action, help};
 pub use command::{COMMANDS, Command, complete};
 pub use embedded::CommandEffect;
 use listing::Listing;
+pub use script::{PROMPT, run_script, transcript};
 
 /// A debugger that understands commands.
 #[derive(Debug)]

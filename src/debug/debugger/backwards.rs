@@ -6,8 +6,8 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::condition::{Hit, Reason, StopConditions};
 use super::course::Time;
+use super::decision::Direction;
 use super::segment_summary::SegmentSummary;
-use super::stopping::Direction;
 use super::{Debugger, Stepping, StopReason};
 
 impl Debugger {

@@ -4,17 +4,18 @@ use std::any::Any;
 use std::cell::RefCell;
 use std::sync::Arc;
 
+use crate::error::Error;
 use crate::machine::{Batch, Bindings, BlockIndex, Buffer, Lanes, Mask, OpIndex, Reg, ShaderIndex};
 use crate::ops::builtin::{Builtin, stage_letter};
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::{ActiveShader, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch, Trapped};
+use crate::pipeline::{ActiveShader, Event, LaunchState, Resumed, SteppedDispatch, SteppedLaunch};
 use crate::program::Program;
 
 use super::tracker::{Followed, Tracker};
 
 /// A shader that has begun and not ended, while everything is paused.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct StoppedShader {
+pub struct StoppedShader {
     /// The shader.
     pub shader: ShaderIndex,
     /// The operation or terminator that is next; of a shader that waits, the one that it waits in.
@@ -50,10 +51,10 @@ pub struct DebuggedLane {
 }
 
 /// A kept state of a debuggee.
-pub(super) type SavedState = Box<dyn Any>;
+pub type SavedState = Box<dyn Any>;
 
 /// One invocation or ray that runs in steps.
-pub(super) trait Debuggee {
+pub trait Debuggee {
     /// Runs until the tracker pauses it, or to the end.
     fn resume(&mut self, tracker: &mut Tracker<'_>, inbox: &RefCell<Vec<Event>>) -> Resumed;
 
@@ -116,8 +117,8 @@ pub(super) trait Debuggee {
         None
     }
 
-    /// The trap that ended it.
-    fn trapped(&self) -> Option<&Trapped>;
+    /// The trap, or the mistake of what answers its calls, that ended it.
+    fn trapped(&self) -> Option<&Error>;
 }
 
 impl<const W: usize> Debuggee for SteppedLaunch<W>
@@ -218,8 +219,8 @@ where
         Some((record.data.clone(), record.offset, record.size))
     }
 
-    fn trapped(&self) -> Option<&Trapped> {
-        Self::trapped(self)
+    fn trapped(&self) -> Option<&Error> {
+        Self::trapped(self).map(|trapped| &trapped.error)
     }
 }
 
@@ -310,8 +311,8 @@ where
         builtin_words(&self.compute().program, self.batch()?, lane, builtin)
     }
 
-    fn trapped(&self) -> Option<&Trapped> {
-        Self::trapped(self)
+    fn trapped(&self) -> Option<&Error> {
+        Self::trapped(self).map(|trapped| &trapped.error)
     }
 }
 
@@ -335,7 +336,7 @@ where
 }
 
 /// The words of a builtin in a lane of a shader; `None` where its stage has none.
-fn builtin_words<const W: usize>(
+pub fn builtin_words<const W: usize>(
     program: &Program,
     batch: &Batch<W>,
     lane: usize,
@@ -349,7 +350,7 @@ fn builtin_words<const W: usize>(
 }
 
 /// The operation of a paused batch that runs next, or the terminator of its block.
-fn next_step<const W: usize>(program: &Program, batch: &Batch<W>) -> OpIndex {
+pub fn next_step<const W: usize>(program: &Program, batch: &Batch<W>) -> OpIndex {
     match batch.op == program.blocks[batch.block.index()].end {
         true => program.terminator_index(batch.block),
         false => batch.op,

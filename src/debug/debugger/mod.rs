@@ -10,7 +10,8 @@ mod backwards;
 mod breakpoint;
 mod condition;
 mod course;
-mod debuggee;
+pub mod debuggee;
+mod decision;
 pub mod expression;
 mod findings_ahead;
 mod history;
@@ -29,8 +30,7 @@ mod source_map;
 mod stack;
 mod start;
 mod stopped_lane;
-mod stopping;
-mod tracker;
+pub mod tracker;
 mod traversal_names;
 mod value_layout;
 mod value_paths;
@@ -54,11 +54,11 @@ use crate::sanitize::Finding;
 use condition::{StopConditions, words_of};
 use course::Course;
 use debuggee::Debuggee;
+use decision::Direction;
 use findings_ahead::Assignment;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
 use sanitized_steps::{SanitizedSteps, Sanitizing};
-use stopping::Direction;
 use tracker::Tracker;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
@@ -343,7 +343,7 @@ impl Debugger {
     /// What the end is. It stays before the last step, where everything can still be looked at.
     fn at_end(&mut self) -> StopReason {
         let stop = match self.debuggee.trapped() {
-            Some(trapped) => StopReason::Trap(trapped.error.clone()),
+            Some(error) => StopReason::Trap(error.clone()),
             None => StopReason::End,
         };
         self.seek(self.course.time.saturating_sub(1));

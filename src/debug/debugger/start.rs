@@ -62,21 +62,35 @@ impl Debugger {
         let dispatch = session.dispatch(number)?;
         let (_, pass) = session.run_before_dispatch(number)?;
         let resources = session.assembled.pass_resources(pass, &session.assembled.resources).into_owned();
-        let compute: Compute = dispatch.compute.unoptimized()?;
+        Self::of_compute(&dispatch.compute, &resources, dispatch.groups, id)
+    }
+
+    /// Debugs an invocation of a compute shader, given by its `GlobalInvocationId`, which has not
+    /// begun; its workgroup runs with it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for an invocation outside the dispatch.
+    pub fn of_compute(
+        compute: &Compute,
+        resources: &Resources,
+        groups: [u32; 3],
+        id: [u32; 3],
+    ) -> Result<Self> {
+        let compute = compute.unoptimized()?;
         let mut builder = Pipeline::builder();
         builder.shader(compute.program.clone());
         let pipeline = Arc::new(builder.build()?);
         let subgroup = compute.program.uses_subgroups.then_some(compute.subgroup_size);
-        let groups = dispatch.groups;
         let debuggee: Box<dyn Debuggee> = match subgroup {
-            None | Some(1) => Box::new(SteppedDispatch::<1>::new(compute, &resources, groups, id)?),
-            Some(..=64) => Box::new(SteppedDispatch::<64>::new(compute, &resources, groups, id)?),
-            Some(_) => Box::new(SteppedDispatch::<128>::new(compute, &resources, groups, id)?),
+            None | Some(1) => Box::new(SteppedDispatch::<1>::new(compute, resources, groups, id)?),
+            Some(..=64) => Box::new(SteppedDispatch::<64>::new(compute, resources, groups, id)?),
+            Some(_) => Box::new(SteppedDispatch::<128>::new(compute, resources, groups, id)?),
         };
-        Ok(Self::with(debuggee, pipeline, &resources))
+        Ok(Self::with(debuggee, pipeline, resources))
     }
 
-    fn with(debuggee: Box<dyn Debuggee>, pipeline: Arc<Pipeline>, resources: &Resources) -> Self {
+    /// Debugs what has not begun: the shaders of a pipeline, which is not optimised, on resources.
+    pub fn with(debuggee: Box<dyn Debuggee>, pipeline: Arc<Pipeline>, resources: &Resources) -> Self {
         let memory = ChangingMemory::of(&pipeline.programs, resources);
         if let Some(printed) = &resources.printed {
             // What was printed before is not the invocation's.

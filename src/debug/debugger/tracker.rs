@@ -2,6 +2,7 @@
 //! where lines begin and what is asked to stop it.
 
 use std::cell::RefCell;
+use std::fmt;
 
 use crate::machine::{Batch, Bindings, Observer, OpIndex, ShaderIndex};
 use crate::ops::op::Op;
@@ -15,7 +16,7 @@ use super::source_map::{ShaderSites, Site, SourceMap, SourcePosition};
 
 /// The invocation that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Followed {
+pub enum Followed {
     /// The lane that it has in every batch of a pipeline.
     Lane(usize),
     /// The lane with this `GlobalInvocationId`, in whichever batch of its workgroup it is.
@@ -24,7 +25,7 @@ pub(super) enum Followed {
 
 impl Followed {
     /// Its lane in a batch.
-    pub(super) fn lane<const W: usize>(self, batch: &Batch<W>) -> Option<usize> {
+    pub fn lane<const W: usize>(self, batch: &Batch<W>) -> Option<usize> {
         match self {
             Self::Lane(lane) => Some(lane),
             Self::Invocation(id) => {
@@ -35,8 +36,8 @@ impl Followed {
 }
 
 /// The observer that follows an invocation.
-pub(super) struct Tracker<'a> {
-    pub course: &'a mut Course,
+pub struct Tracker<'a> {
+    pub(super) course: &'a mut Course,
     sources: &'a SourceMap,
     followed: Followed,
     /// What stops it.
@@ -62,6 +63,12 @@ pub(super) struct Print {
     pub launch_id: [u32; 3],
     /// The line.
     pub position: Option<SourcePosition>,
+}
+
+impl fmt::Debug for Tracker<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Tracker").field("time", &self.course.time).finish_non_exhaustive()
+    }
 }
 
 impl<'a> Tracker<'a> {
@@ -93,7 +100,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// Takes what the pipeline has reported.
-    pub(super) fn take_events(&mut self) {
+    pub fn take_events(&mut self) {
         for event in self.inbox.borrow_mut().drain(..) {
             match &event {
                 Event::Enter { .. } => self.enter(),

@@ -1,6 +1,8 @@
 //! One shader, run by itself: no scene, no pipeline, no ray generation shader.
 
 mod begin;
+#[cfg(feature = "scenes")]
+mod debug;
 mod run;
 mod serve;
 #[cfg(test)]
@@ -22,11 +24,11 @@ use crate::harness::mock::{Answer, CallableCall, ExecuteCall, TraceCall, in_turn
 use crate::harness::scalars::{ScalarValue, Scalars, builtin_words};
 use crate::harness::shader_outcome::ReportedHit;
 use crate::harness::struct_data::StructData;
-use crate::machine::Buffer;
+use crate::machine::{Batch, Buffer};
 use crate::module::Module;
 use crate::module::interface::Stage;
 use crate::ops::builtin::Builtin;
-use crate::pipeline::DEFAULT_FUEL;
+use crate::pipeline::{DEFAULT_FUEL, Event};
 use crate::program::Program;
 
 /// A shader with everything that one invocation of it sees.
@@ -67,6 +69,18 @@ pub struct ShaderTest {
     fuel: u64,
     /// The first mistake, which [`ShaderTest::run`] returns.
     mistake: Option<Error>,
+}
+
+/// The invocation of a shader under test that has begun.
+#[derive(Clone, Debug)]
+struct RunningTest {
+    batch: Batch<1>,
+    /// What an explanation of the run tells.
+    events: Vec<Event>,
+    traces: Vec<TraceCall>,
+    executes: Vec<ExecuteCall>,
+    calls: Vec<CallableCall>,
+    reports: Vec<ReportedHit>,
 }
 
 impl ShaderTest {

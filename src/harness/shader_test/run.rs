@@ -9,11 +9,11 @@ use crate::harness::explain::{Explanation, What};
 use crate::harness::memory;
 use crate::harness::mock::answered;
 use crate::harness::shader_outcome::ShaderOutcome;
-use crate::harness::shader_test::ShaderTest;
+use crate::harness::shader_test::{RunningTest, ShaderTest};
 use crate::harness::value::Value;
 use crate::interp;
 use crate::machine::stop::Stop;
-use crate::machine::{Batch, Exit, Mask, Observer, Reg, ShaderIndex};
+use crate::machine::{Batch, Exit, Mask, Observer, Reg, Resources, ShaderIndex};
 use crate::module::interface::Stage;
 use crate::ops::pointer::storage;
 use crate::ops::translate::InterfaceRegisters;
@@ -63,20 +63,47 @@ impl ShaderTest {
     }
 
     fn run_observed<O: Observer<1>>(&self, observer: &mut O) -> Result<ShaderOutcome> {
+        let resources = self.resources()?;
+        let program = &*self.program;
+        let bindings = resources.bindings(program.bindings());
+        let mut running = self.begin(observer)?;
+        loop {
+            if O::is_active() {
+                observer.resumed(ShaderIndex(0), &mut running.batch);
+            }
+            let stop = interp::run(&mut running.batch, program, &bindings, observer);
+            if O::is_active() {
+                observer.stopped(ShaderIndex(0), &running.batch);
+            }
+            if let Stop::Done = stop {
+                break;
+            }
+            self.serve(&mut running, stop, &bindings.memory)?;
+        }
+        if let Some(error) = self.trap(&running.batch) {
+            return Err(error);
+        }
+        Ok(self.outcome(running, resources))
+    }
+
+    /// Copies of what the shader is bound to.
+    pub(super) fn resources(&self) -> Result<Resources> {
         if let Some(mistake) = &self.mistake {
             return Err(mistake.clone());
         }
-        let program = &*self.program;
-        self.given.check(program)?;
+        self.given.check(&self.program)?;
         let mut resources = memory::copied(&self.given.resources);
         if let Some(record) = &self.object_record {
             resources.memory.add_buffer(record);
         }
         resources.printed = Some(Arc::default());
-        let bindings = resources.bindings(program.bindings());
+        Ok(resources)
+    }
+
+    /// The invocation before its first instruction.
+    pub(super) fn begin<O: Observer<1>>(&self, observer: &mut O) -> Result<RunningTest> {
+        let program = &*self.program;
         let (invocation, attributes) = self.invocation()?;
-        let record = invocation.record.iter().map(|record| record.data.clone());
-        let roots = record.map(|data| (storage::SHADER_RECORD_BUFFER, data)).collect();
         let mut batch: Batch<1> = program.batch();
         batch.invocations.set(0, invocation);
         program.begin(&mut batch, Mask::ALL, self.fuel);
@@ -94,63 +121,25 @@ impl ShaderTest {
             );
         }
         self.fill_attributes(&mut batch)?;
-        let mut events = vec![self.enter(&batch)];
-        let (mut traces, mut calls, mut reports) = (Vec::new(), Vec::new(), Vec::new());
-        let mut executes = Vec::new();
-        loop {
-            if O::is_active() {
-                observer.resumed(ShaderIndex(0), &mut batch);
-            }
-            let stop = interp::run(&mut batch, program, &bindings, observer);
-            if O::is_active() {
-                observer.stopped(ShaderIndex(0), &batch);
-            }
-            let answered = match stop {
-                Stop::TraceRay { payload: span, .. }
-                | Stop::ExecuteCallable { data: span, .. }
-                | Stop::HitObjectTrace { payload: span, .. }
-                | Stop::HitObjectExecute { payload: span, .. } => Some(span),
-                _ => None,
-            };
-            match stop {
-                Stop::Done => break,
-                Stop::Paused => {}
-                Stop::Barrier { .. } => {
-                    unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
-                }
-                Stop::ReportIntersection { t, hit_kind, accepted, .. } => {
-                    let report = self.report(&mut batch, t, hit_kind)?;
-                    batch.registers[accepted].0[0] = u32::from(report.accepted);
-                    let hit_kind = crate::accel::HitKind(report.kind);
-                    events.push(Event::Report { t: report.t, hit_kind, accepted: report.accepted });
-                    reports.push(report);
-                }
-                Stop::TraceRay { operands, payload, .. } => {
-                    traces.extend(self.trace(&mut batch, operands, payload, traces.len(), None)?);
-                }
-                Stop::ExecuteCallable { index, data, .. } => {
-                    calls.push(self.call(&mut batch, index, data, calls.len())?);
-                }
-                Stop::HitObjectTrace { object, operands, payload, .. } => {
-                    let call = self.trace(&mut batch, operands, payload, traces.len(), Some(object))?;
-                    traces.extend(call);
-                }
-                Stop::HitObjectExecute { object, payload, .. } => {
-                    executes.extend(self.execute(&mut batch, object, payload, executes.len())?);
-                }
-                Stop::HitObjectRecordHandle { object, to, .. } => {
-                    self.record_handle(&mut batch, object, to, &bindings.memory)?;
-                }
-            }
-            if let Some(span) = answered {
-                batch.registers.define(span.first, span.count, Mask::ALL);
-            }
-        }
-        let exit = batch.exits[0];
-        if let Exit::Trapped(trap) = exit {
-            let error = trap_error(ShaderIndex(0), program, &[], &batch, 0, trap);
-            return Err(with_limit(error, trap.code, self.fuel, None));
-        }
+        let events = vec![self.enter(&batch)];
+        let (traces, executes, calls, reports) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(RunningTest { batch, events, traces, executes, calls, reports })
+    }
+
+    /// The trap that the invocation ended with.
+    pub(super) fn trap(&self, batch: &Batch<1>) -> Option<Error> {
+        let Exit::Trapped(trap) = batch.exits[0] else { return None };
+        let error = trap_error(ShaderIndex(0), &self.program, &[], batch, 0, trap);
+        Some(with_limit(error, trap.code, self.fuel, None))
+    }
+
+    /// What an invocation that has ended without a trap left.
+    fn outcome(&self, running: RunningTest, mut resources: Resources) -> ShaderOutcome {
+        let RunningTest { batch, mut events, traces, executes, calls, reports } = running;
+        let (exit, program) = (batch.exits[0], &*self.program);
+        let record = batch.invocations.record(0).map(|record| record.data.clone());
+        let roots = record.into_iter().map(|data| (storage::SHADER_RECORD_BUFFER, data)).collect();
+        let attribute_rows = program.interface_registers(storage::HIT_ATTRIBUTE);
         let words = self.payload_rows().map_or_else(Vec::new, |registers| words(&batch, registers));
         events.push(Event::Leave { shader: ShaderIndex(0), stage: program.stage, exit, payload: words });
         let explanation = Arc::new(Explanation {
@@ -164,7 +153,7 @@ impl ShaderTest {
         let mut payload = self.read(&batch, self.payload_rows());
         payload.explained_by(&explanation);
         let printed = resources.printed.take().map_or_else(Vec::new, |printed| printed.take());
-        Ok(ShaderOutcome {
+        ShaderOutcome {
             exit,
             payload,
             attributes: self.read(&batch, attribute_rows),
@@ -176,11 +165,11 @@ impl ShaderTest {
             data: self.payload_rows().map(|registers| self.data(&batch, registers, "the payload")),
             bound: Bound { programs: vec![self.program.clone()], resources, roots },
             explanation,
-        })
+        }
     }
 
     /// A pipeline of this shader alone, to explain its run.
-    fn pipeline(&self) -> Pipeline {
+    pub(super) fn pipeline(&self) -> Pipeline {
         let mut builder = Pipeline::builder();
         builder.shader(self.program.clone());
         builder.build().expect("bug in anyhit: a pipeline without groups is refused")

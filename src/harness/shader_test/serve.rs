@@ -1,21 +1,70 @@
 //! Answers the traces, calls and reports of the shader under test.
 
+use crate::accel::HitKind;
 use crate::error::{Error, Result};
 use crate::harness::data::TypedBytes;
 use crate::harness::mock::{CallableCall, ExecuteCall, TraceCall};
 use crate::harness::shader_outcome::ReportedHit;
-use crate::harness::shader_test::{ShaderTest, invalid};
+use crate::harness::shader_test::{RunningTest, ShaderTest, invalid};
 use crate::machine::device_memory::DeviceMemory;
 use crate::machine::hit_object::HitObject;
 use crate::machine::object::ObjectRef;
-use crate::machine::stop::RegSpan;
+use crate::machine::stop::{RegSpan, Stop};
 use crate::machine::{Batch, Mask, Reg, TrapCode};
 use crate::ops::hit_object::store;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::TRACE_OPERANDS;
-use crate::pipeline::trace_operands;
+use crate::pipeline::{Event, trace_operands};
 
 impl ShaderTest {
+    /// Serves what the shader stopped at, if it is anything that a test answers.
+    pub(super) fn serve(
+        &self,
+        running: &mut RunningTest,
+        stop: Stop<1>,
+        memory: &DeviceMemory,
+    ) -> Result<()> {
+        let RunningTest { batch, events, traces, executes, calls, reports } = running;
+        let answered = match stop {
+            Stop::Done | Stop::Paused => None,
+            Stop::Barrier { .. } => {
+                unreachable!("bug in anyhit: a barrier of a workgroup outside compute")
+            }
+            Stop::ReportIntersection { t, hit_kind, accepted, .. } => {
+                let report = self.report(batch, t, hit_kind)?;
+                batch.registers[accepted].0[0] = u32::from(report.accepted);
+                let hit_kind = HitKind(report.kind);
+                events.push(Event::Report { t: report.t, hit_kind, accepted: report.accepted });
+                reports.push(report);
+                None
+            }
+            Stop::TraceRay { operands, payload, .. } => {
+                traces.extend(self.trace(batch, operands, payload, traces.len(), None)?);
+                Some(payload)
+            }
+            Stop::ExecuteCallable { index, data, .. } => {
+                calls.push(self.call(batch, index, data, calls.len())?);
+                Some(data)
+            }
+            Stop::HitObjectTrace { object, operands, payload, .. } => {
+                traces.extend(self.trace(batch, operands, payload, traces.len(), Some(object))?);
+                Some(payload)
+            }
+            Stop::HitObjectExecute { object, payload, .. } => {
+                executes.extend(self.execute(batch, object, payload, executes.len())?);
+                Some(payload)
+            }
+            Stop::HitObjectRecordHandle { object, to, .. } => {
+                self.record_handle(batch, object, to, memory)?;
+                None
+            }
+        };
+        if let Some(span) = answered {
+            batch.registers.define(span.first, span.count, Mask::ALL);
+        }
+        Ok(())
+    }
+
     fn calls_out(&self, what: &str, answer: &str) -> Error {
         let message = format!("{} `{}` {what}", self.program.stage.name(), self.program.name);
         let error = invalid(message).note("test it with others in a pipeline: `pipeline.trace(&scene, ray)`");
@@ -30,7 +79,7 @@ impl ShaderTest {
     }
 
     /// Serves a trace; `None` where the shader traps at it.
-    pub(super) fn trace(
+    fn trace(
         &self,
         batch: &mut Batch<1>,
         at: Reg,
@@ -82,7 +131,7 @@ impl ShaderTest {
 
     /// Serves the execution of a hit object; `None` where the shader traps at it, or there is
     /// nothing to execute.
-    pub(super) fn execute(
+    fn execute(
         &self,
         batch: &mut Batch<1>,
         object: ObjectRef,
@@ -114,7 +163,7 @@ impl ShaderTest {
     }
 
     /// Serves the question for the handle of a hit object's shader record.
-    pub(super) fn record_handle(
+    fn record_handle(
         &self,
         batch: &mut Batch<1>,
         object: ObjectRef,
@@ -135,13 +184,7 @@ impl ShaderTest {
         Ok(())
     }
 
-    pub(super) fn call(
-        &self,
-        batch: &mut Batch<1>,
-        index: Reg,
-        span: RegSpan,
-        number: usize,
-    ) -> Result<CallableCall> {
+    fn call(&self, batch: &mut Batch<1>, index: Reg, span: RegSpan, number: usize) -> Result<CallableCall> {
         let answer = self.calls.as_ref().ok_or_else(|| {
             let how = "or answer it: `.on_call(|call| call.data.set(\"\", 1.0f32))`";
             self.calls_out("calls a callable shader", how)
@@ -154,7 +197,7 @@ impl ShaderTest {
         Ok(call)
     }
 
-    pub(super) fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<ReportedHit> {
+    fn report(&self, batch: &mut Batch<1>, t: Reg, kind: Reg) -> Result<ReportedHit> {
         let (t, kind) = (f32::from_bits(batch.registers[t].0[0]), batch.registers[kind].0[0]);
         let attributes = self.read(batch, self.program.interface_registers(storage::HIT_ATTRIBUTE));
         let t_min = batch.invocations.rays.get(0).ray.t_min;

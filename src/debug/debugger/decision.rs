@@ -1,5 +1,4 @@
-//! Whether what was reached stops the invocation: conditions, counts of hits, and texts that are
-//! printed instead.
+//! What reasons to stop come to: conditions of breakpoints, how often they were hit, log points.
 
 use super::breakpoint::BreakpointId;
 use super::condition::{Reason, Write};
