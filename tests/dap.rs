@@ -211,6 +211,7 @@ fn a_trap_stops_before_its_step() {
 fn findings_of_the_sanitizer_stop() {
     hold("sanitizer.jsonl");
     hold("sanitizer-rays.jsonl");
+    hold("sanitizer-subgroup.jsonl");
 }
 
 #[test]

@@ -160,8 +160,7 @@ pub struct InterruptFlags {
 impl InterruptFlags {
     /// Tells of a message that is to be received, or with `None` of the end of all messages.
     pub fn raise(&self, message: Option<&Value>) {
-        let command = message.map(|message| message["command"].as_str().unwrap_or_default());
-        if command.is_none_or(|command| ENDING.contains(&command)) {
+        if message.is_none_or(is_ending) {
             self.stop.store(true, Relaxed);
         }
         self.message.store(true, Relaxed);
@@ -173,8 +172,12 @@ impl InterruptFlags {
     }
 }
 
-/// Requests that end a run.
-const ENDING: &[&str] = &["pause", "cancel", "terminate", "disconnect", "restart"];
+/// Whether a message asks for the end of a run.
+fn is_ending(message: &Value) -> bool {
+    let command = message["command"].as_str();
+    command
+        .is_some_and(|command| ["pause", "cancel", "terminate", "disconnect", "restart"].contains(&command))
+}
 
 impl std::fmt::Debug for Adapter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -214,14 +217,13 @@ impl Adapter {
 
     /// Answers a message; returns the messages for the client, in their order.
     pub fn receive(&mut self, message: Value) -> Vec<Value> {
+        let ends = is_ending(&message);
         match Request::read(message) {
-            Ok(request) => {
-                self.handle(&request);
-                if ENDING.contains(&request.command.as_str()) {
-                    self.flags.stop.store(false, Relaxed);
-                }
-            }
+            Ok(request) => self.handle(&request),
             Err((seq, refusal)) => self.outbox.respond(seq, "", Err(refusal)),
+        }
+        if ends {
+            self.flags.stop.store(false, Relaxed);
         }
         self.outbox.take()
     }
