@@ -3,10 +3,10 @@
 //!
 //! A line of a session is a request with the response that is expected to be the next message
 //! (`request`, `arguments`, and `body` or `error`), a request whose response comes later (`send`),
-//! a response (`response`, `body`) or an event (`event`, `body`) that is expected next, or a
-//! comment (`note`). Of an expected object only the members that it has are compared; an array
-//! whose last item is `"..."` may go on. `"$name"` stands for any value and remembers it, and for
-//! that value from then on; `{root}` stands for this repository's folder.
+//! a response (`response`, and `body` or `error`) or an event (`event`, `body`) that is expected
+//! next, or a comment (`note`). Of an expected object only the members that it has are compared; an
+//! array whose last item is `"..."` may go on. `"$name"` stands for any value and remembers it, and
+//! for that value from then on; `{root}` stands for this repository's folder.
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -156,7 +156,10 @@ fn hold(name: &str) {
         } else if let Some(command) = step["response"].as_str() {
             expected.insert("type".into(), "response".into());
             expected.insert("command".into(), command.into());
-            expected.insert("success".into(), true.into());
+            expected.insert("success".into(), step["error"].is_null().into());
+            if let Some(message) = step.get("error") {
+                expected.insert("message".into(), message.clone());
+            }
         } else if let Some(event) = step["event"].as_str() {
             expected.insert("type".into(), "event".into());
             expected.insert("event".into(), event.into());
@@ -205,6 +208,43 @@ fn a_trap_stops_before_its_step() {
 }
 
 #[test]
+fn findings_of_the_sanitizer_stop() {
+    hold("sanitizer.jsonl");
+    hold("sanitizer-rays.jsonl");
+    hold("sanitizer-subgroup.jsonl");
+}
+
+#[test]
+fn lanes_of_a_subgroup_are_threads() {
+    hold("lanes.jsonl");
+}
+
+#[test]
+fn data_breakpoints_follow_payloads_and_have_conditions() {
+    hold("data-breakpoints.jsonl");
+}
+
+#[test]
+fn the_console_takes_commands() {
+    hold("console.jsonl");
+}
+
+#[test]
+fn runs_backwards_and_commands_are_cancelled() {
+    hold("cancel.jsonl");
+}
+
+#[test]
+fn a_ray_of_a_unit_test_is_debugged() {
+    hold("test-case.jsonl");
+}
+
+#[test]
+fn sources_memory_and_instructions_are_told() {
+    hold("requests.jsonl");
+}
+
+#[test]
 fn requests_that_no_editor_sends_are_refused() {
     hold("hostile.jsonl");
 }
@@ -245,7 +285,7 @@ fn editors_connect_to_a_port() {
 
 /// What is sent, and a part of the message of the only response.
 #[test]
-fn broken_frames_end_a_session_with_an_error() {
+fn broken_frames_are_told_and_skipped() {
     let cases: [(&[u8], &str); 6] = [
         (b"GET / HTTP/1.1\r\n\r\n", "is no line of a header"),
         (b"Content-Length: -1\r\n\r\n", "is no length of a message"),
@@ -261,6 +301,10 @@ fn broken_frames_end_a_session_with_an_error() {
         assert_eq!(response["success"], false);
         let message = response["message"].as_str().expect("a message");
         assert!(message.contains(why), "{message}");
+        // The next message is found again.
+        adapter.request("threads", &Value::Null);
+        let response = adapter.receive().expect("a response");
+        assert_eq!((&response["command"], &response["success"]), (&json!("threads"), &json!(true)));
     }
 }
 

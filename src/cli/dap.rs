@@ -4,9 +4,6 @@ use std::io::{BufRead, BufReader, Read, Write, stdin, stdout};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 
 use clap::Args;
@@ -15,7 +12,7 @@ use serde_json::Value;
 use crate::cli::input::SceneFileArgs;
 use crate::cli::limits::LimitArgs;
 use crate::cli::output;
-use crate::debug::adapter::{Adapter, Host};
+use crate::debug::adapter::{Adapter, Host, InterruptFlags};
 use crate::error::{Error, Result};
 use crate::input::InputLimit;
 use crate::machine::LaunchLimits;
@@ -23,6 +20,8 @@ use crate::scene::{Files, LoadOptions, ResolvedScene, SceneFiles, load};
 
 /// The most bytes of a message that are read: breakpoints of many files take less.
 const MOST_MESSAGE_BYTES: u64 = 16 << 20;
+/// The one field of a header that is read, in small letters.
+const CONTENT_LENGTH: &str = "content-length";
 /// The most bytes of a header line.
 const MOST_HEADER_BYTES: u64 = 4096;
 
@@ -49,7 +48,7 @@ pub struct DapArgs {
 pub fn run(args: DapArgs) -> Result<()> {
     let host = Rc::new(DiskHost { files: args.files.files()?, limits: args.limits });
     let Some(port) = args.port else {
-        return serve(host, stdin(), &mut stdout().lock())
+        return serve(host, stdin(), &mut stdout().lock(), true)
             .map_err(|error| Error::io("standard output", error));
     };
     let at = |error| Error::io(format!("port {port} of this machine"), error);
@@ -60,7 +59,8 @@ pub fn run(args: DapArgs) -> Result<()> {
         let mut stream = stream.map_err(at)?;
         let reading = stream.try_clone().map_err(at)?;
         // An editor that went away is no reason to turn away the next one.
-        if let Err(error) = serve(host.clone(), reading, &mut stream) {
+        // A web page that finds the port sends other headers, and gets no second try.
+        if let Err(error) = serve(host.clone(), reading, &mut stream, false) {
             output::hint(format_args!("the connection ended: {error}"));
         }
     }
@@ -101,22 +101,24 @@ enum Incoming {
     Garbage(String),
 }
 
-/// Serves one editor to the end of its session.
+/// Serves one editor to the end of its session. `recovers` tells whether a broken header is
+/// skipped.
 fn serve(
     host: Rc<dyn Host>,
     input: impl Read + Send + 'static,
     output: &mut dyn Write,
+    recovers: bool,
 ) -> std::io::Result<()> {
-    let interrupt = Arc::new(AtomicBool::new(false));
+    let flags = InterruptFlags::default();
     let (sender, receiver) = channel();
-    let flag = interrupt.clone();
+    let raised = flags.clone();
     // It may wait for input when everything else has ended, and ends with the program.
     std::thread::Builder::new()
         .name("editor".into())
-        .spawn(move || read_messages(&mut BufReader::new(input), &sender, &flag))?;
-    let mut adapter = Adapter::new(host, interrupt.clone());
+        .spawn(move || read_messages(input, sender, &raised, recovers))?;
+    let mut adapter = Adapter::new(host, flags.clone());
     while !adapter.is_over() {
-        let Some(incoming) = next(&receiver, &interrupt, adapter.is_running()) else { break };
+        let Some(incoming) = next(&receiver, &flags, adapter.is_running()) else { break };
         let messages = match incoming {
             Some(Incoming::Message(message)) => adapter.receive(message),
             Some(Incoming::Garbage(why)) => adapter.receive_garbage(&why),
@@ -130,12 +132,12 @@ fn serve(
 }
 
 /// What comes next: while the invocation runs, nothing may. `None` where the editor has gone.
-fn next(receiver: &Receiver<Incoming>, interrupt: &AtomicBool, is_running: bool) -> Option<Option<Incoming>> {
+fn next(receiver: &Receiver<Incoming>, flags: &InterruptFlags, is_running: bool) -> Option<Option<Incoming>> {
     if !is_running {
         return receiver.recv().ok().map(Some);
     }
     // Lowered before looking: a message that comes later raises it again.
-    interrupt.store(false, Relaxed);
+    flags.lower();
     match receiver.try_recv() {
         Ok(incoming) => Some(Some(incoming)),
         Err(TryRecvError::Empty) => Some(None),
@@ -143,69 +145,128 @@ fn next(receiver: &Receiver<Incoming>, interrupt: &AtomicBool, is_running: bool)
     }
 }
 
-/// Reads messages until the input ends or cannot be followed.
-fn read_messages(input: &mut impl BufRead, sender: &Sender<Incoming>, interrupt: &AtomicBool) {
-    loop {
-        let (incoming, goes_on) = match read_message(input) {
-            Ok(None) => return,
-            Ok(Some(bytes)) => match serde_json::from_slice(&bytes) {
-                Ok(message) => (Incoming::Message(message), true),
-                Err(error) => (Incoming::Garbage(format!("the message is no JSON: {error}")), true),
-            },
-            // Where the next message begins is not known.
-            Err(why) => (Incoming::Garbage(why), false),
+/// Reads messages until the input ends or cannot be followed. `recovers` tells whether a broken
+/// header is skipped.
+fn read_messages<R: Read>(input: R, sender: Sender<Incoming>, flags: &InterruptFlags, recovers: bool) {
+    let mut reader = MessageReader { input: BufReader::new(input), found: None, is_lost: false };
+    while let Some((incoming, goes_on)) = reader.next(recovers) {
+        let message = match &incoming {
+            Incoming::Message(message) => message.clone(),
+            Incoming::Garbage(_) => Value::Null,
         };
+        // The flags are raised behind it: whoever sees them finds it.
         let is_wanted = sender.send(incoming).is_ok();
-        interrupt.store(true, Relaxed);
+        flags.raise(Some(&message));
         if !is_wanted || !goes_on {
-            return;
-        }
-    }
-}
-
-/// The bytes of the next message; `None` at the end of the input.
-fn read_message(input: &mut impl BufRead) -> std::result::Result<Option<Vec<u8>>, String> {
-    let mut length = None;
-    let mut is_first = true;
-    loop {
-        let mut line = Vec::new();
-        let read = input.by_ref().take(MOST_HEADER_BYTES).read_until(b'\n', &mut line);
-        if read.map_err(|error| format!("the input cannot be read: {error}"))? == 0 {
-            return match is_first {
-                true => Ok(None),
-                false => Err("the input ends within the header of a message".into()),
-            };
-        }
-        is_first = false;
-        let line = String::from_utf8_lossy(&line).into_owned();
-        let line = line.strip_suffix('\n').ok_or("a line of a message's header is too long or has no end")?;
-        let line = line.trim_end_matches('\r');
-        if line.is_empty() {
             break;
         }
-        let (name, value) = line
-            .split_once(':')
-            .ok_or_else(|| format!("`{line}` is no line of a header: `Content-Length: N` is expected"))?;
-        if name.trim().eq_ignore_ascii_case("content-length") {
-            let number: Option<u64> = value.trim().parse().ok();
-            length = Some(number.ok_or_else(|| format!("`{}` is no length of a message", value.trim()))?);
+    }
+    // Nobody waits for a run any more.
+    drop(sender);
+    flags.raise(None);
+}
+
+/// Reads messages from an input.
+#[derive(Debug)]
+struct MessageReader<R> {
+    input: R,
+    /// The first line of a header that was found behind something that is no message.
+    found: Option<String>,
+    /// Whether the last header was broken, so that the next one is to be looked for.
+    is_lost: bool,
+}
+
+impl<R: BufRead> MessageReader<R> {
+    /// The next message, or why there is none, and whether another one may follow; `None` at the
+    /// end of the input.
+    fn next(&mut self, recovers: bool) -> Option<(Incoming, bool)> {
+        if std::mem::take(&mut self.is_lost) && !self.skip_to_header() {
+            return None;
+        }
+        match self.message() {
+            Ok(None) => None,
+            Ok(Some(bytes)) => Some(match serde_json::from_slice(&bytes) {
+                Ok(message) => (Incoming::Message(message), true),
+                Err(error) => (Incoming::Garbage(format!("the message is no JSON: {error}")), true),
+            }),
+            Err(why) => {
+                self.is_lost = true;
+                Some((Incoming::Garbage(why), recovers))
+            }
         }
     }
-    let length = length.ok_or("the header of a message has no Content-Length")?;
-    if length > MOST_MESSAGE_BYTES {
-        return Err(format!(
-            "a message of {length} bytes is too long: at most {MOST_MESSAGE_BYTES} are read"
-        ));
+
+    /// The bytes of the next message; `None` at the end of the input.
+    fn message(&mut self) -> std::result::Result<Option<Vec<u8>>, String> {
+        let mut length = None;
+        let mut is_first = true;
+        loop {
+            let Some(line) = self.header_line()? else {
+                return match is_first {
+                    true => Ok(None),
+                    false => Err("the input ends within the header of a message".into()),
+                };
+            };
+            is_first = false;
+            if line.is_empty() {
+                break;
+            }
+            let (name, value) = line
+                .split_once(':')
+                .ok_or_else(|| format!("`{line}` is no line of a header: `Content-Length: N` is expected"))?;
+            if name.trim().eq_ignore_ascii_case(CONTENT_LENGTH) {
+                let number: Option<u64> = value.trim().parse().ok();
+                length = Some(number.ok_or_else(|| format!("`{}` is no length of a message", value.trim()))?);
+            }
+        }
+        let length = length.ok_or("the header of a message has no Content-Length")?;
+        if length > MOST_MESSAGE_BYTES {
+            return Err(format!(
+                "a message of {length} bytes is too long: at most {MOST_MESSAGE_BYTES} are read"
+            ));
+        }
+        let mut bytes = Vec::new();
+        let read = self.input.by_ref().take(length).read_to_end(&mut bytes);
+        read.map_err(|error| format!("the input cannot be read: {error}"))?;
+        match bytes.len() as u64 == length {
+            true => Ok(Some(bytes)),
+            false => Err(format!("the input ends after {} of the {length} bytes of a message", bytes.len())),
+        }
     }
-    let mut bytes = Vec::new();
-    input
-        .by_ref()
-        .take(length)
-        .read_to_end(&mut bytes)
-        .map_err(|error| format!("the input cannot be read: {error}"))?;
-    match bytes.len() as u64 == length {
-        true => Ok(Some(bytes)),
-        false => Err(format!("the input ends after {} of the {length} bytes of a message", bytes.len())),
+
+    /// A line of a header without its end; `None` at the end of the input.
+    fn header_line(&mut self) -> std::result::Result<Option<String>, String> {
+        let text = match self.found.take() {
+            Some(found) => found,
+            None => self.line().map_err(|error| format!("the input cannot be read: {error}"))?,
+        };
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let line = text.strip_suffix('\n').ok_or("a line of a message's header is too long or has no end")?;
+        Ok(Some(line.trim_end_matches('\r').to_owned()))
+    }
+
+    /// A line, or a part of one that is too long for a header; nothing at the end of the input.
+    fn line(&mut self) -> std::io::Result<String> {
+        let mut bytes = Vec::new();
+        self.input.by_ref().take(MOST_HEADER_BYTES).read_until(b'\n', &mut bytes)?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    }
+
+    /// Skips what is no message up to where a header begins; whether there is one.
+    fn skip_to_header(&mut self) -> bool {
+        while let Ok(line) = self.line()
+            && !line.is_empty()
+        {
+            // A body ends without a newline.
+            let begin = line.to_ascii_lowercase().find(&format!("{CONTENT_LENGTH}:"));
+            if let Some(begin) = begin {
+                self.found = Some(line[begin..].to_owned());
+                return true;
+            }
+        }
+        false
     }
 }
 
@@ -219,8 +280,12 @@ fn write_message(output: &mut dyn Write, message: &Value) -> std::io::Result<()>
 mod tests {
     use super::*;
 
-    fn read(mut bytes: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
-        read_message(&mut bytes)
+    fn reader(input: &[u8]) -> MessageReader<&[u8]> {
+        MessageReader { input, found: None, is_lost: false }
+    }
+
+    fn read(bytes: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
+        reader(bytes).message()
     }
 
     #[test]
@@ -246,5 +311,26 @@ mod tests {
             let found = read(bytes).unwrap_err();
             assert!(found.contains(why), "{found}");
         }
+    }
+
+    #[test]
+    fn a_broken_header_is_skipped() {
+        let bytes = b"Content-Length: x\r\n\r\n{\"seq\":1}Content-Length: 2\r\n\r\n{}Content-Length: 1\n\n7";
+        let mut all = reader(bytes);
+        let is_broken = |next: Option<(Incoming, bool)>| matches!(next, Some((Incoming::Garbage(_), true)));
+        assert!(is_broken(all.next(true)));
+        let message = |next| match next {
+            Some((Incoming::Message(message), true)) => message,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(message(all.next(true)), serde_json::json!({}));
+        assert_eq!(message(all.next(true)), serde_json::json!(7));
+        assert!(all.next(true).is_none());
+        // Nothing follows.
+        let broken = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n";
+        let mut lost = reader(broken);
+        assert!(is_broken(lost.next(true)));
+        assert!(lost.next(true).is_none());
+        assert!(matches!(reader(bytes).next(false), Some((Incoming::Garbage(_), false))));
     }
 }

@@ -8,12 +8,12 @@ use crate::atomic_file;
 use crate::cli::output;
 use crate::debug::session::ResolvedRequest;
 use crate::error::{Error, Result};
-use crate::harness::sanitize_table::scene_levels;
 use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one};
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Resources;
 use crate::pipeline::Stats;
 use crate::sanitize::{Finding, Findings, Level, Levels};
+use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, ResolvedScene};
 
 /// The sanitizer, and what is told of findings, its own and those of `--many-seeds`.

@@ -16,7 +16,6 @@ use crate::harness::bound::{self, Bound};
 use crate::harness::many_seeds::ManySeeds;
 use crate::harness::memory::copied;
 use crate::harness::observe::fresh_resources;
-use crate::harness::sanitize_table::scene_levels;
 use crate::harness::sanitized::run_sanitized;
 use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
@@ -30,6 +29,7 @@ use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
 use crate::scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
 use crate::scene::resources::Resource;
+use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, LoadOptions, ResolvedScene, SceneFiles, assemble, load, load_text};
 
 /// A scene file with everything that it names: load it, change it, launch it, as often as wanted.

@@ -72,8 +72,6 @@ pub mod rendering;
 #[cfg(feature = "scenes")]
 pub mod run;
 #[cfg(feature = "scenes")]
-pub mod sanitize_table;
-#[cfg(feature = "scenes")]
 pub mod sanitized;
 #[cfg(feature = "scenes")]
 pub mod stability;
@@ -85,8 +83,6 @@ pub mod suite;
 mod tasks;
 #[cfg(feature = "scenes")]
 pub mod typed_scene;
-#[cfg(feature = "scenes")]
-mod unfilled;
 
 /// Compiles what `docs/testing.md` shows.
 #[cfg(doctest)]

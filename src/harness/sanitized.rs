@@ -6,7 +6,6 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::unfilled::unwritten_memory;
 use crate::machine::{Observer, Resources, ShaderIndex};
 use crate::pipeline::{Event, Launch, PipelineObserver, Stats};
 use crate::sanitize::contract::check_pipeline;
@@ -17,6 +16,7 @@ use crate::sanitize::{
     Findings, LaunchSize, Levels, ProgramPlan, RayWatch, Sanitizer, SeenRays, UnwrittenMemory,
 };
 use crate::scene::pass::PassWork;
+use crate::scene::unwritten::unwritten_memory;
 use crate::scene::{Assembled, ResolvedScene};
 
 /// What a run under the sanitizer gave: its statistics or its trap, and what was found until then.

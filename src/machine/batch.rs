@@ -166,6 +166,11 @@ impl<const W: usize> Batch<W> {
         &self.frames
     }
 
+    /// The block at the begin of which a lane waits for others; `None` for one that does not.
+    pub fn waits_at(&self, lane: usize) -> Option<BlockIndex> {
+        self.waiting.iter().find(|waiting| waiting.mask.contains(lane)).map(|waiting| waiting.block)
+    }
+
     /// The operation at which the batch stopped: the one before that which runs next.
     pub fn stopped_at(&self) -> OpIndex {
         self.op.previous().unwrap_or_default()

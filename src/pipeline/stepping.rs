@@ -119,6 +119,14 @@ where
         }
     }
 
+    /// How many invocations run together.
+    pub fn lane_count(&self) -> usize {
+        match &self.subject {
+            Subject::Invocations { positions, .. } => (positions.end - positions.start) as usize,
+            Subject::Ray { .. } => 1,
+        }
+    }
+
     /// Runs from where it stands until the observer pauses it or everything has run. Events are
     /// those of the one invocation or ray.
     pub fn resume(&mut self, observer: &mut dyn Observer<W>, on_event: &mut dyn FnMut(Event)) -> Resumed {

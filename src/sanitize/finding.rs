@@ -98,6 +98,18 @@ pub struct Findings {
     list: Vec<Finding>,
     #[serde(skip)]
     by_key: FxHashMap<FindingKey, usize>,
+    /// Each time that one was met, where somebody asks for that.
+    #[serde(skip)]
+    occurrences: Option<Vec<Occurrence>>,
+}
+
+/// An invocation has met a finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Occurrence {
+    /// The finding, by its place among all.
+    pub finding: usize,
+    /// `LaunchIdKHR`, in compute shaders `GlobalInvocationId`.
+    pub launch_id: [u32; 3],
 }
 
 /// What makes two occurrences one finding.
@@ -124,6 +136,23 @@ impl Findings {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
+    }
+
+    /// Notes from now on each time that a finding is met.
+    pub(super) fn note_occurrences(&mut self) {
+        self.occurrences = Some(Vec::new());
+    }
+
+    /// What was noted since this was asked last.
+    pub(super) fn take_occurrences(&mut self) -> Vec<Occurrence> {
+        self.occurrences.as_mut().map_or_else(Vec::new, std::mem::take)
+    }
+
+    /// Notes that invocations have met the finding of a key, where that is asked for.
+    pub(super) fn note(&mut self, key: &FindingKey, launch_ids: impl Iterator<Item = [u32; 3]>) {
+        if let (Some(noted), Some(&finding)) = (&mut self.occurrences, self.by_key.get(key)) {
+            noted.extend(launch_ids.map(|launch_id| Occurrence { finding, launch_id }));
+        }
     }
 
     /// The findings whose level is [`Level::Deny`].

@@ -12,15 +12,30 @@ pub struct Levels {
     by_id: BTreeMap<&'static str, Level>,
 }
 
+/// The default of every rule.
+static DEFAULTS: Levels = Levels { by_id: BTreeMap::new() };
+
 impl Levels {
+    /// The default of every rule.
+    pub fn defaults() -> &'static Self {
+        &DEFAULTS
+    }
+
     /// Sets the level of the rule with an id.
     ///
     /// # Errors
     /// `InvalidArgument` where no rule has the id, with those that are like it.
     pub fn set(&mut self, id: &str, level: Level) -> Result<()> {
-        let rule = rule::find(id).ok_or_else(|| unknown(id))?;
-        self.by_id.insert(rule.id, level);
+        self.by_id.insert(Self::rule(id)?.id, level);
         Ok(())
+    }
+
+    /// The rule with an id, whose level can be set.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where no rule has the id, with those that are like it.
+    pub fn rule(id: &str) -> Result<&'static Rule> {
+        rule::find(id).ok_or_else(|| unknown(id))
     }
 
     /// Sets the level of all rules that deny by default, or warn.

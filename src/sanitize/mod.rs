@@ -36,11 +36,11 @@ pub mod traced_rays;
 pub mod unwritten;
 mod value_path;
 
-pub use finding::{Finding, Findings};
+pub use finding::{Finding, Findings, Occurrence};
 pub use levels::Levels;
 pub use plan::ProgramPlan;
 pub use rule::{Level, Rule, RuleKind};
 pub use sanitizer::Sanitizer;
 pub use structures::StructureNames;
-pub use traced_rays::{RayWatch, SeenRays};
+pub use traced_rays::{PausedRayWatch, RayWatch, SeenRays};
 pub use unwritten::{LaunchSize, UnwrittenMemory};

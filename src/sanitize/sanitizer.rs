@@ -15,7 +15,7 @@ use crate::pipeline::Pipeline;
 use crate::program::Program;
 use crate::sanitize::cause::{Cause, CauseDetails, Causes, OpPlace};
 use crate::sanitize::expectations::Expectations;
-use crate::sanitize::finding::Findings;
+use crate::sanitize::finding::{Findings, Occurrence};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::memory_shadow::WorkgroupShadow;
 use crate::sanitize::plan::ProgramPlan;
@@ -90,6 +90,48 @@ impl<'a> Sanitizer<'a> {
     #[must_use]
     pub fn of_pipeline(self, pipeline: &'a Pipeline) -> Self {
         Self { pipeline: Some(pipeline), ..self }
+    }
+
+    /// A sanitizer that notes each time that an invocation meets a finding.
+    #[must_use]
+    pub fn noting_occurrences(mut self) -> Self {
+        self.findings.note_occurrences();
+        self
+    }
+
+    /// Which invocations have met which findings since this was asked last.
+    pub fn take_occurrences(&mut self) -> Vec<Occurrence> {
+        self.findings.take_occurrences()
+    }
+
+    /// What was found so far.
+    pub fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// Goes on with plans, levels and a pipeline that lie elsewhere: while a run is paused, the
+    /// sanitizer is kept without those of its owner.
+    #[must_use]
+    pub fn borrowing<'b>(
+        self,
+        plans: &'b [ProgramPlan],
+        levels: &'b Levels,
+        pipeline: Option<&'b Pipeline>,
+    ) -> Sanitizer<'b> {
+        Sanitizer {
+            plans,
+            levels,
+            pipeline,
+            causes: self.causes,
+            findings: self.findings,
+            frames: self.frames,
+            races: self.races,
+            shared: self.shared,
+            unwritten: self.unwritten,
+            expectations: self.expectations,
+            first_workgroup: self.first_workgroup,
+            matching_calls: self.matching_calls,
+        }
     }
 
     /// What was found.

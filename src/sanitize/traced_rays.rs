@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{RayQueryStep, ShaderIndex};
 use crate::ops::ray_tracing::MotionInstruction;
 use crate::pipeline::{Caller, Event, Group, HitGroup, Pipeline, source_line, with_location};
-use crate::sanitize::finding::{Finding, FindingKey, Findings};
+use crate::sanitize::finding::{Finding, FindingKey, Findings, Occurrence};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::rule::{Level, Rule, structure, trace};
 use crate::sanitize::structures::{StructureNames, geometry_name, instance_name, structure_key};
@@ -262,6 +262,13 @@ pub struct RayWatch<'a> {
     active: Vec<ActiveRay>,
 }
 
+/// What a [`RayWatch`] knows of a launch that is paused.
+#[derive(Debug, Default)]
+pub struct PausedRayWatch {
+    findings: Findings,
+    active: Vec<ActiveRay>,
+}
+
 impl<'a> RayWatch<'a> {
     /// Watches one launch, and notes its rays beside those of others.
     pub fn new(
@@ -271,6 +278,23 @@ impl<'a> RayWatch<'a> {
         seen: &'a mut SeenRays,
     ) -> Self {
         Self { pipeline, names, levels, seen, findings: Findings::default(), active: Vec::new() }
+    }
+
+    /// A watch that goes on with a launch that was paused.
+    pub fn of_paused(
+        pipeline: &'a Pipeline,
+        names: &'a dyn StructureNames,
+        levels: &'a Levels,
+        seen: &'a mut SeenRays,
+        paused: PausedRayWatch,
+    ) -> Self {
+        let PausedRayWatch { findings, active } = paused;
+        Self { pipeline, names, levels, seen, findings, active }
+    }
+
+    /// What is kept of it while the launch is paused.
+    pub fn pause(self) -> PausedRayWatch {
+        PausedRayWatch { findings: self.findings, active: self.active }
     }
 
     /// What was found.
@@ -420,7 +444,27 @@ impl<'a> RayWatch<'a> {
             }
             Finding { rule, level, count: 0, launch_id, stack, error }
         });
-        self.findings.add(key, 1, new);
+        self.findings.add(key.clone(), 1, new);
+        self.findings.note(&key, std::iter::once(launch_id));
+    }
+}
+
+impl PausedRayWatch {
+    /// One that has seen nothing yet, and notes each time that a ray meets a finding.
+    pub fn noting_occurrences() -> Self {
+        let mut paused = Self::default();
+        paused.findings.note_occurrences();
+        paused
+    }
+
+    /// What was found so far.
+    pub fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// Which invocations' rays have met which findings since this was asked last.
+    pub fn take_occurrences(&mut self) -> Vec<Occurrence> {
+        self.findings.take_occurrences()
     }
 }
 

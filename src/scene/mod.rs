@@ -41,9 +41,11 @@ pub mod resolved;
 pub mod resources;
 mod run_limits;
 pub mod sampler;
+pub mod sanitize_table;
 pub mod specialization;
 pub mod struct_data;
 pub mod tree;
+pub mod unwritten;
 mod view_entry;
 
 pub use assemble::{Assembled, assemble, assemble_without};

@@ -1,8 +1,8 @@
-//! Breakpoints at lines, functions and instructions, and exception filters.
+//! Breakpoints at lines, functions and instructions.
 
 use emmy_dap_types::requests::{
-    BreakpointLocationsArguments, SetBreakpointsArguments, SetExceptionBreakpointsArguments,
-    SetFunctionBreakpointsArguments, SetInstructionBreakpointsArguments,
+    BreakpointLocationsArguments, SetBreakpointsArguments, SetFunctionBreakpointsArguments,
+    SetInstructionBreakpointsArguments,
 };
 use emmy_dap_types::responses::{
     BreakpointLocationsResponse, SetBreakpointsResponse, SetFunctionBreakpointsResponse,
@@ -14,7 +14,6 @@ use serde_json::json;
 use crate::debug::debugger::{Breakpoint, BreakpointId, BreakpointPlace, SourcePosition};
 
 use super::disassembly::shader_and_offset;
-use super::initialize::{NAN, TRAP};
 use super::protocol::{Answer, Refusal, Request, body};
 use super::sources::{Sources, path_of_uri};
 use super::{Adapter, Launched};
@@ -77,6 +76,23 @@ impl RequestedBreakpoints {
     pub(super) fn new_id(&mut self) -> BreakpointId {
         self.last += 1;
         BreakpointId(self.last)
+    }
+
+    /// The last number that a breakpoint has.
+    pub(super) fn last(&self) -> BreakpointId {
+        BreakpointId(self.last)
+    }
+
+    /// Has numbers of new breakpoints follow one that somebody else has given.
+    pub(super) fn number_after(&mut self, last: BreakpointId) {
+        self.last = self.last.max(last.0);
+    }
+
+    /// Removes a breakpoint; whether there was one of this number.
+    pub(super) fn remove(&mut self, id: BreakpointId) -> bool {
+        let count = self.all.len();
+        self.all.retain(|requested| requested.id != id);
+        self.all.len() < count
     }
 
     /// Puts breakpoints in the place of those of a group; those that stay keep their numbers.
@@ -143,23 +159,6 @@ impl Adapter {
         body(SetInstructionBreakpointsResponse { breakpoints })
     }
 
-    pub(super) fn set_exception_breakpoints(&mut self, request: &Request) -> Answer {
-        let arguments: SetExceptionBreakpointsArguments = request.arguments()?;
-        let options = arguments.filter_options.unwrap_or_default();
-        let all: Vec<String> =
-            arguments.filters.into_iter().chain(options.into_iter().map(|option| option.filter_id)).collect();
-        let verified: Vec<_> = all
-            .iter()
-            .map(|filter| match filter == TRAP || filter == NAN {
-                true => json!({ "verified": true }),
-                false => json!({ "verified": false, "message": format!("there is no filter `{filter}`") }),
-            })
-            .collect();
-        self.filters = all;
-        self.apply_breakpoints();
-        Ok(json!({ "breakpoints": verified }))
-    }
-
     pub(super) fn breakpoint_locations(&mut self, request: &Request) -> Answer {
         let arguments: BreakpointLocationsArguments = request.arguments()?;
         let client = self.client;
@@ -195,21 +194,22 @@ impl Adapter {
     /// Gives the debugger the breakpoints that were asked for.
     pub(super) fn apply_breakpoints(&mut self) {
         let is_enabled = !self.arguments.as_ref().is_some_and(|arguments| arguments.no_debug);
-        let stops_at_nan = is_enabled && self.filters.iter().any(|filter| filter == NAN);
-        let Some(Launched { debugger, sources, .. }) = &mut self.launched else { return };
-        let hits = |id: BreakpointId| {
-            debugger.breakpoints().iter().find(|one| one.id == id).map_or(0, |breakpoint| breakpoint.hits)
-        };
+        let stops_at_nan = is_enabled && self.filters.nans;
+        let Some(Launched { console, sources, console_breakpoints, .. }) = &mut self.launched else { return };
+        let debugger = &mut console.debugger;
+        let before = |id: BreakpointId| debugger.breakpoints().iter().find(|one| one.id == id);
         let all = self.breakpoints.all.iter().filter_map(|requested| {
             let mut breakpoint = Breakpoint::new(requested.id, place(requested, sources).ok()?);
-            breakpoint.is_enabled = is_enabled;
+            // A command may have disabled it.
+            breakpoint.is_enabled = before(requested.id).map_or(is_enabled, |before| before.is_enabled);
             breakpoint.condition.clone_from(&requested.spec.condition);
             breakpoint.from_hit = from_hit(requested.spec.hit_condition.as_deref()).ok()?;
             breakpoint.log.clone_from(&requested.spec.log);
-            breakpoint.hits = hits(requested.id);
+            breakpoint.hits = before(requested.id).map_or(0, |before| before.hits);
             Some(breakpoint)
         });
-        let all = all.collect();
+        let of_console = console_breakpoints.iter().filter_map(|&id| before(id).cloned());
+        let all = all.chain(of_console).collect();
         debugger.set_breakpoints(all);
         debugger.stop_at_nan(stops_at_nan);
     }
@@ -237,9 +237,10 @@ impl Adapter {
         if let Err(why) = from_hit(requested.spec.hit_condition.as_deref()) {
             return unverified(why);
         }
-        let Some(Launched { debugger, sources, .. }) = &self.launched else {
+        let Some(Launched { console, sources, .. }) = &self.launched else {
             return unverified("nothing has been launched yet".into());
         };
+        let debugger = &console.debugger;
         if let Err(why) = place(requested, sources) {
             return unverified(why);
         }
@@ -275,7 +276,7 @@ impl Group {
 }
 
 /// A text that is not empty.
-fn given(text: Option<String>) -> Option<String> {
+pub(super) fn given(text: Option<String>) -> Option<String> {
     text.filter(|text| !text.trim().is_empty())
 }
 
@@ -314,7 +315,7 @@ fn nowhere(requested: &RequestedBreakpoint, sources: &Sources) -> String {
 }
 
 /// From which hit on a breakpoint stops: `3` and `>= 3` from the third on, `> 3` from the fourth.
-fn from_hit(condition: Option<&str>) -> Result<u64, String> {
+pub(super) fn from_hit(condition: Option<&str>) -> Result<u64, String> {
     let Some(condition) = condition else { return Ok(0) };
     let text = condition.trim();
     let (number, more) = match (text.strip_prefix(">="), text.strip_prefix('>')) {

@@ -1,14 +1,14 @@
 //! Data breakpoints: variables and memory whose writes stop the invocation.
 
 use emmy_dap_types::requests::{DataBreakpointInfoArguments, SetDataBreakpointsArguments};
-use emmy_dap_types::types::DataBreakpointAccessType;
+use emmy_dap_types::types::{DataBreakpoint as WantedDataBreakpoint, DataBreakpointAccessType};
 use serde_json::{Value, json};
 
-use crate::debug::debugger::{BreakpointId, VariablePlace, Watch, WatchedWords, Write};
-
-use crate::debug::values::TypedValue;
+use crate::debug::console::value_of;
+use crate::debug::debugger::{BreakpointId, Debugger, VariablePlace, Watch, WatchedWords, Write};
 
 use super::Adapter;
+use super::breakpoints::{from_hit, given};
 use super::protocol::{Answer, Request};
 use super::stopped::Handle;
 
@@ -16,8 +16,19 @@ use super::stopped::Handle;
 #[derive(Clone, Debug)]
 struct KnownData {
     name: String,
-    words: WatchedWords,
+    /// The words that are watched for it: of a payload, also those of the shaders that it is given.
+    words: Vec<WatchedWords>,
     place: VariablePlace,
+}
+
+/// Something that is watched.
+#[derive(Clone, Debug)]
+struct WatchedData {
+    id: BreakpointId,
+    /// Which of the things that can be.
+    known: usize,
+    condition: Option<String>,
+    from_hit: u64,
 }
 
 /// What can be watched, and what is.
@@ -25,14 +36,21 @@ struct KnownData {
 pub(super) struct DataBreakpoints {
     /// What a client was told an id of: `data-1` is the first.
     known: Vec<KnownData>,
-    /// What is watched, each the index of what is known, by the number of the debugger's watch.
-    watched: Vec<(BreakpointId, usize)>,
+    /// What is watched.
+    watched: Vec<WatchedData>,
 }
 
 impl DataBreakpoints {
     fn find(&self, id: &str) -> Option<usize> {
         let number: usize = id.strip_prefix("data-")?.parse().ok()?;
         number.checked_sub(1).filter(|&at| at < self.known.len())
+    }
+
+    /// Removes what is watched under a number; whether there was something.
+    pub(super) fn remove(&mut self, id: BreakpointId) -> bool {
+        let count = self.watched.len();
+        self.watched.retain(|data| data.id != id);
+        self.watched.len() < count
     }
 }
 
@@ -53,8 +71,9 @@ impl Adapter {
                 },
             },
         };
-        let found = launched.debugger.place(&frame, &expression).and_then(|place| {
-            let words = launched.debugger.watched_words(&frame, &place)?;
+        let found = launched.console.debugger.place(&frame, &expression).and_then(|place| {
+            let watches = launched.console.debugger.watches_of(BreakpointId(0), &frame, &place)?;
+            let words = watches.into_iter().map(|watch| watch.words).collect();
             Ok(KnownData { name: expression.clone(), words, place })
         });
         Ok(match found {
@@ -77,49 +96,71 @@ impl Adapter {
         let mut watched = Vec::new();
         let mut shown: Vec<Value> = Vec::new();
         for wanted in arguments.breakpoints {
-            let refused = match (&wanted.access_type, &wanted.condition, &wanted.hit_condition) {
-                (Some(DataBreakpointAccessType::Read | DataBreakpointAccessType::ReadWrite), ..) => {
-                    Some("only writes are watched")
-                }
-                (_, Some(_), _) | (.., Some(_)) => Some("a data breakpoint has no condition"),
-                _ => None,
-            };
             let id = self.breakpoints.new_id();
-            shown.push(match (refused, self.data_breakpoints.find(&wanted.data_id)) {
-                (Some(why), _) => json!({ "id": id.0, "verified": false, "message": why }),
-                (None, None) => {
-                    let why = format!("`{}` is not known in this run", wanted.data_id);
-                    json!({ "id": id.0, "verified": false, "message": why })
-                }
-                (None, Some(at)) => {
-                    watched.push((id, at));
+            shown.push(match self.watch(id, &wanted) {
+                Err(why) => json!({ "id": id.0, "verified": false, "message": why }),
+                Ok(watch) => {
+                    watched.push(watch);
                     json!({ "id": id.0, "verified": true })
                 }
             });
         }
         self.data_breakpoints.watched = watched;
-        let known = &self.data_breakpoints.known;
-        let watches = self.data_breakpoints.watched.iter().map(|&(id, at)| Watch {
-            breakpoint: Some(id),
-            words: known[at].words.clone(),
-            last: None,
-        });
-        let watches = watches.collect();
-        if let Some(launched) = &mut self.launched {
-            launched.debugger.set_watches(watches);
-        }
+        self.apply_data_breakpoints();
         Ok(json!({ "breakpoints": shown }))
+    }
+
+    /// What a client wants to be watched.
+    ///
+    /// # Errors
+    /// Why it cannot be, in words.
+    fn watch(&self, id: BreakpointId, wanted: &WantedDataBreakpoint) -> Result<WatchedData, String> {
+        if !matches!(wanted.access_type, None | Some(DataBreakpointAccessType::Write)) {
+            return Err("only writes are watched".into());
+        }
+        let known = self.data_breakpoints.find(&wanted.data_id);
+        let known = known.ok_or_else(|| format!("`{}` is not known in this run", wanted.data_id))?;
+        let condition = given(wanted.condition.clone());
+        condition.as_deref().map_or(Ok(()), Debugger::check_expression)?;
+        let from_hit = from_hit(given(wanted.hit_condition.clone()).as_deref())?;
+        Ok(WatchedData { id, known, condition, from_hit })
+    }
+
+    /// Gives the debugger what is watched.
+    fn apply_data_breakpoints(&mut self) {
+        let DataBreakpoints { known, watched } = &self.data_breakpoints;
+        let watches = watched.iter().flat_map(|data| {
+            known[data.known].words.iter().map(|words| Watch {
+                condition: data.condition.clone(),
+                from_hit: data.from_hit,
+                ..Watch::new(Some(data.id), words.clone())
+            })
+        });
+        let watches: Vec<Watch> = watches.collect();
+        if let Some(launched) = &mut self.launched {
+            let own = &launched.console_breakpoints;
+            let is_own = |watch: &&Watch| watch.breakpoint.is_some_and(|id| own.contains(&id));
+            let of_console = launched.console.debugger.watches().iter().filter(is_own).cloned();
+            let watches = watches.into_iter().chain(of_console).collect();
+            launched.console.debugger.set_watches(watches);
+        }
     }
 
     /// Which breakpoints a write hits, and what it has changed in words.
     pub(super) fn written(&self, write: &Write) -> (Vec<u32>, String) {
-        let Some(&(id, at)) = self.data_breakpoints.watched.get(write.watch) else {
-            return (Vec::new(), String::new());
+        let watches = self.launched.as_ref().map_or(&[][..], |launched| launched.console.debugger.watches());
+        let id = watches.get(write.watch).and_then(|watch| watch.breakpoint);
+        let DataBreakpoints { known, watched } = &self.data_breakpoints;
+        let Some(data) = watched.iter().find(|data| Some(data.id) == id) else {
+            // The console watches it.
+            return (id.into_iter().map(|id| id.0).collect(), String::new());
         };
-        let known = &self.data_breakpoints.known[at];
-        let (module, ty) = (known.place.module(), known.place.ty());
-        let value = |words: &[u32]| TypedValue::of_type(module, ty, words);
-        let text = format!("{}: {} -> {}", known.name, value(&write.before), value(&write.after));
-        (vec![id.0], text)
+        let known = &known[data.known];
+        let [before, after] = [&write.before, &write.after].map(|words| value_of(&known.place, words));
+        let text = match before == after {
+            true => format!("{}: {after}, as before", known.name),
+            false => format!("{}: {before} -> {after}", known.name),
+        };
+        (vec![data.id.0], text)
     }
 }

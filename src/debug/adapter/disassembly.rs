@@ -63,7 +63,7 @@ impl Adapter {
         let (shader, offset) = shader_and_offset(&arguments.memory_reference, arguments.offset.unwrap_or(0))?;
         let client = self.client;
         let launched = self.launched()?;
-        let Some(sites) = launched.debugger.sources().shaders().get(shader) else {
+        let Some(sites) = launched.console.debugger.sources().shaders().get(shader) else {
             return Err(Refusal::new(format!("there is no shader {shader}")));
         };
         let module = &sites.program.module;

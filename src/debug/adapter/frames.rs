@@ -10,10 +10,10 @@ use crate::debug::debugger::{StackFrame, VariableKind};
 use crate::error::Stage;
 use crate::module::grammar::opcode_name;
 
-use super::Adapter;
 use super::disassembly::reference;
 use super::protocol::{Answer, Request, body};
 use super::stopped::{Handle, ScopeKind, StackRow};
+use super::{Adapter, Launched};
 
 /// The scopes of a frame, in the order in which they are shown, with the kinds of their variables.
 const SCOPES: &[(ScopeKind, &str, &[VariableKind])] = &[
@@ -54,17 +54,7 @@ impl Adapter {
     /// Reads the stack where the invocation has stopped.
     pub(super) fn renew_stack(&mut self) {
         let Some(launched) = &mut self.launched else { return };
-        let mut rows: Vec<StackRow> = Vec::new();
-        let mut inner = None;
-        for frame in launched.debugger.stack() {
-            // Of a shader that waits for another one, the instruction that it waits in.
-            if inner.is_some_and(|number| number != frame.number) {
-                let opcode = launched.debugger.sources().shader(frame.shader).opcode(frame.op);
-                rows.push(StackRow::Call(format!("[{}]", opcode_name(opcode))));
-            }
-            inner = Some(frame.number);
-            rows.push(StackRow::Function(Box::new(frame)));
-        }
+        let rows = launched.rows_of(launched.console.debugger.stack());
         launched.stopped.renew(rows);
     }
 
@@ -72,7 +62,12 @@ impl Adapter {
         let arguments: StackTraceArguments = request.arguments()?;
         let client = self.client;
         let launched = self.stopped()?;
-        let rows = launched.stopped.rows();
+        let lane = launched.lane_of(arguments.thread_id)?;
+        if let Some(other) = lane.filter(|_| !launched.stopped.knows(lane)) {
+            let rows = launched.rows_of(launched.console.debugger.stack_of(other));
+            launched.stopped.add_stack(lane, rows);
+        }
+        let rows = launched.stopped.rows(lane);
         let total = rows.len();
         let first = arguments.start_frame.map_or(0, |first| usize::try_from(first).unwrap_or(0));
         // 0 stands for all.
@@ -110,8 +105,8 @@ impl Adapter {
         let arguments: ScopesArguments = request.arguments()?;
         let launched = self.stopped()?;
         let frame = launched.stopped.frame(arguments.frame_id)?.clone();
-        let globals = launched.debugger.globals(&frame);
-        let locals = launched.debugger.locals(&frame).len();
+        let globals = launched.console.debugger.globals(&frame);
+        let locals = launched.console.debugger.locals(&frame).len();
         let mut scopes = Vec::new();
         for (kind, name, kinds) in SCOPES {
             let count = match kind {
@@ -137,6 +132,24 @@ impl Adapter {
             });
         }
         body(ScopesResponse { scopes })
+    }
+}
+
+impl Launched {
+    /// The rows of a stack: of a shader that waits for another one, also the instruction that it
+    /// waits in.
+    fn rows_of(&self, frames: Vec<StackFrame>) -> Vec<StackRow> {
+        let mut rows: Vec<StackRow> = Vec::new();
+        let mut inner = None;
+        for frame in frames {
+            if inner.is_some_and(|number| number != frame.number) {
+                let opcode = self.console.debugger.sources().shader(frame.shader).opcode(frame.op);
+                rows.push(StackRow::Call(format!("[{}]", opcode_name(opcode))));
+            }
+            inner = Some(frame.number);
+            rows.push(StackRow::Function(Box::new(frame)));
+        }
+        rows
     }
 }
 

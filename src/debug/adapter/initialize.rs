@@ -1,15 +1,11 @@
 //! `initialize`: who the client is, and what this adapter can do.
 
 use emmy_dap_types::requests::{InitializeArguments, PathFormat};
-use emmy_dap_types::types::{Capabilities, ExceptionBreakpointsFilter};
+use emmy_dap_types::types::Capabilities;
 
 use super::Adapter;
+use super::exceptions::ExceptionFilters;
 use super::protocol::{Answer, Request, body};
-
-/// The exception filter for traps.
-pub(super) const TRAP: &str = "trap";
-/// The exception filter for operations that make a NaN of numbers.
-pub(super) const NAN: &str = "nan";
 
 /// What the client said of itself.
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +37,12 @@ impl Client {
         i64::from(column.max(1)) - 1 + self.first_column
     }
 
+    /// The column that the client means, from 1.
+    pub(super) fn column_from(self, column: i64) -> u32 {
+        let column = column.saturating_sub(self.first_column).saturating_add(1);
+        u32::try_from(column.max(1)).unwrap_or(u32::MAX)
+    }
+
     /// The line that the client means; the first where it has no such number.
     pub(super) fn line_from(self, line: i64) -> u32 {
         let line = line.saturating_sub(self.first).saturating_add(1);
@@ -57,13 +59,6 @@ impl Adapter {
             sends_uris: matches!(arguments.path_format, Some(PathFormat::Uri)),
             takes_invalidated: arguments.supports_invalidated_event.unwrap_or(false),
         };
-        let filter = |filter: &str, label: &str, description: &str, default| ExceptionBreakpointsFilter {
-            filter: filter.to_owned(),
-            label: label.to_owned(),
-            description: Some(description.to_owned()),
-            default: Some(default),
-            ..ExceptionBreakpointsFilter::default()
-        };
         let yes = Some(true);
         body(Capabilities {
             supports_configuration_done_request: yes,
@@ -71,10 +66,9 @@ impl Adapter {
             supports_conditional_breakpoints: yes,
             supports_hit_conditional_breakpoints: yes,
             supports_evaluate_for_hovers: yes,
-            exception_breakpoint_filters: Some(vec![
-                filter(TRAP, "Traps", "Stops before the step of a shader that traps", true),
-                filter(NAN, "NaNs", "Stops where an operation makes a NaN of numbers", false),
-            ]),
+            exception_breakpoint_filters: Some(ExceptionFilters::offered()),
+            supports_exception_filter_options: yes,
+            supports_completions_request: yes,
             supports_step_back: yes,
             supports_set_variable: yes,
             supports_set_expression: yes,

@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use crate::debug::console::Console;
 use crate::debug::debugger::Debugger;
 use crate::debug::session::Session;
 use crate::error::Result;
@@ -70,20 +71,25 @@ impl Adapter {
         let session = Session::new(scene)?;
         notes.extend(session.assembled().notes.iter().cloned());
         let mut debugger = Debugger::of_scene(&session, &request)?;
-        debugger.interrupted_by(self.interrupt.clone());
+        debugger.interrupted_by(self.flags.message.clone());
+        debugger.given_up_by(self.flags.stop.clone());
         let sources = Sources::new(&debugger, &*self.host, path);
         for note in notes {
             let output = format!("note: {note}\n");
             self.outbox.event("output", json!({ "category": "console", "output": output }));
         }
         Ok(Launched {
-            debugger,
+            console: Console::embedded(debugger),
+            console_breakpoints: Vec::new(),
             sources,
             name,
             stopped: StoppedState::default(),
             sent_output: 0,
             trap: None,
             exception: None,
+            session,
+            request,
+            findings: None,
         })
     }
 
@@ -100,6 +106,10 @@ impl Adapter {
         let stops = self.arguments.as_ref().is_some_and(|arguments| arguments.stop_on_entry);
         self.outbox.event("thread", json!({ "reason": "started", "threadId": THREAD }));
         self.apply_breakpoints();
+        if let Err(why) = self.apply_findings() {
+            let output = format!("the sanitizer does not look at this run: {why}\n");
+            self.outbox.event("output", json!({ "category": "important", "output": output }));
+        }
         self.state = State::Running(if stops { Motion::Begin } else { Motion::Resume });
     }
 }

@@ -6,8 +6,10 @@
 //! Files are read by its [`Host`] alone.
 
 mod breakpoints;
+mod commands;
 mod data_breakpoints;
 mod disassembly;
+mod exceptions;
 mod frames;
 mod initialize;
 mod launch;
@@ -17,29 +19,50 @@ mod protocol;
 mod running;
 mod sources;
 mod stopped;
+mod threads;
 mod values;
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 
 use serde_json::{Value, json};
 
-use crate::debug::debugger::{Debugger, Stepping};
+use crate::debug::console::Console;
+use crate::debug::debugger::{BreakpointId, FindingFilter, Stepping};
+use crate::debug::session::{ExplainRequest, Session};
 use crate::error::Error;
 use crate::scene::{LoadOptions, ResolvedScene};
 
 use breakpoints::RequestedBreakpoints;
 use data_breakpoints::DataBreakpoints;
+use exceptions::{Exception, ExceptionFilters};
 use initialize::Client;
 use launch_arguments::LaunchArguments;
 use protocol::{Answer, Outbox, Refusal, Request};
 use sources::Sources;
 use stopped::StoppedState;
 
-/// The number of the one thread that there is: the invocation that is debugged.
+/// The number of the thread that is the invocation that is debugged.
 const THREAD: i64 = 1;
+
+/// Requests of the protocol that make no sense here, and what does instead. Clients ask for those
+/// behind the first only where a capability says so.
+const REFUSED: &[(&str, &str)] = &[
+    ("attach", "there is nothing to attach to: `launch` a scene with a pixel, a ray or an invocation"),
+    ("goto", GOTO),
+    ("gotoTargets", GOTO),
+    ("restartFrame", "a call is begun anew by going back to it: `stepBack`, or `rfinish` in the console"),
+    ("stepInTargets", "`stepIn` enters the first call of a line; a breakpoint stops in another one"),
+    ("terminateThreads", "lanes of a subgroup run together: `terminate` ends all"),
+    ("writeMemory", "memory is set by the names of what lies there: `setVariable`, `setExpression`"),
+];
+
+/// Why nothing can be jumped to.
+const GOTO: &str = "an instruction that is jumped to would find no values of those before it: \
+                    `reverseContinue` goes back to any step, and `setVariable` changes what comes";
 
 /// Where an adapter finds files.
 pub trait Host {
@@ -86,7 +109,10 @@ enum State {
 
 /// What was launched.
 struct Launched {
-    debugger: Debugger,
+    /// The debugger, with the commands of a console.
+    console: Console,
+    /// Breakpoints that commands have set.
+    console_breakpoints: Vec<BreakpointId>,
     sources: Sources,
     /// The invocation or ray in words.
     name: String,
@@ -95,24 +121,62 @@ struct Launched {
     sent_output: usize,
     /// The error of the step that is next, which traps.
     trap: Option<Error>,
-    /// Why it stopped, where that is an exception: its filter, and what it is.
-    exception: Option<(&'static str, String)>,
+    /// Why it stopped, where that is an exception.
+    exception: Option<Exception>,
+    /// What was loaded, and what of it is debugged: it may be run again beside.
+    session: Session,
+    request: ExplainRequest,
+    /// Which findings of the sanitizer stop it.
+    findings: Option<FindingFilter>,
 }
 
 /// A debug adapter for one client.
 pub struct Adapter {
     host: Rc<dyn Host>,
-    interrupt: Arc<AtomicBool>,
+    flags: InterruptFlags,
     outbox: Outbox,
     client: Client,
     breakpoints: RequestedBreakpoints,
     data_breakpoints: DataBreakpoints,
     /// The exception filters that are on.
-    filters: Vec<String>,
+    filters: ExceptionFilters,
     arguments: Option<LaunchArguments>,
     launched: Option<Launched>,
     state: State,
+    /// The number of the request that made it run last.
+    motion_request: i64,
     is_over: bool,
+}
+
+/// What another thread raises for an adapter that runs: a message has come.
+#[derive(Clone, Debug, Default)]
+pub struct InterruptFlags {
+    /// Any message: a run pauses for it and goes on.
+    message: Arc<AtomicBool>,
+    /// A message that ends a run: also one backwards, which cannot go on later, or a command.
+    stop: Arc<AtomicBool>,
+}
+
+impl InterruptFlags {
+    /// Tells of a message that is to be received, or with `None` of the end of all messages.
+    pub fn raise(&self, message: Option<&Value>) {
+        if message.is_none_or(is_ending) {
+            self.stop.store(true, Relaxed);
+        }
+        self.message.store(true, Relaxed);
+    }
+
+    /// Forgets messages that came before: whoever calls it looks for them then.
+    pub fn lower(&self) {
+        self.message.store(false, Relaxed);
+    }
+}
+
+/// Whether a message asks for the end of a run.
+fn is_ending(message: &Value) -> bool {
+    let command = message["command"].as_str();
+    command
+        .is_some_and(|command| ["pause", "cancel", "terminate", "disconnect", "restart"].contains(&command))
 }
 
 impl std::fmt::Debug for Adapter {
@@ -122,20 +186,21 @@ impl std::fmt::Debug for Adapter {
 }
 
 impl Adapter {
-    /// An adapter that no client has spoken to. `interrupt` is raised by another thread where a
-    /// message has come.
-    pub fn new(host: Rc<dyn Host>, interrupt: Arc<AtomicBool>) -> Self {
+    /// An adapter that no client has spoken to. Another thread raises the flags where a message has
+    /// come.
+    pub fn new(host: Rc<dyn Host>, flags: InterruptFlags) -> Self {
         Self {
             host,
-            interrupt,
+            flags,
             outbox: Outbox::default(),
             client: Client::default(),
             breakpoints: RequestedBreakpoints::default(),
             data_breakpoints: DataBreakpoints::default(),
-            filters: vec![initialize::TRAP.to_owned()],
+            filters: ExceptionFilters::default(),
             arguments: None,
             launched: None,
             state: State::Idle,
+            motion_request: 0,
             is_over: false,
         }
     }
@@ -152,9 +217,13 @@ impl Adapter {
 
     /// Answers a message; returns the messages for the client, in their order.
     pub fn receive(&mut self, message: Value) -> Vec<Value> {
+        let ends = is_ending(&message);
         match Request::read(message) {
             Ok(request) => self.handle(&request),
             Err((seq, refusal)) => self.outbox.respond(seq, "", Err(refusal)),
+        }
+        if ends {
+            self.flags.stop.store(false, Relaxed);
         }
         self.outbox.take()
     }
@@ -183,6 +252,8 @@ impl Adapter {
                 }
                 return;
             }
+            "evaluate" => return self.evaluate_or_execute(request),
+            "cancel" => return self.cancel(request),
             "pause" => {
                 let was_running = self.is_running();
                 respond(self, Ok(Value::Null));
@@ -198,7 +269,11 @@ impl Adapter {
             }
             _ => {}
         }
+        let was_running = self.is_running();
         let answer = self.answer(request);
+        if self.is_running() && !was_running {
+            self.motion_request = seq;
+        }
         respond(self, answer);
     }
 
@@ -206,9 +281,6 @@ impl Adapter {
     fn answer(&mut self, request: &Request) -> Answer {
         match request.command.as_str() {
             "initialize" => self.initialize(request),
-            "attach" => Err(Refusal::shown(
-                "there is nothing to attach to: `launch` a scene with a pixel, a ray or an invocation",
-            )),
             "setBreakpoints" => self.set_breakpoints(request),
             "setFunctionBreakpoints" => self.set_function_breakpoints(request),
             "setInstructionBreakpoints" => self.set_instruction_breakpoints(request),
@@ -220,7 +292,7 @@ impl Adapter {
             "stackTrace" => self.stack_trace(request),
             "scopes" => self.scopes(request),
             "variables" => self.variables(request),
-            "evaluate" => self.evaluate(request),
+            "completions" => self.completions(request),
             "setVariable" => self.set_variable(request),
             "setExpression" => self.set_expression(request),
             "continue" => {
@@ -240,22 +312,16 @@ impl Adapter {
             "loadedSources" => self.loaded_sources(),
             "modules" => self.modules(request),
             "exceptionInfo" => self.exception_info(),
-            // Requests are answered in their order, and those that take long are interrupted by any
-            // other: what is to be cancelled is done already.
-            "cancel" => Ok(Value::Null),
             "disconnect" => {
                 self.is_over = true;
                 self.state = State::Terminated;
                 Ok(Value::Null)
             }
-            other => Err(Refusal::new(format!("the request `{other}` is not supported"))),
+            other => Err(match REFUSED.iter().find(|(name, _)| *name == other) {
+                Some((_, why)) => Refusal::shown(*why),
+                None => Refusal::new(format!("the request `{other}` is not supported")),
+            }),
         }
-    }
-
-    /// The one thread.
-    fn threads(&self) -> Value {
-        let name = self.launched.as_ref().map_or("no invocation yet", |launched| &launched.name);
-        json!({ "threads": [{ "id": THREAD, "name": name }] })
     }
 
     /// What was launched, while it is stopped.

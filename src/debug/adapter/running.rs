@@ -5,19 +5,20 @@ use emmy_dap_types::types::SteppingGranularity;
 use serde_json::{Value, json};
 
 use crate::debug::console::traversal_events;
-use crate::debug::debugger::{Stepping, StopReason};
+use crate::debug::debugger::{SourcePosition, Stepping, StopReason};
 use crate::error::Error;
 
-use super::initialize::{NAN, TRAP};
-use super::protocol::{Answer, Refusal, Request, body};
-use super::{Adapter, Motion, State, THREAD};
+use super::exceptions::Exception;
+use super::initialize::Client;
+use super::protocol::{Answer, Request, body};
+use super::{Adapter, Launched, Motion, State, THREAD};
 
 impl Adapter {
     /// Makes the invocation run on, until it stops or is interrupted.
     pub fn run(&mut self) -> Vec<Value> {
         if let (State::Running(motion), Some(launched)) = (self.state, &mut self.launched) {
             let trap = launched.trap.take().filter(|_| motion == Motion::Trap);
-            let debugger = &mut launched.debugger;
+            let debugger = &mut launched.console.debugger;
             let stop = match motion {
                 Motion::Begin => debugger.begin(),
                 Motion::Resume => debugger.resume(),
@@ -29,6 +30,8 @@ impl Adapter {
             };
             match trap {
                 Some(error) => self.end(Some(&error)),
+                // It begins anew, unless the message that has come ends it.
+                None if is_given_up(motion, &stop) => {}
                 None => self.stop(stop),
             }
         }
@@ -56,6 +59,7 @@ impl Adapter {
     ) -> Answer {
         // All requests to step have these arguments.
         let arguments: NextArguments = request.arguments()?;
+        self.check_steps(arguments.thread_id)?;
         let step = match (arguments.granularity, step) {
             (Some(SteppingGranularity::Instruction), Stepping::Over) => Stepping::OverInstruction,
             (Some(SteppingGranularity::Instruction), Stepping::Into) => Stepping::IntoInstruction,
@@ -68,32 +72,30 @@ impl Adapter {
     pub(super) fn paused(&mut self) {
         // It may not have made a step yet.
         if let Some(launched) = &mut self.launched
-            && launched.debugger.stack().is_empty()
+            && launched.console.debugger.stack().is_empty()
         {
-            launched.debugger.begin();
+            launched.console.debugger.begin();
         }
         self.stopped_because(json!({ "reason": "pause" }));
     }
 
-    fn stop(&mut self, stop: StopReason) {
+    pub(super) fn stop(&mut self, stop: StopReason) {
         self.send_output();
         let no_debug = self.arguments.as_ref().is_some_and(|arguments| arguments.no_debug);
-        let stops_at_traps = !no_debug && self.filters.iter().any(|filter| filter == TRAP);
+        let stops_at_traps = !no_debug && self.filters.traps;
         match stop {
             StopReason::Interrupted => self.state = State::Running(Motion::Proceed),
             StopReason::End => self.end(None),
             StopReason::Trap(error) if !stops_at_traps => self.end(Some(&error)),
             StopReason::Trap(error) => {
-                let message = error.message().to_owned();
+                let exception = Exception::trap(&error);
                 if let Some(launched) = &mut self.launched {
                     launched.trap = Some(error);
                 }
-                self.stopped_at_exception(TRAP, "Paused before a trap", message);
+                self.stopped_at_exception(exception);
             }
-            StopReason::Nan => {
-                let message = "an operation has made a NaN of numbers".to_owned();
-                self.stopped_at_exception(NAN, "Paused behind a NaN", message);
-            }
+            StopReason::Nan => self.stopped_at_exception(Exception::nan()),
+            StopReason::Findings(findings) => self.stopped_at_exception(Exception::findings(&findings)),
             StopReason::Entry => self.stopped_because(json!({ "reason": "entry" })),
             StopReason::Step => self.stopped_because(json!({ "reason": "step" })),
             StopReason::Traversal(None) => {
@@ -127,25 +129,26 @@ impl Adapter {
     /// The first step of all may be of no line: the first line is shown instead.
     fn leave_nowhere(&mut self) {
         if let Some(launched) = &mut self.launched
-            && launched.debugger.stack().first().is_some_and(|frame| frame.position.is_none())
+            && launched.console.debugger.stack().first().is_some_and(|frame| frame.position.is_none())
         {
-            launched.debugger.begin();
+            launched.console.debugger.begin();
         }
     }
 
-    fn stopped_at_exception(&mut self, filter: &'static str, description: &str, message: String) {
-        if let Some(launched) = &mut self.launched {
-            launched.exception = Some((filter, message.clone()));
-        }
-        self.stopped_because(json!({
+    fn stopped_at_exception(&mut self, exception: Exception) {
+        let event = json!({
             "reason": "exception",
-            "description": description,
-            "text": message,
-        }));
+            "description": exception.description,
+            "text": exception.text,
+        });
+        if let Some(launched) = &mut self.launched {
+            launched.exception = Some(exception);
+        }
+        self.stopped_because(event);
     }
 
     /// Tells the client that the invocation has stopped.
-    fn stopped_because(&mut self, mut event: Value) {
+    pub(super) fn stopped_because(&mut self, mut event: Value) {
         self.state = State::Stopped;
         self.renew_stack();
         event["threadId"] = THREAD.into();
@@ -156,13 +159,15 @@ impl Adapter {
     /// Sends what shaders and breakpoints have printed since.
     fn send_output(&mut self) {
         let Some(launched) = &mut self.launched else { return };
-        let new: Vec<String> =
-            launched.debugger.all_output().skip(launched.sent_output).map(str::to_owned).collect();
-        launched.sent_output += new.len();
-        for text in new {
+        let all = launched.console.debugger.all_output();
+        for printed in &all[launched.sent_output.min(all.len())..] {
+            let text = &printed.text;
             let end = if text.ends_with('\n') { "" } else { "\n" };
-            self.outbox.event("output", json!({ "category": "stdout", "output": format!("{text}{end}") }));
+            let mut event = json!({ "category": "stdout", "output": format!("{text}{end}") });
+            launched.add_position(&mut event, printed.position, self.client);
+            self.outbox.event("output", event);
         }
+        launched.sent_output = all.len();
     }
 
     /// Ends what runs, as the client asked.
@@ -176,8 +181,12 @@ impl Adapter {
     /// Everything has run, or a shader has trapped.
     fn end(&mut self, trap: Option<&Error>) {
         if let Some(error) = trap {
-            let report = error.render();
-            self.outbox.event("output", json!({ "category": "stderr", "output": report }));
+            let mut event = json!({ "category": "stderr", "output": error.render() });
+            if let Some(launched) = &self.launched {
+                let frame = launched.console.debugger.stack().into_iter().next();
+                launched.add_position(&mut event, frame.and_then(|frame| frame.position), self.client);
+            }
+            self.outbox.event("output", event);
         }
         let code = trap.map_or(0, |error| error.class().exit_code());
         self.state = State::Terminated;
@@ -189,20 +198,22 @@ impl Adapter {
     /// What the traversal of a ray did between the step before and the one that is next, in words.
     pub(super) fn traversal(&mut self) -> Answer {
         let launched = self.stopped()?;
-        Ok(json!({ "events": traversal_events::told(launched.debugger.events()) }))
+        Ok(json!({ "events": traversal_events::told(launched.console.debugger.events()) }))
     }
+}
 
-    pub(super) fn exception_info(&mut self) -> Answer {
-        let launched = self.stopped()?;
-        let Some((filter, message)) = &launched.exception else {
-            return Err(Refusal::new("the invocation has not stopped at an exception"));
-        };
-        let report = launched.trap.as_ref().map(Error::render);
-        body(json!({
-            "exceptionId": filter,
-            "description": message,
-            "breakMode": "always",
-            "details": { "message": message, "stackTrace": report },
-        }))
+impl Launched {
+    /// Adds the source and the line that printed it to an event.
+    fn add_position(&self, event: &mut Value, position: Option<SourcePosition>, client: Client) {
+        if let Some(position) = position {
+            event["source"] = body(self.sources.source(position.file)).unwrap_or_default();
+            event["line"] = client.line(self.sources.shown_line(position)).into();
+        }
     }
+}
+
+/// Whether a run backwards was given up: it cannot go on where it was.
+fn is_given_up(motion: Motion, stop: &StopReason) -> bool {
+    let goes_back = matches!(motion, Motion::ResumeBack | Motion::StepBack(_));
+    goes_back && matches!(stop, StopReason::Interrupted)
 }

@@ -236,7 +236,7 @@ impl Adapter {
     pub(super) fn modules(&mut self, request: &Request) -> Answer {
         let arguments: ModulesArguments = request.arguments()?;
         let launched = self.launched()?;
-        let shaders = launched.debugger.sources().shaders().iter().enumerate();
+        let shaders = launched.console.debugger.sources().shaders().iter().enumerate();
         let modules = shaders.map(|(id, sites)| {
             let name = format!("{} [{}]", sites.program.name, stage_name(sites.program.stage));
             let status = if sites.is_disassembled { "no debug information" } else { "lines and names" };

@@ -1,5 +1,6 @@
 //! What a client may ask for while an invocation is stopped: frames and values, by their numbers.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::debug::debugger::{StackFrame, VariablePlace};
@@ -44,6 +45,8 @@ pub(super) enum Handle {
 #[derive(Debug, Default)]
 pub(super) struct StoppedState {
     rows: Vec<StackRow>,
+    /// Which rows are the stack of a lane; of the followed one first, which has no number.
+    stacks: Vec<(Option<usize>, Range<usize>)>,
     /// The number of the first row; no number is used twice.
     first_row: i64,
     handles: Vec<Handle>,
@@ -54,18 +57,34 @@ pub(super) struct StoppedState {
 }
 
 impl StoppedState {
-    /// Forgets frames and values, and has a new stack.
+    /// Forgets frames and values, and has a new stack of the followed lane.
     pub(super) fn renew(&mut self, rows: Vec<StackRow>) {
         self.first_row += self.rows.len() as i64;
         self.first_handle += self.handles.len() as i64;
         self.handles.clear();
-        self.rows = rows;
+        self.rows.clear();
+        self.stacks.clear();
+        self.add_stack(None, rows);
     }
 
-    /// The rows of the stack, the innermost first, each with its number.
-    pub(super) fn rows(&self) -> impl ExactSizeIterator<Item = (i64, &StackRow)> {
-        let first = self.first_row + 1;
-        self.rows.iter().enumerate().map(move |(at, row)| (first + at as i64, row))
+    /// Adds the stack of a lane.
+    pub(super) fn add_stack(&mut self, lane: Option<usize>, rows: Vec<StackRow>) {
+        let first = self.rows.len();
+        self.rows.extend(rows);
+        self.stacks.push((lane, first..self.rows.len()));
+    }
+
+    /// Whether the stack of a lane is known.
+    pub(super) fn knows(&self, lane: Option<usize>) -> bool {
+        self.stacks.iter().any(|(of, _)| *of == lane)
+    }
+
+    /// The rows of the stack of a lane, the innermost first, each with its number.
+    pub(super) fn rows(&self, lane: Option<usize>) -> impl ExactSizeIterator<Item = (i64, &StackRow)> {
+        let found = self.stacks.iter().find(|(of, _)| *of == lane);
+        let range = found.map_or(0..0, |(_, range)| range.clone());
+        let first = self.first_row + 1 + range.start as i64;
+        self.rows[range].iter().enumerate().map(move |(at, row)| (first + at as i64, row))
     }
 
     /// The function of a row, by its number.

@@ -51,7 +51,7 @@ impl Adapter {
                 (frame, these.take((range.end - range.start) as usize).collect())
             }
             Handle::Place { frame, place, expression } => {
-                let parts = launched.debugger.with_lane(&frame, |lane| place.children(range, lane));
+                let parts = launched.console.debugger.with_lane(&frame, |lane| place.children(range, lane));
                 let wanted = |name: &str| match arguments.filter {
                     Some(VariablesArgumentsFilter::Indexed) => name.starts_with('['),
                     Some(VariablesArgumentsFilter::Named) => !name.starts_with('['),
@@ -78,8 +78,8 @@ impl Adapter {
         let frame = launched.frame(arguments.frame_id)?;
         let expression = arguments.expression.trim();
         // What has a place can be opened; all else is a value only.
-        let Ok(place) = launched.debugger.place(&frame, expression) else {
-            let value = launched.debugger.evaluate(&frame, expression)?;
+        let Ok(place) = launched.console.debugger.place(&frame, expression) else {
+            let value = launched.console.debugger.evaluate(&frame, expression)?;
             return body(EvaluateResponse {
                 result: value.content.to_string().trim().to_owned(),
                 type_field: Some(value.ty),
@@ -147,7 +147,7 @@ impl Adapter {
     }
 
     /// Other values may have changed with one that was set.
-    fn tell_of_edit(&mut self) {
+    pub(super) fn tell_of_edit(&mut self) {
         if self.client.takes_invalidated {
             self.outbox.event("invalidated", json!({ "areas": ["variables"] }));
         }
@@ -166,9 +166,9 @@ impl Launched {
     /// The variables of a scope. Of several with one name, all but the first have their lines, too.
     fn in_scope(&mut self, frame: &StackFrame, kind: ScopeKind) -> Vec<Named> {
         let variables = match kind {
-            ScopeKind::Locals => self.debugger.locals(frame),
-            ScopeKind::Registers => self.debugger.temporaries(frame),
-            _ => self.debugger.globals(frame),
+            ScopeKind::Locals => self.console.debugger.locals(frame),
+            ScopeKind::Registers => self.console.debugger.temporaries(frame),
+            _ => self.console.debugger.globals(frame),
         };
         let mut seen = HashSet::new();
         let wanted = variables.into_iter().filter(|variable| kind.kinds().contains(&variable.kind));
@@ -196,7 +196,7 @@ impl Launched {
                 parts > 0 && place.children(0..1, lane).iter().all(|(name, _)| name.starts_with('['));
             (place.value(lane), parts, is_indexed, place.memory_and_offset(lane))
         };
-        let (value, parts, is_indexed, memory) = self.debugger.with_lane(frame, read);
+        let (value, parts, is_indexed, memory) = self.console.debugger.with_lane(frame, read);
         let value = match value {
             _ if !is_declared => "not declared yet".to_owned(),
             Ok(value) => value.content.to_string().trim().to_owned(),
@@ -222,12 +222,11 @@ impl Launched {
 
     /// Sets what an expression stands for; returns it as it is then.
     fn set(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<ShownVariable, String> {
-        self.debugger.assign(frame, target, value)?;
+        self.console.debugger.assign(frame, target, value)?;
         // The step that is next may no longer trap.
         (self.trap, self.exception) = (None, None);
-        let place = self.debugger.place(frame, target)?;
-        let sent = self.debugger.all_output().len();
-        self.sent_output = self.sent_output.min(sent);
+        let place = self.console.debugger.place(frame, target)?;
+        self.forget_output();
         let expression = Some(target.to_owned());
         Ok(self.shown(frame, Named { name: target.to_owned(), place, expression, is_declared: true }))
     }

@@ -2,6 +2,7 @@
 //! here reads or writes a file or a terminal.
 
 mod command;
+mod embedded;
 mod listing;
 mod places;
 mod script;
@@ -17,13 +18,15 @@ use crate::debug::values::TypedValue;
 
 use command::{Action, help};
 pub use command::{COMMANDS, Command, complete};
+pub use embedded::CommandEffect;
 use listing::Listing;
 pub use script::{PROMPT, run_script, transcript};
 
 /// A debugger that understands commands.
 #[derive(Debug)]
 pub struct Console {
-    debugger: Debugger,
+    /// The debugger; an editor steps it, too.
+    pub(in crate::debug) debugger: Debugger,
     /// The frame that commands are about, counted from the innermost.
     frame: usize,
     /// What is shown at every stop.
@@ -37,6 +40,10 @@ pub struct Console {
     /// The last command that an empty line repeats.
     last: Option<String>,
     listing: Listing,
+    /// Whether an editor shows what shaders print.
+    is_embedded: bool,
+    /// What commands did beside their answers.
+    effect: CommandEffect,
 }
 
 /// What a command is answered.
@@ -54,7 +61,13 @@ impl Console {
     /// Begins a session at the first line. With colours, listings have some.
     pub fn new(mut debugger: Debugger, colours: bool) -> (Self, Reply) {
         let stop = debugger.begin();
-        let mut console = Self {
+        let mut console = Self::unbegun(debugger, Listing::new(colours));
+        let text = console.stopped(&stop);
+        (console, Reply { text, ..Reply::default() })
+    }
+
+    fn unbegun(debugger: Debugger, listing: Listing) -> Self {
+        Self {
             debugger,
             frame: 0,
             displays: Vec::new(),
@@ -62,10 +75,10 @@ impl Console {
             shown_output: 0,
             shown_event: None,
             last: None,
-            listing: Listing::new(colours),
-        };
-        let text = console.stopped(&stop);
-        (console, Reply { text, ..Reply::default() })
+            listing,
+            is_embedded: false,
+            effect: CommandEffect::default(),
+        }
     }
 
     /// The debugger.
@@ -262,7 +275,8 @@ impl Console {
     fn stopped(&mut self, stop: &StopReason) -> String {
         self.frame = 0;
         self.shown_event = None;
-        let mut text = self.new_output();
+        self.effect.stop = Some(stop.clone());
+        let mut text = if self.is_embedded { String::new() } else { self.new_output() };
         text += &self.reason(stop);
         let Ok(frame) = self.selected() else { return text };
         text += &self.place_line(&frame);
@@ -311,6 +325,9 @@ impl Console {
                 }
             }
             StopReason::Nan => "the step before made the first NaN\n".into(),
+            StopReason::Findings(findings) => findings.iter().fold(String::new(), |text, finding| {
+                format!("{text}{}: {}\n", finding.rule.id, finding.error.message())
+            }),
             StopReason::Trap(error) => format!("trapped: {}\n", error.message()),
             StopReason::Interrupted => "interrupted\n".into(),
             StopReason::Beginning => "the start of history: nothing is before this\n".into(),
@@ -407,6 +424,7 @@ impl Console {
         };
         let frame = self.selected()?;
         let value = self.debugger.assign(&frame, target.trim(), value.trim())?;
+        self.effect.edited = true;
         Ok(format!("{} = {value}\nwhat ran after this step is forgotten\n", target.trim()))
     }
 
@@ -564,7 +582,7 @@ impl Console {
 }
 
 /// The value of words that lay at a place; the words themselves where memory has gaps in it.
-fn value_of(place: &VariablePlace, words: &[u32]) -> String {
+pub fn value_of(place: &VariablePlace, words: &[u32]) -> String {
     match place.own_registers().is_some() || place.word_count() == Some(words.len()) {
         true => TypedValue::of_type(place.module(), place.ty(), words).to_string(),
         false => listing::words(words),

@@ -70,6 +70,19 @@ pub struct Watch {
     pub words: WatchedWords,
     /// What they held last, and the run of the shader that was looked at.
     pub last: Option<(u64, Vec<u32>)>,
+    /// It stops only where this expression holds after the write.
+    pub condition: Option<String>,
+    /// It stops from this write on; 0 and 1 for the first.
+    pub from_hit: u64,
+    /// How many writes there were on the way forwards.
+    pub hits: u64,
+}
+
+impl Watch {
+    /// What always stops after a write of words.
+    pub fn new(breakpoint: Option<BreakpointId>, words: WatchedWords) -> Self {
+        Self { breakpoint, words, last: None, condition: None, from_hit: 0, hits: 0 }
+    }
 }
 
 /// An operation that ran.
@@ -129,6 +142,8 @@ pub(super) struct StopConditions {
     pub watches: Vec<Watch>,
     /// Whether reasons are collected up to the time, instead of stopping at the first.
     pub collects: bool,
+    /// Whether a write counts of which only some operations have run at the last time.
+    pub partial_writes: bool,
     /// What was collected, the earliest first; the last ones, if there are many.
     pub hits: VecDeque<Hit>,
     /// The reasons at the step that is next.
@@ -273,7 +288,7 @@ impl StopConditions {
     /// Whether the invocation stops at the step that is next.
     pub(super) fn is_met(&mut self, time: Time) -> bool {
         if self.collects {
-            if time >= self.until {
+            if time >= self.until && self.partial_writes {
                 // The rest of an instruction that is still under way is behind what is searched.
                 self.met.extend(self.writes.drain(..).map(Reason::Wrote));
             }

@@ -24,6 +24,32 @@ pub struct StoppedShader {
     pub calls: Vec<BlockIndex>,
 }
 
+/// What a lane does while everything is stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LaneActivity {
+    /// It makes the step that is next, together with the followed lane.
+    Active,
+    /// It has taken another way, and waits for the others at the block where they meet.
+    Diverged,
+    /// It waits for a shader that runs for others.
+    Waiting,
+    /// It has ended.
+    Ended,
+}
+
+/// A lane of the batches that the followed lane is in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DebuggedLane {
+    /// Its number.
+    pub lane: usize,
+    /// `LaunchIdKHR`, in compute shaders `GlobalInvocationId`.
+    pub launch_id: [u32; 3],
+    /// What it does.
+    pub activity: LaneActivity,
+    /// Whether it is the one that is followed.
+    pub is_followed: bool,
+}
+
 /// A kept state of a debuggee.
 pub type SavedState = Box<dyn Any>;
 
@@ -62,6 +88,35 @@ pub trait Debuggee {
     /// The memory of its workgroup.
     fn workgroup_memory(&self) -> Option<Arc<Buffer>>;
 
+    /// The lanes of its batches, the followed one included; none where it runs alone.
+    fn lanes(&self) -> Vec<DebuggedLane> {
+        Vec::new()
+    }
+
+    /// As [`Debuggee::shaders`], of another of these lanes.
+    fn shaders_of(&self, lane: usize) -> Vec<StoppedShader> {
+        let _ = lane;
+        Vec::new()
+    }
+
+    /// As [`Debuggee::register`], of another lane, in one of its shaders.
+    fn register_of(&self, lane: usize, shader: usize, register: Reg) -> u32 {
+        let _ = (lane, shader, register);
+        0
+    }
+
+    /// As [`Debuggee::builtin`], of another lane.
+    fn builtin_of(&self, lane: usize, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
+        let _ = (lane, shader, builtin);
+        None
+    }
+
+    /// As [`Debuggee::shader_record`], of another lane.
+    fn shader_record_of(&self, lane: usize, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
+        let _ = (lane, shader);
+        None
+    }
+
     /// The trap, or the mistake of what answers its calls, that ended it.
     fn trapped(&self) -> Option<&Error>;
 }
@@ -90,28 +145,18 @@ where
     }
 
     fn shaders(&self) -> Vec<StoppedShader> {
-        let mut all: Vec<StoppedShader> = own_shaders(self)
-            .map(|(_, active)| {
-                let calls = active.batch.frames().iter().map(|frame| frame.return_to).collect();
-                StoppedShader { shader: active.shader, op: active.batch.stopped_at(), calls }
-            })
-            .collect();
-        if let (Some(last), Some((_, active))) = (all.last_mut(), own_shaders(self).last()) {
-            last.op = next_step(&self.pipeline().programs[active.shader.index()], active.batch);
-        }
-        all
+        self.shaders_of(self.lane())
     }
 
     fn register(&self, shader: usize, register: Reg) -> u32 {
-        let active = own_shaders(self).nth(shader);
-        active.map_or(0, |(_, active)| active.batch.registers[register].0[self.lane()])
+        self.register_of(self.lane(), shader, register)
     }
 
     fn set_register(&mut self, shader: usize, register: Reg, word: u32) {
         let lane = self.lane();
-        let position = own_shaders(self).nth(shader).map(|(position, _)| position);
+        let position = shaders_with(self, lane).nth(shader).map(|(position, _)| position);
         if let Some(batch) = position.and_then(|position| self.batch_mut(position)) {
-            batch.registers[register].0[lane] = word;
+            set_word(batch, register, lane, word);
         }
     }
 
@@ -120,19 +165,58 @@ where
     }
 
     fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
-        let (_, active) = own_shaders(self).nth(shader)?;
-        let program = &self.pipeline().programs[active.shader.index()];
-        builtin_words(program, active.batch, self.lane(), builtin)
+        self.builtin_of(self.lane(), shader, builtin)
     }
 
     fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
-        let (_, active) = own_shaders(self).nth(shader)?;
-        let record = active.batch.invocations.record(self.lane())?;
-        Some((record.data.clone(), record.offset, record.size))
+        self.shader_record_of(self.lane(), shader)
     }
 
     fn workgroup_memory(&self) -> Option<Arc<Buffer>> {
         None
+    }
+
+    fn lanes(&self) -> Vec<DebuggedLane> {
+        let Some(outermost) = Self::shaders(self).next().filter(|_| W > 1) else { return Vec::new() };
+        let running = Self::shaders(self).count() - 1;
+        let lane = |lane: usize| {
+            let innermost = shaders_with(self, lane).last();
+            let activity = match innermost {
+                None => LaneActivity::Ended,
+                Some((position, active)) if position == running => lane_activity(active.batch, lane),
+                Some(_) => LaneActivity::Waiting,
+            };
+            let launch_id = outermost.batch.invocations.launch_id(lane);
+            DebuggedLane { lane, launch_id, activity, is_followed: lane == self.lane() }
+        };
+        (0..self.lane_count()).map(lane).collect()
+    }
+
+    fn shaders_of(&self, lane: usize) -> Vec<StoppedShader> {
+        let count = Self::shaders(self).count();
+        let own = shaders_with(self, lane).map(|(position, active)| {
+            let program = &self.pipeline().programs[active.shader.index()];
+            let (op, calls) = lane_position(program, active.batch, lane, position + 1 == count);
+            StoppedShader { shader: active.shader, op, calls }
+        });
+        own.collect()
+    }
+
+    fn register_of(&self, lane: usize, shader: usize, register: Reg) -> u32 {
+        let active = shaders_with(self, lane).nth(shader);
+        active.map_or(0, |(_, active)| active.batch.registers[register].0[lane])
+    }
+
+    fn builtin_of(&self, lane: usize, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
+        let (_, active) = shaders_with(self, lane).nth(shader)?;
+        let program = &self.pipeline().programs[active.shader.index()];
+        builtin_words(program, active.batch, lane, builtin)
+    }
+
+    fn shader_record_of(&self, lane: usize, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
+        let (_, active) = shaders_with(self, lane).nth(shader)?;
+        let record = active.batch.invocations.record(lane)?;
+        Some((record.data.clone(), record.offset, record.size))
     }
 
     fn trapped(&self) -> Option<&Error> {
@@ -165,12 +249,8 @@ where
     }
 
     fn shaders(&self) -> Vec<StoppedShader> {
-        let Some(batch) = self.batch().filter(|batch| self.followed().lane(batch).is_some()) else {
-            return Vec::new();
-        };
-        let calls = batch.frames().iter().map(|frame| frame.return_to).collect();
-        let op = next_step(&self.compute().program, batch);
-        vec![StoppedShader { shader: ShaderIndex(0), op, calls }]
+        let lane = self.batch().and_then(|batch| self.followed().lane(batch));
+        lane.map_or_else(Vec::new, |lane| self.shaders_of(lane))
     }
 
     fn register(&self, _: usize, register: Reg) -> u32 {
@@ -184,7 +264,7 @@ where
         if let Some(batch) = self.batch_mut()
             && let Some(lane) = followed.lane(batch)
         {
-            batch.registers[register].0[lane] = word;
+            set_word(batch, register, lane, word);
         }
     }
 
@@ -205,19 +285,53 @@ where
         Some(self.workgroup().memory.clone())
     }
 
+    fn lanes(&self) -> Vec<DebuggedLane> {
+        let Some(batch) = self.batch().filter(|_| W > 1) else { return Vec::new() };
+        let lane = |lane: usize| {
+            let launch_id = batch.invocations.launch_id(lane);
+            let activity = lane_activity(batch, lane);
+            DebuggedLane { lane, launch_id, activity, is_followed: launch_id == self.id() }
+        };
+        batch.live().lanes().map(lane).collect()
+    }
+
+    fn shaders_of(&self, lane: usize) -> Vec<StoppedShader> {
+        let Some(batch) = self.batch().filter(|batch| batch.live().contains(lane)) else {
+            return Vec::new();
+        };
+        let (op, calls) = lane_position(&self.compute().program, batch, lane, true);
+        vec![StoppedShader { shader: ShaderIndex(0), op, calls }]
+    }
+
+    fn register_of(&self, lane: usize, _: usize, register: Reg) -> u32 {
+        self.batch().map_or(0, |batch| batch.registers[register].0[lane])
+    }
+
+    fn builtin_of(&self, lane: usize, _: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
+        builtin_words(&self.compute().program, self.batch()?, lane, builtin)
+    }
+
     fn trapped(&self) -> Option<&Error> {
         Self::trapped(self).map(|trapped| &trapped.error)
     }
 }
 
-/// The shaders that the followed lane is in, each with its place among all.
-fn own_shaders<const W: usize>(
+/// Sets a register of a lane, which is defined then.
+fn set_word<const W: usize>(batch: &mut Batch<W>, register: Reg, lane: usize, word: u32) {
+    batch.registers[register].0[lane] = word;
+    if let Some(shadow) = &mut batch.registers.shadow {
+        shadow.define_lanes(register, Mask::lane(lane));
+    }
+}
+
+/// The shaders that a lane is in, each with its place among all.
+fn shaders_with<const W: usize>(
     launch: &SteppedLaunch<W>,
+    lane: usize,
 ) -> impl Iterator<Item = (usize, ActiveShader<'_, W>)>
 where
     LaneKernel: Width<W>,
 {
-    let lane = launch.lane();
     launch.shaders().enumerate().filter(move |(_, active)| active.batch.live().contains(lane))
 }
 
@@ -240,5 +354,39 @@ pub fn next_step<const W: usize>(program: &Program, batch: &Batch<W>) -> OpIndex
     match batch.op == program.blocks[batch.block.index()].end {
         true => program.terminator_index(batch.block),
         false => batch.op,
+    }
+}
+
+/// Where a lane of a paused batch is: the operation or terminator that is next, or that it waits
+/// in; and where its calls of functions go on, the outermost first. `runs` tells whether the batch
+/// is the one that runs.
+fn lane_position<const W: usize>(
+    program: &Program,
+    batch: &Batch<W>,
+    lane: usize,
+    runs: bool,
+) -> (OpIndex, Vec<BlockIndex>) {
+    let frames = batch.frames().iter().filter(|frame| frame.mask.contains(lane));
+    let mut calls: Vec<BlockIndex> = frames.map(|frame| frame.return_to).collect();
+    let begin = |block: BlockIndex| {
+        let is_empty = program.blocks[block.index()].first == program.blocks[block.index()].end;
+        if is_empty { program.terminator_index(block) } else { program.blocks[block.index()].first }
+    };
+    let op = match (batch.mask.contains(lane), batch.waits_at(lane)) {
+        (true, _) if runs => next_step(program, batch),
+        (true, _) => batch.stopped_at(),
+        (false, Some(block)) => begin(block),
+        // It has returned from a function, and waits until all have.
+        (false, None) => calls.pop().map_or_else(|| batch.stopped_at(), begin),
+    };
+    (op, calls)
+}
+
+/// What a lane does in the batch that runs.
+fn lane_activity<const W: usize>(batch: &Batch<W>, lane: usize) -> LaneActivity {
+    match (batch.mask.contains(lane), batch.live().contains(lane)) {
+        (true, _) => LaneActivity::Active,
+        (false, true) => LaneActivity::Diverged,
+        (false, false) => LaneActivity::Ended,
     }
 }

@@ -38,6 +38,11 @@ impl History {
         Self { checkpoints, interval: FIRST_INTERVAL, frontier: 0 }
     }
 
+    /// Keeps no more checkpoints: nobody goes back.
+    pub(super) fn keep_no_more(&mut self) {
+        self.interval = Time::MAX / 2;
+    }
+
     /// When the next checkpoint is due.
     pub(super) fn next_due(&self) -> Time {
         self.last().course.time + self.interval

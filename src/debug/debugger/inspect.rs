@@ -13,7 +13,7 @@ use super::variables::{Variable, global_variables, temporaries_in_frame, variabl
 impl Debugger {
     /// Calls a function with the lane of a frame's shader.
     pub fn with_lane<T>(&mut self, frame: &StackFrame, read: impl FnOnce(&mut dyn LaneState) -> T) -> T {
-        read(&mut StoppedLane::new(&mut *self.debuggee, frame.number, frame.shader))
+        read(&mut StoppedLane::new(&mut *self.debuggee, frame))
     }
 
     /// How many shaders had begun before that of a frame.
@@ -103,6 +103,7 @@ impl Debugger {
     /// # Errors
     /// Why it cannot be set, in words.
     pub fn assign(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<TypedValue, String> {
+        check_followed(frame)?;
         let place = self.place(frame, target);
         if place.is_ok_and(|place| self.is_passed_on(frame, &place)) {
             return Err(format!("`{target}` was given to the shader that runs: set it there"));
@@ -111,6 +112,7 @@ impl Debugger {
         let set =
             self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));
         set.map_err(|error| error.to_string())?;
+        self.note_assignment(frame, target, value);
         self.keep_edit();
         self.evaluate(frame, target)
     }
@@ -121,6 +123,17 @@ impl Debugger {
         let edited = self.checkpoint(true);
         self.history.go_another_way(edited);
         let now = self.course.time;
-        self.output.retain(|(time, _)| *time <= now);
+        self.output.retain(|one| one.time <= now);
+    }
+}
+
+/// Checks that a frame is of the followed lane.
+///
+/// # Errors
+/// That it is not, in words.
+pub(super) fn check_followed(frame: &StackFrame) -> Result<(), String> {
+    match frame.lane {
+        None => Ok(()),
+        Some(lane) => Err(format!("lane {lane} is not the one that is followed: it can only be looked at")),
     }
 }

@@ -10,6 +10,7 @@ use crate::program::Program;
 use super::breakpoint::BreakpointId;
 use super::condition::{Reason, StopConditions, Watch, WatchedWords, Write};
 use super::course::Time;
+use super::inspect::check_followed;
 use super::stack::StackFrame;
 use super::variable_place::VariablePlace;
 use super::{Debugger, StopReason};
@@ -64,8 +65,7 @@ impl Debugger {
     ) -> Result<Vec<Watch>, String> {
         let words = self.watched_words(frame, place)?;
         let passed = self.passed_from(&words, frame.number);
-        let watch = |words| Watch { breakpoint: Some(id), words, last: None };
-        Ok(std::iter::once(words).chain(passed).map(watch).collect())
+        Ok(std::iter::once(words).chain(passed).map(|words| Watch::new(Some(id), words)).collect())
     }
 
     /// Whether a shader has given these words to one that runs: what is set here is overwritten
@@ -89,6 +89,7 @@ impl Debugger {
         frame: &StackFrame,
         place: &VariablePlace,
     ) -> Result<WatchedWords, String> {
+        check_followed(frame)?;
         if let Some(registers) = place.own_registers() {
             let run = self.course.run(frame.number).ok_or("the shader has ended")?;
             return Ok(WatchedWords::Registers { run, registers: registers.to_vec() });
@@ -100,8 +101,9 @@ impl Debugger {
 
     /// The last write by an operation before a step. Leaves the debuggee somewhere.
     fn last_write(&mut self, words: &WatchedWords, now: Time) -> Option<Write> {
-        let watch = Watch { breakpoint: None, words: words.clone(), last: None };
-        let conditions = StopConditions { watches: vec![watch], ..StopConditions::default() };
+        let watch = Watch::new(None, words.clone());
+        let conditions =
+            StopConditions { watches: vec![watch], partial_writes: true, ..StopConditions::default() };
         // A write is seen at the instruction after it, which may be the one that is next now.
         let mut before = now + 1;
         loop {

@@ -6,18 +6,23 @@
 //! step is reached again by running on from the state before it. Nothing here reads or writes a
 //! file or a terminal.
 
+mod backwards;
 mod breakpoint;
 mod condition;
 mod course;
 pub mod debuggee;
+mod decision;
 pub mod expression;
+mod findings_ahead;
 mod history;
 mod id_places;
 mod inspect;
 pub mod lane_state;
 mod last_write;
 mod memory_state;
+mod output;
 mod place_memory;
+mod sanitized_steps;
 mod segment_summary;
 pub mod source_frames;
 mod source_locals;
@@ -41,20 +46,28 @@ use std::sync::atomic::AtomicBool;
 use crate::error::Error;
 use crate::machine::Reg;
 use crate::machine::printed::Printed;
+use crate::ops::op::Op;
 use crate::pipeline::{Event, Pipeline, Resumed};
+use crate::program::Program;
+use crate::sanitize::Finding;
 
-use condition::{Hit, StopConditions, words_of};
+use condition::{StopConditions, words_of};
 use course::Course;
 use debuggee::Debuggee;
+use decision::Direction;
+use findings_ahead::Assignment;
 use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
-use segment_summary::SegmentSummary;
+use sanitized_steps::{SanitizedSteps, Sanitizing};
 use tracker::Tracker;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
 pub use course::Time;
+pub use debuggee::{DebuggedLane, LaneActivity};
+pub use findings_ahead::{FindingFilter, FindingsAhead};
 pub use lane_state::LaneState;
+pub use output::DebugOutput;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
 pub use stack::StackFrame;
@@ -96,6 +109,8 @@ pub enum StopReason {
     Wrote(Write),
     /// The step before made a NaN from numbers.
     Nan,
+    /// The step that is next meets findings of the sanitizer.
+    Findings(Vec<Finding>),
     /// The step that is next traps.
     Trap(Error),
     /// Another thread asked for it; [`Debugger::proceed`] goes on with what was interrupted.
@@ -104,13 +119,6 @@ pub enum StopReason {
     Beginning,
     /// Everything has run.
     End,
-}
-
-/// Where a run goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Direction {
-    Forwards,
-    Backwards,
 }
 
 /// One invocation or ray that is debugged.
@@ -126,8 +134,9 @@ pub struct Debugger {
     table: Rc<BreakpointTable>,
     watches: Vec<Watch>,
     last_breakpoint: u32,
-    /// What was printed, with the time after it.
-    output: Vec<(Time, String)>,
+    output: Vec<DebugOutput>,
+    /// Whether a shader prints.
+    prints: bool,
     /// The first line's time, once it is known.
     first: Time,
     /// Whether it stops where an operation makes a NaN of numbers, too.
@@ -135,6 +144,14 @@ pub struct Debugger {
     interrupt: Option<Arc<AtomicBool>>,
     /// What was interrupted.
     interrupted: Option<StopConditions>,
+    /// Set by another thread for a search backwards to be given up.
+    give_up: Option<Arc<AtomicBool>>,
+    /// The sanitizer that looks at this run.
+    sanitizing: Option<Sanitizing>,
+    /// What was set by hand, ascending in time.
+    assignments: Vec<Assignment>,
+    /// The run that knows at which steps this one meets findings of the sanitizer.
+    ahead: Option<Box<FindingsAhead>>,
 }
 
 impl Debugger {
@@ -145,6 +162,8 @@ impl Debugger {
         printed: Option<Arc<Printed>>,
     ) -> Self {
         let sources = Rc::new(SourceMap::new(&pipeline.programs));
+        let prints = |program: &Arc<Program>| program.ops.iter().any(|op| matches!(op, Op::Print(_)));
+        let prints = pipeline.programs.iter().any(prints);
         let course = Course::default();
         let history = History::new(Checkpoint {
             course: course.clone(),
@@ -165,10 +184,15 @@ impl Debugger {
             watches: Vec::new(),
             last_breakpoint: 0,
             output: Vec::new(),
+            prints,
             first: 0,
             stops_at_nan: false,
             interrupt: None,
             interrupted: None,
+            give_up: None,
+            sanitizing: None,
+            assignments: Vec::new(),
+            ahead: None,
         }
     }
 
@@ -234,23 +258,11 @@ impl Debugger {
         &self.course.events
     }
 
-    /// What shaders have printed before the step that is next.
-    pub fn output(&self) -> impl Iterator<Item = &str> {
-        let now = self.course.time;
-        let before = self.output.iter().filter(move |(time, _)| *time <= now);
-        before.map(|(_, text)| text.as_str())
-    }
-
-    /// All that shaders and breakpoints have printed, in the order in which they have: after going
-    /// back, also what comes later.
-    pub fn all_output(&self) -> impl ExactSizeIterator<Item = &str> {
-        self.output.iter().map(|(_, text)| text.as_str())
-    }
-
     /// Makes a step.
     pub fn step(&mut self, step: Stepping) -> StopReason {
         let conditions = self.step_conditions(step, self.course.depth());
-        let conditions = StopConditions { breakpoints: Some(self.table.clone()), ..conditions };
+        let nan = self.stops_at_nan;
+        let conditions = StopConditions { breakpoints: Some(self.table.clone()), nan, ..conditions };
         self.run(conditions)
     }
 
@@ -303,11 +315,21 @@ impl Debugger {
 
     fn run_on(&mut self, mut conditions: StopConditions) -> StopReason {
         self.interrupted = None;
+        let wanted = conditions.until;
         loop {
+            conditions.until = wanted.min(self.free_until());
             if self.advance(&mut conditions) == Resumed::Ended {
                 return self.at_end();
             }
-            if conditions.only_arrived() && self.course.time < conditions.until {
+            let has_come = std::mem::replace(&mut conditions.until, wanted) <= self.course.time;
+            let findings = self.findings_here();
+            if !findings.is_empty() {
+                return StopReason::Findings(findings);
+            }
+            if conditions.only_arrived() && self.course.time < wanted {
+                if has_come && !conditions.is_interrupted() {
+                    continue;
+                }
                 self.interrupted = Some(conditions);
                 return StopReason::Interrupted;
             }
@@ -316,84 +338,6 @@ impl Debugger {
                 return stop;
             }
         }
-    }
-
-    /// What reasons come to; `None` where only breakpoints are met whose condition does not hold,
-    /// or that print and go on.
-    fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<StopReason> {
-        let (mut hit, mut traversals) = (Vec::new(), Vec::new());
-        for reason in reasons {
-            match reason {
-                Reason::Breakpoint(id) if self.stops_at(*id, direction) => hit.push(*id),
-                Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => traversals.push(*id),
-                Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
-                Reason::Wrote(write) => return Some(StopReason::Wrote(write.clone())),
-                Reason::Nan => return Some(StopReason::Nan),
-                Reason::Traversal(None) => return Some(StopReason::Traversal(None)),
-                Reason::Stepped | Reason::Arrived => {}
-            }
-        }
-        traversals.dedup();
-        if let Some(first) = traversals.first() {
-            return Some(StopReason::Traversal(Some(*first)));
-        }
-        if !hit.is_empty() {
-            return Some(StopReason::Breakpoints(hit));
-        }
-        let stepped = |reason: &Reason| matches!(reason, Reason::Stepped | Reason::Arrived);
-        reasons.iter().any(stepped).then_some(StopReason::Step)
-    }
-
-    /// Whether a breakpoint that was reached stops: its condition holds, it was hit often enough,
-    /// and it does not only print.
-    fn stops_at(&mut self, id: BreakpointId, direction: Direction) -> bool {
-        let Some(at) = self.breakpoints.iter().position(|breakpoint| breakpoint.id == id) else {
-            return false;
-        };
-        let frame = self.stack().into_iter().next();
-        if let (Some(condition), Some(frame)) = (self.breakpoints[at].condition.clone(), &frame) {
-            match self.holds(frame, &condition) {
-                Ok(true) => {}
-                Ok(false) => return false,
-                Err(why) => self.print(format!("the condition of breakpoint {}: {why}", id.0)),
-            }
-        }
-        let breakpoint = &mut self.breakpoints[at];
-        if direction == Direction::Forwards {
-            breakpoint.hits += 1;
-            if breakpoint.hits < breakpoint.from_hit {
-                return false;
-            }
-        }
-        let Some(log) = breakpoint.log.clone() else { return true };
-        if direction == Direction::Forwards
-            && let Some(frame) = &frame
-        {
-            let text = self.interpolate(frame, &log);
-            self.print(text);
-        }
-        false
-    }
-
-    /// A text in which the values of expressions stand for `{expression}`.
-    fn interpolate(&mut self, frame: &StackFrame, text: &str) -> String {
-        let mut printed = String::new();
-        let mut rest = text;
-        while let Some((before, after)) = rest.split_once('{') {
-            printed += before;
-            let Some((expression, after)) = after.split_once('}') else { return printed + "{" + after };
-            printed += &match self.evaluate(frame, expression) {
-                Ok(value) => value.content.to_string(),
-                Err(why) => format!("<{why}>"),
-            };
-            rest = after;
-        }
-        printed + rest
-    }
-
-    /// Adds a text to the output.
-    fn print(&mut self, text: String) {
-        self.output.push((self.course.time, text));
     }
 
     /// What the end is. It stays before the last step, where everything can still be looked at.
@@ -446,12 +390,21 @@ impl Debugger {
         let followed = self.debuggee.followed();
         let mut tracker =
             Tracker::new(&mut self.course, &self.sources, followed, conditions, &inbox, summary);
+        let sanitizer = self.sanitizing.as_mut().and_then(Sanitizing::take);
+        tracker.sanitized =
+            self.sanitizing.as_ref().zip(sanitizer).map(|(with, sanitizer)| with.looking(sanitizer));
+        tracker.prints = (is_new && self.prints).then(Vec::new);
         let resumed = self.debuggee.resume(&mut tracker, &inbox);
+        let sanitizer = tracker.sanitized.take().map(SanitizedSteps::paused);
+        let prints = tracker.prints.take().unwrap_or_default();
+        if let Some(sanitizing) = &mut self.sanitizing {
+            sanitizing.keep(sanitizer);
+        }
         let printed = self.printed.as_ref().map_or_else(Vec::new, |printed| printed.take());
         if is_new {
             // Nothing can stop behind the last step.
             let time = self.course.time - u64::from(resumed == Resumed::Ended && self.course.time > 0);
-            self.output.extend(printed.into_iter().map(|line| (time, line.text)));
+            self.add_printed(printed, prints, time);
         }
         resumed
     }
@@ -484,74 +437,6 @@ impl Debugger {
         if must_run && self.advance(&mut StopConditions::at(time)) == Resumed::Ended && self.course.time > 0 {
             self.seek(self.course.time - 1);
         }
-    }
-
-    /// Makes a step backwards: to the begin of the line before, in the same function or its caller
-    /// (`Over`), or wherever it is (`Into`); to the call of this function (`Out`).
-    pub fn step_back(&mut self, step: Stepping) -> StopReason {
-        let depth = self.course.depth();
-        let conditions = match step {
-            Stepping::Out if depth == 0 => return self.go_to_beginning(),
-            Stepping::Out => StopConditions { line: Some(depth - 1), ..StopConditions::default() },
-            Stepping::Over => StopConditions { line: Some(depth), ..StopConditions::default() },
-            step => self.step_conditions(step, depth),
-        };
-        let hits = self.last_hits(&conditions, self.course.time);
-        let Some(hit) = hits.into_iter().next() else { return self.go_to_beginning() };
-        self.seek(hit.time);
-        match hit.reason {
-            Reason::Traversal(id) => StopReason::Traversal(id),
-            _ => StopReason::Step,
-        }
-    }
-
-    /// Runs backwards to the breakpoint before, or to the step that wrote what is watched.
-    pub fn resume_back(&mut self) -> StopReason {
-        let conditions = StopConditions {
-            breakpoints: Some(self.table.clone()),
-            watches: self.watches.clone(),
-            ..StopConditions::default()
-        };
-        let mut before = self.course.time;
-        loop {
-            let hits = self.last_hits(&conditions, before);
-            let Some(time) = hits.first().map(|hit| hit.time) else { return self.go_to_beginning() };
-            self.seek(time);
-            let reasons: Vec<Reason> = hits.into_iter().map(|hit| hit.reason).collect();
-            if let Some(stop) = self.decide(&reasons, Direction::Backwards) {
-                return stop;
-            }
-            before = time;
-        }
-    }
-
-    fn go_to_beginning(&mut self) -> StopReason {
-        self.seek(self.first.min(self.course.time));
-        StopReason::Beginning
-    }
-
-    /// The reasons at the last time before a time at which conditions were met. Searches backwards,
-    /// segment by segment, and leaves the debuggee somewhere.
-    fn last_hits(&mut self, conditions: &StopConditions, before: Time) -> Vec<Hit> {
-        let Some(last) = before.checked_sub(1) else { return Vec::new() };
-        for number in (0..self.history.segments()).rev() {
-            let (checkpoint, summary) = self.history.segment(number);
-            let begins = checkpoint.course.time;
-            if begins > last || number > 0 && begins == last || !can_be_in(conditions, summary) {
-                continue;
-            }
-            let until = last.min(self.history.segment_end(number));
-            self.restore_segment(number);
-            let mut collecting = StopConditions { collects: true, until, ..conditions.clone() };
-            self.look_at_watched(&mut collecting);
-            self.advance(&mut collecting);
-            let hits = collecting.hits;
-            let Some(time) = hits.iter().map(|hit| hit.time).filter(|&time| time <= last).max() else {
-                continue;
-            };
-            return hits.into_iter().filter(|hit| hit.time == time).collect();
-        }
-        Vec::new()
     }
 
     /// Reads what is watched, so that the next step's write is seen.
@@ -590,23 +475,20 @@ impl Debugger {
         BreakpointId(self.last_breakpoint)
     }
 
+    /// The last number that [`Debugger::new_breakpoint_id`] has given.
+    pub fn last_breakpoint_id(&self) -> BreakpointId {
+        BreakpointId(self.last_breakpoint)
+    }
+
+    /// Has numbers of new breakpoints follow one that somebody else has given.
+    pub fn number_breakpoints_after(&mut self, last: BreakpointId) {
+        self.last_breakpoint = self.last_breakpoint.max(last.0);
+    }
+
     /// The breakpoints.
     pub fn breakpoints(&self) -> &[Breakpoint] {
         &self.breakpoints
     }
-}
-
-/// Whether conditions can be met in a segment.
-fn can_be_in(conditions: &StopConditions, summary: &SegmentSummary) -> bool {
-    let at_lines = match &conditions.breakpoints {
-        None => false,
-        Some(table) => table.only_lines().is_none_or(|lines| summary.has_one_of(lines)),
-    };
-    let others = conditions.instruction.is_some()
-        || conditions.below.is_some()
-        || conditions.traversal
-        || conditions.watches_results();
-    others || at_lines || conditions.line.is_some_and(|depth| summary.has_line_within(depth))
 }
 
 impl fmt::Debug for Debugger {

@@ -5,6 +5,7 @@ use crate::machine::ShaderIndex;
 use crate::module::interface::Stage;
 
 use super::Debugger;
+use super::debuggee::{DebuggedLane, StoppedShader};
 use super::source_frames::{SourceFrame, source_frames};
 use super::source_map::SourcePosition;
 
@@ -25,13 +26,30 @@ pub struct StackFrame {
     pub source: SourceFrame,
     /// Where it is.
     pub position: Option<SourcePosition>,
+    /// The lane that has called it, if it is not the followed one.
+    pub lane: Option<usize>,
 }
 
 impl Debugger {
     /// The functions that have been called and not returned, the innermost first; none at the end.
     pub fn stack(&self) -> Vec<StackFrame> {
+        self.frames(&self.debuggee.shaders(), None)
+    }
+
+    /// All lanes that run with the followed one, itself included; none where it runs alone.
+    pub fn lanes(&self) -> Vec<DebuggedLane> {
+        self.debuggee.lanes()
+    }
+
+    /// The functions that another lane has called and not returned from, the innermost first.
+    pub fn stack_of(&self, lane: usize) -> Vec<StackFrame> {
+        self.frames(&self.debuggee.shaders_of(lane), Some(lane))
+    }
+
+    /// The functions that a lane is in, given its shaders.
+    fn frames(&self, shaders: &[StoppedShader], lane: Option<usize>) -> Vec<StackFrame> {
         let mut frames = Vec::new();
-        for (number, stopped) in self.debuggee.shaders().iter().enumerate().rev() {
+        for (number, stopped) in shaders.iter().enumerate().rev() {
             let sites = self.sources.shader(stopped.shader);
             let calls = stopped.calls.iter().rev().filter_map(|&return_to| sites.call_before(return_to));
             for op in std::iter::once(stopped.op).chain(calls) {
@@ -48,6 +66,7 @@ impl Debugger {
                             .position_of(&source)
                             .or_else(|| self.sources.line(sites.first_line(source.origin.scope))),
                         source,
+                        lane,
                     }
                 }));
             }

@@ -8,6 +8,7 @@ use crate::ops::builtin::Builtin;
 
 use super::debuggee::Debuggee;
 use super::lane_state::LaneState;
+use super::stack::StackFrame;
 
 /// A shader of the invocation that has begun and not ended.
 pub(super) struct StoppedLane<'a> {
@@ -15,16 +16,22 @@ pub(super) struct StoppedLane<'a> {
     /// Its number, from the outermost.
     number: usize,
     shader: ShaderIndex,
+    /// Another lane than the followed one, of which nothing can be set.
+    lane: Option<usize>,
     record: Option<(Arc<Buffer>, u64, u64)>,
     workgroup_memory: Option<Arc<Buffer>>,
 }
 
 impl<'a> StoppedLane<'a> {
-    /// The shader of a number.
-    pub(super) fn new(debuggee: &'a mut dyn Debuggee, number: usize, shader: ShaderIndex) -> Self {
-        let record = debuggee.shader_record(number);
+    /// The shader of a frame.
+    pub(super) fn new(debuggee: &'a mut dyn Debuggee, frame: &StackFrame) -> Self {
+        let (number, shader, lane) = (frame.number, frame.shader, frame.lane);
+        let record = match lane {
+            None => debuggee.shader_record(number),
+            Some(lane) => debuggee.shader_record_of(lane, number),
+        };
         let workgroup_memory = debuggee.workgroup_memory();
-        Self { debuggee, number, shader, record, workgroup_memory }
+        Self { debuggee, number, shader, lane, record, workgroup_memory }
     }
 }
 
@@ -36,11 +43,16 @@ impl fmt::Debug for StoppedLane<'_> {
 
 impl LaneState for StoppedLane<'_> {
     fn register(&self, register: Reg) -> u32 {
-        self.debuggee.register(self.number, register)
+        match self.lane {
+            None => self.debuggee.register(self.number, register),
+            Some(lane) => self.debuggee.register_of(lane, self.number, register),
+        }
     }
 
     fn set_register(&mut self, register: Reg, word: u32) {
-        self.debuggee.set_register(self.number, register, word);
+        if self.lane.is_none() {
+            self.debuggee.set_register(self.number, register, word);
+        }
     }
 
     fn bindings(&self) -> &Bindings {
@@ -56,6 +68,9 @@ impl LaneState for StoppedLane<'_> {
     }
 
     fn builtin(&self, builtin: &'static Builtin) -> Option<Vec<u32>> {
-        self.debuggee.builtin(self.number, builtin)
+        match self.lane {
+            None => self.debuggee.builtin(self.number, builtin),
+            Some(lane) => self.debuggee.builtin_of(lane, self.number, builtin),
+        }
     }
 }

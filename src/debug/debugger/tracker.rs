@@ -9,9 +9,10 @@ use crate::ops::op::Op;
 use crate::pipeline::Event;
 
 use super::condition::{Ran, StopConditions};
-use super::course::{ActiveShader, Course, FrameLine, Moment};
+use super::course::{ActiveShader, Course, FrameLine, Moment, Time};
+use super::sanitized_steps::SanitizedSteps;
 use super::segment_summary::SegmentSummary;
-use super::source_map::{ShaderSites, Site, SourceMap};
+use super::source_map::{ShaderSites, Site, SourceMap, SourcePosition};
 
 /// The invocation that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +46,23 @@ pub struct Tracker<'a> {
     inbox: &'a RefCell<Vec<Event>>,
     /// Where lines are noted that begin for the first time.
     summary: Option<&'a mut SegmentSummary>,
+    /// The sanitizer, where it looks at the run, too.
+    pub(super) sanitized: Option<SanitizedSteps<'a>>,
+    /// Where invocations print, where that is noted.
+    pub(super) prints: Option<Vec<Print>>,
     shader: ShaderIndex,
     lane: Option<usize>,
+}
+
+/// An invocation has printed a text.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Print {
+    /// The step behind it.
+    pub time: Time,
+    /// The invocation.
+    pub launch_id: [u32; 3],
+    /// The line.
+    pub position: Option<SourcePosition>,
 }
 
 impl fmt::Debug for Tracker<'_> {
@@ -69,8 +85,18 @@ impl<'a> Tracker<'a> {
             course.time += 1;
             course.events.clear();
         }
-        let (shader, lane) = (ShaderIndex(0), None);
-        Self { course, sources, followed, conditions, inbox, summary, shader, lane }
+        Self {
+            course,
+            sources,
+            followed,
+            conditions,
+            inbox,
+            summary,
+            sanitized: None,
+            prints: None,
+            shader: ShaderIndex(0),
+            lane: None,
+        }
     }
 
     /// Takes what the pipeline has reported.
@@ -85,6 +111,10 @@ impl<'a> Tracker<'a> {
                     self.course.last = None;
                 }
                 _ => {}
+            }
+            if let Some(sanitized) = &mut self.sanitized {
+                // The instruction that has called the pipeline was the step before.
+                sanitized.event(event.clone(), self.course.time.saturating_sub(1));
             }
             self.conditions.event(&event);
             self.course.events.push(event);
@@ -116,6 +146,9 @@ impl<'a> Tracker<'a> {
         }
         if self.conditions.is_met(self.course.time) {
             self.course.paused = true;
+            if let Some(sanitized) = &mut self.sanitized {
+                sanitized.pause();
+            }
             return true;
         }
         self.course.time += 1;
@@ -168,6 +201,26 @@ impl<'a> Tracker<'a> {
         }
     }
 
+    /// Notes what the followed invocation has made the sanitizer find at a step.
+    fn note_findings<const W: usize>(&mut self, batch: &Batch<W>, time: Time) {
+        let followed = self.followed;
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.note(time, || followed.lane(batch).map(|lane| batch.invocations.launch_id(lane)));
+        }
+    }
+
+    /// Notes where invocations print.
+    fn note_print<const W: usize>(&mut self, batch: &Batch<W>, op: OpIndex) {
+        let sites = self.sources.shader(self.shader);
+        if let Some(prints) = &mut self.prints
+            && let Some(Op::Print(_)) = sites.program.ops.get(op.index())
+        {
+            let (time, position) = (self.course.time, sites.position(sites.offset(op)));
+            let ids = batch.mask.lanes().map(|lane| batch.invocations.launch_id(lane));
+            prints.extend(ids.map(|launch_id| Print { time, launch_id, position }));
+        }
+    }
+
     /// The lane, where it is among those that run.
     fn running_lane<const W: usize>(&self, batch: &Batch<W>) -> Option<usize> {
         self.lane.filter(|&lane| batch.mask.contains(lane))
@@ -175,7 +228,18 @@ impl<'a> Tracker<'a> {
 }
 
 impl<const W: usize> Observer<W> for Tracker<'_> {
+    fn began(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.began(shader, batch);
+            self.note_findings(batch, self.course.time);
+        }
+    }
+
     fn resumed(&mut self, shader: ShaderIndex, batch: &mut Batch<W>) {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.resumed(shader, batch);
+            self.note_findings(batch, self.course.time);
+        }
         self.take_events();
         self.shader = shader;
         self.lane = self.followed.lane(batch);
@@ -192,6 +256,10 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn stopped(&mut self, shader: ShaderIndex, batch: &Batch<W>) {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.stopped(shader, batch);
+            self.note_findings(batch, self.course.time);
+        }
         let program = &self.sources.shader(shader).program;
         if self.lane.is_some()
             && let Some(Op::Stop(call)) = program.ops.get(batch.stopped_at().index())
@@ -202,6 +270,10 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn block(&mut self, batch: &Batch<W>) {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.block(batch);
+            self.note_findings(batch, self.course.time);
+        }
         if self.running_lane(batch).is_none() {
             return;
         }
@@ -218,10 +290,22 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.before(batch, op);
+            self.note_findings(batch, self.course.time);
+        }
         self.running_lane(batch).is_some() && self.arrive(op, batch.frames().len())
     }
 
-    fn after(&mut self, batch: &mut Batch<W>, _: &Bindings, op: OpIndex) {
+    fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.after(batch, bindings, op);
+            // The step was counted before it was made.
+            self.note_findings(batch, self.course.time.saturating_sub(1));
+        }
+        if self.prints.is_some() {
+            self.note_print(batch, op);
+        }
         if let Some(events) = batch.queries.events.as_mut().filter(|events| !events.is_empty()) {
             let lane = self.lane.map(|lane| lane as u32);
             let own = events.drain(..).filter(|event| Some(event.lane) == lane);
@@ -242,6 +326,10 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
     }
 
     fn terminator(&mut self, batch: &mut Batch<W>) -> bool {
+        if let Some(sanitized) = &mut self.sanitized {
+            sanitized.sanitizer.terminator(batch);
+            self.note_findings(batch, self.course.time);
+        }
         let terminator = self.sources.shader(self.shader).program.terminator_index(batch.block);
         self.running_lane(batch).is_some() && self.arrive(terminator, batch.frames().len())
     }

@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::harness::bless::bless;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::Fix;
-use crate::harness::sanitize_table::scene_levels;
 use crate::harness::sanitized::check_scene;
 use crate::harness::stability::found::ShadowFindings;
 use crate::harness::suite::options::SuiteOptions;
@@ -17,6 +16,7 @@ use crate::harness::suite::tester::{Tester, unstable};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test};
 use crate::input::{InputLimit, InputLimits};
 use crate::sanitize::Findings;
+use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, ResolvedScene};
 
 /// A suite that has run.

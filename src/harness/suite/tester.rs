@@ -17,7 +17,6 @@ use crate::harness::many_seeds::ManySeeds;
 use crate::harness::observe::fresh_resources;
 use crate::harness::rendering;
 use crate::harness::run::{RayMeasurements, launch_covered, rays, run_launch, run_ray};
-use crate::harness::sanitize_table::scene_levels;
 use crate::harness::sanitized::{SanitizedRun, run_sanitized, sanitize_one};
 use crate::harness::stability::found::ShadowFindings;
 use crate::harness::stability::perturb::{perturb, perturb_one};
@@ -27,6 +26,7 @@ use crate::harness::suite::options::SuiteOptions;
 use crate::harness::suite::{Outcome, Part, Test, TestFailure, pictures};
 use crate::sanitize::{Findings, Levels};
 use crate::scene::file::{GivenRay, RayEntry};
+use crate::scene::sanitize_table::scene_levels;
 
 /// One test of a loaded case.
 pub(super) struct Tester<'a> {

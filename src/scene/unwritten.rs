@@ -6,7 +6,7 @@ use crate::scene::ResolvedScene;
 
 /// What nobody has written before the first pass of a scene: buffers and images of which the scene
 /// says only how large they are.
-pub(super) fn unwritten_memory(scene: &ResolvedScene, resources: &Resources) -> UnwrittenMemory {
+pub fn unwritten_memory(scene: &ResolvedScene, resources: &Resources) -> UnwrittenMemory {
     let mut memory = UnwrittenMemory::default();
     for binding in &scene.resources {
         let is_unfilled = binding.resource.data().is_some_and(|data| data.is_unfilled())

@@ -1,0 +1,94 @@
+;;; session.el --- A session of Emacs' dap-mode with `anyhit dap' -*- lexical-binding: t -*-
+
+;; Emacs itself debugs a pixel: dap-mode starts the adapter, sets a breakpoint, goes where it
+;; stops, steps, evaluates and lets the ray end. `.ci/judge-editors' runs it.
+;;
+;; The scene's facts are those of tests/dap/vscode-swept-spheres.jsonl: the ray meets two swept
+;; spheres, the any-hit shader ignores the first, and the closest hit is on the one from (-1, 0, 4)
+;; to (2, 0, 4), whose axis is (3, 0, 0).
+
+;;; Code:
+
+(require 'dap-mode)
+(require 'dap-ui)
+
+(defconst session-root (expand-file-name "../../" (file-name-directory load-file-name)))
+(defconst session-scene (expand-file-name "shaders/pass/debugger/swept-spheres/" session-root))
+
+(setq dap-breakpoints-file (make-temp-file "anyhit-breakpoints")
+      dap-auto-configure-features nil
+      dap-output-buffer-filter nil
+      default-directory session-root)
+
+(dap-register-debug-provider
+ "anyhit"
+ (lambda (conf)
+   (plist-put conf :dap-server-path (list (or (getenv "ANYHIT") "anyhit") "dap"))))
+
+(defun session-wait (what condition)
+  "Wait until CONDITION holds, or fail with WHAT."
+  (with-timeout (60 (error "It did not come to this: %s" what))
+    (while (not (funcall condition))
+      (accept-process-output nil 0.05)))
+  (message "%s" what))
+
+(defun session-frame ()
+  "The stack frame at which the session has stopped."
+  (let ((session (dap--cur-session)))
+    (and session (dap--debug-session-active-frame session))))
+
+(defun session-stopped-at (file line)
+  "Wait until Emacs shows LINE of FILE."
+  (session-wait
+   (format "stopped at %s:%d" file line)
+   (lambda ()
+     (let ((frame (session-frame)))
+       (and frame
+            (= line (gethash "line" frame))
+            (string= file (file-name-nondirectory (gethash "path" (gethash "source" frame)))))))))
+
+(defun session-value (expression)
+  "The value of EXPRESSION where the session has stopped."
+  (let ((answer nil))
+    (dap--send-message
+     (dap--make-request "evaluate" (list :expression expression
+                                         :frameId (gethash "id" (session-frame))
+                                         :context "watch"))
+     (lambda (response) (setq answer response))
+     (dap--cur-session))
+    (session-wait expression (lambda () answer))
+    (if (gethash "success" answer)
+        (gethash "result" (gethash "body" answer))
+      (error "`%s': %s" expression (gethash "message" answer)))))
+
+(defun session-expect (expression value)
+  "Check that EXPRESSION has a VALUE."
+  (let ((found (session-value expression)))
+    (unless (string= found value)
+      (error "`%s' is %s, not %s" expression found value))))
+
+(find-file (expand-file-name "main.rchit" session-scene))
+(goto-char (point-min))
+(forward-line 13)
+(dap-breakpoint-add)
+
+(dap-debug (list :type "anyhit"
+                 :request "launch"
+                 :name "a pixel"
+                 :scene (expand-file-name "scene.toml" session-scene)
+                 :pixel [0 0]
+                 :stopOnEntry t))
+
+(session-stopped-at "main.rgen" 12)
+(dap-next (dap--cur-session))
+(session-stopped-at "main.rgen" 13)
+(dap-continue (dap--cur-session) (dap--debug-session-thread-id (dap--cur-session)))
+(session-stopped-at "main.rchit" 14)
+(session-expect "axis" "(3, 0, 0)")
+(session-expect "gl_HitLSSPositionsNV[1]" "(2, 0, 4)")
+(dap-step-out (dap--cur-session))
+(session-stopped-at "main.rgen" 16)
+(dap-continue (dap--cur-session) (dap--debug-session-thread-id (dap--cur-session)))
+(session-wait "the end" (lambda () (not (dap--session-running (dap--cur-session)))))
+
+;;; session.el ends here
