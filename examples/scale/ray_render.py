@@ -44,7 +44,8 @@ def directions(width: int, height: int, first: int, end: int) -> Floats:
     x = ((np.arange(width) + 0.5) / width * 2 - 1) * HALF_HEIGHT * width / height
     y = (1 - (np.arange(first, end) + 0.5) / height * 2) * HALF_HEIGHT
     across = x[None, :, None] * right + y[:, None, None] * up + forwards
-    return (across / np.linalg.norm(across, axis=-1, keepdims=True)).astype(np.float32).reshape(-1, 3)
+    unit: Floats = (across / np.linalg.norm(across, axis=-1, keepdims=True)).astype(np.float32)
+    return unit.reshape(-1, 3)
 
 
 def render_rows(scene: str, width: int, height: int, first: int, end: int) -> Floats:

@@ -14,6 +14,27 @@ _Members: TypeAlias = Mapping[str, Any]
 _Shader: TypeAlias = Union["Program", "Module"]
 
 __version__: str
+__all__ = [
+    "__version__",
+    "EntryPoint",
+    "Finished",
+    "Hit",
+    "Instance",
+    "Launched",
+    "LoadedScene",
+    "Module",
+    "Pipeline",
+    "Program",
+    "Ray",
+    "Scene",
+    "SceneOutcome",
+    "ShaderOutcome",
+    "ShaderTest",
+    "Suite",
+    "TraceCall",
+    "Traced",
+    "stress",
+]
 
 @final
 class EntryPoint:
@@ -122,6 +143,9 @@ class Scene:
         self, set: int, binding: int, data: Union[_Data, _Members], module: Optional[Module] = None
     ) -> Scene: ...
     def image(self, set: int, binding: int, texels: npt.NDArray[np.float32]) -> Scene: ...
+    def read_buffer(
+        self, set: int, binding: int, dtype: Optional[npt.DTypeLike] = None
+    ) -> npt.NDArray[Any]: ...
     def push_constants(self, module: Module, values: _Members) -> Scene: ...
 
 @final

@@ -102,8 +102,8 @@ impl<'py> Scalars<'py> {
     }
 }
 
-/// The floats of an array in rows of `N`, copied, as a scene keeps them. `inner` are the shapes that
-/// an element may have: `[3]` for (N, 3).
+/// The floats of an array in rows of `N`, copied, as a scene keeps them. `inner` are the shapes
+/// that an element may have: `[3]` for (N, 3).
 pub(crate) fn copied_rows<const N: usize>(
     name: &str,
     given: &Bound<'_, PyAny>,

@@ -33,7 +33,7 @@ fn collect(
             && matches!(content(inner), Content::Struct(_))
             && !dict.contains(name)?
         {
-            return collect(Some(inner), data, &format!("{path}[0]"), out);
+            return collect(Some(inner), data, path, out);
         }
         for (name, part) in dict {
             let name: String = name.extract()?;

@@ -27,8 +27,8 @@ pub(crate) struct Pipeline {
 #[pymethods]
 impl Pipeline {
     /// A pipeline with a record of the shader binding table for each hit group, miss shader and
-    /// callable shader, in their order. A shader is a `Program`, or a `Module` with one entry point;
-    /// a hit group is one shader or a list.
+    /// callable shader, in their order. A shader is a `Program`, or a `Module` with a single entry
+    /// point; a hit group is one shader or a list.
     #[new]
     #[pyo3(signature = (*, ray_generation=None, hit=Vec::new(), miss=Vec::new(), callable=Vec::new(), max_recursion=None, fuel=None))]
     fn new(

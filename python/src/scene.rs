@@ -14,6 +14,7 @@ use crate::instance::Instance;
 use crate::loaded_scene::LoadedScene;
 use crate::module::Module;
 use crate::numbers::members;
+use crate::outcome::buffer_array;
 
 /// Instances in an acceleration structure, and what the shaders have bound. Methods that bind
 /// return a scene that shares the rest.
@@ -74,6 +75,18 @@ impl Scene {
     /// Binds a storage or sampled image: an array of float32, (height, width, 4).
     fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self { scene: self.scene.clone().image(set, binding, image(texels)?) })
+    }
+
+    /// The content of a buffer now, as an array of a dtype; of its bytes without one.
+    #[pyo3(signature = (set, binding, dtype=None))]
+    fn read_buffer<'py>(
+        &self,
+        py: Python<'py>,
+        set: u32,
+        binding: u32,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.scene.read_buffer::<u8>(set, binding).map_err(raised)?, dtype)
     }
 
     /// Sets the push constants by the names of their members, as a module declares them.

@@ -1,5 +1,7 @@
 //! Arrays of rays through a scene.
 
+use std::ops::Range;
+
 use anyhit::{Pipeline, Ray, RayOperands, Scene, Stats, Value};
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::prelude::*;
@@ -64,13 +66,94 @@ impl Traced {
     }
 }
 
-/// What one ray brought back.
-struct Row {
-    hit: Option<anyhit::HitRecord>,
-    position: [f32; 3],
+/// The number of rays that run one after the other, before another thread may take some.
+const SHARE: usize = 1024;
+
+/// What consecutive rays brought back.
+#[derive(Default)]
+struct Columns {
+    hit: Vec<bool>,
+    t: Vec<f32>,
+    instance: Vec<u32>,
+    custom_index: Vec<u32>,
+    geometry: Vec<u32>,
+    primitive: Vec<u32>,
+    kind: Vec<u32>,
+    /// Two for each ray.
+    attributes: Vec<f32>,
+    /// Three for each ray.
+    positions: Vec<f32>,
     payload: Vec<u8>,
-    printed: Vec<String>,
+    printed: Vec<Vec<String>>,
     stats: Stats,
+}
+
+impl Columns {
+    fn push(&mut self, ray: Ray, traced: anyhit::Traced) {
+        let hit = (!traced.missed()).then(|| traced.hit());
+        let Ray { origin, direction, .. } = ray;
+        let along = |axis: usize, t: f32| {
+            (f64::from(origin[axis]) + f64::from(t) * f64::from(direction[axis])) as f32
+        };
+        self.hit.push(hit.is_some());
+        self.t.push(hit.map_or(f32::INFINITY, |hit| hit.t));
+        self.instance.push(hit.map_or(NONE, |hit| hit.instance));
+        self.custom_index.push(hit.map_or(NONE, |hit| hit.custom_index));
+        self.geometry.push(hit.map_or(NONE, |hit| hit.geometry));
+        self.primitive.push(hit.map_or(NONE, |hit| hit.primitive));
+        self.kind.push(hit.map_or(NONE, |hit| hit.kind.0));
+        self.attributes.extend(hit.map_or([0.0; 2], |hit| hit.attributes));
+        self.positions.extend(hit.map_or([f32::NAN; 3], |hit| [0, 1, 2].map(|axis| along(axis, hit.t))));
+        self.payload.extend(traced.payload.bytes());
+        self.printed.push(traced.printed);
+        self.stats = std::mem::take(&mut self.stats).plus(&traced.stats);
+    }
+
+    fn append(&mut self, mut next: Self) {
+        self.hit.append(&mut next.hit);
+        self.t.append(&mut next.t);
+        self.instance.append(&mut next.instance);
+        self.custom_index.append(&mut next.custom_index);
+        self.geometry.append(&mut next.geometry);
+        self.primitive.append(&mut next.primitive);
+        self.kind.append(&mut next.kind);
+        self.attributes.append(&mut next.attributes);
+        self.positions.append(&mut next.positions);
+        self.payload.append(&mut next.payload);
+        self.printed.append(&mut next.printed);
+        self.stats = std::mem::take(&mut self.stats).plus(&next.stats);
+    }
+
+    /// The columns as arrays, whose memory they become.
+    fn into_arrays(self, py: Python<'_>, payload: Option<&Value>) -> PyResult<Traced> {
+        let count = self.t.len();
+        let numbers = |column: Vec<u32>| column.into_pyarray(py).into_any().unbind();
+        let rows = |column: Vec<f32>, width: usize| -> PyResult<Py<PyAny>> {
+            Ok(column.into_pyarray(py).reshape([count, width])?.into_any().unbind())
+        };
+        let payload = payload
+            .map(|shape| {
+                let (element, sides) = payload::dtype(py, shape)?;
+                let sides = std::iter::once(count).chain(sides).map(|side| side as isize);
+                let sides: Vec<isize> = sides.collect();
+                Ok::<_, PyErr>(from_bytes(py, self.payload, &element, &sides)?.unbind())
+            })
+            .transpose()?;
+        Ok(Traced {
+            hit: self.hit.into_pyarray(py).into_any().unbind(),
+            t: self.t.into_pyarray(py).into_any().unbind(),
+            instance: numbers(self.instance),
+            custom_index: numbers(self.custom_index),
+            geometry: numbers(self.geometry),
+            primitive: numbers(self.primitive),
+            kind: numbers(self.kind),
+            attributes: rows(self.attributes, 2)?,
+            positions: rows(self.positions, 3)?,
+            payload,
+            printed: self.printed,
+            stats: stats(py, &self.stats)?.unbind(),
+        })
+    }
 }
 
 /// The rays of a call: slices in the memory of the arrays.
@@ -102,21 +185,46 @@ impl Rays<'_> {
         operands
     }
 
-    fn trace(&self, pipeline: &Pipeline, scene: &Scene, at: usize) -> anyhit::Result<Row> {
-        let operands = self.operands(at);
-        let Ray { origin, direction, .. } = operands.trace.ray;
-        let traced = pipeline.trace(scene, operands)?;
-        let hit = (!traced.missed()).then(|| traced.hit());
-        let along = |axis: usize, t: f32| {
-            (f64::from(origin[axis]) + f64::from(t) * f64::from(direction[axis])) as f32
-        };
-        Ok(Row {
-            position: hit.map_or([f32::NAN; 3], |hit| [0, 1, 2].map(|axis| along(axis, hit.t))),
-            hit,
-            payload: traced.payload.bytes().to_vec(),
-            printed: traced.printed,
-            stats: traced.stats,
-        })
+    /// Traces the rays of a range, one after the other.
+    ///
+    /// # Errors
+    /// The first one, with the number of its ray.
+    fn trace(
+        &self,
+        pipeline: &Pipeline,
+        scene: &Scene,
+        range: Range<usize>,
+    ) -> Result<Columns, (usize, anyhit::Error)> {
+        let mut columns = Columns::default();
+        for at in range {
+            let operands = self.operands(at);
+            let ray = operands.trace.ray;
+            columns.push(ray, pipeline.trace(scene, operands).map_err(|error| (at, error))?);
+        }
+        Ok(columns)
+    }
+
+    /// Traces all rays; side by side unless one may see what another one leaves.
+    ///
+    /// # Errors
+    /// That of the first ray, whatever ran first.
+    fn trace_all(&self, pipeline: &Pipeline, scene: &Scene) -> Result<Columns, (usize, anyhit::Error)> {
+        if share_memory(pipeline) {
+            return self.trace(pipeline, scene, 0..self.count);
+        }
+        let shares = (0..self.count.div_ceil(SHARE)).into_par_iter();
+        let shares: Vec<_> = shares
+            .map(|share| {
+                let range = share * SHARE..self.count.min((share + 1) * SHARE);
+                self.trace(pipeline, scene, range)
+            })
+            .collect();
+        let mut shares = shares.into_iter();
+        let mut columns = shares.next().unwrap_or_else(|| Ok(Columns::default()))?;
+        for share in shares {
+            columns.append(share?);
+        }
+        Ok(columns)
     }
 }
 
@@ -169,19 +277,8 @@ pub(crate) fn trace(
         payload_words: pipeline.payload_words(),
         operands: &arguments.operands,
     };
-    let rows = py.detach(|| {
-        let one = |at| rays.trace(pipeline, scene, at).map_err(|error| (at, error));
-        match share_memory(pipeline) {
-            true => (0..rays.count).map(one).collect::<Result<Vec<Row>, _>>(),
-            // All of them, so that the error is that of the first ray, whatever ran first.
-            false => {
-                let all: Vec<_> = (0..rays.count).into_par_iter().map(one).collect();
-                all.into_iter().collect()
-            }
-        }
-    });
-    let rows = rows.map_err(|(at, error)| raised_of_ray(error, at))?;
-    arrays(py, rows, shape.as_ref())
+    let columns = py.detach(|| rays.trace_all(pipeline, scene));
+    columns.map_err(|(at, error)| raised_of_ray(error, at))?.into_arrays(py, shape.as_ref())
 }
 
 /// How many rays there are: as many as each array has rows.
@@ -225,43 +322,4 @@ fn payload_words(
     }
     let bytes = bytes("payload", given)?;
     Ok(Some((dimensions[0], bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word)).collect())))
-}
-
-/// The arrays of what rays brought back.
-fn arrays(py: Python<'_>, rows: Vec<Row>, shape: Option<&Value>) -> PyResult<Traced> {
-    let numbers = |of: fn(&anyhit::HitRecord) -> u32| -> Py<PyAny> {
-        let all: Vec<u32> = rows.iter().map(|row| row.hit.as_ref().map_or(NONE, of)).collect();
-        all.into_pyarray(py).into_any().unbind()
-    };
-    let floats = |all: Vec<f32>, width: usize| -> PyResult<Py<PyAny>> {
-        Ok(all.into_pyarray(py).reshape([rows.len(), width])?.into_any().unbind())
-    };
-    let payload = shape
-        .map(|shape| {
-            let (element, sides) = payload::dtype(py, shape)?;
-            let bytes: Vec<u8> = rows.iter().flat_map(|row| row.payload.iter().copied()).collect();
-            let sides = std::iter::once(rows.len()).chain(sides).map(|side| side as isize);
-            Ok::<_, PyErr>(from_bytes(py, bytes, &element, &sides.collect::<Vec<_>>())?.unbind())
-        })
-        .transpose()?;
-    let total = rows.iter().fold(Stats::default(), |sum, row| sum.plus(&row.stats));
-    let hits: Vec<bool> = rows.iter().map(|row| row.hit.is_some()).collect();
-    let t: Vec<f32> = rows.iter().map(|row| row.hit.map_or(f32::INFINITY, |hit| hit.t)).collect();
-    Ok(Traced {
-        hit: hits.into_pyarray(py).into_any().unbind(),
-        t: t.into_pyarray(py).into_any().unbind(),
-        instance: numbers(|hit| hit.instance),
-        custom_index: numbers(|hit| hit.custom_index),
-        geometry: numbers(|hit| hit.geometry),
-        primitive: numbers(|hit| hit.primitive),
-        kind: numbers(|hit| hit.kind.0),
-        attributes: floats(
-            rows.iter().flat_map(|row| row.hit.map_or([0.0; 2], |hit| hit.attributes)).collect(),
-            2,
-        )?,
-        positions: floats(rows.iter().flat_map(|row| row.position).collect(), 3)?,
-        payload,
-        stats: stats(py, &total)?.unbind(),
-        printed: rows.into_iter().map(|row| row.printed).collect(),
-    })
 }

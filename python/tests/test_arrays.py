@@ -51,7 +51,7 @@ def test_each_ray_has_its_row(pipeline: anyhit.Pipeline, scene: anyhit.Scene) ->
 
 
 def test_the_payload_is_a_structured_array(pipeline: anyhit.Pipeline, scene: anyhit.Scene) -> None:
-    assert pipeline.payload_dtype is not None
+    assert pipeline.payload_dtype is not None and pipeline.payload_dtype.names is not None
     assert pipeline.payload_dtype.names[:2] == ("origin", "t")
     payload = np.zeros(2, pipeline.payload_dtype)
     payload["seed"] = [1, 2]
@@ -170,7 +170,7 @@ def test_geometries_and_transforms(pipeline: anyhit.Pipeline) -> None:
     balls = [anyhit.Instance.spheres([[x, 0, 0]], [0.5]) for x in (0, 5)]
     twice = np.array([[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0]], np.float32)
     scene = anyhit.Scene([balls[0].and_(balls[1]).transform(twice)])
-    traced = pipeline.trace(scene, [[0, 0, 3], [10, 0, 4]], DOWN)
+    traced = pipeline.trace(scene, [[0, 0, 3], [10, 0, 4]], DOWN, sbt_stride=0)
     assert traced.geometry.tolist() == [0, 1]
     # The balls have the radius 1 in the world.
     assert traced.t.tolist() == [2, 3]
@@ -184,10 +184,38 @@ def test_boxes_have_intersection_shaders() -> None:
     assert not traced.hit[0] and traced.payload is None
 
 
+LOG = """
+enable wgpu_ray_tracing_pipeline;
+
+@group(0) @binding(0) var<storage, read_write> log: array<u32>;
+var<incoming_ray_payload> ray: u32;
+
+@closest_hit @incoming_payload(ray)
+fn append() {
+    log[0] += 1u;
+    log[log[0]] = ray;
+}
+"""
+
+
+def test_rays_whose_shaders_store_run_in_their_order() -> None:
+    pipeline = anyhit.Pipeline(hit=[anyhit.Module.from_source("log.wgsl", LOG)])
+    scene = anyhit.Scene([triangles()]).buffer(0, 0, np.zeros(3001, np.uint32))
+    origins = np.full((3000, 3), [0.25, 0.25, 1], np.float32)
+    traced = pipeline.trace(scene, origins, DOWN, payload=np.arange(3000, dtype=np.uint32))
+    assert traced.payload.tolist() == list(range(3000))
+    assert scene.read_buffer(0, 0, np.uint32).tolist() == [3000, *range(3000)]
+
+
+def test_no_rays_are_no_rows(pipeline: anyhit.Pipeline, scene: anyhit.Scene) -> None:
+    traced = pipeline.trace(scene, np.zeros((0, 3), np.float32), DOWN)
+    assert len(traced) == 0 and traced.positions.shape == (0, 3) and traced.payload.shape == (0,)
+
+
 def test_threads_trace_side_by_side(pipeline: anyhit.Pipeline, scene: anyhit.Scene) -> None:
     def trace(thread: int) -> list[float]:
         origins = np.full((500, 3), [0.25, 0.25, 1 + thread], np.float32)
-        return np.unique(pipeline.trace(scene, origins, DOWN).t).tolist()
+        return [float(t) for t in np.unique(pipeline.trace(scene, origins, DOWN).t)]
 
     with ThreadPoolExecutor(4) as pool:
         assert list(pool.map(trace, range(8))) == [[1 + thread] for thread in range(8)]

@@ -75,7 +75,7 @@ def test_a_launch_fills_an_image() -> None:
     scene = scene.image(0, 1, np.zeros((3, 4, 4), np.float32)).buffer(0, 2, {"scale": 8}, module)
     launched = pipeline.launch(scene, 4, 3)
     picture = launched.image(0, 1)
-    assert (picture.shape, picture.dtype) == ((3, 4, 4), np.float32)
+    assert picture.shape == (3, 4, 4) and picture.dtype == np.float32
     y, x = np.mgrid[0:3, 0:4]
     assert (picture[..., 0] == x).all() and (picture[..., 1] == y).all()
     assert (picture[..., 2] == np.where(x < 2, 8, 0)).all()

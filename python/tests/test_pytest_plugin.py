@@ -104,7 +104,8 @@ def test_a_file_with_a_mistake_is_an_error_with_its_place(project: pytest.Pytest
     ],
 )
 def test_options_judge_what_passes(pytester: pytest.Pytester, case: str, option: list[str]) -> None:
-    arguments = ["--rootdir", REPOSITORY, "-p", "no:cacheprovider", REPOSITORY / "shaders" / case]
+    folder = str(REPOSITORY / "shaders" / case)
+    arguments = ["--rootdir", str(REPOSITORY), "-p", "no:cacheprovider", folder]
     pytester.runpytest_inprocess(*arguments).assert_outcomes(passed=1)
     pytester.runpytest_inprocess(*arguments, *option).assert_outcomes(failed=1)
 
