@@ -9,7 +9,6 @@ the picture has the same bits as that of one machine.
 from __future__ import annotations
 
 import argparse
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +28,16 @@ RETRIES = 5
 EYE, TARGET, HALF_HEIGHT = (0.0, 1.5, 5.0), (0.0, 0.25, 0.0), np.tan(np.radians(20))
 
 
-@lru_cache(maxsize=1)
+# What a worker has loaded. (Ray sends the functions of a script by value, which a function of
+# `functools.lru_cache` does not allow.)
+LOADED: dict[str, tuple[anyhit.Pipeline, anyhit.Scene]] = {}
+
+
 def loaded(scene: str) -> tuple[anyhit.Pipeline, anyhit.Scene]:
     """The shaders and the acceleration structure of a scene file, once for each worker."""
-    return anyhit.Scene.open(scene).pipeline()
+    if scene not in LOADED:
+        LOADED[scene] = anyhit.Scene.open(scene).pipeline()
+    return LOADED[scene]
 
 
 def directions(width: int, height: int, first: int, end: int) -> Floats:

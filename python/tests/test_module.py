@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import errno
 import pickle
+import re
 from pathlib import Path
 
 import anyhit
 import pytest
-from conftest import FIXTURES
+from conftest import FIXTURES, REPOSITORY
 
 SPHERE = FIXTURES / "pass/sphere/closest-hit/main.rchit.spv"
 
@@ -20,6 +21,12 @@ def test_a_module_tells_what_it_declares(builtins: anyhit.Module) -> None:
     assert "SPV_KHR_ray_tracing" in module.extensions
     assert [one.name for one in builtins.entry_points] == ["shade", "sky"]
     assert repr(module) == "<anyhit.Module: ClosestHitKHR main>"
+
+
+def test_the_wheel_has_the_version_of_the_crate() -> None:
+    manifest = (REPOSITORY / "Cargo.toml").read_text("utf-8")
+    version = re.search(r'^version = "(.*)"$', manifest, re.MULTILINE)
+    assert version is not None and anyhit.__version__ == version[1]
 
 
 def test_bytes_are_a_module(builtins: anyhit.Module) -> None:

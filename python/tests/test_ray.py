@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -82,6 +83,24 @@ class Killer(threading.Thread):
 needs_proc = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="SKIPPED: test_ray: workers are found in /proc"
 )
+
+
+@pytest.mark.parametrize(
+    ("script", "arguments", "said"),
+    [
+        ("ray_stress.py", ["--cases", "60", "--share", "20"], "60 cases"),
+        ("ray_render.py", ["--size", "32x18", "--rows", "9", "-o", "out.ppm"], ""),
+    ],
+)
+def test_a_script_runs_by_itself(
+    script: str, arguments: list[str], said: str, tmp_path: Path
+) -> None:
+    command = [sys.executable, str(EXAMPLES / script), *arguments]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert said in done.stdout
+    if "-o" in arguments:
+        assert (tmp_path / "out.ppm").read_bytes().startswith(b"P6 32 18 255\n")
 
 
 @needs_proc
