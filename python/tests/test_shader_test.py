@@ -124,3 +124,67 @@ def test_mistakes_are_told_by_name(builtins: anyhit.Module) -> None:
     with pytest.raises(anyhit.InvalidArgument, match="misses the primitive"):
         beside = anyhit.Ray([9, 0, 4], [0, 0, -1])
         anyhit.ShaderTest(builtins, "shade").hit(anyhit.Hit.triangle(TRIANGLE, beside)).run()
+
+
+def test_any_hit_shaders_ignore_and_terminate() -> None:
+    def run(name: str, primitive: int) -> anyhit.ShaderOutcome:
+        module = anyhit.Module.open(FIXTURES / f"pass/any-hit/ignore-and-terminate/{name}.rahit.spv")
+        return anyhit.ShaderTest(module).builtin("PrimitiveId", primitive).payload({"seen": 5}).run()
+
+    ignored = run("ignore", 2)
+    # What the payload got before the ignore counts.
+    assert (ignored.exit, ignored.payload["seen"]) == ("Ignored", 6)
+    assert run("ignore", 3).exit == "Returned"
+    assert run("terminate", 3).exit == "Terminated"
+
+
+def test_reports_of_an_intersection_shader() -> None:
+    module = anyhit.Module.open(FIXTURES / "pass/intersection/sphere-in-box/main.rint.spv")
+    hit = anyhit.Hit.aabb([-1, -1, -1], [1, 1, 1], DOWN)
+    test = anyhit.ShaderTest(module).hit(hit).shader_record({"spheres": [[0, 0, 0, 1]]})
+    reports = test.run().reports
+    # The far root first: z = -1 and z = 1, from z = 4.
+    assert [(one["t"], one["kind"], one["accepted"]) for one in reports] == [(5, 6, True), (3, 5, True)]
+    assert reports[1]["attributes"]["normal"] == [0, 0, 1]
+    assert not any(one["accepted"] for one in test.reject_reports().run().reports)
+
+
+def test_records_push_constants_and_operands_of_a_trace() -> None:
+    module = anyhit.Module.open(FIXTURES / "pass/resources/record-and-push-constants/main.rgen.spv")
+    constants = {
+        "basis": [[1, 0, 0], [0, 1, 0]],
+        "scale": [0.5, 2],
+        "miss": 1,
+        "sbt_offset": 3,
+        "values": [1, 2, 3],
+    }
+    test = anyhit.ShaderTest(module).launch([2, 0, 0], [4, 1, 1]).push_constants(constants)
+    test = test.shader_record({"origin": [0, 0, 5], "t_max": 50}).buffer(0, 1, np.zeros((4, 2, 4), np.float32))
+    outcome = test.on_trace(lambda trace: [9, 8, 7, 6]).run()
+    # basis * (scale * (2, values[2])) = (1, 6), and values[0] + values[1] behind it.
+    written = outcome.read_buffer(0, 1, np.float32).reshape(4, 2, 4)
+    assert written[2].tolist() == [[9, 8, 7, 6], [1, 6, 5, 3]]
+    (trace,) = outcome.traces
+    assert (trace.miss_index, trace.sbt_offset, trace.sbt_stride, trace.cull_mask) == (1, 3, 1, 0xFF)
+    assert (trace.ray.origin, trace.ray.t_max, trace.given) == ([1, 6, 5], 50, [-1, -1, -1, -1])
+
+
+def test_a_callback_answers_calls() -> None:
+    module = anyhit.Module.open(FIXTURES / "pass/callable/operations/main.rgen.spv")
+    seen: list[Any] = []
+
+    def answer(index: int, data: dict[str, Any]) -> dict[str, Any]:
+        seen.append((index, data))
+        return {"result": 7, "calls": 1}
+
+    test = anyhit.ShaderTest(module).launch([1, 0, 0], [3, 1, 1]).buffer(0, 1, np.zeros((3, 4), np.float32))
+    outcome = test.on_call(answer).run()
+    assert seen == [(1, {"values": [2, 2], "result": -1, "calls": 0})]
+    assert outcome.read_buffer(0, 1, np.float32)[4:8].tolist() == [2, 2, 7, 1]
+
+
+def test_the_sanitizer_judges_a_shader() -> None:
+    module = anyhit.Module.open(FIXTURES / "pass/sphere/closest-hit/main.rchit.spv")
+    test = anyhit.ShaderTest(module).hit(anyhit.Hit.sphere([0, 0, 0], 0.5, DOWN)).payload({"hits": 1})
+    assert test.sanitize() == []
+    assert "ClosestHitKHR" in test.run().explain()
