@@ -1,5 +1,5 @@
-//! The rooms of the crate by their own names, for its program, tests, benchmarks, fuzzers and
-//! judges. Nothing here is promised: a version may change or remove all of it.
+//! The rooms of the crate by their own names, for its program, tests, benchmarks, fuzzers, judges
+//! and the wheel for Python. Nothing here is promised: a version may change or remove all of it.
 
 /// Each room with all that is public in it.
 macro_rules! rooms {

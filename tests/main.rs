@@ -13,6 +13,7 @@ mod addresses;
 mod atomic_files;
 #[cfg(feature = "wgsl")]
 mod bands;
+mod book;
 mod cli;
 mod compile;
 mod conformance;

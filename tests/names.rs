@@ -9,7 +9,8 @@ use std::path::Path;
 use crate::support::files;
 
 /// Where this project's own Rust code lies.
-const FOLDERS: &[&str] = &["src", "tests", "benches", "examples", "judges/src", "judges/tests", "fuzz"];
+const FOLDERS: &[&str] =
+    &["src", "tests", "benches", "examples", "judges/src", "judges/tests", "fuzz", "python/src"];
 
 /// Columns of a line with a comment.
 const COLUMNS: usize = 100;

@@ -544,3 +544,21 @@ fn a_shader_by_itself_takes_data_by_the_names_of_members() {
     assert_eq!(outcome.read_buffer::<[f32; 2]>(0, 1).unwrap(), [[0.0, 1.5], [0.5, 1.5]]);
     assert_eq!(outcome.printed.len(), 1);
 }
+
+/// naga puts the struct of a uniform buffer into a block whose member has no name.
+#[cfg(feature = "wgsl")]
+#[test]
+fn a_block_of_one_nameless_member_is_written_like_the_member() {
+    let module = Module::from_source(
+        "scale.wgsl",
+        "struct Settings { offset: vec3f, scale: f32 }
+         @group(0) @binding(0) var<uniform> settings: Settings;
+         @group(0) @binding(1) var<storage, read_write> out: array<f32>;
+         @compute @workgroup_size(1) fn main() { out[0] = settings.offset.x * settings.scale; }",
+    );
+    let data = StructData::buffer(&module.unwrap(), 0, 0).unwrap().set("scale", 8.0).unwrap();
+    // A vec3f takes 12 bytes, and a float lies in the four behind them.
+    assert_eq!(data.bytes(), [[0; 12].as_slice(), &8.0_f32.to_le_bytes()].concat());
+    let error = data.set("scael", 1.0).unwrap_err();
+    assert!(error.message().ends_with("there is no member `scael`"), "{error}");
+}

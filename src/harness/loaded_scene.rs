@@ -17,6 +17,7 @@ use crate::harness::many_seeds::ManySeeds;
 use crate::harness::memory::copied;
 use crate::harness::observe::fresh_resources;
 use crate::harness::sanitized::run_sanitized;
+use crate::harness::scene::Scene;
 use crate::harness::struct_data::StructData;
 use crate::harness::texels::Texels;
 use crate::harness::typed_scene;
@@ -24,7 +25,7 @@ use crate::harness::value::Value;
 use crate::machine::Resources;
 use crate::machine::printed::PrintedLine;
 use crate::module::Module;
-use crate::pipeline::Stats;
+use crate::pipeline::{Pipeline, Stats};
 use crate::scene::addresses::Addresses;
 use crate::scene::assemble::read;
 use crate::scene::resolved::{ResolvedGroup, ResolvedRecord, ShaderCode};
@@ -301,6 +302,33 @@ impl LoadedScene {
         let resources = fresh_resources(&assembled.resources);
         let stats = assembled.run::<64>(&resources, &|_| ())?;
         Ok(self.outcome(&assembled, None, stats, resources))
+    }
+
+    /// The pipeline of the scene, and a [`Scene`] of its first acceleration structure with
+    /// everything that the scene binds, to trace rays of one's own.
+    ///
+    /// ```
+    /// use anyhit::{LoadedScene, Ray};
+    ///
+    /// # fn main() -> anyhit::Result<()> {
+    /// let loaded = LoadedScene::open("shaders/pass/sphere/closest-hit/scene.toml")?;
+    /// let (pipeline, scene) = loaded.pipeline()?;
+    /// let traced = pipeline.trace(&scene, Ray::new([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]))?;
+    /// assert_eq!(traced.hit().t, 3.5);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// Every mistake in shaders, groups and images; `InvalidArgument` for a scene without an
+    /// acceleration structure.
+    pub fn pipeline(&self) -> Result<(Pipeline, Scene)> {
+        let Some((_, tlas)) = self.scene.tlas.first() else {
+            return Err(invalid("the scene has no acceleration structure".into()));
+        };
+        let assembled = assemble(&self.scene)?;
+        let resources = fresh_resources(&assembled.resources);
+        Ok((assembled.pipeline, Scene::of_parts(tlas.clone(), resources)))
     }
 
     /// Runs the passes of the scene as [`LoadedScene::launch`] does, under the sanitizer: it checks

@@ -62,6 +62,15 @@ impl Scene {
         Ok(Self { tlas: Tlas::new(made)?, given })
     }
 
+    /// A scene of an acceleration structure and of what is bound.
+    #[cfg(feature = "scenes")]
+    pub(super) fn of_parts(tlas: Arc<Tlas>, mut resources: Resources) -> Self {
+        resources.printed.get_or_insert_default();
+        let mut given = Given::default();
+        given.resources = resources;
+        Self { tlas, given }
+    }
+
     /// How intersections are computed; exactly unless set. See [`Precision`].
     #[doc(hidden)]
     #[must_use]

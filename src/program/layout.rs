@@ -249,11 +249,12 @@ impl<'a> Layout<'a> {
                     Type::Struct { members, .. } => &members[..],
                     _ => &[],
                 };
-                let index = members.iter().position(|member| member.name == name);
-                (
-                    at.member(index.ok_or_else(|| format!("there is no member `{name}`"))?),
-                    skipped + name.len(),
-                )
+                match (members.iter().position(|member| member.name == name), members) {
+                    (Some(index), _) => (at.member(index), skipped + name.len()),
+                    // Into such a block naga puts a struct: it is used like its member.
+                    (None, [only]) if only.name.is_empty() => (at.member(0), 0),
+                    _ => return Err(format!("there is no member `{name}`")),
+                }
             };
             offset = offset.saturating_add(found.0);
             at = found.1;

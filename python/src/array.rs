@@ -1,0 +1,157 @@
+//! Arrays of numpy as slices, without a copy. An array of another dtype or layout is an error that
+//! says what to call; lists and tuples are converted.
+
+use numpy::{Element, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::error::invalid;
+
+/// The array of an argument, C-contiguous and of this dtype.
+pub(crate) fn typed<'py, T: Element>(
+    name: &str,
+    given: &Bound<'py, PyAny>,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    let py = given.py();
+    let wanted = numpy::dtype::<T>(py);
+    let array = match given.cast::<PyUntypedArray>() {
+        Ok(array) => array.clone(),
+        Err(_) => {
+            let options = PyDict::new(py);
+            options.set_item("dtype", &wanted)?;
+            let converted = py.import("numpy")?.call_method("asarray", (given,), Some(&options));
+            let converted = converted.map_err(|error| invalid(format!("{name}: {}", error.value(py))))?;
+            converted.cast_into::<PyUntypedArray>()?
+        }
+    };
+    if !array.dtype().is_equiv_to(&wanted) {
+        let dtype = array.dtype().str()?;
+        return Err(invalid(format!(
+            "{name}: an array of {dtype}, not of {wanted}: `{name}.astype(numpy.{wanted})` converts it"
+        )));
+    }
+    if !array.is_c_contiguous() {
+        return Err(invalid(format!(
+            "{name}: the array is not C-contiguous: `numpy.ascontiguousarray({name})` copies it"
+        )));
+    }
+    let array = array.cast_into::<PyArrayDyn<T>>().map_err(PyErr::from)?;
+    array.try_readonly().map_err(|error| invalid(format!("{name}: {error}")))
+}
+
+/// The numbers of an array, row after row.
+pub(crate) fn slice<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
+    array.as_slice().map_err(|error| invalid(format!("{name}: {error}")))
+}
+
+fn wrong_shape(name: &str, shape: &[usize], wanted: &str) -> PyErr {
+    let shape: Vec<String> = shape.iter().map(ToString::to_string).collect();
+    let comma = if shape.len() == 1 { "," } else { "" };
+    invalid(format!("{name}: an array of shape ({}{comma}), not {wanted}", shape.join(", ")))
+}
+
+/// Rows of three floats: (N, 3), or (3,) for a single one.
+pub(crate) struct Points<'py> {
+    name: &'static str,
+    array: PyReadonlyArrayDyn<'py, f32>,
+}
+
+impl<'py> Points<'py> {
+    pub(crate) fn of(name: &'static str, given: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let array = typed::<f32>(name, given)?;
+        match array.shape() {
+            [3] | [_, 3] => Ok(Self { name, array }),
+            shape => Err(wrong_shape(name, shape, "(N, 3)")),
+        }
+    }
+
+    /// The rows, in the memory of the array.
+    pub(crate) fn rows(&self) -> PyResult<&[[f32; 3]]> {
+        Ok(bytemuck::cast_slice(slice(self.name, &self.array)?))
+    }
+
+    /// Whether it is a single row, which counts for all rays.
+    pub(crate) fn is_single(&self) -> bool {
+        self.array.shape().len() == 1
+    }
+}
+
+/// A number for each of so many rows: (N,), or a single one.
+pub(crate) struct Scalars<'py> {
+    name: &'static str,
+    array: PyReadonlyArrayDyn<'py, f32>,
+}
+
+impl<'py> Scalars<'py> {
+    pub(crate) fn of(name: &'static str, given: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let array = typed::<f32>(name, given)?;
+        match array.shape() {
+            [] | [_] => Ok(Self { name, array }),
+            shape => Err(wrong_shape(name, shape, "(N,)")),
+        }
+    }
+
+    /// The numbers: one, or one for each row.
+    pub(crate) fn numbers(&self) -> PyResult<&[f32]> {
+        slice(self.name, &self.array)
+    }
+
+    pub(crate) fn is_single(&self) -> bool {
+        self.array.shape().is_empty()
+    }
+}
+
+/// The floats of an array in rows of `N`, copied, as a scene keeps them. `inner` are the shapes
+/// that an element may have: `[3]` for (N, 3).
+pub(crate) fn copied_rows<const N: usize>(
+    name: &str,
+    given: &Bound<'_, PyAny>,
+    inner: &[&[usize]],
+) -> PyResult<Vec<[f32; N]>> {
+    let array = typed::<f32>(name, given)?;
+    let shape = array.shape();
+    if !inner.iter().any(|inner| shape == *inner || shape.get(1..) == Some(inner)) {
+        let wanted: Vec<String> = inner
+            .iter()
+            .map(|inner| {
+                let sides: Vec<String> = inner.iter().map(ToString::to_string).collect();
+                if sides.is_empty() { "(N,)".to_owned() } else { format!("(N, {})", sides.join(", ")) }
+            })
+            .collect();
+        return Err(wrong_shape(name, shape, &wanted.join(" or ")));
+    }
+    Ok(slice(name, &array)?.as_chunks::<N>().0.to_vec())
+}
+
+/// The bytes of an array of any dtype, C-contiguous, or of `bytes`.
+pub(crate) fn bytes(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
+    if let Ok(bytes) = given.cast::<PyBytes>() {
+        return Ok(bytes.as_bytes().to_vec());
+    }
+    let Ok(array) = given.cast::<PyUntypedArray>() else {
+        return Err(invalid(format!(
+            "{name}: a numpy array, a dict or bytes are wanted, not a {}",
+            given.get_type()
+        )));
+    };
+    if !array.is_c_contiguous() {
+        return Err(invalid(format!(
+            "{name}: the array is not C-contiguous: `numpy.ascontiguousarray({name})` copies it"
+        )));
+    }
+    let flat = array.call_method1("reshape", (-1,))?.call_method1("view", ("uint8",))?;
+    let flat = typed::<u8>(name, &flat)?;
+    Ok(slice(name, &flat)?.to_vec())
+}
+
+/// Bytes as an array of a dtype and shape, without a copy.
+pub(crate) fn from_bytes<'py>(
+    py: Python<'py>,
+    bytes: Vec<u8>,
+    dtype: &Bound<'py, PyAny>,
+    shape: &[isize],
+) -> PyResult<Bound<'py, PyAny>> {
+    let array = numpy::PyArray1::from_vec(py, bytes);
+    array.call_method1("view", (dtype,))?.call_method1("reshape", (shape.to_vec(),))
+}

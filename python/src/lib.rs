@@ -1,0 +1,56 @@
+//! The module `anyhit._anyhit`: the crate's public face for Python, with numpy arrays for what is
+//! many. `anyhit/__init__.py` names what is public, `anyhit/_anyhit.pyi` its types.
+//!
+//! Names are those of the crate. What only the crate itself shows (`anyhit::internals`) is used in
+//! `payload`, `suite` and `stress` alone.
+
+mod array;
+mod error;
+mod instance;
+mod loaded_scene;
+mod module;
+mod numbers;
+mod outcome;
+mod payload;
+mod pipeline;
+mod scene;
+mod shader_test;
+mod stress;
+mod suite;
+mod trace;
+mod value;
+
+use pyo3::prelude::*;
+
+/// Runs ray-tracing shaders (SPIR-V) on the CPU.
+#[pymodule]
+mod _anyhit {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::instance::{Hit, Instance, Ray};
+    #[pymodule_export]
+    use crate::loaded_scene::{LoadedScene, SceneOutcome};
+    #[pymodule_export]
+    use crate::module::{EntryPoint, Module, Program};
+    #[pymodule_export]
+    use crate::outcome::{Launched, ShaderOutcome};
+    #[pymodule_export]
+    use crate::pipeline::Pipeline;
+    #[pymodule_export]
+    use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::shader_test::{ShaderTest, TraceCall};
+    #[pymodule_export]
+    use crate::stress::stress;
+    #[pymodule_export]
+    use crate::suite::{Finished, Suite};
+    #[pymodule_export]
+    use crate::trace::Traced;
+
+    /// The version of the crate that runs.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

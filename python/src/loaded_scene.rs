@@ -1,0 +1,192 @@
+//! Scenes of files: changed, launched, taken apart.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhit::{Error, ExplainRequest};
+use pyo3::prelude::*;
+
+use crate::array::{bytes, copied_rows};
+use crate::error::{invalid, raised};
+use crate::module::Module;
+use crate::outcome::{buffer_array, printed, stats, texels};
+use crate::pipeline::Pipeline;
+use crate::scene::Scene;
+use crate::value::to_python;
+
+/// A scene file with everything that it names: `Scene.open` and `Scene.from_text` make one. What
+/// runs does so on the scene as it was when it began, whatever other threads change.
+#[pyclass(frozen, module = "anyhit")]
+pub(crate) struct LoadedScene {
+    scene: Mutex<Arc<anyhit::LoadedScene>>,
+}
+
+impl LoadedScene {
+    pub(crate) fn new(scene: anyhit::LoadedScene) -> Self {
+        Self { scene: Mutex::new(Arc::new(scene)) }
+    }
+
+    fn now(&self) -> Arc<anyhit::LoadedScene> {
+        self.scene.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Changes the scene; a change that fails leaves it as it was.
+    fn change(
+        &self,
+        py: Python<'_>,
+        change: impl FnOnce(&mut anyhit::LoadedScene) -> anyhit::Result<()> + Send,
+    ) -> PyResult<()> {
+        py.detach(|| {
+            let mut scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut changed = (**scene).clone();
+            change(&mut changed)?;
+            *scene = Arc::new(changed);
+            Ok(())
+        })
+        .map_err(raised)
+    }
+}
+
+fn texts(errors: Vec<Error>) -> Vec<String> {
+    errors.iter().map(Error::render).collect()
+}
+
+#[pymethods]
+impl LoadedScene {
+    /// Runs the passes of the scene; with width and height of another launch than the file's.
+    /// Buffers and images begin as the scene describes them.
+    #[pyo3(signature = (width=None, height=None))]
+    fn launch(&self, py: Python<'_>, width: Option<u32>, height: Option<u32>) -> PyResult<SceneOutcome> {
+        let scene = self.now();
+        let size = match (width, height) {
+            (None, None) => None,
+            (Some(width), Some(height)) => Some([width, height]),
+            _ => return Err(invalid("a launch of another size needs both its width and its height")),
+        };
+        let outcome = py.detach(|| match size {
+            None => scene.launch(),
+            Some(size) => (*scene).clone().set_launch_size(size)?.launch(),
+        });
+        Ok(SceneOutcome { outcome: outcome.map_err(raised)? })
+    }
+
+    /// The pipeline of the scene, and a `Scene` of its first acceleration structure with everything
+    /// that it binds: to trace rays of one's own with `Pipeline.trace`.
+    fn pipeline(&self, py: Python<'_>) -> PyResult<(Pipeline, Scene)> {
+        let scene = self.now();
+        let (pipeline, scene) = py.detach(|| scene.pipeline()).map_err(raised)?;
+        Ok((Pipeline { pipeline }, Scene { scene }))
+    }
+
+    /// The module of a shader, by its name below `[shaders]`.
+    fn module(&self, py: Python<'_>, name: &str) -> PyResult<Module> {
+        let scene = self.now();
+        Ok(Module { module: py.detach(|| scene.module(name)).map_err(raised)? })
+    }
+
+    /// Replaces the content of a buffer, by the resource's name: an array, C-contiguous, of any
+    /// dtype, or `bytes`.
+    fn set_buffer(&self, py: Python<'_>, name: &str, data: &Bound<'_, PyAny>) -> PyResult<()> {
+        let bytes = bytes("data", data)?;
+        self.change(py, |scene| scene.set_buffer(name, &bytes).map(drop))
+    }
+
+    /// Replaces the bytes of the push constants: an array, or `bytes`.
+    fn set_push_constants(&self, py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<()> {
+        let bytes = bytes("data", data)?;
+        self.change(py, |scene| scene.set_push_constants_bytes(&bytes).map(drop))
+    }
+
+    /// Replaces the transform of an instance, by its `InstanceId`: (3, 4).
+    fn set_transform(&self, py: Python<'_>, instance: usize, matrix: &Bound<'_, PyAny>) -> PyResult<()> {
+        let rows = copied_rows::<4>("matrix", matrix, &[&[4]])?;
+        let rows: [[f32; 4]; 3] =
+            rows.try_into().map_err(|rows: Vec<_>| invalid(format!("matrix: {} rows, not 3", rows.len())))?;
+        self.change(py, |scene| scene.set_transform(instance, rows).map(drop))
+    }
+
+    /// Replaces a shader, by its name below `[shaders]`, by a source text; the extension of
+    /// `file_name` tells its language.
+    fn set_shader_source(&self, py: Python<'_>, name: &str, file_name: &str, text: &str) -> PyResult<()> {
+        self.change(py, |scene| scene.set_shader_source(name, file_name, text).map(drop))
+    }
+
+    /// Replaces a shader, by its name below `[shaders]`, by the bytes of a SPIR-V module.
+    fn set_shader_spirv(&self, py: Python<'_>, name: &str, spirv: &[u8]) -> PyResult<()> {
+        self.change(py, |scene| scene.set_shader_spirv(name, spirv).map(drop))
+    }
+
+    /// Runs the passes under the sanitizer. Returns the reports of what it only warns of.
+    fn sanitize(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let scene = self.now();
+        py.detach(|| scene.sanitize()).map(texts).map_err(raised)
+    }
+
+    /// Runs the passes once more for each of so many seeds, from which is drawn what the
+    /// specifications leave open. Returns the reports of differences that are only warned of.
+    fn many_seeds(&self, py: Python<'_>, seeds: u64) -> PyResult<Vec<String>> {
+        let scene = self.now();
+        py.detach(|| scene.many_seeds(seeds)).map(texts).map_err(raised)
+    }
+
+    /// Explains a pixel, or the `[[ray]]` with a name, as `anyhit trace-one-ray` prints it.
+    fn explain(&self, py: Python<'_>, what: PixelOrRay) -> PyResult<String> {
+        let scene = self.now();
+        let request = match what {
+            PixelOrRay::Pixel(x, y) => ExplainRequest::from([x, y]),
+            PixelOrRay::Ray(name) => ExplainRequest::from(&*name),
+        };
+        py.detach(|| scene.explain(request)).map_err(raised)
+    }
+}
+
+/// What is explained.
+#[derive(FromPyObject)]
+pub(crate) enum PixelOrRay {
+    /// A pixel.
+    Pixel(u32, u32),
+    /// The name of a ray.
+    #[pyo3(transparent)]
+    Ray(String),
+}
+
+/// What the passes of a scene left behind.
+#[pyclass(frozen, module = "anyhit")]
+pub(crate) struct SceneOutcome {
+    outcome: anyhit::SceneOutcome,
+}
+
+#[pymethods]
+impl SceneOutcome {
+    /// How many rays were traced, and how often shaders of each stage ran.
+    #[getter]
+    fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyDict>> {
+        stats(py, &self.outcome.stats)
+    }
+
+    /// What shaders printed, in launch order: launch index and text.
+    #[getter]
+    fn printed(&self) -> Vec<([u32; 3], String)> {
+        printed(&self.outcome.printed)
+    }
+
+    /// An image, by the resource's name: an array of float32, (height, width, 4).
+    fn image<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        texels(py, &self.outcome.image(name).map_err(raised)?)
+    }
+
+    /// A buffer by the names of its members.
+    fn buffer<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.outcome.buffer(name).map_err(raised)?)
+    }
+
+    /// A buffer as an array of a dtype; of its bytes without one.
+    #[pyo3(signature = (name, dtype=None))]
+    fn read_buffer<'py>(
+        &self,
+        py: Python<'py>,
+        name: &str,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.outcome.read_buffer::<u8>(name).map_err(raised)?, dtype)
+    }
+}

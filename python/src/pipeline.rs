@@ -1,0 +1,120 @@
+//! Pipelines: shaders, and the records that name them.
+
+use pyo3::prelude::*;
+
+use crate::error::raised;
+use crate::module::Shader;
+use crate::outcome::Launched;
+use crate::payload;
+use crate::scene::Scene;
+use crate::trace::{RayArguments, Traced, trace};
+
+/// A hit group: one shader, or a list of closest-hit, any-hit and intersection shader.
+#[derive(FromPyObject)]
+pub(crate) enum HitGroup {
+    /// A shader by itself.
+    One(Shader),
+    /// Shaders of different stages.
+    Several(Vec<Shader>),
+}
+
+/// Shaders, hit groups and the shader binding table.
+#[pyclass(frozen, module = "anyhit")]
+pub(crate) struct Pipeline {
+    pub(crate) pipeline: anyhit::Pipeline,
+}
+
+#[pymethods]
+impl Pipeline {
+    /// A pipeline with a record of the shader binding table for each hit group, miss shader and
+    /// callable shader, in their order. A shader is a `Program`, or a `Module` with a single entry
+    /// point; a hit group is one shader or a list.
+    #[new]
+    #[pyo3(signature = (*, ray_generation=None, hit=Vec::new(), miss=Vec::new(), callable=Vec::new(), max_recursion=None, fuel=None))]
+    fn new(
+        py: Python<'_>,
+        ray_generation: Option<Shader>,
+        hit: Vec<HitGroup>,
+        miss: Vec<Shader>,
+        callable: Vec<Shader>,
+        max_recursion: Option<u32>,
+        fuel: Option<u64>,
+    ) -> PyResult<Self> {
+        let mut builder = anyhit::Pipeline::builder();
+        if let Some(shader) = ray_generation {
+            builder = builder.ray_generation(shader.program(py)?).map_err(raised)?;
+        }
+        for group in hit {
+            let shaders = match group {
+                HitGroup::One(shader) => vec![shader],
+                HitGroup::Several(shaders) => shaders,
+            };
+            let programs: PyResult<Vec<_>> = shaders.into_iter().map(|shader| shader.program(py)).collect();
+            builder = builder.hit(programs?).map_err(raised)?;
+        }
+        for shader in miss {
+            builder = builder.miss(shader.program(py)?).map_err(raised)?;
+        }
+        for shader in callable {
+            builder = builder.callable(shader.program(py)?).map_err(raised)?;
+        }
+        if let Some(depth) = max_recursion {
+            builder = builder.max_recursion(depth);
+        }
+        if let Some(instructions) = fuel {
+            builder = builder.fuel(instructions);
+        }
+        Ok(Self { pipeline: builder.build().map_err(raised)? })
+    }
+
+    /// The dtype of the payload of rays that `trace` traces; `None` where no shader takes one.
+    #[getter]
+    fn payload_dtype<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let shape = payload::of_pipeline(&self.pipeline);
+        shape.map(|shape| payload::row_dtype(py, &shape)).transpose()
+    }
+
+    /// Traces rays through a scene, without a ray generation shader: origins and directions are
+    /// arrays of float32, (N, 3), of which one may be (3,) and counts for all; `t_min`, `t_max` and
+    /// `time` are numbers or arrays of float32, (N,). `payload` is an array of `payload_dtype`,
+    /// (N,): zeros unless given. Rays run side by side unless a shader stores to memory or prints.
+    #[pyo3(signature = (scene, origins, directions, *, t_min=None, t_max=None, flags=0, cull_mask=0xFF, sbt_offset=0, sbt_stride=1, miss_index=0, time=None, payload=None))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn trace<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Scene,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
+        flags: u32,
+        cull_mask: u32,
+        sbt_offset: u32,
+        sbt_stride: u32,
+        miss_index: u32,
+        time: Option<&Bound<'py, PyAny>>,
+        payload: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Traced> {
+        let operands = anyhit::RayOperands::from(anyhit::Ray::new([0.0; 3], [0.0; 3]));
+        let operands = operands.flags(anyhit::RayFlags(flags)).cull_mask(cull_mask);
+        let operands = operands.sbt(sbt_offset, sbt_stride).miss(miss_index);
+        let arguments = RayArguments { origins, directions, t_min, t_max, time, payload, operands };
+        trace(py, &self.pipeline, &scene.scene, &arguments)
+    }
+
+    /// Runs the ray generation shader over a grid. Buffers and images are those of the scene: what
+    /// shaders write is seen there afterwards, and in what is returned.
+    #[pyo3(signature = (scene, width, height=1, depth=1))]
+    fn launch(
+        &self,
+        py: Python<'_>,
+        scene: &Scene,
+        width: u32,
+        height: u32,
+        depth: u32,
+    ) -> PyResult<Launched> {
+        let launched = py.detach(|| self.pipeline.launch(&scene.scene, [width, height, depth]));
+        Ok(Launched { launched: launched.map_err(raised)? })
+    }
+}

@@ -1,0 +1,136 @@
+//! Scenes of instances, and what shaders have bound.
+
+use std::path::PathBuf;
+
+use anyhit::internals::geometry::Precision;
+use anyhit::{Format, Image, ImageShape, StructData};
+use numpy::PyUntypedArrayMethods;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::array::{bytes, slice, typed};
+use crate::error::{invalid, raised};
+use crate::instance::Instance;
+use crate::loaded_scene::LoadedScene;
+use crate::module::Module;
+use crate::numbers::members;
+use crate::outcome::buffer_array;
+
+/// Instances in an acceleration structure, and what the shaders have bound. Methods that bind
+/// return a scene that shares the rest.
+#[pyclass(frozen, module = "anyhit")]
+#[derive(Clone)]
+pub(crate) struct Scene {
+    pub(crate) scene: anyhit::Scene,
+}
+
+#[pymethods]
+impl Scene {
+    /// A scene of these instances; `InstanceId` is their order. `precision` is how intersections
+    /// are computed: "exact", or "double" or "float" as a GPU may.
+    #[new]
+    #[pyo3(signature = (instances, precision="exact"))]
+    fn new(py: Python<'_>, instances: Vec<Instance>, precision: &str) -> PyResult<Self> {
+        let known = Precision::ALL.into_iter().find(|known| known.name() == precision);
+        let precision = known.ok_or_else(|| {
+            invalid(format!("there is no precision `{precision}`: it is exact, double or float"))
+        })?;
+        let instances = instances.into_iter().map(|one| one.instance);
+        let made = py.detach(|| Ok(anyhit::Scene::new(instances)?.precision(precision)));
+        Ok(Self { scene: made.map_err(raised)? })
+    }
+
+    /// Reads a scene file with everything that it names.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<LoadedScene> {
+        py.detach(|| anyhit::LoadedScene::open(path)).map(LoadedScene::new).map_err(raised)
+    }
+
+    /// Reads a scene from a text; its relative paths start at the folder of `path`, which need not
+    /// exist.
+    #[staticmethod]
+    fn from_text(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<LoadedScene> {
+        py.detach(|| anyhit::LoadedScene::from_text(path, text)).map(LoadedScene::new).map_err(raised)
+    }
+
+    /// Binds the scene's own acceleration structure, for shaders that trace.
+    fn bind(&self, set: u32, binding: u32) -> Self {
+        Self { scene: self.scene.clone().bind(set, binding) }
+    }
+
+    /// Binds a storage or uniform buffer: an array, C-contiguous, of any dtype; `bytes`; or, with
+    /// the module that declares it, a dict by the names of its members.
+    #[pyo3(signature = (set, binding, data, module=None))]
+    fn buffer(
+        &self,
+        set: u32,
+        binding: u32,
+        data: &Bound<'_, PyAny>,
+        module: Option<&Module>,
+    ) -> PyResult<Self> {
+        let bytes = buffer_bytes(set, binding, data, module)?;
+        Ok(Self { scene: self.scene.clone().buffer(set, binding, &bytes) })
+    }
+
+    /// Binds a storage or sampled image: an array of float32, (height, width, 4).
+    fn image(&self, set: u32, binding: u32, texels: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self { scene: self.scene.clone().image(set, binding, image(texels)?) })
+    }
+
+    /// The content of a buffer now, as an array of a dtype; of its bytes without one.
+    #[pyo3(signature = (set, binding, dtype=None))]
+    fn read_buffer<'py>(
+        &self,
+        py: Python<'py>,
+        set: u32,
+        binding: u32,
+        dtype: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        buffer_array(py, self.scene.read_buffer::<u8>(set, binding).map_err(raised)?, dtype)
+    }
+
+    /// Sets the push constants by the names of their members, as a module declares them.
+    fn push_constants(&self, module: &Module, values: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let data = StructData::push_constants(&module.module).map_err(raised)?;
+        let data = filled(data, values)?;
+        Ok(Self { scene: self.scene.clone().push_constants_data(&data) })
+    }
+}
+
+/// A struct of a module with the members that a dict names.
+pub(crate) fn filled(mut data: StructData, values: &Bound<'_, PyAny>) -> PyResult<StructData> {
+    for (path, scalar) in members(&data.value(), values)? {
+        data = data.set(&path, &[scalar][..]).map_err(raised)?;
+    }
+    Ok(data)
+}
+
+/// The bytes that a buffer is given.
+pub(crate) fn buffer_bytes(
+    set: u32,
+    binding: u32,
+    data: &Bound<'_, PyAny>,
+    module: Option<&Module>,
+) -> PyResult<Vec<u8>> {
+    if !data.is_instance_of::<PyDict>() {
+        return bytes("data", data);
+    }
+    let Some(module) = module else {
+        return Err(invalid("a dict is written as a module lays it out: `module=` names that module"));
+    };
+    let zeros = StructData::buffer(&module.module, set, binding).map_err(raised)?;
+    Ok(filled(zeros, data)?.bytes().to_vec())
+}
+
+/// An array of float32, (height, width, 4), as an image.
+pub(crate) fn image(texels: &Bound<'_, PyAny>) -> PyResult<std::sync::Arc<Image>> {
+    let array = typed::<f32>("texels", texels)?;
+    let &[height, width, 4] = array.shape() else {
+        let shape = texels.getattr("shape")?;
+        return Err(invalid(format!("texels: an array of shape {shape}, not (height, width, 4)")));
+    };
+    let side = |side: usize| u32::try_from(side).map_err(|_| invalid("texels: the array is too large"));
+    let shape = ImageShape::plane(side(width)?, side(height)?);
+    let bytes = bytemuck::cast_slice(slice("texels", &array)?);
+    Image::new(Format::RGBA32F, shape, bytes).map_err(raised)
+}

@@ -1,0 +1,123 @@
+"""The plugin for pytest, run on projects of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+from conftest import REPOSITORY
+
+SHADER = """
+enable wgpu_ray_tracing_pipeline;
+
+struct Payload { t: f32, hits: u32 }
+
+var<incoming_ray_payload> payload: Payload;
+
+@closest_hit @incoming_payload(payload)
+fn shade(@builtin(ray_t_current_max) t: f32) {
+    payload.t = t;
+    payload.hits += 1u;
+}
+"""
+
+# A ball of radius 1/2, whose nearest point is 3.5 away.
+RAYS = """
+version = 1
+
+[shaders]
+ball = "ball.wgsl"
+
+[pipeline]
+hit = [{ closest_hit = "ball:shade" }]
+
+[geometry.ball]
+type = "spheres"
+positions = [[0, 0, 0]]
+radii = 0.5
+
+[[instance]]
+geometry = "ball"
+
+[[ray]]
+name = "the centre"
+origin = [0, 0, 4]
+direction = [0, 0, -1]
+expect = { t = 3.5, payload = { t = 3.5, hits = 1 }, because = "4 - 1/2" }
+
+[[ray]]
+name = "beside it"
+origin = [1, 0, 4]
+direction = [0, 0, -1]
+expect = { miss = true }
+"""
+
+
+@pytest.fixture
+def project(pytester: pytest.Pytester) -> pytest.Pytester:
+    folder = pytester.mkdir("cases")
+    (folder / "ball.wgsl").write_text(SHADER)
+    (folder / "ball.test.toml").write_text(RAYS)
+    return pytester
+
+
+def test_each_ray_is_an_item(project: pytest.Pytester) -> None:
+    result = project.runpytest_inprocess("-v")
+    result.assert_outcomes(passed=2)
+    result.stdout.fnmatch_lines(
+        ["cases/ball.test.toml::the centre PASSED*", "cases/ball.test.toml::beside it PASSED*"]
+    )
+    project.runpytest_inprocess("-k", "centre").assert_outcomes(passed=1, deselected=1)
+
+
+def test_a_failure_prints_the_place_and_the_ray(project: pytest.Pytester) -> None:
+    file = project.path / "cases/ball.test.toml"
+    file.write_text(file.read_text().replace("payload = { t = 3.5", "payload = { t = 3.25"))
+    result = project.runpytest_inprocess()
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "*payload.t: expected 3.25 (*), found 3.5 (*",
+            "*cases/ball.test.toml:22:*",
+            "*the ray, explained:",
+            "FAILED cases/ball.test.toml::the centre*",
+        ]
+    )
+    result.stdout.no_fnmatch_line("*Traceback*")
+    plain = project.runpytest_inprocess("--anyhit-no-explanation")
+    plain.stdout.no_fnmatch_line("*the ray, explained:")
+
+
+def test_a_file_with_a_mistake_is_an_error_with_its_place(project: pytest.Pytester) -> None:
+    file = project.path / "cases/ball.test.toml"
+    file.write_text(file.read_text().replace('type = "spheres"', 'type = "sphere"'))
+    result = project.runpytest_inprocess()
+    assert result.ret != 0
+    result.stdout.fnmatch_lines(["*cases/ball.test.toml:11:*"])
+
+
+@pytest.mark.parametrize(
+    ("case", "option"),
+    [
+        ("sanitize/pow-domain", ["--anyhit-sanitize"]),
+        ("many-seeds/anyhit-order", ["--anyhit-many-seeds", "8"]),
+    ],
+)
+def test_options_judge_what_passes(pytester: pytest.Pytester, case: str, option: list[str]) -> None:
+    folder = str(REPOSITORY / "shaders" / case)
+    arguments = ["--rootdir", str(REPOSITORY), "-p", "no:cacheprovider", folder]
+    pytester.runpytest_inprocess(*arguments).assert_outcomes(passed=1)
+    pytester.runpytest_inprocess(*arguments, *option).assert_outcomes(failed=1)
+
+
+def test_cases_of_the_repository_pass_on_two_workers(pytester: pytest.Pytester) -> None:
+    if importlib.util.find_spec("xdist") is None:
+        pytest.skip("SKIPPED: test_cases_of_the_repository_pass_on_two_workers: pytest-xdist is not installed")
+    cases = [REPOSITORY / "shaders/pass" / name for name in ("sphere", "lss", "testing", "payload")]
+    alone = pytester.runpytest_subprocess("--rootdir", REPOSITORY, "-p", "no:cacheprovider", *cases)
+    assert alone.ret == 0
+    shared = pytester.runpytest_subprocess(
+        "--rootdir", REPOSITORY, "-p", "no:cacheprovider", "-n", "2", *cases
+    )
+    assert shared.ret == 0
+    assert shared.parseoutcomes()["passed"] == alone.parseoutcomes()["passed"] > 10
