@@ -64,6 +64,13 @@ pub enum Cause {
     },
     /// `OpUndef`, or a component of a shuffle without a source.
     Undef(OpPlace),
+    /// `OpUndef` at module scope.
+    UndefConstant {
+        /// The shader.
+        shader: ShaderIndex,
+        /// The result.
+        id: Id,
+    },
     /// An instruction whose result is undefined for its operands.
     Broken {
         /// The instruction.

@@ -325,6 +325,17 @@ impl<const W: usize> Reporter<'_, W> {
                     ..Told::at(&memory::UNDEF_USE, place, message)
                 }
             }
+            Cause::UndefConstant { shader, id } => {
+                let message = format!("a value that the shader leaves undefined {says}");
+                Told {
+                    label: format!("it {says} here"),
+                    notes: vec![
+                        "it is OpUndef, as an optimizer leaves of a variable that was not written".into(),
+                    ],
+                    cause: (shader, id.0),
+                    ..Told::at(&memory::UNDEF_USE, here, message)
+                }
+            }
             Cause::Broken { place, .. } => {
                 let details = details?;
                 let mut notes = self.births(details.operand);
