@@ -1,5 +1,5 @@
 //! What the sanitizer costs: a launch with the optimizer, as it was translated, and under the
-//! sanitizer, each on one thread.
+//! sanitizer without the rules about races and with them, each on one thread.
 //!
 //! `cargo bench --bench sanitize` prints the table of `docs/sanitize.md`: medians of runs in turn,
 //! and their ratios. Without `--bench` (`cargo test --benches`) every row runs once.
@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 
 use anyhit::internals::harness::sanitized::run_sanitized;
 use anyhit::internals::machine::Resources;
-use anyhit::internals::sanitize::Levels;
+use anyhit::internals::sanitize::rule::race;
+use anyhit::internals::sanitize::{Level, Levels};
 use anyhit::internals::scene::{Assembled, DiskFiles, LoadOptions, assemble, load, load_text};
 
 /// Scenes, each with the size of its launch.
@@ -36,15 +37,15 @@ binding = 1
 size = 65536
 "#;
 
+/// How often each launch runs in turn with the others.
+const RUNS: usize = 25;
+
 fn main() {
     let full = std::env::args().any(|argument| argument == "--bench");
-    println!(
-        "{:44} {:>10} {:>10} {:>10}  to optimised, to translated",
-        "", "optimised", "translated", "sanitized"
-    );
+    println!("| launch | optimised | translated | without races | with races | ratios to translated |");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     for (path, size) in SCENES {
-        pool.install(|| row(path, size, if full { 9 } else { 1 }));
+        pool.install(|| row(path, size, if full { RUNS } else { 1 }));
     }
 }
 
@@ -58,32 +59,37 @@ fn row(path: &str, size: [u32; 2], runs: usize) {
     let scene = scene.expect("a scene");
     let assembled = assemble(&scene).expect("valid shaders");
     let reference = assembled.unoptimized().expect("valid shaders");
-    let levels = Levels::default();
+    let all = Levels::default();
+    let mut without_races = Levels::default();
+    for rule in race::RULES {
+        without_races.set(rule.id, Level::Allow).expect("a rule");
+    }
     let launch = |assembled: &Assembled, resources: &Resources| {
         assembled.run::<64>(resources, &|_| ()).expect("no trap");
     };
-    let mut times = [const { Vec::new() }; 3];
+    let sanitize = |levels: &Levels| {
+        let run = run_sanitized(&scene, &assembled, &assembled.resources, levels).expect("valid shaders");
+        run.outcome.expect("no trap");
+    };
+    let mut times = [const { Vec::new() }; 4];
     for _ in 0..runs {
         times[0].push(timed(|| launch(&assembled, &assembled.resources)));
         times[1].push(timed(|| launch(&reference, &assembled.resources)));
-        times[2].push(timed(|| {
-            let run =
-                run_sanitized(&scene, &assembled, &assembled.resources, &levels).expect("valid shaders");
-            run.outcome.expect("no trap");
-        }));
+        times[2].push(timed(|| sanitize(&without_races)));
+        times[3].push(timed(|| sanitize(&all)));
     }
-    let [optimized, translated, sanitized] = times.map(|mut times| {
+    let medians = times.map(|mut times| {
         times.sort_unstable();
-        times[times.len() / 2]
+        times[times.len() / 2].as_secs_f64() * 1e3
     });
-    let ratio = |one: Duration| sanitized.as_secs_f64() / one.as_secs_f64();
+    let [optimized, translated, without_races, with_races] = medians;
     println!(
-        "{path:44} {:>7.2} ms {:>7.2} ms {:>7.2} ms  {:.1}, {:.1}",
-        optimized.as_secs_f64() * 1e3,
-        translated.as_secs_f64() * 1e3,
-        sanitized.as_secs_f64() * 1e3,
-        ratio(optimized),
-        ratio(translated)
+        "| {path}, {} x {} | {optimized:.2} ms | {translated:.2} ms | {without_races:.1} ms | \
+         {with_races:.1} ms | {:.1}, {:.1} |",
+        size[0],
+        size[1],
+        without_races / translated,
+        with_races / translated
     );
 }
 

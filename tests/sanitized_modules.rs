@@ -60,7 +60,7 @@ fn findings(text: &str) -> Findings {
     let compute = Compute::new(program).expect("a compute shader").unoptimized().expect("a program");
     let mut resources = Resources::default();
     for element in 0..2 {
-        let buffer = Descriptor::Buffer(Buffer::zeroed(4));
+        let buffer = Descriptor::Buffer(Buffer::zeroed(8));
         resources.insert(Binding { set: 0, binding: 0 }, element, buffer);
     }
     let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
@@ -81,6 +81,67 @@ fn differing_descriptors_need_the_capability_of_their_kind() {
     assert_eq!(found(&writes_to_its_own_buffer(of_images)), broken);
     let declared = "OpCapability StorageBufferArrayNonUniformIndexing";
     assert_eq!(found(&writes_to_its_own_buffer(declared)), []);
+}
+
+/// A shader whose two invocations store a part of a constant, or of another where their index is 1.
+fn stores_a_constant(other: &str) -> String {
+    format!(
+        "OpCapability Shader
+         OpCapability ShaderNonUniform
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\" %index %buffers
+         OpExecutionMode %main LocalSize 2 1 1
+         OpDecorate %index BuiltIn LocalInvocationIndex
+         OpDecorate %array ArrayStride 4
+         OpDecorate %block Block
+         OpMemberDecorate %block 0 Offset 0
+         OpDecorate %buffers DescriptorSet 0
+         OpDecorate %buffers Binding 0
+         %void = OpTypeVoid
+         %main_type = OpTypeFunction %void
+         %bool = OpTypeBool
+         %uint = OpTypeInt 32 0
+         %pair = OpTypeVector %uint 2
+         %u0 = OpConstant %uint 0
+         %u2 = OpConstant %uint 2
+         %undef = OpUndef %uint
+         %undefs = OpUndef %pair
+         %half = OpConstantComposite %pair %u2 %undef
+         %array = OpTypeRuntimeArray %uint
+         %block = OpTypeStruct %array
+         %ptr_block = OpTypePointer StorageBuffer %block
+         %ptr_uint = OpTypePointer StorageBuffer %uint
+         %ptr_index = OpTypePointer Input %uint
+         %index = OpVariable %ptr_index Input
+         %buffers = OpVariable %ptr_block StorageBuffer
+         %main = OpFunction %void None %main_type
+         %entry = OpLabel
+         %i = OpLoad %uint %index
+         %is_first = OpIEqual %bool %i %u0
+         %copied = OpCopyObject %uint %undef
+         %of_half = OpCompositeExtract %uint %half 1
+         %of_pair = OpCompositeExtract %uint %undefs 0
+         %defined = OpCompositeExtract %uint %half 0
+         %value = OpSelect %uint %is_first %u2 %{other}
+         %at = OpAccessChain %ptr_uint %buffers %u0 %i
+         OpStore %at %value
+         OpReturn
+         OpFunctionEnd"
+    )
+}
+
+/// `OpUndef` at module scope is where optimizers put what is left of variables that were not
+/// written (SPIR-V 2.4: it may stand among the constants).
+#[test]
+fn undefined_constants_are_told_where_something_depends_on_them() {
+    let message = "a value that the shader leaves undefined reaches a buffer".to_owned();
+    for other in ["undef", "copied", "of_half", "of_pair"] {
+        assert_eq!(found(&stores_a_constant(other)), [("undef-use", message.clone())], "{other}");
+    }
+    // Copied, but never stored.
+    for other in ["u0", "defined"] {
+        assert_eq!(found(&stores_a_constant(other)), [], "{other}");
+    }
 }
 
 /// A ray generation shader that passes two numbers to a callable one, each of which lays them out
@@ -153,6 +214,49 @@ fn found_by_launch(text: &str) -> Vec<(&'static str, String)> {
     launch.run_observed([1; 3], &mut |_| (), &mut sanitizer).expect("a launch");
     let findings = sanitizer.into_findings();
     findings.iter().map(|finding| (finding.rule.id, finding.error.message().to_owned())).collect()
+}
+
+/// A ray generation shader that passes a number to a callable one, which has no variable for it;
+/// the module carries a source.
+fn passes_data_to_nothing(source: &str) -> String {
+    format!(
+        "OpCapability RayTracingKHR
+         OpExtension \"SPV_KHR_ray_tracing\"
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint RayGenerationKHR %main \"main\" %passed
+         OpEntryPoint CallableKHR %called \"called\"
+         %file = OpString \"called.rcall\"
+         OpSource 2 460 %file \"{source}\"
+         %void = OpTypeVoid
+         %main_type = OpTypeFunction %void
+         %uint = OpTypeInt 32 0
+         %u0 = OpConstant %uint 0
+         %ptr_given = OpTypePointer CallableDataKHR %uint
+         %passed = OpVariable %ptr_given CallableDataKHR
+         %main = OpFunction %void None %main_type
+         %entry = OpLabel
+         OpStore %passed %u0
+         OpExecuteCallableKHR %u0 %passed
+         OpReturn
+         OpFunctionEnd
+         %called = OpFunction %void None %main_type
+         %called_entry = OpLabel
+         OpReturn
+         OpFunctionEnd"
+    )
+}
+
+/// Vulkan, "Ray Tracing Pipeline Interface": a called shader declares the data, even if it does not
+/// use it; an optimizer drops the variable then.
+#[test]
+fn data_that_the_source_declares_is_declared() {
+    let rules = |source: &str| -> Vec<_> {
+        let found = found_by_launch(&passes_data_to_nothing(source));
+        found.into_iter().map(|(rule, _)| rule).collect()
+    };
+    assert_eq!(rules("layout(location = 0) callableDataInEXT uint data"), [""; 0]);
+    assert_eq!(rules("void main() {}"), ["callable-undeclared"]);
+    assert_eq!(rules("void main() {} // no callableDataInEXT"), ["callable-undeclared"]);
 }
 
 /// VUID-RuntimeSpirv-OpTraceRayKHR-11855 compares layouts where there are any.

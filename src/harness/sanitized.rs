@@ -7,7 +7,7 @@ use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
 use crate::machine::{Observer, Resources, ShaderIndex};
-use crate::pipeline::{Event, Launch, PipelineObserver, Stats};
+use crate::pipeline::{Launch, PipelineObserver, Stats};
 use crate::sanitize::contract::check_pipeline;
 use crate::sanitize::hit_indices::check_hit_indices;
 use crate::sanitize::module_checks::check_module;
@@ -84,8 +84,7 @@ pub fn run_sanitized(
                 let size = launch.size;
                 sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
-                let outcome =
-                    launch.run_observed(size, &mut |event: Event| watch.event(event), &mut sanitizer);
+                let outcome = launch.run_observed(size, &mut watch, &mut sanitizer);
                 let first = reference.first_program(pass_pipeline);
                 findings.extend(watch.into_findings().of_shaders_from(first));
                 let (found, left) = sanitizer.into_findings_and_unwritten();
@@ -164,7 +163,7 @@ pub fn sanitize_one(
     let mut watch = RayWatch::new(&single.pipeline, scene, levels, &mut seen);
     let launch = Launch { pipeline: &single.pipeline, resources: &resources };
     let outcome = {
-        let mut on_event: &mut dyn PipelineObserver = &mut |event: Event| watch.event(event);
+        let mut on_event: &mut dyn PipelineObserver = &mut watch;
         let mut observer: &mut dyn Observer<1> = &mut sanitizer;
         match &which.what {
             SingleRun::Pixel(id) => launch.run_one(*id, single.size, &mut on_event, &mut observer),

@@ -242,7 +242,7 @@ impl QueryRecorder<'_> {
 
 impl TraversalObserver for QueryRecorder<'_> {
     fn explains_misses(&self) -> bool {
-        true
+        self.traversal
     }
 
     fn node(&mut self, instance: Option<u32>) {

@@ -173,7 +173,7 @@ fn check_instructions(translator: &mut Translator<'_>, entry: &EntryPoint, attri
 }
 
 /// The variable of module scope that a chain of access chains begins at.
-fn base_variable(module: &Module, mut pointer: Id) -> Option<Id> {
+pub(crate) fn base_variable(module: &Module, mut pointer: Id) -> Option<Id> {
     loop {
         match module.definition(pointer)? {
             Definition::Variable(_) => return Some(pointer),

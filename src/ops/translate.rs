@@ -29,7 +29,7 @@ use crate::ops::memory;
 use crate::ops::op::Op;
 use crate::ops::pointer::{self, Pointer};
 use crate::ops::pointer_layout::{self, ends_in_matrix};
-use crate::ops::value_registers::{Words, registers_from, words_from};
+use crate::ops::value_registers::{UndefinedConstant, Words, registers_from, words_from};
 use budget::{WORDS_OF_A_STEP, named};
 use fingerprint::Fingerprint;
 use values::Values;
@@ -156,6 +156,8 @@ pub struct Translator<'m> {
     max_registers: u32,
     /// Registers that values name, counted once for each value.
     named_registers: u64,
+    /// The results of `OpUndef` at module scope, where nothing is optimised.
+    pub undefined_constants: Vec<UndefinedConstant>,
     constants: FxHashMap<u32, Reg>,
     wide_constants: FxHashMap<u64, Reg>,
     /// The words of constants, indexed by register.
@@ -206,6 +208,7 @@ impl<'m> Translator<'m> {
             registers: 0,
             max_registers: module.limits.get(InputLimit::Registers) as u32,
             named_registers: 0,
+            undefined_constants: Vec::new(),
             constants: FxHashMap::default(),
             wide_constants: FxHashMap::default(),
             words: Vec::new(),
@@ -343,7 +346,7 @@ impl<'m> Translator<'m> {
         Ok(reg)
     }
 
-    fn set_constant(&mut self, reg: Reg, word: u32) {
+    pub(super) fn set_constant(&mut self, reg: Reg, word: u32) {
         self.words.resize(self.words.len().max(reg.0 as usize + 1), None);
         self.words[reg.0 as usize] = Some(word);
     }

@@ -3,6 +3,8 @@
 use smallvec::SmallVec;
 
 use crate::machine::Reg;
+use crate::module::Id;
+use crate::module::ty::TypeId;
 
 /// The registers of a value's words, in the order of its scalars; the two words of a 64-bit scalar
 /// always lie in consecutive registers.
@@ -27,4 +29,17 @@ pub(super) fn words_from(words: &[Reg]) -> Words {
         }
         _ => Words::from_slice(words),
     }
+}
+
+/// The registers of the result of an `OpUndef` at module scope, which hold zeros.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UndefinedConstant {
+    /// The result.
+    pub id: Id,
+    /// Its type.
+    pub ty: TypeId,
+    /// The first register.
+    pub first: Reg,
+    /// The number of registers.
+    pub count: u32,
 }

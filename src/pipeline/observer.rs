@@ -28,6 +28,12 @@ pub trait PipelineObserver {
         false
     }
 
+    /// Whether traversal reports every node, instance and primitive that it tests, and why a
+    /// primitive is not hit: that takes twice the time of the traversal.
+    fn observes_traversal(&self) -> bool {
+        true
+    }
+
     /// Whether ray queries report every node, instance and primitive that they test.
     fn observes_query_traversal(&self) -> bool {
         false
@@ -88,6 +94,10 @@ impl<T: PipelineObserver> PipelineObserver for OnlyInvocation<'_, T> {
         T::is_active()
     }
 
+    fn observes_traversal(&self) -> bool {
+        self.pipeline_observer.observes_traversal()
+    }
+
     fn invocation(&mut self, launch_id: [u32; 3]) {
         self.is_selected = launch_id == self.launch_id;
     }
@@ -131,6 +141,10 @@ impl<F: FnMut(Event)> PipelineObserver for F {
 impl PipelineObserver for &mut dyn PipelineObserver {
     fn observes_queries() -> bool {
         true
+    }
+
+    fn observes_traversal(&self) -> bool {
+        (**self).observes_traversal()
     }
 
     fn observes_query_traversal(&self) -> bool {
@@ -253,7 +267,18 @@ pub enum Event {
 }
 
 /// Passes the events of a traversal on as events of the pipeline.
-pub(super) struct TraversalAdapter<'a, T>(pub &'a mut T);
+pub(super) struct TraversalAdapter<'a, T> {
+    observer: &'a mut T,
+    /// Whether the observer wants to know what is tested, not only what is hit.
+    observes_tests: bool,
+}
+
+impl<'a, T: PipelineObserver> TraversalAdapter<'a, T> {
+    pub(super) fn new(observer: &'a mut T) -> Self {
+        let observes_tests = T::is_active() && observer.observes_traversal();
+        Self { observer, observes_tests }
+    }
+}
 
 impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
     fn is_active() -> bool {
@@ -261,30 +286,30 @@ impl<T: PipelineObserver> TraversalObserver for TraversalAdapter<'_, T> {
     }
 
     fn explains_misses(&self) -> bool {
-        true
+        self.observes_tests
     }
 
     fn node(&mut self, instance: Option<u32>) {
-        if T::is_active() {
-            self.0.event(Event::Node(instance));
+        if self.observes_tests {
+            self.observer.event(Event::Node(instance));
         }
     }
 
     fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
-        if T::is_active() {
-            self.0.event(Event::Instance(instance, verdict));
+        if self.observes_tests {
+            self.observer.event(Event::Instance(instance, verdict));
         }
     }
 
     fn primitive(&mut self, hit_primitive: HitPrimitive, verdict: PrimitiveVerdict) {
-        if T::is_active() {
-            self.0.event(Event::Primitive(hit_primitive, verdict));
+        if self.observes_tests {
+            self.observer.event(Event::Primitive(hit_primitive, verdict));
         }
     }
 
     fn commit(&mut self, committed: &Committed) {
         if T::is_active() {
-            self.0.event(Event::Opaque(*committed));
+            self.observer.event(Event::Opaque(*committed));
         }
     }
 }

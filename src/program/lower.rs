@@ -593,6 +593,7 @@ impl<'m> Lowering<'m> {
             watched: self.watched.into(),
             register_count,
             constants,
+            undefined_constants: self.translator.undefined_constants,
             slots: self.translator.slots,
             inputs: self.translator.inputs,
             interface: self.translator.interface,

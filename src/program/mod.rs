@@ -40,6 +40,7 @@ use crate::module::{Id, Module};
 use crate::ops::memory::BufferRef;
 use crate::ops::op::Op;
 use crate::ops::translate::{IdValues, InputRegisters, InterfaceRegisters, Origin, Slot, WorkgroupVariable};
+use crate::ops::value_registers::UndefinedConstant;
 use crate::ops::{ray_rules, superop};
 use crate::program::payload::Payloads;
 use crate::program::race_analysis::MemoryAccess;
@@ -201,6 +202,9 @@ pub struct Program {
     /// Registers that hold constants.
     #[doc(hidden)]
     pub constants: Vec<(Reg, u32)>,
+    /// Those of them that are undefined, where the program is not optimised.
+    #[doc(hidden)]
+    pub undefined_constants: Vec<UndefinedConstant>,
     /// The descriptor bindings, by slot.
     #[doc(hidden)]
     pub slots: Vec<Slot>,

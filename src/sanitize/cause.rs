@@ -64,6 +64,13 @@ pub enum Cause {
     },
     /// `OpUndef`, or a component of a shuffle without a source.
     Undef(OpPlace),
+    /// `OpUndef` at module scope.
+    UndefConstant {
+        /// The shader.
+        shader: ShaderIndex,
+        /// The result.
+        id: Id,
+    },
     /// An instruction whose result is undefined for its operands.
     Broken {
         /// The instruction.
@@ -112,13 +119,16 @@ pub struct CauseDetails {
 pub struct Causes {
     causes: Vec<(Cause, Option<CauseDetails>)>,
     numbers: FxHashMap<Cause, u32>,
+    /// By the cause of the first of several words: its number, which those of the others follow.
+    spans: FxHashMap<Cause, u32>,
 }
 
 impl Default for Causes {
     fn default() -> Self {
         // Number 0 is no cause.
         let nothing = Cause::Undef(OpPlace { shader: ShaderIndex(u32::MAX), op: OpIndex(u32::MAX) });
-        Self { causes: vec![(nothing, None)], numbers: FxHashMap::default() }
+        let (numbers, spans) = Default::default();
+        Self { causes: vec![(nothing, None)], numbers, spans }
     }
 }
 
@@ -128,6 +138,16 @@ impl Causes {
         *self.numbers.entry(cause).or_insert_with(|| {
             self.causes.push((cause, details()));
             self.causes.len() as u32 - 1
+        })
+    }
+
+    /// The number of the cause of the first of several words, which those of the others follow.
+    pub fn of_words(&mut self, count: u32, cause: impl Fn(u32) -> Cause) -> u32 {
+        let Self { causes, spans, .. } = self;
+        *spans.entry(cause(0)).or_insert_with(|| {
+            let first = causes.len() as u32;
+            causes.extend((0..count).map(|word| (cause(word), None)));
+            first
         })
     }
 

@@ -19,6 +19,7 @@ mod flushed_use;
 mod formats;
 pub mod hit_indices;
 mod interface_types;
+pub mod lane_operands;
 pub mod levels;
 mod memory_shadow;
 pub mod module_checks;
@@ -35,6 +36,7 @@ pub mod structures;
 pub mod traced_rays;
 pub mod unwritten;
 mod value_path;
+mod word_range;
 
 pub use finding::{Finding, Findings, Occurrence};
 pub use levels::Levels;

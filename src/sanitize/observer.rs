@@ -14,7 +14,7 @@ use crate::sanitize::checks::{
     barrier, begin, births, bounds, call, contents, hit_object, image, kernel, memory, query, ray, shared,
     stale, stop, subgroup, uniformity,
 };
-use crate::sanitize::plan::Executed;
+use crate::sanitize::plan::{Executed, ProgramPlan};
 use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::report::{CallFrame, Sink};
 use crate::sanitize::sanitizer::{Accesses, Sanitizer};
@@ -75,99 +75,28 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
         barrier::enter_block(self, batch);
     }
 
+    #[inline]
     fn before(&mut self, batch: &mut Batch<W>, op: OpIndex) -> bool {
         let Some((shader, plan)) = self.plan() else { return false };
-        match plan.program.ops.get(op.index()) {
-            Some(Op::Stop(stopped)) => {
-                let Some(mut shadow) = batch.registers.shadow.take() else { return false };
-                stop::check(self, batch, &mut shadow, op, stopped);
-                if let Some(uniform) = &plan.steps[op.index()].uniformity {
-                    uniformity::check(self, batch, op, uniform);
-                }
-                stale::stop(&mut shadow, &plan.stale, stopped, batch.mask);
-                batch.registers.shadow = Some(shadow);
-            }
-            Some(Op::RayQuery(RayQueryOp::Initialize { operands, .. })) => {
-                let Some(shadow) = batch.registers.shadow.take() else { return false };
-                ray::check_specials(self, batch, &shadow, op, operands.plus(4));
-                batch.registers.shadow = Some(shadow);
-            }
-            Some(Op::Barrier) => {
-                if let Some(races) = &mut self.races {
-                    races.barrier(batch, &plan.program, OpPlace { shader, op });
-                }
-            }
-            _ => {}
+        if let Some(next @ (Op::Stop(_) | Op::RayQuery(_) | Op::Barrier)) = plan.program.ops.get(op.index()) {
+            self.look_before(batch, plan, OpPlace { shader, op }, next);
         }
         false
     }
 
+    #[inline]
     fn after(&mut self, batch: &mut Batch<W>, bindings: &Bindings, op: OpIndex) {
         let Some((shader, plan)) = self.plan() else { return };
         let Some(mut shadow) = batch.registers.shadow.take() else { return };
-        let place = OpPlace { shader, op };
-        let step = &plan.steps[op.index()];
-        let executed = Executed { place, step };
-        if let Some(uniform) = &step.uniformity {
-            uniformity::check(self, batch, op, uniform);
-        }
+        let executed = Executed { place: OpPlace { shader, op }, step: &plan.steps[op.index()] };
         match &plan.program.ops[op.index()] {
-            Op::LaneKernel { kernel: lane_kernel, to, from } => {
-                kernel::check(self, batch, &mut shadow, executed, lane_kernel, *to, from);
-                if let Some(watched) = step.watched {
-                    bounds::check_kernel(self, batch, bindings, op, watched, *to, from);
-                }
+            Op::LaneKernel { kernel, to, from } if plan.stale.is_empty() && executed.step.is_plain => {
+                kernel::check(self, batch, &mut shadow, executed, kernel, *to, from);
             }
-            Op::Memory(op) => memory::check(self, batch, bindings, &mut shadow, executed, op),
-            Op::Image(operation) => {
-                image::check(self, batch, bindings, &mut shadow, op, operation);
-                bounds::check_image(self, batch, bindings, op, operation);
-                contents::image(self, batch, bindings, &mut shadow, place, operation);
-                if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
-                    let found = races.access_image(batch, bindings, place, operation);
-                    self.tell_races(batch, op, &found);
-                }
+            Op::Memory(op) if plan.stale.is_empty() && executed.step.uniformity.is_none() => {
+                memory::check(self, batch, bindings, &mut shadow, executed, op);
             }
-            Op::RayQuery(ray_query) => {
-                check_ray_query(self, batch, &mut shadow, op, ray_query);
-                query::check(self, batch, op, ray_query, step.ignores_result);
-            }
-            Op::Subgroup(op) => subgroup::check(self, batch, &mut shadow, executed, op),
-            Op::Atomic(atomic) => {
-                let mut accesses = |visit: &mut dyn FnMut(Access)| atomic.accesses(visit);
-                self.depend_on_reads(batch, &mut shadow, op, Sink::Atomic, &mut accesses);
-                shared::atomic(self, batch, bindings, &mut shadow, place, atomic);
-                match &atomic.target {
-                    AtomicTarget::Buffer(chunk) => bounds::check_buffer(self, batch, bindings, op, chunk),
-                    AtomicTarget::Texel(texel) => bounds::check_texel(self, batch, bindings, op, texel),
-                    AtomicTarget::Registers { .. } => {}
-                }
-                contents::atomic(self, batch, bindings, &mut shadow, place, atomic);
-                if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
-                    let found = races.access_atomic(batch, bindings, &plan.program, place, atomic);
-                    self.tell_races(batch, op, &found);
-                }
-            }
-            Op::Print(print) => {
-                for argument in &*print.arguments {
-                    let Argument::Numbers { scalar, components } = argument else { continue };
-                    for &component in components {
-                        self.depend(batch, &mut shadow, op, component, Sink::Print);
-                        if *scalar == PrintScalar::Float(32) {
-                            let sink = SpecialSink::Print;
-                            births::reach(self, batch, &shadow, op, component, batch.mask, sink);
-                        }
-                    }
-                }
-            }
-            Op::HitObject(object) => {
-                hit_object::check(self, batch, &mut shadow, op, object);
-                define_writes(&mut shadow, batch.mask, &mut |visit| object.accesses(visit));
-            }
-            Op::Stop(_) | Op::Barrier => {}
-        }
-        for (kind, tracked) in plan.stale.iter().enumerate() {
-            stale::track(self, batch, &mut shadow, executed, &plan.program.ops[op.index()], (kind, tracked));
+            _ => self.look_after(batch, bindings, &mut shadow, plan, executed),
         }
         batch.registers.shadow = Some(shadow);
     }
@@ -179,6 +108,116 @@ impl<const W: usize> Observer<W> for Sanitizer<'_> {
 }
 
 impl Sanitizer<'_> {
+    /// Looks at an operation that is about to run, and hands the batch to the pipeline or starts a
+    /// ray query.
+    #[inline(never)]
+    fn look_before<const W: usize>(
+        &mut self,
+        batch: &mut Batch<W>,
+        plan: &ProgramPlan,
+        place: OpPlace,
+        next: &Op,
+    ) {
+        let op = place.op;
+        match next {
+            Op::Stop(stopped) => {
+                let Some(mut shadow) = batch.registers.shadow.take() else { return };
+                stop::check(self, batch, &mut shadow, op, stopped);
+                if let Some(uniform) = &plan.steps[op.index()].uniformity {
+                    uniformity::check(self, batch, op, uniform);
+                }
+                stale::stop(&mut shadow, &plan.stale, stopped, batch.mask);
+                batch.registers.shadow = Some(shadow);
+            }
+            Op::RayQuery(RayQueryOp::Initialize { operands, .. }) => {
+                let Some(shadow) = batch.registers.shadow.take() else { return };
+                ray::check_specials(self, batch, &shadow, op, operands.plus(4));
+                batch.registers.shadow = Some(shadow);
+            }
+            Op::Barrier => {
+                if let Some(races) = &mut self.races {
+                    races.barrier(batch, &plan.program, place);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Looks at an operation that has run, of whatever kind.
+    #[inline(never)]
+    fn look_after<const W: usize>(
+        &mut self,
+        batch: &mut Batch<W>,
+        bindings: &Bindings,
+        shadow: &mut ShadowRegisters<W>,
+        plan: &ProgramPlan,
+        executed: Executed<'_>,
+    ) {
+        let Executed { place, step } = executed;
+        let op = place.op;
+        if let Some(uniform) = &step.uniformity {
+            uniformity::check(self, batch, op, uniform);
+        }
+        match &plan.program.ops[op.index()] {
+            Op::LaneKernel { kernel: lane_kernel, to, from } => {
+                kernel::check(self, batch, shadow, executed, lane_kernel, *to, from);
+                if let Some(watched) = step.watched {
+                    bounds::check_kernel(self, batch, bindings, op, watched, *to, from);
+                }
+            }
+            Op::Memory(op) => memory::check(self, batch, bindings, shadow, executed, op),
+            Op::Image(operation) => {
+                image::check(self, batch, bindings, shadow, op, operation);
+                bounds::check_image(self, batch, bindings, op, operation);
+                contents::image(self, batch, bindings, shadow, place, operation);
+                if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
+                    let found = races.access_image(batch, bindings, place, operation);
+                    self.tell_races(batch, op, &found);
+                }
+            }
+            Op::RayQuery(ray_query) => {
+                check_ray_query(self, batch, shadow, op, ray_query);
+                query::check(self, batch, op, ray_query, step.ignores_result);
+            }
+            Op::Subgroup(op) => subgroup::check(self, batch, shadow, executed, op),
+            Op::Atomic(atomic) => {
+                let mut accesses = |visit: &mut dyn FnMut(Access)| atomic.accesses(visit);
+                self.depend_on_reads(batch, shadow, op, Sink::Atomic, &mut accesses);
+                shared::atomic(self, batch, bindings, shadow, place, atomic);
+                match &atomic.target {
+                    AtomicTarget::Buffer(chunk) => bounds::check_buffer(self, batch, bindings, op, chunk),
+                    AtomicTarget::Texel(texel) => bounds::check_texel(self, batch, bindings, op, texel),
+                    AtomicTarget::Registers { .. } => {}
+                }
+                contents::atomic(self, batch, bindings, shadow, place, atomic);
+                if let Some(races) = self.races.as_mut().filter(|races| races.watches(place)) {
+                    let found = races.access_atomic(batch, bindings, &plan.program, place, atomic);
+                    self.tell_races(batch, op, &found);
+                }
+            }
+            Op::Print(print) => {
+                for argument in &*print.arguments {
+                    let Argument::Numbers { scalar, components } = argument else { continue };
+                    for &component in components {
+                        self.depend(batch, shadow, op, component, Sink::Print);
+                        if *scalar == PrintScalar::Float(32) {
+                            let sink = SpecialSink::Print;
+                            births::reach(self, batch, shadow, op, component, batch.mask, sink);
+                        }
+                    }
+                }
+            }
+            Op::HitObject(object) => {
+                hit_object::check(self, batch, shadow, op, object);
+                define_writes(shadow, batch.mask, &mut |visit| object.accesses(visit));
+            }
+            Op::Stop(_) | Op::Barrier => {}
+        }
+        for (kind, tracked) in plan.stale.iter().enumerate() {
+            stale::track(self, batch, shadow, executed, &plan.program.ops[op.index()], (kind, tracked));
+        }
+    }
+
     /// What a branch or switch depends on must be defined.
     fn depend_on_branch<const W: usize>(&mut self, batch: &mut Batch<W>) {
         let Some((_, plan)) = self.plan() else { return };

@@ -3,189 +3,10 @@
 
 use rspirv::spirv::{GlslStd450Op as Glsl, Op};
 
-use crate::machine::{Lanes, Reg, Registers};
 use crate::ops::lane_kernel::LaneKernel;
-use crate::sanitize::flushed_use::FlushedUse;
+use crate::sanitize::lane_operands::LaneOperands;
 use crate::sanitize::rule::{Rule, arithmetic};
-
-/// The operands of a lane kernel in one lane, as bits.
-#[derive(Clone, Copy, Debug)]
-pub struct LaneOperands {
-    bits: [u64; 3],
-    floats: [u32; 3],
-    width: u32,
-    float_result: u32,
-    result_width: u32,
-}
-
-impl LaneOperands {
-    /// The operands of a kernel in a lane of a batch, and the bits of a scalar of its result.
-    pub fn read<const W: usize>(
-        registers: &Registers<W>,
-        kernel: &LaneKernel,
-        from: &[Reg; 3],
-        result_width: u32,
-        lane: usize,
-    ) -> Self {
-        let word = |register: Reg| -> u64 {
-            let Lanes(words) = &registers[register];
-            words[lane].into()
-        };
-        let bits = std::array::from_fn(|at| match kernel.operands[at] {
-            0 => 0,
-            1 => word(from[at]),
-            _ => word(from[at]) | word(from[at].plus(1)) << 32,
-        });
-        let LaneKernel { float_operands: floats, width, float_result, .. } = *kernel;
-        Self { bits, floats, width, float_result, result_width }
-    }
-
-    /// An operand that is a float.
-    pub fn float(&self, at: usize) -> f64 {
-        match self.floats[at] {
-            16 => half::f16::from_bits(self.bits[at] as u16).to_f64(),
-            32 => f32::from_bits(self.bits[at] as u32).into(),
-            _ => f64::from_bits(self.bits[at]),
-        }
-    }
-
-    /// An operand that is an unsigned integer.
-    pub fn unsigned(&self, at: usize) -> u64 {
-        self.bits[at]
-    }
-
-    /// An operand that is a signed integer of the kernel's width.
-    pub fn signed(&self, at: usize) -> i64 {
-        let unused = 64 - self.width.clamp(1, 64);
-        (self.bits[at] << unused) as i64 >> unused
-    }
-
-    /// Whether the whole part of the first operand fits in a result that is an integer.
-    fn fits(&self, signed: bool) -> bool {
-        let (whole, bits) = (self.float(0).trunc(), self.result_width as i32);
-        match signed {
-            true => whole >= -2f64.powi(bits - 1) && whole < 2f64.powi(bits - 1),
-            false => whole >= 0.0 && whole < 2f64.powi(bits),
-        }
-    }
-
-    /// Whether the exact result of an operation on unsigned integers of the kernel's width does not
-    /// fit in it.
-    fn overflows_unsigned(&self, operation: impl Fn(u128, u128) -> Option<u128>) -> bool {
-        let result = operation(self.unsigned(0).into(), self.unsigned(1).into());
-        result.is_none_or(|result| result >> self.width.clamp(1, 64) != 0)
-    }
-
-    /// Whether the exact result of an operation on signed integers of the kernel's width does not
-    /// fit in it.
-    fn overflows_signed(&self, operation: impl Fn(i128, i128) -> i128) -> bool {
-        let result = operation(self.signed(0).into(), self.signed(1).into());
-        result < self.least().into() || result > (!self.least()).into()
-    }
-
-    /// Whether a shift to the left within the width changes the number that is shifted, other than
-    /// by a power of two.
-    fn shifts_out(&self, signed: bool) -> bool {
-        let amount = self.unsigned(1);
-        amount < self.width.into()
-            && match signed {
-                true => self.overflows_signed(|value, _| value << amount),
-                false => self.overflows_unsigned(|value, _| Some(value << amount)),
-            }
-    }
-
-    /// Whether the first operand is finite, and infinite in a float of so many bits.
-    fn narrows_to_infinity(&self, bits: u32) -> bool {
-        let value = self.float(0);
-        let narrow = match bits {
-            16 => half::f16::from_f64(value).to_f64(),
-            32 => f64::from(value as f32),
-            _ => value,
-        };
-        value.is_finite() && narrow.is_infinite()
-    }
-
-    /// Whether the first two operands do something else where subnormal numbers are flushed to 0.
-    pub fn flushing_matters(&self, flushed: FlushedUse) -> bool {
-        let [a, b] = [self.float(0), self.float(1)];
-        let [low, high] = [a, b].map(|value| if value.abs() < self.least_normal() { 0.0 } else { value });
-        match flushed {
-            FlushedUse::Divisor => b != high,
-            FlushedUse::Below => (a < b) != (low < high),
-            FlushedUse::Above => (a > b) != (low > high),
-            FlushedUse::Equal => (a == b) != (low == high),
-        }
-    }
-
-    /// The least positive normal float of the kernel's width.
-    fn least_normal(&self) -> f64 {
-        match self.width {
-            16 => half::f16::MIN_POSITIVE.to_f64(),
-            32 => f32::MIN_POSITIVE.into(),
-            _ => f64::MIN_POSITIVE,
-        }
-    }
-
-    /// The exponent of the greatest divisor for which the error of a division is bounded.
-    fn greatest_divisor(&self) -> i32 {
-        match self.width {
-            16 => 14,
-            32 => 126,
-            _ => f64::MAX_EXP,
-        }
-    }
-
-    /// Whether the first operand is the square of a length of 1, give or take what an encoding of
-    /// unit vectors in few bits loses.
-    fn is_square_of_unit(&self) -> bool {
-        const TOLERANCE: f64 = 0.01;
-        let error = (self.float(0).sqrt() - 1.0).abs();
-        error <= TOLERANCE || error.is_nan()
-    }
-
-    /// Two operands of an operation as a report shows them, with its sign between them.
-    fn describe_sum(&self, sign: &str, signed: bool) -> String {
-        format!("{} {sign} {} in {} bits", self.describe(0, signed), self.describe(1, signed), self.width)
-    }
-
-    /// The operation that a kernel does with the operands, as a report shows it.
-    pub fn describe_operation(&self, kernel: &LaneKernel) -> String {
-        let sign = match kernel.name.trim_end_matches("TowardZero") {
-            "FAdd" => "+",
-            "FSub" => "-",
-            "FMul" => "*",
-            "FDiv" => "/",
-            "FOrdEqual" | "FUnordEqual" => "==",
-            "FOrdNotEqual" | "FUnordNotEqual" => "!=",
-            "FOrdLessThan" | "FUnordLessThan" => "<",
-            "FOrdGreaterThan" | "FUnordGreaterThan" => ">",
-            "FOrdLessThanEqual" | "FUnordLessThanEqual" => "<=",
-            "FOrdGreaterThanEqual" | "FUnordGreaterThanEqual" => ">=",
-            name => {
-                let count = kernel.operands.iter().filter(|words| **words > 0).count();
-                let operands: Vec<String> = (0..count).map(|at| self.describe(at, true)).collect();
-                return format!("{}({})", name.to_lowercase(), operands.join(", "));
-            }
-        };
-        format!("{} {sign} {}", self.describe(0, true), self.describe(1, true))
-    }
-
-    /// The least signed integer of the kernel's width.
-    fn least(&self) -> i64 {
-        i64::MIN >> (64 - self.width.clamp(1, 64))
-    }
-
-    /// An operand as a report shows it.
-    pub fn describe(&self, at: usize, signed: bool) -> String {
-        match self.floats[at] {
-            16 => half::f16::from_bits(self.bits[at] as u16).to_string(),
-            32 => format!("{:?}", f32::from_bits(self.bits[at] as u32)),
-            64 => format!("{:?}", f64::from_bits(self.bits[at])),
-            _ if signed => self.signed(at).to_string(),
-            _ => self.unsigned(at).to_string(),
-        }
-    }
-}
+use crate::sanitize::word_range::WordRange;
 
 /// An instruction of SPIR-V or of `GLSL.std.450`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,6 +30,9 @@ pub struct OperandCheck {
     pub decoration: Option<u32>,
     /// The operands that decide whether the rule is broken.
     pub decided_by: &'static [usize],
+    /// Operands of 32 bits, one of which lies in its range wherever the rule is broken, for a
+    /// result of so many bits; none where nothing is known.
+    pub suspects: fn(u32) -> Vec<(usize, WordRange)>,
     /// Whether the operands break the rule.
     pub breaks: fn(&LaneOperands) -> bool,
     /// What is wrong with them, for a report.
@@ -226,11 +50,15 @@ pub fn checks_of(
     all.filter(move |check| check.instruction == instruction && check.kernel == name)
 }
 
-/// Makes a table of the rows of rules, one for each instruction, under a decoration or without.
+/// Makes a table of the rows of rules, one for each instruction, under a decoration or without. In
+/// brackets stand the operands that decide and, where they are known, the suspects.
 macro_rules! rows {
+    (@decided_by [$($at:literal),* $(; $bits:pat => $($suspect:expr),*)?]) => { &[$($at),*] };
+    (@suspects [$($at:literal),*]) => { |_| Vec::new() };
+    (@suspects [$($at:literal),*; $bits:pat => $($suspect:expr),*]) => { |$bits| vec![$($suspect),*] };
     (
         $(#[$doc:meta])* $table:ident $decoration:expr;
-        $($rule:ident $decided_by:tt: $($set:ident $name:ident $kernel:literal),* => $breaks:expr, $message:expr;)*
+        $($rule:ident $operands:tt: $($set:ident $name:ident $kernel:literal),* => $breaks:expr, $message:expr;)*
     ) => {
         $(#[$doc])*
         static $table: &[OperandCheck] = &[$($(OperandCheck {
@@ -238,7 +66,8 @@ macro_rules! rows {
             instruction: CheckedInstruction::$set($set::$name),
             kernel: $kernel,
             decoration: $decoration,
-            decided_by: &$decided_by,
+            decided_by: rows!(@decided_by $operands),
+            suspects: rows!(@suspects $operands),
             breaks: $breaks,
             message: $message,
         }),*),*];
@@ -246,6 +75,7 @@ macro_rules! rows {
 }
 
 use Op as Core;
+use WordRange as R;
 
 rows! {
     /// Checks of operations that are decorated `NoSignedWrap`.
@@ -290,18 +120,18 @@ rows! {
 rows! {
     /// Checks of operations whatever their decorations.
     CHECKS None;
-    INT_DIV_ZERO [1]: Core UDiv "UDiv", Core SDiv "SDiv"
+    INT_DIV_ZERO [1; _ => (1, R::ZERO)]: Core UDiv "UDiv", Core SDiv "SDiv"
         => |o| o.unsigned(1) == 0, |o| format!("the division of {} by zero", o.describe(0, true));
-    INT_DIV_ZERO [1]: Core UMod "UMod", Core SRem "SRem", Core SMod "SMod"
+    INT_DIV_ZERO [1; _ => (1, R::ZERO)]: Core UMod "UMod", Core SRem "SRem", Core SMod "SMod"
         => |o| o.unsigned(1) == 0,
         |o| format!("the remainder of {} divided by zero", o.describe(0, true));
-    INT_DIV_OVERFLOW [0, 1]: Core SDiv "SDiv", Core SRem "SRem", Core SMod "SMod"
+    INT_DIV_OVERFLOW [0, 1; _ => (0, R::LEAST)]: Core SDiv "SDiv", Core SRem "SRem", Core SMod "SMod"
         => |o| o.signed(0) == o.least() && o.signed(1) == -1,
         |o| format!("the division of {}, the least integer, by -1", o.signed(0));
-    SREM_NEGATIVE [0, 1]: Core SRem "SRem", Core SMod "SMod"
+    SREM_NEGATIVE [0, 1; _ => (0, R::NEGATIVE), (1, R::NEGATIVE)]: Core SRem "SRem", Core SMod "SMod"
         => |o| o.unsigned(1) != 0 && (o.signed(0) < 0 || o.signed(1) < 0),
         |o| format!("the remainder of {} divided by {}", o.signed(0), o.signed(1));
-    SHIFT_RANGE [1]: Core ShiftLeftLogical "ShiftLeftLogical", Core ShiftRightLogical "ShiftRightLogical",
+    SHIFT_RANGE [1; _ => (1, R::from(32))]: Core ShiftLeftLogical "ShiftLeftLogical", Core ShiftRightLogical "ShiftRightLogical",
         Core ShiftRightArithmetic "ShiftRightArithmetic"
         => |o| o.unsigned(1) >= u64::from(o.width),
         |o| format!("a shift by {} of a value of {} bits", o.unsigned(1), o.width);
@@ -323,36 +153,36 @@ rows! {
     DOT_OVERFLOW [0, 1]: Core UDotAccSat "IAdd"
         => |o| o.overflows_unsigned(|a, b| a.checked_add(b)),
         |o| format!("the sum {} of a dot product", o.describe_sum("+", false));
-    INT_ABS_MIN [0]: Core SNegate "SNegate", Glsl SAbs "SAbs"
+    INT_ABS_MIN [0; _ => (0, R::LEAST)]: Core SNegate "SNegate", Glsl SAbs "SAbs"
         => |o| o.signed(0) == o.least(), |o| format!("the negation of {}, the least integer", o.signed(0));
-    FREM_ZERO [1]: Core FRem "FRem", Core FMod "FMod"
+    FREM_ZERO [1; _ => (1, R::FLOAT_ZERO)]: Core FRem "FRem", Core FMod "FMod"
         => |o| o.float(1) == 0.0, |o| format!("the remainder of {} divided by zero", o.describe(0, false));
-    ASIN_ACOS [0]: Glsl Asin "Asin" => |o| o.float(0).abs() > 1.0, |o| format!("asin({})", o.describe(0, false));
-    ASIN_ACOS [0]: Glsl Acos "Acos" => |o| o.float(0).abs() > 1.0, |o| format!("acos({})", o.describe(0, false));
+    ASIN_ACOS [0; _ => (0, R::magnitude_from(1.0))]: Glsl Asin "Asin" => |o| o.float(0).abs() > 1.0, |o| format!("asin({})", o.describe(0, false));
+    ASIN_ACOS [0; _ => (0, R::magnitude_from(1.0))]: Glsl Acos "Acos" => |o| o.float(0).abs() > 1.0, |o| format!("acos({})", o.describe(0, false));
     ACOSH_ATANH [0]: Glsl Acosh "Acosh" => |o| o.float(0) < 1.0, |o| format!("acosh({})", o.describe(0, false));
-    ACOSH_ATANH [0]: Glsl Atanh "Atanh"
+    ACOSH_ATANH [0; _ => (0, R::magnitude_from(1.0))]: Glsl Atanh "Atanh"
         => |o| o.float(0).abs() >= 1.0, |o| format!("atanh({})", o.describe(0, false));
-    ATAN2_ZERO [0, 1]: Glsl Atan2 "Atan2"
+    ATAN2_ZERO [0, 1; _ => (0, R::FLOAT_ZERO)]: Glsl Atan2 "Atan2"
         => |o| o.float(0) == 0.0 && o.float(1) == 0.0,
         |o| format!("atan({}, {})", o.describe(0, false), o.describe(1, false));
-    POW_DOMAIN [0, 1]: Glsl Pow "Pow"
+    POW_DOMAIN [0, 1; _ => (0, R::NOT_POSITIVE)]: Glsl Pow "Pow"
         => |o| o.float(0) < 0.0 || (o.float(0) == 0.0 && o.float(1) <= 0.0),
         |o| format!("pow({}, {})", o.describe(0, false), o.describe(1, false));
-    LOG_DOMAIN [0]: Glsl Log "Log" => |o| o.float(0) <= 0.0, |o| format!("log({})", o.describe(0, false));
-    LOG_DOMAIN [0]: Glsl Log2 "Log2" => |o| o.float(0) <= 0.0, |o| format!("log2({})", o.describe(0, false));
-    SQRT_DOMAIN [0]: Glsl Sqrt "Sqrt" => |o| o.float(0) < 0.0, |o| format!("sqrt({})", o.describe(0, false));
-    SQRT_DOMAIN [0]: Glsl InverseSqrt "InverseSqrt"
+    LOG_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Log "Log" => |o| o.float(0) <= 0.0, |o| format!("log({})", o.describe(0, false));
+    LOG_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Log2 "Log2" => |o| o.float(0) <= 0.0, |o| format!("log2({})", o.describe(0, false));
+    SQRT_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl Sqrt "Sqrt" => |o| o.float(0) < 0.0, |o| format!("sqrt({})", o.describe(0, false));
+    SQRT_DOMAIN [0; _ => (0, R::NOT_POSITIVE)]: Glsl InverseSqrt "InverseSqrt"
         => |o| o.float(0) <= 0.0, |o| format!("inversesqrt({})", o.describe(0, false));
-    MINMAX_NAN [0, 1]: Glsl FMin "FMin"
+    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl FMin "FMin"
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
         |o| format!("min({}, {})", o.describe(0, false), o.describe(1, false));
-    MINMAX_NAN [0, 1]: Glsl FMax "FMax"
+    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl FMax "FMax"
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
         |o| format!("max({}, {})", o.describe(0, false), o.describe(1, false));
-    MINMAX_NAN [0, 1]: Glsl Step "Step"
+    MINMAX_NAN [0, 1; _ => (0, R::NAN), (1, R::NAN)]: Glsl Step "Step"
         => |o| o.float(0).is_nan() || o.float(1).is_nan(),
         |o| format!("step({}, {})", o.describe(0, false), o.describe(1, false));
-    MINMAX_NAN [0, 1, 2]: Glsl FClamp "FClamp"
+    MINMAX_NAN [0, 1, 2; _ => (0, R::NAN), (1, R::NAN), (2, R::NAN)]: Glsl FClamp "FClamp"
         => |o| (0..3).any(|at| o.float(at).is_nan()),
         |o| format!("clamp({}, {}, {})", o.describe(0, false), o.describe(1, false), o.describe(2, false));
     CLAMP_INVERTED [1, 2]: Glsl FClamp "FClamp", Glsl NClamp "NClamp"
@@ -367,7 +197,7 @@ rows! {
     SMOOTHSTEP_EDGES [0, 1]: Glsl SmoothStep "SmoothStep"
         => |o| o.float(0) >= o.float(1),
         |o| format!("smoothstep({}, {}, ...)", o.describe(0, false), o.describe(1, false));
-    NORMALIZE_ZERO [0]: Glsl Normalize "InverseSqrt"
+    NORMALIZE_ZERO [0; _ => (0, R::FLOAT_ZERO), (0, R::SPECIAL)]: Glsl Normalize "InverseSqrt"
         => |o| o.float(0) == 0.0 || o.float(0).is_infinite(),
         |o| match o.float(0) == 0.0 {
             true => "the normalization of a vector whose length, or its square, is 0".to_owned(),
@@ -376,36 +206,36 @@ rows! {
     LDEXP_RANGE [1]: Glsl Ldexp "Ldexp"
         => |o| i64::from(o.unsigned(1) as u32 as i32) > match o.width { 16 => 16, 32 => 128, _ => 1024 },
         |o| format!("ldexp({}, {})", o.describe(0, false), o.unsigned(1) as u32 as i32);
-    INVERSE_SINGULAR [1]: Glsl MatrixInverse "FDiv"
+    INVERSE_SINGULAR [1; _ => (1, R::FLUSHED), (1, R::SPECIAL)]: Glsl MatrixInverse "FDiv"
         => |o| o.float(1).abs() < o.least_normal() || o.float(1).is_infinite(),
         |o| format!("the inverse of a matrix whose determinant is {}", o.describe(1, false));
     PACKDOUBLE_SPECIAL [1]: Glsl PackDouble2x32 "PackedDouble"
         => |o| o.unsigned(1) >> 20 & 0x7FF == 0x7FF,
         |o| format!("packDouble2x32(uvec2({:#x}, {:#x})), no finite number", o.unsigned(0), o.unsigned(1));
-    ASSUME_FALSE [0]: Core AssumeTrueKHR "Assumption"
+    ASSUME_FALSE [0; _ => (0, R::ZERO)]: Core AssumeTrueKHR "Assumption"
         => |o| o.unsigned(0) == 0, |_| "an assumption that is false".to_owned();
-    TRIG_SPECIAL [0]: Glsl Sin "Sin"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Sin "Sin"
         => |o| o.float(0).is_infinite(), |o| format!("sin({})", o.describe(0, false));
-    TRIG_SPECIAL [0]: Glsl Cos "Cos"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Cos "Cos"
         => |o| o.float(0).is_infinite(), |o| format!("cos({})", o.describe(0, false));
-    TRIG_SPECIAL [0]: Glsl Tan "Tan"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Tan "Tan"
         => |o| o.float(0).is_infinite(), |o| format!("tan({})", o.describe(0, false));
-    TRIG_SPECIAL [0]: Glsl Fract "Fract"
+    TRIG_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Fract "Fract"
         => |o| o.float(0).is_infinite(), |o| format!("fract({})", o.describe(0, false));
     FLOAT_NARROW [0]: Core FConvert "Convert"
         => |o| o.narrows_to_infinity(o.float_result),
         |o| format!("the conversion of {} to a float of {} bits", o.describe(0, false), o.float_result);
     FLOAT_NARROW [0]: Glsl PackHalf2x16 "Half"
         => |o| o.narrows_to_infinity(16), |o| format!("the conversion of {} to a half", o.describe(0, false));
-    FREXP_SPECIAL [0]: Glsl Frexp "FrexpMantissa", Glsl FrexpStruct "FrexpMantissa"
+    FREXP_SPECIAL [0; _ => (0, R::SPECIAL)]: Glsl Frexp "FrexpMantissa", Glsl FrexpStruct "FrexpMantissa"
         => |o| !o.float(0).is_finite(), |o| format!("frexp({})", o.describe(0, false));
-    FLOAT_TO_INT [0]: Core ConvertFToS "Convert"
+    FLOAT_TO_INT [0; bits => (0, R::power_from(bits - 1))]: Core ConvertFToS "Convert"
         => |o| !o.fits(true),
         |o| format!("the conversion of {} to a signed integer of {} bits", o.describe(0, false), o.result_width);
-    FLOAT_TO_INT [0]: Core ConvertFToU "Convert"
+    FLOAT_TO_INT [0; bits => (0, R::NEGATIVE), (0, R::power_from(bits))]: Core ConvertFToU "Convert"
         => |o| !o.fits(false),
         |o| format!("the conversion of {} to an unsigned integer of {} bits", o.describe(0, false), o.result_width);
-    FDIV_RANGE [1]: Core FDiv "FDiv"
+    FDIV_RANGE [1; _ => (1, R::magnitude_from(8.507_059e37))]: Core FDiv "FDiv"
         => |o| o.float(1).is_finite() && o.float(1).abs() > 2f64.powi(o.greatest_divisor()),
         |o| format!(
             "{} / {}: the error of a division is not bounded where its divisor is above 2^{}",
@@ -414,25 +244,27 @@ rows! {
     ROUND_HALF [0]: Glsl Round "Round"
         => |o| o.float(0).fract().abs() == 0.5,
         |o| format!("round({}), which may be {} or {}", o.describe(0, false), o.float(0).floor(), o.float(0).ceil());
-    SIGN_NAN [0]: Glsl FSign "FSign"
+    SIGN_NAN [0; _ => (0, R::NAN)]: Glsl FSign "FSign"
         => |o| o.float(0).is_nan(), |_| "sign() of a NaN".to_owned();
-    REFLECT_UNIT [0]: Glsl Reflect "SquaredLength"
+    REFLECT_UNIT [0; _ => (0, R::outside(0.981, 1.02))]: Glsl Reflect "SquaredLength"
         => |o| !o.is_square_of_unit(),
         |o| format!("reflect() by a normal of length {:.4}", o.float(0).sqrt());
-    REFLECT_UNIT [0]: Glsl Refract "SquaredLength"
+    REFLECT_UNIT [0; _ => (0, R::outside(0.981, 1.02))]: Glsl Refract "SquaredLength"
         => |o| !o.is_square_of_unit(),
         |o| format!("refract() of a vector of length {:.4}", o.float(0).sqrt());
-    NAN_TEST_FOLDED [0]: Core IsNan "IsNan" => |o| o.float(0).is_nan(),
+    NAN_TEST_FOLDED [0; _ => (0, R::SPECIAL)]: Core IsNan "IsNan" => |o| o.float(0).is_nan(),
         |_| "isnan() holds, though it may be folded to false: the shader does not preserve NaN".into();
-    NAN_TEST_FOLDED [0]: Core IsInf "IsInf" => |o| o.float(0).is_infinite(),
+    NAN_TEST_FOLDED [0; _ => (0, R::SPECIAL)]: Core IsInf "IsInf" => |o| o.float(0).is_infinite(),
         |_| "isinf() holds, though it may be folded to false: the shader does not preserve infinity".into();
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::{Reg, Registers};
     use crate::ops::conversion::{Conversion, kernel};
     use crate::ops::lane_kernel::{InstructionSet, family};
+    use crate::sanitize::flushed_use::FlushedUse;
 
     fn operands(kernel: &LaneKernel, result_width: u32, bits: [u64; 3]) -> LaneOperands {
         let mut registers = Registers::<1>::new(6);
@@ -499,6 +331,38 @@ mod tests {
         let ldexp = CheckedInstruction::Glsl(Glsl::Ldexp);
         assert_eq!(broken(ldexp, 32, [1, 129, 0]), ["ldexp-range"]);
         assert_eq!(broken(ldexp, 32, [1, 128, 0]), [""; 0]);
+    }
+
+    /// Operands at and around all limits break a rule only where one of them is a suspect.
+    #[test]
+    fn operands_that_break_a_rule_are_suspects() {
+        let limits = [0, 1, 31, 32, 0x7FFF_FFFF, 0x8000_0000, 0x8000_0001, 0xFFFF_FFFF].into_iter();
+        let floats = [0.98f32, 0.9801, 0.99, 1.0, 1.0201, 1.03, 255.0, 256.0, 32767.0, 2_147_483_648.0];
+        let more = [4_294_967_296.0f32, 2f32.powi(126), 2f32.powi(127), f32::MAX, 1e-40, 1e-38];
+        let special = [f32::INFINITY, f32::NAN].into_iter().chain(floats).chain(more);
+        let around = |bits: u32| [bits.wrapping_sub(1), bits, bits.wrapping_add(1)];
+        let signs = |bits: u32| [bits, bits ^ 1 << 31];
+        let words: Vec<u32> =
+            limits.chain(special.map(f32::to_bits)).flat_map(signs).flat_map(around).collect();
+        // Of three operands that are floats, or integers of that width.
+        let kernel = family(InstructionSet::Glsl, Glsl::FClamp as u32).and_then(|family| family.kernel(32));
+        let kernel = kernel.expect("a kernel");
+        let tables = [CHECKS, NO_SIGNED_WRAP_CHECKS, NO_UNSIGNED_WRAP_CHECKS];
+        let mut known = 0;
+        for (check, bits) in tables.into_iter().flatten().flat_map(|check| [(check, 16), (check, 32)]) {
+            let suspects = (check.suspects)(bits);
+            known += suspects.len();
+            if suspects.is_empty() {
+                continue;
+            }
+            let pairs = words.iter().flat_map(|&a| words.iter().map(move |&b| (a, b)));
+            for words in pairs.flat_map(|(a, b)| [[a, b, a], [b, a, b], [a, a, b]]) {
+                let is_suspect = suspects.iter().any(|&(at, range)| range.contains(words[at]));
+                let breaks = (check.breaks)(&operands(kernel, bits, words.map(u64::from)));
+                assert!(is_suspect || !breaks, "{:?} {words:x?}", check.instruction);
+            }
+        }
+        assert!(known > 60, "{known} suspects");
     }
 
     #[test]

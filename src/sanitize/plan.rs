@@ -2,7 +2,10 @@
 
 mod counters;
 mod floats;
+mod flow;
 mod instruction;
+mod operands;
+mod specials;
 pub(super) mod stale;
 mod uniformity;
 mod values;
@@ -12,9 +15,9 @@ use std::sync::Arc;
 use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::machine::{BlockIndex, OpIndex, Reg, Registers};
+use crate::machine::{BlockIndex, Reg};
 use crate::module::{Id, Module};
-use crate::ops::lane_kernel::LaneKernel;
+use crate::ops::memory::MemoryOp;
 use crate::ops::observed;
 use crate::ops::op::Op;
 use crate::ops::ray_query::RayQueryOp;
@@ -22,44 +25,32 @@ use crate::ops::subgroup::{ReadSource, SubgroupKind};
 use crate::program::{InstructionSpan, Program};
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::flushed_use::{FlushedUse, comparison};
-use crate::sanitize::operand_check::{LaneOperands, OperandCheck, checks_of};
 use crate::sanitize::rule::{Rule, arithmetic, subgroup};
 pub use counters::FloatCounter;
 use counters::float_counters;
 pub use floats::FastMath;
 use floats::Preserved;
+pub use flow::Flow;
 pub(super) use instruction::InstructionWords;
+pub use operands::OpenCheck;
+use operands::Operation;
+pub use specials::Specials;
 use stale::{StalePlan, reads_clock, stale_plans};
 use uniformity::UniformityPlan;
 pub(super) use uniformity::{ResourceOperand, UniformReason, Uniformity};
 use values::Values;
 
-/// How a lane kernel's result depends on undefined operands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Flow {
-    /// It is undefined where one is.
-    #[default]
-    Any,
-    /// An operand whose bits are all zero decides.
-    And,
-    /// An operand whose bits are all one decides: of a bool, 1.
-    Or {
-        /// The word that decides.
-        ones: u32,
-    },
-    /// Only the condition and the chosen operand count.
-    Select,
-    /// The bits of a field replace those of the third operand.
-    Merge,
-}
-
 /// What is done at an operation.
 #[derive(Clone, Debug, Default)]
 pub struct OpPlan {
+    /// Whether a kernel's operation only has to be followed: none of its rules is about it.
+    pub is_plain: bool,
     /// How undefined operands of a kernel spread.
     pub flow: Flow,
+    /// Whether its result may be a NaN or infinite.
+    pub specials: Specials,
     /// Rules about its operands.
-    pub checks: Box<[&'static OperandCheck]>,
+    pub checks: Box<[OpenCheck]>,
     /// Bits of a scalar of the instruction's result, where `checks` need it.
     pub result_width: u32,
     /// Whether an operation that compares floats is told of NaN, or one that stores them of NaN
@@ -86,6 +77,23 @@ pub struct OpPlan {
     pub uniformity: Option<Uniformity>,
     /// Of a kernel whose operands say how large or where an array is: what is looked at.
     pub watched: Option<Watched>,
+    /// The variable whose life begins.
+    pub variable: Option<Id>,
+}
+
+impl OpPlan {
+    /// Finds out whether it is plain.
+    fn finished(self) -> Self {
+        let is_plain = self.checks.is_empty()
+            && self.fast_math.is_none()
+            && self.counter.is_none()
+            && !self.expects
+            && self.flushed.is_none()
+            && !self.watches_special
+            && self.uniformity.is_none()
+            && self.watched.is_none();
+        Self { is_plain, ..self }
+    }
 }
 
 /// Arithmetic on the sizes and places of arrays.
@@ -148,23 +156,13 @@ impl ProgramPlan {
             let watched = watched(&program.module, instruction, op, &values);
             let counter = counters.get(&origin.offset).copied();
             let reads_clock = reads_clock(&program.module, origin.offset);
-            OpPlan { uniformity, ignores_result, watched, counter, reads_clock, ..step }
+            OpPlan { uniformity, ignores_result, watched, counter, reads_clock, ..step }.finished()
         });
         Self {
             program: program.clone(),
             steps: steps.collect(),
             stale: stale_plans(program),
             subgroup_barriers: subgroup_barriers(program),
-        }
-    }
-
-    /// The variable that an operation declares, if its instruction is `OpVariable`.
-    pub fn variable_at(&self, op: OpIndex) -> Option<Id> {
-        let module = &self.program.module;
-        let instruction = InstructionWords::at(module, self.program.origins.get(op.index())?.offset);
-        match (instruction.opcode?, instruction.words) {
-            (Opcode::Variable, &[_, _, result, ..]) => Some(Id(result)),
-            _ => None,
         }
     }
 }
@@ -179,21 +177,22 @@ fn step(
     match op {
         Op::LaneKernel { kernel, from, .. } => {
             let result_width = instruction.result_width(module);
-            let flow = flow(kernel);
+            let flow = Flow::of(kernel);
             let known = instruction.known(module);
-            let checks = known.into_iter().flat_map(|known| checks_of(known, kernel));
-            let is_open = |check: &&OperandCheck| {
+            let operation = Operation { kernel, from, result_width, constants };
+            let checks = known.into_iter().flat_map(|known| operation.open_checks(known));
+            let is_open = |open: &OpenCheck| {
+                let check = open.check;
                 let tests_nan = check.rule == &arithmetic::NAN_TEST_FOLDED;
                 let holds = tests_nan && preserved.tests(module, instruction, kernel.float_operands[0]);
-                !holds
-                    && check.decoration.is_none_or(|number| instruction.is_decorated(module, number))
-                    && !passes(check, kernel, from, result_width, constants)
+                !holds && check.decoration.is_none_or(|number| instruction.is_decorated(module, number))
             };
             let compares = instruction.opcode.and_then(comparison).is_some() && from[0] != from[1];
             let flushed = preserved.flushed_use(instruction, kernel);
-            let is_normal = |at: usize| is_normal_constant(kernel, from, at, constants);
+            let is_normal = |at: usize| operation.is_normal_constant(at);
             OpPlan {
                 flow,
+                specials: Specials::of(kernel, flow),
                 checks: checks.filter(is_open).collect(),
                 result_width,
                 preserves_special: preserved.specials(module, instruction, kernel.float_result),
@@ -206,6 +205,9 @@ fn step(
         }
         Op::Subgroup(subgroup) => {
             OpPlan { inactive: inactive_rule(instruction.opcode, subgroup.kind), ..OpPlan::default() }
+        }
+        Op::Memory(MemoryOp::Undefine { .. }) => {
+            OpPlan { variable: instruction.variable(), ..OpPlan::default() }
         }
         Op::Memory(_) => OpPlan { watches_special: instruction.stores_floats(module), ..OpPlan::default() },
         _ => OpPlan::default(),
@@ -279,50 +281,4 @@ fn subgroup_barriers(program: &Program) -> Vec<(BlockIndex, u32)> {
 fn used_ids(module: &Module) -> FxHashSet<Id> {
     let blocks = module.functions.iter().flat_map(|function| &function.blocks);
     blocks.flat_map(|block| &block.instructions).flat_map(|one| module.operand_ids(one)).collect()
-}
-
-fn flow(kernel: &LaneKernel) -> Flow {
-    match kernel.name {
-        "LogicalAnd" | "BitwiseAnd" => Flow::And,
-        "LogicalOr" => Flow::Or { ones: 1 },
-        "BitwiseOr" => Flow::Or { ones: u32::MAX },
-        "SelectWord" => Flow::Select,
-        "FieldMerge" => Flow::Merge,
-        _ => Flow::Any,
-    }
-}
-
-/// Whether constants decide that a check holds.
-fn passes(
-    check: &OperandCheck,
-    kernel: &LaneKernel,
-    from: &[Reg; 3],
-    result_width: u32,
-    constants: &FxHashMap<Reg, u32>,
-) -> bool {
-    let mut registers = Registers::<1>::new(6);
-    let own = [Reg(0), Reg(2), Reg(4)];
-    for &at in check.decided_by {
-        for word in 0..kernel.operands[at] {
-            let Some(&bits) = constants.get(&from[at].plus(word)) else { return false };
-            registers.set_lane_words(own[at].plus(word), 0, [bits]);
-        }
-    }
-    !(check.breaks)(&LaneOperands::read(&registers, kernel, &own, result_width, 0))
-}
-
-/// Whether an operand of a kernel is a constant that no subnormal number, nor 0, is near.
-fn is_normal_constant(
-    kernel: &LaneKernel,
-    from: &[Reg; 3],
-    at: usize,
-    constants: &FxHashMap<Reg, u32>,
-) -> bool {
-    let high = constants.get(&from[at].plus(kernel.operands[at].saturating_sub(1)));
-    let exponent = match kernel.float_operands[at] {
-        16 => 0x7C00,
-        32 => 0x7F80_0000,
-        _ => 0x7FF0_0000,
-    };
-    high.is_some_and(|bits| bits & exponent != 0)
 }

@@ -5,7 +5,7 @@ pub mod specials;
 use rspirv::spirv::Op as Opcode;
 
 use crate::error::{Error, ErrorKind, Place};
-use crate::machine::{Batch, Lanes, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
+use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShaderIndex, ShadowRegisters};
 use crate::module::Id;
 use crate::module::decoration::number;
 use crate::module::names::builtin_name;
@@ -188,7 +188,7 @@ impl<const W: usize> Reporter<'_, W> {
         sink: Sink,
     ) {
         let told = |reporter: &Self, cause| reporter.tell_undefined(cause, op, sink);
-        self.add_for_causes(shadow.causes(register), op, lanes, told);
+        self.add_for_causes(shadow, register, op, lanes, told);
     }
 
     /// Reports two accesses that race, the later of which is that of an operation.
@@ -236,18 +236,19 @@ impl<const W: usize> Reporter<'_, W> {
         self.add(told, op, Mask::lane(found.lane));
     }
 
-    /// Adds what is told of each cause, where anything is, in the lanes that have it.
+    /// Adds what is told of each cause of a register, where anything is, in the lanes that have it.
     fn add_for_causes(
         &mut self,
-        causes: &Lanes<W>,
+        shadow: &ShadowRegisters<W>,
+        register: Reg,
         op: OpIndex,
         lanes: Mask<W>,
         told: impl Fn(&Self, u32) -> Option<Told>,
     ) {
-        let mut rest = lanes;
+        let mut rest = lanes & shadow.caused(register);
         while let Some(lane) = rest.lowest() {
-            let cause = causes.0[lane];
-            let same = rest & Mask::equal(causes, cause);
+            let cause = shadow.cause(register, lane);
+            let same = rest & Mask::from_fn(|lane| shadow.cause(register, lane) == cause);
             rest = rest.without(same);
             if let Some(told) = told(self, cause) {
                 self.add(told, op, same);
@@ -322,6 +323,17 @@ impl<const W: usize> Reporter<'_, W> {
                     notes: vec![format!("it {says}{}", self.line(here))],
                     cause: (place.shader, offset(self.program(place.shader)?, place.op)),
                     ..Told::at(&memory::UNDEF_USE, place, message)
+                }
+            }
+            Cause::UndefConstant { shader, id } => {
+                let message = format!("a value that the shader leaves undefined {says}");
+                Told {
+                    label: format!("it {says} here"),
+                    notes: vec![
+                        "it is OpUndef, as an optimizer leaves of a variable that was not written".into(),
+                    ],
+                    cause: (shader, id.0),
+                    ..Told::at(&memory::UNDEF_USE, here, message)
                 }
             }
             Cause::Broken { place, .. } => {

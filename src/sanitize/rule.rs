@@ -15,7 +15,7 @@ macro_rules! rules {
             };
         )*
         /// The rules of this section.
-        pub(in crate::sanitize) static RULES: &[&$crate::sanitize::rule::Rule] = &[$(&$name),*];
+        pub static RULES: &[&$crate::sanitize::rule::Rule] = &[$(&$name),*];
     };
 }
 

@@ -205,6 +205,7 @@ impl<'a> Sanitizer<'a> {
     }
 
     /// Reports that something depends on a register, in the lanes where it is undefined.
+    #[inline]
     pub(super) fn depend<const W: usize>(
         &mut self,
         batch: &Batch<W>,
@@ -217,6 +218,7 @@ impl<'a> Sanitizer<'a> {
     }
 
     /// As [`Sanitizer::depend`], in some lanes.
+    #[inline]
     pub(super) fn depend_in<const W: usize>(
         &mut self,
         batch: &Batch<W>,
@@ -227,12 +229,11 @@ impl<'a> Sanitizer<'a> {
         lanes: Mask<W>,
     ) {
         let undefined = shadow.undefined(register) & lanes;
-        if undefined.is_empty() {
-            return;
+        if !undefined.is_empty() {
+            self.reporter(batch).undefined(shadow, op, register, undefined, sink);
+            // Told once: what is computed from the same register is not told again.
+            shadow.define_lanes(register, undefined);
         }
-        self.reporter(batch).undefined(shadow, op, register, undefined, sink);
-        // Told once: what is computed from the same register is not told again.
-        shadow.define_lanes(register, undefined);
     }
 
     /// As [`Sanitizer::depend`], of consecutive registers.
@@ -259,10 +260,11 @@ impl<'a> Sanitizer<'a> {
         count: u32,
         cause: impl Fn(u32) -> Cause,
     ) {
-        for word in 0..count {
-            let number = self.causes.number(cause(word), || None);
-            shadow.undefine(first.plus(word), lanes, number);
+        if count == 0 || lanes.is_empty() {
+            return;
         }
+        let number = self.causes.of_words(count, cause);
+        (0..count).for_each(|word| shadow.undefine(first.plus(word), lanes, number + word));
     }
 
     /// Reports undefined operands of an operation, and makes its results defined.

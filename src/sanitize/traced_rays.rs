@@ -10,7 +10,9 @@ use crate::accel::{
 use crate::error::{Error, ErrorKind, Place};
 use crate::machine::{RayQueryStep, ShaderIndex};
 use crate::ops::ray_tracing::MotionInstruction;
-use crate::pipeline::{Caller, Event, Group, HitGroup, Pipeline, source_line, with_location};
+use crate::pipeline::{
+    Caller, Event, Group, HitGroup, Pipeline, PipelineObserver, source_line, with_location,
+};
 use crate::sanitize::finding::{Finding, FindingKey, Findings, Occurrence};
 use crate::sanitize::levels::Levels;
 use crate::sanitize::rule::{Level, Rule, structure, trace};
@@ -302,52 +304,6 @@ impl<'a> RayWatch<'a> {
         self.findings
     }
 
-    /// Receives an event of the launch.
-    pub fn event(&mut self, event: Event) {
-        match event {
-            Event::Trace { caller, tlas, launch_id, trace, sbt, .. } => {
-                let [offset, stride, _] = sbt;
-                let kind = RayKind {
-                    flags: RayFlags(trace.flags.0 & OPACITY),
-                    stride: stride & 0xF,
-                    offset: offset & 0xF,
-                };
-                let is_never_culled = self.seen.add(&tlas, &trace, Some(kind)).is_never_culled;
-                let (has_micromaps, moves) = (tlas.has_micromaps(), tlas.moves());
-                self.active.push(ActiveRay { launch_id, caller, tlas, sbt });
-                if is_never_culled && trace.flags.0 & FACE_CULLS != 0 {
-                    self.tell(&structure::AS_CULL_DISABLED, launch_id, 0, || {
-                        let message = "a ray culls triangles by their facing, which all instances disable";
-                        (message.to_owned(), Vec::new())
-                    });
-                }
-                if !moves && caller.is_some_and(|caller| self.has_time(caller)) {
-                    self.tell(&trace::RAY_MOTION_NEEDS_AS, launch_id, 0, || {
-                        let message = "a ray has a time, and nothing moves in its acceleration structure";
-                        (message.to_owned(), Vec::new())
-                    });
-                }
-                if has_micromaps && !self.pipeline.flags.opacity_micromap {
-                    self.tell(&structure::PIPE_MICROMAP_FLAG, launch_id, 0, || {
-                        let message = "a pipeline that is not made for opacity micromaps traces some";
-                        (message.to_owned(), Vec::new())
-                    });
-                }
-            }
-            Event::Candidate { launch_id, candidate, record, .. } => {
-                self.check_group(launch_id, &candidate, record);
-            }
-            Event::Traversed { launch_id, committed: Some(hit), record, shader: Some(_), .. } => {
-                self.check_group(launch_id, &hit.candidate, record);
-            }
-            Event::Traced { .. } => {
-                self.active.pop();
-            }
-            event @ Event::RayQuery(_) => self.seen.add_event(&event),
-            _ => {}
-        }
-    }
-
     /// Checks that the hit group of a candidate is for its kind of primitive.
     fn check_group(&mut self, launch_id: [u32; 3], candidate: &Candidate, record: RecordIndex) {
         let Some(group) = self.pipeline.hit_group(record) else { return };
@@ -465,6 +421,61 @@ impl PausedRayWatch {
     /// Which invocations' rays have met which findings since this was asked last.
     pub fn take_occurrences(&mut self) -> Vec<Occurrence> {
         self.findings.take_occurrences()
+    }
+}
+
+impl PipelineObserver for RayWatch<'_> {
+    fn observes_queries() -> bool {
+        true
+    }
+
+    fn observes_traversal(&self) -> bool {
+        false
+    }
+
+    fn event(&mut self, event: Event) {
+        match event {
+            Event::Trace { caller, tlas, launch_id, trace, sbt, .. } => {
+                let [offset, stride, _] = sbt;
+                let kind = RayKind {
+                    flags: RayFlags(trace.flags.0 & OPACITY),
+                    stride: stride & 0xF,
+                    offset: offset & 0xF,
+                };
+                let is_never_culled = self.seen.add(&tlas, &trace, Some(kind)).is_never_culled;
+                let (has_micromaps, moves) = (tlas.has_micromaps(), tlas.moves());
+                self.active.push(ActiveRay { launch_id, caller, tlas, sbt });
+                if is_never_culled && trace.flags.0 & FACE_CULLS != 0 {
+                    self.tell(&structure::AS_CULL_DISABLED, launch_id, 0, || {
+                        let message = "a ray culls triangles by their facing, which all instances disable";
+                        (message.to_owned(), Vec::new())
+                    });
+                }
+                if !moves && caller.is_some_and(|caller| self.has_time(caller)) {
+                    self.tell(&trace::RAY_MOTION_NEEDS_AS, launch_id, 0, || {
+                        let message = "a ray has a time, and nothing moves in its acceleration structure";
+                        (message.to_owned(), Vec::new())
+                    });
+                }
+                if has_micromaps && !self.pipeline.flags.opacity_micromap {
+                    self.tell(&structure::PIPE_MICROMAP_FLAG, launch_id, 0, || {
+                        let message = "a pipeline that is not made for opacity micromaps traces some";
+                        (message.to_owned(), Vec::new())
+                    });
+                }
+            }
+            Event::Candidate { launch_id, candidate, record, .. } => {
+                self.check_group(launch_id, &candidate, record);
+            }
+            Event::Traversed { launch_id, committed: Some(hit), record, shader: Some(_), .. } => {
+                self.check_group(launch_id, &hit.candidate, record);
+            }
+            Event::Traced { .. } => {
+                self.active.pop();
+            }
+            event @ Event::RayQuery(_) => self.seen.add_event(&event),
+            _ => {}
+        }
     }
 }
 

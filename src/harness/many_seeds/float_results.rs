@@ -11,7 +11,7 @@ use crate::harness::stability::device_result;
 use crate::machine::{Batch, ChoiceKind, OpenChoices};
 use crate::math::random::Random;
 use crate::ops::lane_kernel::LaneKernel;
-use crate::sanitize::operand_check::LaneOperands;
+use crate::sanitize::lane_operands::LaneOperands;
 
 /// The kernels whose precision Vulkan's table bounds by more than one rounding, without division.
 const FUNCTIONS: [&str; 25] = [

@@ -7,6 +7,7 @@
 mod chains;
 mod contraction;
 mod executed_kernel;
+mod first_reads;
 mod float_arithmetic;
 mod float_licence;
 mod float_results;

@@ -6,6 +6,8 @@ use crate::accel::Candidate;
 use crate::error::{Error, ErrorKind};
 use crate::harness::many_seeds::runs::{Drawing, RunDifference, Runs};
 use crate::machine::{ChoiceKind, ChoiceSite, DrawnDetails, DrawnTraversal, OpIndex, ShaderIndex};
+use crate::ops::memory::MemoryOp;
+use crate::ops::op::Op;
 use crate::pipeline::with_location;
 use crate::program::Program;
 use crate::sanitize::Finding;
@@ -123,8 +125,8 @@ impl DifferenceReport<'_> {
     ) -> Error {
         let Some(program) = self.runs.program(*site, shader) else { return error };
         let (stage, name) = (program.stage.name(), &program.name);
-        let label = label(site.kind);
-        let error = op.into_iter().fold(error, |error, op| with_location(&program, op, error, label));
+        let label = |op: OpIndex| label(site.kind, program.ops.get(op.index()));
+        let error = op.into_iter().fold(error, |error, op| with_location(&program, op, error, label(op)));
         let error = what.into_iter().fold(error, |error, what| error.note(what));
         if site.kind.is_contracted() || site.kind.is_of_fast_math() {
             return error.note(format!("in {stage} `{name}`"));
@@ -134,7 +136,7 @@ impl DifferenceReport<'_> {
 }
 
 /// What happens at the operation where a value is drawn.
-fn label(kind: ChoiceKind) -> &'static str {
+fn label(kind: ChoiceKind, op: Option<&Op>) -> &'static str {
     match kind {
         ChoiceKind::RobustRead => "it reads outside its buffer here",
         ChoiceKind::RobustTexel => "it reads outside its image here",
@@ -146,7 +148,8 @@ fn label(kind: ChoiceKind) -> &'static str {
         ChoiceKind::FunctionPrecision => "it is less exact here",
         ChoiceKind::ZeroSign => "its zeros have another sign here",
         ChoiceKind::DenormalFlush => "its denormal numbers are flushed here",
-        _ => "it is undefined from here on",
+        _ if matches!(op, Some(Op::Memory(MemoryOp::Undefine { .. }))) => "it is undefined from here on",
+        _ => "it is read here",
     }
 }
 

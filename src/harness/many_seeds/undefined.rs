@@ -2,8 +2,9 @@
 
 use rustc_hash::FxHashMap;
 
+use crate::harness::many_seeds::first_reads::FirstReads;
 use crate::harness::many_seeds::word_kind::WordKind;
-use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpIndex, OpenChoices, Reg};
+use crate::machine::{Batch, ChoiceKind, DrawnDetails, Lanes, OpIndex, OpenChoices, Reg};
 use crate::module::ty::{Type, TypeId};
 use crate::module::{Id, Module};
 use crate::ops::memory::MemoryOp;
@@ -25,12 +26,16 @@ struct UndefinedRegisters {
     name: String,
     first: Reg,
     words: Vec<WordKind>,
+    /// The operation that leaves them undefined, or the first that reads them.
+    told_at: Option<OpIndex>,
 }
 
 /// What of a program is undefined when it begins, and which operations leave more undefined.
 #[derive(Debug)]
 pub(super) struct UndefinedParts {
     variables: Vec<UndefinedRegisters>,
+    /// `OpUndef` at module scope.
+    constants: Vec<UndefinedRegisters>,
     by_op: FxHashMap<OpIndex, UndefinedRegisters>,
 }
 
@@ -38,43 +43,51 @@ impl UndefinedParts {
     /// The undefined parts of a program that is not optimised.
     pub(super) fn of(program: &Program) -> Self {
         let module = &program.module;
+        let reads = FirstReads::of(program);
         let registers = |id, ty, first, count: u32| {
             let mut words = Vec::new();
             WordKind::of_type(module, ty, &mut words);
             words.truncate(count as usize);
-            UndefinedRegisters { id, name: told_name(module, id), first, words }
+            UndefinedRegisters { id, name: told_name(module, id), first, words, told_at: reads.find(id) }
         };
         let is_given =
             |class| matches!(class, storage::INCOMING_RAY_PAYLOAD | storage::INCOMING_CALLABLE_DATA);
         let own = program.interface.iter().filter(|one| !is_given(one.storage_class));
         let variables = own.map(|one| registers(one.variable, one.ty, one.first, one.count)).collect();
+        let constants = program.undefined_constants.iter();
+        let constants = constants.map(|one| registers(one.id, one.ty, one.first, one.count)).collect();
         let results = results(module);
         let by_op = program.ops.iter().zip(&program.origins).enumerate().filter_map(|(at, (op, origin))| {
             let &Op::Memory(MemoryOp::Undefine { first, count }) = op else { return None };
             let (id, ty) = results.get(&origin.offset).copied()?;
-            Some((OpIndex::new(at), registers(id, ty, first, count)))
+            let (op, registers) = (OpIndex::new(at), registers(id, ty, first, count));
+            Some((op, UndefinedRegisters { told_at: Some(op), ..registers }))
         });
-        Self { variables, by_op: by_op.collect() }
+        Self { variables, constants, by_op: by_op.collect() }
     }
 
-    /// Draws the variables of lanes that begin.
+    /// Draws the variables and constants of lanes that begin.
     pub(super) fn begin<const W: usize>(&self, choices: &OpenChoices, batch: &mut Batch<W>) {
-        for registers in &self.variables {
-            registers.draw(choices, None, batch);
+        // Constants still hold what was drawn for the lanes before.
+        for UndefinedRegisters { first, words, .. } in &self.constants {
+            batch.registers.span_mut(*first, words.len() as u32).fill(Lanes::splat(0));
+        }
+        for registers in self.variables.iter().chain(&self.constants) {
+            registers.draw(choices, batch);
         }
     }
 
     /// Draws what an operation has left undefined.
     pub(super) fn after<const W: usize>(&self, choices: &OpenChoices, op: OpIndex, batch: &mut Batch<W>) {
         if let Some(registers) = self.by_op.get(&op) {
-            registers.draw(choices, Some(op), batch);
+            registers.draw(choices, batch);
         }
     }
 }
 
 impl UndefinedRegisters {
     /// Draws the registers in the lanes that run.
-    fn draw<const W: usize>(&self, choices: &OpenChoices, op: Option<OpIndex>, batch: &mut Batch<W>) {
+    fn draw<const W: usize>(&self, choices: &OpenChoices, batch: &mut Batch<W>) {
         if self.words.iter().all(|&kind| kind == WordKind::Kept) {
             return;
         }
@@ -89,7 +102,8 @@ impl UndefinedRegisters {
                 }
             }
             let what = || Some(format!("{} is read where nothing was written to it", self.name));
-            choices.note(site, || DrawnDetails::Value { shader: choices.shader, op, what: what() });
+            let (shader, op) = (choices.shader, self.told_at);
+            choices.note(site, || DrawnDetails::Value { shader, op, what: what() });
         }
     }
 }

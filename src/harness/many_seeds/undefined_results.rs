@@ -13,7 +13,8 @@ use crate::math::random::Random;
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::op::Op;
 use crate::program::Program;
-use crate::sanitize::operand_check::{LaneOperands, OperandCheck};
+use crate::sanitize::lane_operands::LaneOperands;
+use crate::sanitize::operand_check::OperandCheck;
 use crate::sanitize::plan::{FastMath, OpPlan};
 use crate::sanitize::rule::arithmetic;
 use crate::sanitize::{Level, Levels, ProgramPlan, RuleKind};
@@ -48,7 +49,7 @@ impl UndefinedResults {
         let open = |((at, op), step): ((usize, &Op), &OpPlan)| {
             let Op::LaneKernel { .. } = op else { return None };
             let promises = levels.of(&arithmetic::FASTMATH_FLAGS) != Level::Allow;
-            let checks: Vec<_> = step.checks.iter().copied().filter(is_told).collect();
+            let checks: Vec<_> = step.checks.iter().map(|open| open.check).filter(is_told).collect();
             let fast_math = if promises { step.fast_math } else { FastMath::default() };
             let is_open = !checks.is_empty() || !fast_math.is_none();
             let (offset, result_width) = (origins.get(at)?.offset, step.result_width);

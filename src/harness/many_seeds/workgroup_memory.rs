@@ -1,8 +1,9 @@
 //! Drawn contents of the memory of workgroups, before anything is written to it.
 
+use crate::harness::many_seeds::first_reads::FirstReads;
 use crate::harness::many_seeds::undefined::told_name;
 use crate::harness::many_seeds::word_kind::WordKind;
-use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpenChoices, Workgroup};
+use crate::machine::{Batch, ChoiceKind, DrawnDetails, OpIndex, OpenChoices, Workgroup};
 use crate::program::Program;
 
 /// A variable in workgroup memory that has no initializer.
@@ -10,6 +11,8 @@ use crate::program::Program;
 struct SharedVariable {
     id: u32,
     name: String,
+    /// The first operation that reads it.
+    read: Option<OpIndex>,
     /// The offset of its first word.
     offset: u64,
     words: Vec<WordKind>,
@@ -23,6 +26,7 @@ impl SharedVariables {
     /// Those of a program.
     pub(super) fn of(program: &Program) -> Self {
         let module = &program.module;
+        let reads = FirstReads::of(program);
         let variables = program.workgroup_variables.iter().filter(|variable| !variable.is_initialized);
         let shared = variables.map(|variable| {
             let count = variable.bytes.len() / 4;
@@ -33,7 +37,8 @@ impl SharedVariables {
             }
             words.truncate(count);
             let (id, name) = (variable.id.0, told_name(module, variable.id));
-            SharedVariable { id, name, offset: variable.bytes.start.into(), words }
+            let read = reads.find(variable.id);
+            SharedVariable { id, name, read, offset: variable.bytes.start.into(), words }
         });
         Self(shared.collect())
     }
@@ -66,6 +71,7 @@ impl SharedVariable {
             }
         }
         let what = || Some(format!("{} in workgroup memory is read where nobody wrote it", self.name));
-        choices.note(site, || DrawnDetails::Value { shader: choices.shader, op: None, what: what() });
+        let (shader, op) = (choices.shader, self.read);
+        choices.note(site, || DrawnDetails::Value { shader, op, what: what() });
     }
 }

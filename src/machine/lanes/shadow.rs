@@ -9,10 +9,25 @@ use crate::machine::lanes::{Lanes, Mask, Reg};
 /// What is known of the values in the registers of a batch, by register.
 #[derive(Clone, Debug)]
 pub struct ShadowRegisters<const W: usize> {
-    undefined: Vec<Mask<W>>,
+    registers: Vec<RegisterShadow<W>>,
     causes: Vec<Lanes<W>>,
     /// By kind of value that goes stale, and by register; empty where nobody tracks any.
     freshness: Vec<Vec<Freshness<W>>>,
+}
+
+/// What is known of the value in one register.
+#[derive(Clone, Copy, Debug)]
+struct RegisterShadow<const W: usize> {
+    /// The lanes in which it is undefined.
+    undefined: Mask<W>,
+    /// The lanes in which it has a cause. Most registers have none in any lane, so that their
+    /// causes need neither be copied nor be cleared.
+    caused: Mask<W>,
+}
+
+impl<const W: usize> RegisterShadow<W> {
+    /// Of a value of which nothing is to be said.
+    const CLEAN: Self = Self { undefined: Mask::NONE, caused: Mask::NONE };
 }
 
 /// The lanes in which a register holds a value of a kind that goes stale: the index of a lane,
@@ -43,7 +58,7 @@ impl<const W: usize> ShadowRegisters<W> {
     /// Shadows of a number of registers, which are all defined.
     pub fn new(registers: usize) -> Self {
         Self {
-            undefined: vec![Mask::NONE; registers],
+            registers: vec![RegisterShadow::CLEAN; registers],
             causes: vec![Lanes::splat(NO_CAUSE); registers],
             freshness: Vec::new(),
         }
@@ -51,13 +66,13 @@ impl<const W: usize> ShadowRegisters<W> {
 
     /// Makes all registers defined.
     pub fn clear(&mut self) {
-        self.undefined.fill(Mask::NONE);
+        self.registers.fill(RegisterShadow::CLEAN);
         self.freshness.clear();
     }
 
     /// Tracks a number of kinds of values that go stale, from here on.
     pub fn track_freshness(&mut self, kinds: usize) {
-        self.freshness.resize(kinds, vec![Freshness::NONE; self.undefined.len()]);
+        self.freshness.resize(kinds, vec![Freshness::NONE; self.registers.len()]);
     }
 
     /// Where a register holds a value of a kind, if that is tracked.
@@ -82,37 +97,58 @@ impl<const W: usize> ShadowRegisters<W> {
         }
     }
 
+    /// Whether nothing is known of a register: it is defined, and has no cause in any lane.
+    #[inline]
+    pub fn is_clean(&self, register: Reg) -> bool {
+        let RegisterShadow { undefined, caused } = self.registers[register.0 as usize];
+        (undefined | caused).is_empty()
+    }
+
     /// The lanes in which a register is undefined.
     #[inline]
     pub fn undefined(&self, register: Reg) -> Mask<W> {
-        self.undefined[register.0 as usize]
+        self.registers[register.0 as usize].undefined
     }
 
-    /// By lane, the number of the cause why a register is undefined, or holds a NaN; meaningless in
-    /// other lanes.
+    /// The lanes in which a register has a cause why it is undefined, or holds a NaN or infinity;
+    /// what is said of lanes where it is neither means nothing.
     #[inline]
-    pub fn causes(&self, register: Reg) -> &Lanes<W> {
-        &self.causes[register.0 as usize]
+    pub fn caused(&self, register: Reg) -> Mask<W> {
+        self.registers[register.0 as usize].caused
+    }
+
+    /// The number of a lane's cause, or [`NO_CAUSE`].
+    #[inline]
+    pub fn cause(&self, register: Reg, lane: usize) -> u32 {
+        if self.caused(register).contains(lane) { self.causes[register.0 as usize].0[lane] } else { NO_CAUSE }
     }
 
     /// Sets the cause of some lanes, without a word on whether they are defined.
     pub fn set_cause(&mut self, register: Reg, lanes: Mask<W>, cause: u32) {
+        let caused = &mut self.registers[register.0 as usize].caused;
+        if cause == NO_CAUSE {
+            *caused = caused.without(lanes);
+            return;
+        }
+        *caused = *caused | lanes;
         let causes = &mut self.causes[register.0 as usize];
-        lanes.lanes().for_each(|lane| causes.0[lane] = cause);
+        for lane in 0..W {
+            causes.0[lane] = if lanes.selects(lane) { cause } else { causes.0[lane] };
+        }
     }
 
-    /// Forgets the causes of a register, which is defined now.
+    /// Forgets what is known of a register.
     #[inline]
     pub fn define(&mut self, register: Reg) {
-        self.undefined[register.0 as usize] = Mask::NONE;
-        self.causes[register.0 as usize] = Lanes::splat(NO_CAUSE);
+        self.registers[register.0 as usize] = RegisterShadow::CLEAN;
     }
 
     /// Makes a register defined in some lanes.
+    #[inline]
     pub fn define_lanes(&mut self, register: Reg, lanes: Mask<W>) {
-        let undefined = &mut self.undefined[register.0 as usize];
-        *undefined = undefined.without(lanes);
-        self.set_cause(register, lanes, NO_CAUSE);
+        let known = &mut self.registers[register.0 as usize];
+        known.undefined = known.undefined.without(lanes);
+        known.caused = known.caused.without(lanes);
     }
 
     /// Makes consecutive registers defined in some lanes.
@@ -122,8 +158,8 @@ impl<const W: usize> ShadowRegisters<W> {
 
     /// Makes a register undefined in some lanes, by a cause.
     pub fn undefine(&mut self, register: Reg, lanes: Mask<W>, cause: u32) {
-        let undefined = &mut self.undefined[register.0 as usize];
-        *undefined = *undefined | lanes;
+        let known = &mut self.registers[register.0 as usize];
+        known.undefined = known.undefined | lanes;
         self.set_cause(register, lanes, cause);
     }
 
@@ -135,12 +171,20 @@ impl<const W: usize> ShadowRegisters<W> {
     /// Sets which lanes of a register are undefined; their causes are set apart from it.
     #[inline]
     pub fn set_undefined(&mut self, register: Reg, undefined: Mask<W>) {
-        self.undefined[register.0 as usize] = undefined;
+        self.registers[register.0 as usize].undefined = undefined;
     }
 
     /// Takes the causes of some lanes over from another register.
+    #[inline]
     pub fn copy_causes(&mut self, to: Reg, from: Reg, lanes: Mask<W>) {
-        for lane in lanes.lanes() {
+        let copied = self.caused(from) & lanes;
+        let caused = &mut self.registers[to.0 as usize].caused;
+        *caused = caused.without(lanes) | copied;
+        if copied.is_all() {
+            self.causes[to.0 as usize] = self.causes[from.0 as usize];
+            return;
+        }
+        for lane in copied.lanes() {
             self.causes[to.0 as usize].0[lane] = self.causes[from.0 as usize].0[lane];
         }
     }
@@ -148,14 +192,18 @@ impl<const W: usize> ShadowRegisters<W> {
     /// Copies the shadow of a register into another, in all lanes.
     #[inline]
     pub fn copy(&mut self, to: Reg, from: Reg) {
-        self.undefined[to.0 as usize] = self.undefined[from.0 as usize];
-        self.causes[to.0 as usize] = self.causes[from.0 as usize];
+        let known = self.registers[from.0 as usize];
+        self.registers[to.0 as usize] = known;
+        if !known.caused.is_empty() {
+            self.causes[to.0 as usize] = self.causes[from.0 as usize];
+        }
     }
 
     /// Copies the shadow of a register into another, for the lanes of a mask.
+    #[inline]
     pub fn copy_lanes(&mut self, to: Reg, from: Reg, lanes: Mask<W>) {
-        let copied = self.undefined[from.0 as usize] & lanes;
-        let undefined = &mut self.undefined[to.0 as usize];
+        let copied = self.undefined(from) & lanes;
+        let undefined = &mut self.registers[to.0 as usize].undefined;
         *undefined = undefined.without(lanes) | copied;
         self.copy_causes(to, from, lanes);
     }
@@ -171,15 +219,15 @@ impl<const W: usize> ShadowRegisters<W> {
         for word in 0..count {
             let to = to.plus(word);
             (0..self.freshness.len()).for_each(|kind| self.set_freshness(kind, to, lanes, Freshness::NONE));
-            let Some(from) = from else {
-                self.define_lanes(to, lanes);
-                continue;
-            };
+            self.define_lanes(to, lanes);
+            let Some(from) = from else { continue };
             let from_register = first.plus(word);
-            let undefined = &mut self.undefined[to.0 as usize];
-            *undefined = undefined.without(lanes) | (from.undefined(from_register) & lanes);
+            let known = &mut self.registers[to.0 as usize];
+            known.undefined = known.undefined | (from.undefined(from_register) & lanes);
+            let copied = from.caused(from_register) & lanes;
+            known.caused = known.caused | copied;
             let causes = &mut self.causes[to.0 as usize];
-            lanes.lanes().for_each(|lane| causes.0[lane] = from.causes(from_register).0[lane]);
+            copied.lanes().for_each(|lane| causes.0[lane] = from.causes[from_register.0 as usize].0[lane]);
         }
     }
 }
@@ -193,13 +241,19 @@ mod tests {
         let mut shadow = ShadowRegisters::<4>::new(3);
         shadow.undefine(Reg(0), Mask::first(2), 7);
         shadow.copy(Reg(1), Reg(0));
-        assert_eq!((shadow.undefined(Reg(1)), shadow.causes(Reg(1)).0[1]), (Mask::first(2), 7));
+        assert_eq!((shadow.undefined(Reg(1)), shadow.cause(Reg(1), 1)), (Mask::first(2), 7));
         shadow.define_lanes(Reg(1), Mask::lane(0));
         assert_eq!(shadow.undefined(Reg(1)), Mask::lane(1));
         shadow.undefine(Reg(2), Mask::lane(3), 9);
         shadow.copy_lanes(Reg(2), Reg(0), Mask::lane(0));
         assert_eq!(shadow.undefined(Reg(2)), Mask::lane(0) | Mask::lane(3));
-        assert_eq!(shadow.causes(Reg(2)).0, [7, 0, 0, 9]);
+        assert_eq!([0, 1, 2, 3].map(|lane| shadow.cause(Reg(2), lane)), [7, 0, 0, 9]);
+        // A cause that is overwritten by none does not come back.
+        shadow.copy_lanes(Reg(2), Reg(1), Mask::lane(3));
+        assert_eq!(shadow.cause(Reg(2), 3), NO_CAUSE);
+        assert!(!shadow.is_clean(Reg(2)));
+        shadow.define(Reg(2));
+        assert!(shadow.is_clean(Reg(2)) && shadow.cause(Reg(2), 0) == NO_CAUSE);
     }
 
     #[test]

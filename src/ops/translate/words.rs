@@ -13,7 +13,7 @@ use crate::ops::memory::MemoryOp;
 use crate::ops::op::Op;
 use crate::ops::pointer;
 use crate::ops::translate::{Origin, Translator};
-use crate::ops::value_registers::{Words, registers_from};
+use crate::ops::value_registers::{UndefinedConstant, Words, registers_from};
 
 impl Translator<'_> {
     /// How many words a value of a type takes in registers.
@@ -146,6 +146,7 @@ impl Translator<'_> {
                 }
                 Ok(words)
             }
+            ConstantValue::Undef if !self.optimizes => self.undefined_constant(constant.id, constant.ty),
             ConstantValue::Null | ConstantValue::Undef => self.zero(constant.ty),
             ConstantValue::Operation { opcode, operands } => {
                 crate::ops::constant::operation(self, constant.id, constant.ty, opcode, &operands)
@@ -187,6 +188,16 @@ impl Translator<'_> {
         }
         let count = self.word_count(ty)?;
         let first = self.undefined_registers(count)?;
+        Ok(registers_from(first, count))
+    }
+
+    /// The words of `OpUndef` at module scope where nothing is optimised: zeros in registers of
+    /// their own, as [`Translator::undefined`].
+    fn undefined_constant(&mut self, id: Id, ty: TypeId) -> Result<Words> {
+        let count = self.word_count(ty)?;
+        let first = self.fresh(count)?;
+        (0..count).for_each(|word| self.set_constant(first.plus(word), 0));
+        self.undefined_constants.push(UndefinedConstant { id, ty, first, count });
         Ok(registers_from(first, count))
     }
 

@@ -99,7 +99,8 @@ impl<const W: usize> Trace<W> {
             loop {
                 let tlas = self.structures.get(lane).expect("bug in anyhit: a ray without a structure");
                 let cursor = self.cursors[lane].as_mut().expect("bug in anyhit: a ray without a traversal");
-                let Some(candidate) = cursor.proceed_observed(tlas, &mut TraversalAdapter(observer)) else {
+                let Some(candidate) = cursor.proceed_observed(tlas, &mut TraversalAdapter::new(observer))
+                else {
                     self.committed[lane] = cursor.committed().copied();
                     self.traversing = self.traversing.without(Mask::lane(lane));
                     break;

@@ -7,6 +7,7 @@ use crate::ops::builtin::Builtin;
 use crate::ops::op::Op;
 use crate::ops::pointer::storage;
 use crate::ops::ray_tracing::RayTracingOp;
+use crate::ops::value_registers::UndefinedConstant;
 use crate::sanitize::cause::Cause;
 use crate::sanitize::rule::{Rule, contract};
 use crate::sanitize::sanitizer::Sanitizer;
@@ -43,6 +44,10 @@ pub(in crate::sanitize) fn begin<const W: usize>(
         };
         let count = registers.count - skipped;
         sanitizer.undefine_variable(shadow, lanes, first, count, |word| cause(skipped + word));
+    }
+    for &UndefinedConstant { id, first, count, .. } in &program.undefined_constants {
+        let cause = Cause::UndefConstant { shader, id };
+        sanitizer.undefine_variable(shadow, batch.mask, first, count, |_| cause);
     }
     for input in &program.inputs {
         let Some((rule, has)) = needs_primitive(input.builtin) else { continue };

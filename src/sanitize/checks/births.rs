@@ -5,13 +5,14 @@ use crate::machine::{Batch, Mask, NO_CAUSE, OpIndex, Reg, ShadowRegisters};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::cause::{Cause, CauseDetails, OpPlace, Special};
 use crate::sanitize::checks::lanes::{nan_lanes, special_lanes};
-use crate::sanitize::operand_check::LaneOperands;
+use crate::sanitize::lane_operands::LaneOperands;
 use crate::sanitize::plan::Executed;
 use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::rule::{Rule, arithmetic};
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// Keeps where the NaNs and infinities of a kernel's result were made.
+#[inline]
 pub(super) fn note<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
@@ -24,9 +25,23 @@ pub(super) fn note<const W: usize>(
     let registers = &batch.registers;
     let specials = special_lanes(registers, to, kernel.float_result) & batch.mask;
     let specials = specials.without(shadow.undefined(to));
-    if specials.is_empty() {
-        return;
+    if !specials.is_empty() {
+        note_specials(sanitizer, batch, shadow, executed, kernel, (to, from), specials);
     }
+}
+
+/// Keeps where the NaNs and infinities in some lanes of a kernel's result were made.
+#[cold]
+fn note_specials<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    executed: Executed<'_>,
+    kernel: &LaneKernel,
+    (to, from): (Reg, &[Reg; 3]),
+    specials: Mask<W>,
+) {
+    let registers = &batch.registers;
     let nans = nan_lanes(registers, to, kernel.float_result) & specials;
     let mut born = specials;
     let mut operands = Mask::NONE;
@@ -46,7 +61,7 @@ pub(super) fn note<const W: usize>(
             shadow.set_cause(to, lanes, NO_CAUSE);
             continue;
         };
-        let operand = if operands.contains(lane) { shadow.causes(to).0[lane] } else { NO_CAUSE };
+        let operand = if operands.contains(lane) { shadow.cause(to, lane) } else { NO_CAUSE };
         let number = sanitizer.cause(Cause::Born { place: executed.place, special }, || {
             let message = operands_of().describe_operation(kernel);
             Some(CauseDetails { rule, message, operand })
@@ -103,11 +118,15 @@ pub(in crate::sanitize) fn reach<const W: usize>(
     lanes: Mask<W>,
     sink: SpecialSink,
 ) {
+    let lanes = (lanes & shadow.caused(register)).without(shadow.undefined(register));
+    if lanes.is_empty() {
+        return;
+    }
     let found = match sink {
         SpecialSink::Comparison | SpecialSink::ReportedT => nan_lanes(&batch.registers, register, 32),
         _ => special_lanes(&batch.registers, register, 32),
     };
-    let found = (found & lanes).without(shadow.undefined(register));
+    let found = found & lanes;
     if !found.is_empty() {
         sanitizer.reporter(batch).special(shadow, op, register, found, sink);
     }

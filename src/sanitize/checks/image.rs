@@ -105,9 +105,8 @@ fn check_numbers<const W: usize>(
             continue;
         }
         births::reach(sanitizer, batch, shadow, op, register, special, SpecialSink::Sample(name));
-        let read = Mask::from_fn(|lane| {
-            special.contains(lane) && !sanitizer.is_born(shadow.causes(register).0[lane])
-        });
+        let read =
+            Mask::from_fn(|lane| special.contains(lane) && !sanitizer.is_born(shadow.cause(register, lane)));
         let nans = nan_lanes(&batch.registers, register, 32);
         sanitizer.tell(batch, &image::IMAGE_NAN_COORDINATE, op, read, |lane| {
             let what = if nans.contains(lane) { "a NaN" } else { "infinite" };

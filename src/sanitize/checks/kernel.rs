@@ -6,12 +6,14 @@ use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::cause::{Cause, CauseDetails};
 use crate::sanitize::checks::lanes::{operand_words, special_lanes};
 use crate::sanitize::checks::{births, fast_math, subnormal};
-use crate::sanitize::operand_check::LaneOperands;
-use crate::sanitize::plan::{Executed, FloatCounter, Flow};
+use crate::sanitize::lane_operands::LaneOperands;
+use crate::sanitize::operand_check::OperandCheck;
+use crate::sanitize::plan::{Executed, FloatCounter, Flow, OpPlan, Specials};
 use crate::sanitize::rule::{RuleKind, arithmetic};
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// A lane kernel has run.
+#[inline]
 pub(in crate::sanitize) fn check<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
@@ -21,9 +23,50 @@ pub(in crate::sanitize) fn check<const W: usize>(
     to: Reg,
     from: &[Reg; 3],
 ) {
-    let Executed { place, step } = executed;
-    let registers = &batch.registers;
-    let undefined = undefined_result(registers, shadow, step.flow, kernel, from);
+    let step = executed.step;
+    let clean = are_clean(shadow, kernel, from);
+    (0..kernel.words).for_each(|word| shadow.define(to.plus(word)));
+    if !clean {
+        spread(sanitizer, batch, shadow, step, kernel, to, from);
+    }
+    if !step.is_plain {
+        check_rules(sanitizer, batch, shadow, executed, kernel, to, from);
+    }
+    match step.specials {
+        Specials::Born => births::note(sanitizer, batch, shadow, executed, kernel, to, from),
+        Specials::Inherited if clean => {}
+        Specials::Inherited if step.flow == Flow::Select => births::select(batch, shadow, to, from),
+        Specials::Inherited => births::note(sanitizer, batch, shadow, executed, kernel, to, from),
+        Specials::None => {}
+    }
+    if step.watches_special && !clean {
+        births::compare(sanitizer, batch, shadow, executed.place, kernel, from);
+    }
+}
+
+/// Whether nothing is known of any operand: most often so, and then of the result neither.
+#[inline]
+fn are_clean<const W: usize>(shadow: &ShadowRegisters<W>, kernel: &LaneKernel, from: &[Reg; 3]) -> bool {
+    let is_clean = |at: usize| match kernel.operands[at] {
+        0 => true,
+        1 => shadow.is_clean(from[at]),
+        words => (0..words).all(|word| shadow.is_clean(from[at].plus(word))),
+    };
+    is_clean(0) && is_clean(1) && is_clean(2)
+}
+
+/// What is undefined spreads to the result, which counted as defined.
+#[inline(never)]
+fn spread<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    step: &OpPlan,
+    kernel: &LaneKernel,
+    to: Reg,
+    from: &[Reg; 3],
+) {
+    let undefined = undefined_result(&batch.registers, shadow, step.flow, kernel, from);
     for word in 0..kernel.words {
         shadow.set_undefined(to.plus(word), undefined);
     }
@@ -36,28 +79,22 @@ pub(in crate::sanitize) fn check<const W: usize>(
             (0..kernel.words).for_each(|word| shadow.copy_causes(to.plus(word), register, lanes));
         }
     }
-    for check in &step.checks {
-        let suspects = batch.mask.without(undefined);
-        let broken = Mask::from_fn(|lane| {
-            suspects.contains(lane)
-                && (check.breaks)(&LaneOperands::read(registers, kernel, from, step.result_width, lane))
-        });
-        let Some(lane) = broken.lowest() else { continue };
-        let operands = || LaneOperands::read(registers, kernel, from, step.result_width, lane);
-        let operand = special_operand(registers, shadow, kernel, from, lane);
-        match check.rule.kind {
-            RuleKind::UndefinedValue => {
-                let cause = Cause::Broken { place, rule: check.rule.id };
-                let message = || (check.message)(&operands());
-                let details = || Some(CauseDetails { rule: check.rule, message: message(), operand });
-                let number = sanitizer.cause(cause, details);
-                shadow.undefine_span(to, kernel.words, broken, number);
-            }
-            _ => {
-                let message = (check.message)(&operands());
-                sanitizer.reporter(batch).broken_by(check.rule, place.op, broken, message, operand);
-            }
-        }
+}
+
+/// Looks for the rules that a kernel breaks.
+#[inline(never)]
+fn check_rules<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    executed: Executed<'_>,
+    kernel: &'static LaneKernel,
+    to: Reg,
+    from: &[Reg; 3],
+) {
+    let Executed { place, step } = executed;
+    for open in step.checks.iter().filter(|open| open.may_break(&batch.registers)) {
+        check_operands(sanitizer, batch, shadow, executed, kernel, (to, from), open.check);
     }
     if !step.fast_math.is_none() {
         fast_math::check(sanitizer, batch, shadow, executed, kernel, to, from);
@@ -68,16 +105,40 @@ pub(in crate::sanitize) fn check<const W: usize>(
     if step.expects {
         sanitizer.expectations.count(batch, place, to);
     }
-    if kernel.float_result > 0 {
-        births::note(sanitizer, batch, shadow, executed, kernel, to, from);
-    } else if step.flow == Flow::Select {
-        births::select(batch, shadow, to, from);
-    }
     if let Some(flushed) = step.flushed {
         subnormal::check(sanitizer, batch, shadow, executed, kernel, from, flushed);
     }
-    if step.watches_special {
-        births::compare(sanitizer, batch, shadow, place, kernel, from);
+}
+
+/// Looks for lanes in which the operands of a kernel break a rule.
+fn check_operands<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    shadow: &mut ShadowRegisters<W>,
+    executed: Executed<'_>,
+    kernel: &LaneKernel,
+    (to, from): (Reg, &[Reg; 3]),
+    check: &'static OperandCheck,
+) {
+    let Executed { place, step } = executed;
+    let registers = &batch.registers;
+    let operands = |lane: usize| LaneOperands::read(registers, kernel, from, step.result_width, lane);
+    let suspects = batch.mask.without(shadow.undefined(to));
+    let broken = Mask::from_fn(|lane| suspects.contains(lane) && (check.breaks)(&operands(lane)));
+    let Some(lane) = broken.lowest() else { return };
+    let operand = special_operand(registers, shadow, kernel, from, lane);
+    match check.rule.kind {
+        RuleKind::UndefinedValue => {
+            let cause = Cause::Broken { place, rule: check.rule.id };
+            let message = || (check.message)(&operands(lane));
+            let details = || Some(CauseDetails { rule: check.rule, message: message(), operand });
+            let number = sanitizer.cause(cause, details);
+            shadow.undefine_span(to, kernel.words, broken, number);
+        }
+        _ => {
+            let message = (check.message)(&operands(lane));
+            sanitizer.reporter(batch).broken_by(check.rule, place.op, broken, message, operand);
+        }
     }
 }
 
@@ -100,7 +161,7 @@ fn merge_fields<const W: usize>(
         }
         for lane in (shadow.undefined(base) & batch.mask).without(inserted).lanes() {
             let bits = batch.registers[mask].0[lane];
-            if let Some(number) = sanitizer.filled_cause(shadow.causes(base).0[lane], bits, all) {
+            if let Some(number) = sanitizer.filled_cause(shadow.cause(base, lane), bits, all) {
                 shadow.undefine(to, Mask::lane(lane), number);
             }
         }
@@ -150,7 +211,7 @@ fn special_operand<const W: usize>(
 ) -> u32 {
     let mut floats = from.iter().zip(&kernel.float_operands).filter(|(_, width)| **width > 0);
     let special = floats.find(|&(&operand, &width)| special_lanes(registers, operand, width).contains(lane));
-    special.map_or(NO_CAUSE, |(&operand, _)| shadow.causes(operand).0[lane])
+    special.map_or(NO_CAUSE, |(&operand, _)| shadow.cause(operand, lane))
 }
 
 /// The lanes in which the result of a kernel is undefined because an operand is.

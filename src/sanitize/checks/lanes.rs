@@ -3,6 +3,7 @@
 use crate::machine::{Batch, Mask, Reg, Registers};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::ops::memory::{BufferRef, Chunk, is_workgroup};
+use crate::sanitize::word_range::WordRange;
 
 /// The registers that the words of a kernel's operands have.
 pub(in crate::sanitize) fn operand_words<'a>(
@@ -27,11 +28,7 @@ pub(in crate::sanitize) fn nan_lanes<const W: usize>(
         _ => (u64::from(high.0[lane] & 0x7FFF_FFFF) << 32 | u64::from(low.0[lane])) > 0x7FF0_0000_0000_0000,
     };
     // Most often there is none, which a loop without branches finds out.
-    let any = match width {
-        32 => low.0.iter().fold(0, |any, word| any | u32::from(word & 0x7FFF_FFFF > 0x7F80_0000)) != 0,
-        _ => true,
-    };
-    if any { Mask::from_fn(is_nan) } else { Mask::NONE }
+    if width != 32 || WordRange::NAN.meets(low) { Mask::from_fn(is_nan) } else { Mask::NONE }
 }
 
 /// The lanes in which a float is infinite.

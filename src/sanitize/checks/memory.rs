@@ -15,6 +15,7 @@ use crate::sanitize::report::specials::SpecialSink;
 use crate::sanitize::sanitizer::Sanitizer;
 
 /// A memory operation has run.
+#[inline]
 pub(in crate::sanitize) fn check<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
@@ -23,12 +24,11 @@ pub(in crate::sanitize) fn check<const W: usize>(
     executed: Executed<'_>,
     op: &MemoryOp,
 ) {
-    let Executed { place, step } = executed;
-    let mask = batch.mask;
+    let (place, mask) = (executed.place, batch.mask);
     match *op {
         MemoryOp::Move { to, from } => shadow.copy(to, from),
         MemoryOp::MoveMasked { to, from } => shadow.copy_lanes(to, from, mask),
-        MemoryOp::Undefine { first, count } => undefine(sanitizer, batch, shadow, place, first, count),
+        MemoryOp::Undefine { first, count } => undefine(sanitizer, batch, shadow, executed, first, count),
         MemoryOp::Index { to, base, index, .. } => {
             shadow.copy(to, index);
             if let Some(base) = base {
@@ -49,38 +49,64 @@ pub(in crate::sanitize) fn check<const W: usize>(
                 shadow.copy_lane(element, from.plus(word), lane);
             });
         }
-        MemoryOp::BufferLoad { to, chunk } => {
-            depend_on_location(sanitizer, batch, shadow, place.op, &chunk);
-            (0..chunk.count).for_each(|word| shadow.define(to.plus(word)));
-            let lanes = workgroup_lanes(batch, &chunk);
-            let load = SharedAccess { chunk: &chunk, registers: to, lanes };
-            shared::load(sanitizer, batch, bindings, shadow, place, load);
-            bounds::check_buffer(sanitizer, batch, bindings, place.op, &chunk);
-            contents::load(sanitizer, batch, bindings, shadow, place, &chunk, to);
-            access_buffer(sanitizer, batch, bindings, place, &chunk, AccessKind::Load, None);
-        }
-        MemoryOp::BufferStore { from, chunk } => {
-            depend_on_location(sanitizer, batch, shadow, place.op, &chunk);
-            let lanes = workgroup_lanes(batch, &chunk);
-            let store = SharedAccess { chunk: &chunk, registers: from, lanes };
-            shared::store(sanitizer, batch, bindings, shadow, place, store);
-            bounds::check_buffer(sanitizer, batch, bindings, place.op, &chunk);
-            contents::store(sanitizer, batch, bindings, &chunk);
-            access_buffer(sanitizer, batch, bindings, place, &chunk, AccessKind::Store, Some(from));
-            let lanes = mask.without(lanes);
-            if lanes.is_empty() {
-                return;
-            }
-            for word in 0..chunk.count {
-                let register = from.plus(word);
-                sanitizer.depend_in(batch, shadow, place.op, register, Sink::Buffer, lanes);
-                if step.watches_special {
-                    let sink = SpecialSink::Buffer;
-                    births::reach(sanitizer, batch, shadow, place.op, register, lanes, sink);
-                }
-            }
+        MemoryOp::BufferLoad { to, ref chunk } => load(sanitizer, batch, bindings, shadow, place, to, chunk),
+        MemoryOp::BufferStore { from, ref chunk } => {
+            store(sanitizer, batch, bindings, shadow, executed, from, chunk);
         }
         MemoryOp::ArrayLength { to, .. } => shadow.define(to),
+    }
+}
+
+/// A load from a buffer or shared memory has run.
+#[inline(never)]
+fn load<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    place: OpPlace,
+    to: Reg,
+    chunk: &Chunk,
+) {
+    depend_on_location(sanitizer, batch, shadow, place.op, chunk);
+    (0..chunk.count).for_each(|word| shadow.define(to.plus(word)));
+    let lanes = workgroup_lanes(batch, chunk);
+    let load = SharedAccess { chunk, registers: to, lanes };
+    shared::load(sanitizer, batch, bindings, shadow, place, load);
+    bounds::check_buffer(sanitizer, batch, bindings, place.op, chunk);
+    contents::load(sanitizer, batch, bindings, shadow, place, chunk, to);
+    access_buffer(sanitizer, batch, bindings, place, chunk, AccessKind::Load, None);
+}
+
+/// A store to a buffer or shared memory has run.
+#[inline(never)]
+fn store<const W: usize>(
+    sanitizer: &mut Sanitizer<'_>,
+    batch: &Batch<W>,
+    bindings: &Bindings,
+    shadow: &mut ShadowRegisters<W>,
+    executed: Executed<'_>,
+    from: Reg,
+    chunk: &Chunk,
+) {
+    let Executed { place, step } = executed;
+    depend_on_location(sanitizer, batch, shadow, place.op, chunk);
+    let lanes = workgroup_lanes(batch, chunk);
+    let store = SharedAccess { chunk, registers: from, lanes };
+    shared::store(sanitizer, batch, bindings, shadow, place, store);
+    bounds::check_buffer(sanitizer, batch, bindings, place.op, chunk);
+    contents::store(sanitizer, batch, bindings, chunk);
+    access_buffer(sanitizer, batch, bindings, place, chunk, AccessKind::Store, Some(from));
+    let lanes = batch.mask.without(lanes);
+    if lanes.is_empty() {
+        return;
+    }
+    for word in 0..chunk.count {
+        let register = from.plus(word);
+        sanitizer.depend_in(batch, shadow, place.op, register, Sink::Buffer, lanes);
+        if step.watches_special {
+            births::reach(sanitizer, batch, shadow, place.op, register, lanes, SpecialSink::Buffer);
+        }
     }
 }
 
@@ -122,14 +148,14 @@ fn undefine<const W: usize>(
     sanitizer: &mut Sanitizer<'_>,
     batch: &Batch<W>,
     shadow: &mut ShadowRegisters<W>,
-    place: OpPlace,
+    executed: Executed<'_>,
     first: Reg,
     count: u32,
 ) {
-    let Some((shader, plan)) = sanitizer.plan() else { return };
-    let variable = plan.variable_at(place.op);
-    sanitizer.undefine_variable(shadow, batch.mask, first, count, |word| match variable {
-        Some(variable) => Cause::Unwritten { shader, variable, storage_class: storage::FUNCTION, word },
+    let Executed { place, step } = executed;
+    let (shader, storage_class) = (place.shader, storage::FUNCTION);
+    sanitizer.undefine_variable(shadow, batch.mask, first, count, |word| match step.variable {
+        Some(variable) => Cause::Unwritten { shader, variable, storage_class, word },
         None => Cause::Undef(place),
     });
 }

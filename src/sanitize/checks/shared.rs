@@ -57,7 +57,7 @@ pub(in crate::sanitize) fn store<const W: usize>(
         for scalar in 0..chunk.count {
             let register = from.plus(scalar);
             let undefined = shadow.undefined(register).contains(lane);
-            let cause = if undefined { shadow.causes(register).0[lane] } else { NO_CAUSE };
+            let cause = if undefined { shadow.cause(register, lane) } else { NO_CAUSE };
             let at = first as usize + scalar as usize * width;
             causes.get_mut(at..at + width).into_iter().for_each(|bytes| bytes.fill(cause));
         }

@@ -122,7 +122,7 @@ fn read<const W: usize>(
         for word in 0..op.results {
             let (to, value) = (op.to.plus(word), op.value.plus(word));
             if shadow.undefined(value).contains(source) {
-                let number = shadow.causes(value).0[source];
+                let number = shadow.cause(value, source);
                 shadow.undefine(to, Mask::lane(lane), number);
                 seen = seen | Mask::lane(lane);
             }

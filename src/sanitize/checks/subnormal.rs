@@ -3,10 +3,11 @@
 use crate::machine::{Batch, Mask, NO_CAUSE, Reg, Registers, ShadowRegisters};
 use crate::ops::lane_kernel::LaneKernel;
 use crate::sanitize::flushed_use::FlushedUse;
-use crate::sanitize::operand_check::LaneOperands;
+use crate::sanitize::lane_operands::LaneOperands;
 use crate::sanitize::plan::Executed;
 use crate::sanitize::rule::arithmetic;
 use crate::sanitize::sanitizer::Sanitizer;
+use crate::sanitize::word_range::WordRange;
 
 /// Reports a divisor, or a comparison, that is another one where subnormal numbers are flushed.
 pub(super) fn check<const W: usize>(
@@ -46,11 +47,11 @@ fn subnormal_lanes<const W: usize>(registers: &Registers<W>, first: Reg, width: 
     };
     let rest = |lane: usize| high.0[lane] & mantissa | if width == 64 { low.0[lane] } else { 0 };
     // Most often there is none, which a loop without branches finds out.
-    let any = high
-        .0
-        .iter()
-        .fold(0, |any, word| any | u32::from(word & exponent == 0 && (width == 64 || word & mantissa != 0)));
-    if any == 0 { Mask::NONE } else { Mask::from_fn(|lane| high.0[lane] & exponent == 0 && rest(lane) != 0) }
+    let any = match width {
+        32 => WordRange::SUBNORMAL.meets(low),
+        _ => high.0.iter().fold(false, |any, word| any | (word & exponent == 0)),
+    };
+    if !any { Mask::NONE } else { Mask::from_fn(|lane| high.0[lane] & exponent == 0 && rest(lane) != 0) }
 }
 
 #[cfg(test)]

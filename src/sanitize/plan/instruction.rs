@@ -43,6 +43,14 @@ impl<'m> InstructionWords<'m> {
         module.type_of(id).is_some_and(|ty| module.type_with_id(Id(self.words[1])) == Some(ty)).then_some(id)
     }
 
+    /// The variable that it declares, if it is `OpVariable`.
+    pub(super) fn variable(&self) -> Option<Id> {
+        match (self.opcode?, self.words) {
+            (Opcode::Variable, &[_, _, result, ..]) => Some(Id(result)),
+            _ => None,
+        }
+    }
+
     /// Whether the result has a decoration.
     pub(super) fn is_decorated(&self, module: &Module, number: u32) -> bool {
         self.result(module).is_some_and(|id| module.decorations.find(id, number).is_some())

@@ -1,8 +1,10 @@
 //! Which accesses to a word race, and which rule they break.
 
+use crate::machine::Bindings;
+use crate::sanitize::cause::OpPlace;
 use crate::sanitize::memory_shadow::{Access, Cell};
 use crate::sanitize::races::class::{Class, Reach};
-use crate::sanitize::races::order::{AccessKind, Accessor, Event, Order, Ordered};
+use crate::sanitize::races::order::{AccessForm, AccessKind, Accessor, Event, Order, Ordered};
 use crate::sanitize::races::traits::Aliasing;
 use crate::sanitize::rule::{Rule, race};
 
@@ -166,8 +168,18 @@ impl Order {
         (event.form.kind.writes() && !is_seen).then_some(&race::ORDER_ASSUMED)
     }
 
-    /// The rule that accesses break through different declarations, unless both are `Aliased`.
+    /// The rule that accesses break through different declarations, unless both are `Aliased`. The
+    /// elements of an array of descriptors are one declaration (SPIR-V 2.18.2 is about variables
+    /// and parameters), and different references.
     fn aliasing_broken(&self, event: &Event, now: &Accessor) -> Option<&'static Rule> {
+        let declaration = |place: OpPlace, handle: u32| {
+            let slot = Bindings::slot_of(handle).filter(|_| handle != AccessForm::ADDRESS);
+            slot.map(|(slot, _)| (place.shader, slot))
+        };
+        let then = declaration(event.place, event.form.handle);
+        if then.is_some() && then == declaration(now.place, now.form.handle) {
+            return None;
+        }
         let both = [event.place, now.place].map(|place| self.traits(place).aliasing);
         match both {
             [Aliasing::Aliased, Aliasing::Aliased] => None,
@@ -181,8 +193,6 @@ impl Order {
 mod tests {
     use super::*;
     use crate::machine::{OpIndex, ShaderIndex};
-    use crate::sanitize::cause::OpPlace;
-    use crate::sanitize::races::order::AccessForm;
     use crate::sanitize::races::traits::Ordering;
 
     /// An order of workgroups of four invocations.
@@ -199,6 +209,18 @@ mod tests {
         kind: AccessKind,
         value: u32,
     ) -> Option<(&'static str, u32)> {
+        access_through(order, cell, (invocation, epoch), op, (kind, 0, 0), value)
+    }
+
+    /// As `access`, through a descriptor: its number and its handle.
+    fn access_through(
+        order: &mut Order,
+        cell: &mut Cell,
+        (invocation, epoch): (u32, u32),
+        op: u32,
+        (kind, reference, handle): (AccessKind, u32, u32),
+        value: u32,
+    ) -> Option<(&'static str, u32)> {
         let now = Accessor {
             invocation,
             group: order.group(invocation),
@@ -206,7 +228,7 @@ mod tests {
             call: 0,
             class: Class::Buffer,
             place: OpPlace { shader: ShaderIndex(0), op: OpIndex(op) },
-            form: AccessForm { kind, reference: 0, handle: 0, width: 32 },
+            form: AccessForm { kind, reference, handle, width: 32 },
         };
         let event = order.number(order.new_event(&now));
         let race = order.access(cell, &now, Access { invocation, event }, value);
@@ -235,6 +257,20 @@ mod tests {
             assert_eq!(access(order, cell, (invocation, 0), 1, Load, 0), None);
         }
         assert_eq!(access(order, cell, (3, 0), 2, Store, 1), Some(("race-buffer", 2)));
+    }
+
+    #[test]
+    fn elements_of_one_array_are_one_declaration_and_different_references() {
+        let order = &mut order();
+        let mut found = |then: u32, now: u32| {
+            let cell = &mut Cell::default();
+            assert_eq!(access_through(order, cell, (0, 0), 1, (Store, 1, then), 7), None);
+            access_through(order, cell, (0, 0), 2, (Load, 2, now), 0).map(|(rule, _)| rule)
+        };
+        let [a0, a1, b0] = [(0, 0), (0, 1), (1, 0)].map(|(slot, element)| Bindings::handle(slot, element));
+        assert_eq!(found(a0, b0), Some("alias-default"));
+        assert_eq!(found(a0, a1), Some("race-cross-reference"));
+        assert_eq!(found(a0, AccessForm::ADDRESS), Some("alias-default"));
     }
 
     #[test]

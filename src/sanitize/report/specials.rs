@@ -38,7 +38,7 @@ impl<const W: usize> Reporter<'_, W> {
         sink: SpecialSink,
     ) {
         let told = |reporter: &Self, cause| reporter.tell_special(cause, op, sink);
-        self.add_for_causes(shadow.causes(register), op, lanes, told);
+        self.add_for_causes(shadow, register, op, lanes, told);
     }
 
     fn tell_special(&self, number: u32, op: OpIndex, sink: SpecialSink) -> Option<Told> {

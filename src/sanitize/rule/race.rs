@@ -50,7 +50,7 @@ rules! {
         "Vulkan, Memory Model, Availability and Visibility: order alone does not make a write seen"
         "declare the memory coherent (workgroupcoherent, devicecoherent), or add \
          gl_SemanticsMakeAvailable and gl_SemanticsMakeVisible to the barriers"
-    COHERENT_MISSING "coherent-missing" Lint
+    COHERENT_MISSING "coherent-missing" UndefinedBehavior
         "Memory by which invocations communicate is declared coherent."
         "Vulkan, Memory Model, Private vs. Non-Private: barriers of shaders do not order private accesses"
         "declare the buffer or image `coherent` (in Slang and HLSL `globallycoherent`)"
