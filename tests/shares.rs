@@ -177,7 +177,8 @@ fn timings_balance_shares_that_stay_disjoint_and_complete() {
     };
     assert_eq!(names(&timings), names(&merged_timings));
     // One test takes longer than all others: it has a share of its own.
-    let launch = format!("{{ \"{LEAVES}\": 100, \"{LEAVES}::leaf\": 1, \"unknown\": 7 }}");
+    let rays = ["the sky", "through the hole"].map(|ray| format!("\"{LEAVES}::{ray}\": 1"));
+    let launch = format!("{{ \"{LEAVES}\": 100, {}, \"unknown\": 7 }}", rays.join(", "));
     std::fs::write(&timings, launch).expect("a writable folder");
     let list = |shard: &str| {
         let ran = anyhit(&[&tests[..], &["--timings", &timings, "--shard", shard, "--list"]].concat());
