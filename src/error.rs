@@ -279,13 +279,20 @@ impl Error {
         self
     }
 
-    /// Takes kind, class, trap and source of the error that this one tells of.
+    /// An error of a class, about whose cause everything is told already.
     #[cfg(feature = "cli")]
-    #[must_use]
-    pub(crate) fn classed_as(mut self, cause: &Self) -> Self {
-        (self.0.kind, self.0.is_limit) = (cause.0.kind, cause.0.is_limit);
-        (self.0.trap, self.0.io) = (cause.0.trap.clone(), cause.0.io.clone());
-        self
+    #[cold]
+    pub(crate) fn of_class(class: ErrorClass, message: impl Into<String>) -> Self {
+        // Of each class a kind without a help of its own.
+        let kind = match class {
+            ErrorClass::Expectation => ErrorKind::Expectation,
+            ErrorClass::Trap => ErrorKind::Trap,
+            ErrorClass::Finding => ErrorKind::Finding,
+            ErrorClass::Unsupported => ErrorKind::UnsupportedTool,
+            ErrorClass::Limit => return Self::new(ErrorKind::InvalidScene, message).of_limit(),
+            ErrorClass::Other => ErrorKind::InvalidScene,
+        };
+        Self::new(kind, message)
     }
 
     /// The class, which the exit code tells; that of the first of several errors.
@@ -505,9 +512,17 @@ mod tests {
         ] {
             assert_eq!((class.name(), class.exit_code()), (name, code));
         }
-        let limit = Error::new(ErrorKind::InvalidModule, "cause").of_limit();
-        let told = Error::new(ErrorKind::InvalidArgument, "a test could not run").classed_as(&limit);
-        assert_eq!((told.kind(), told.class()), (ErrorKind::InvalidModule, ErrorClass::Limit));
+        #[cfg(feature = "cli")]
+        for class in [
+            ErrorClass::Expectation,
+            ErrorClass::Trap,
+            ErrorClass::Finding,
+            ErrorClass::Unsupported,
+            ErrorClass::Limit,
+            ErrorClass::Other,
+        ] {
+            assert_eq!(Error::of_class(class, "a test could not run").class(), class);
+        }
     }
 
     #[test]
@@ -527,8 +542,6 @@ mod tests {
         assert_eq!(error.message(), format!("while reading a.toml: a.spv: {}", denied()));
         assert!(error.trap().is_none());
         assert!(Error::new(ErrorKind::InvalidScene, "x").source().is_none());
-        let told = Error::new(ErrorKind::InvalidArgument, "a test could not run").classed_as(&error);
-        assert!(told.source().is_some());
     }
 
     #[test]

@@ -39,9 +39,10 @@ const CRATES: &[(&str, &[&str])] = &[
     ("glslang", &["compile"]),
     ("clap", &["cli"]),
     ("emmy_dap_types", &["debug"]),
-    ("base64", &["drawing"]),
+    // Pictures in pages, and rows of shares of a picture in results.
+    ("base64", &["drawing", "harness"]),
     ("colorous", &["drawing"]),
-    ("flate2", &["drawing"]),
+    ("flate2", &["drawing", "harness"]),
     ("inferno", &["drawing"]),
     ("noto_sans_mono_bitmap", &["drawing"]),
     ("dashu_ratio", &["stress"]),

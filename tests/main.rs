@@ -62,6 +62,8 @@ mod rewriting;
 mod robustness;
 mod sanitized_modules;
 mod scene_init;
+mod shares;
+mod shares_recipes;
 mod skips;
 mod skips_payload;
 mod smoke;

@@ -4,6 +4,7 @@ pub mod assembly;
 pub mod files;
 pub mod imports;
 pub mod mutate;
+pub mod program;
 pub mod recorded;
 pub mod skipped;
 pub mod verdict;

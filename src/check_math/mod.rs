@@ -14,6 +14,8 @@ pub mod judge;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, ReferenceValue};
@@ -42,7 +44,7 @@ pub struct CheckMathSettings {
 }
 
 /// A wrong result of a function.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WrongResult {
     /// The bits of the operands.
     pub operands: Vec<u64>,
@@ -53,10 +55,10 @@ pub struct WrongResult {
 }
 
 /// The results for one function at one width.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CheckMathReport {
     /// The specification's name.
-    pub function: &'static str,
+    pub function: String,
     /// Bits of the float type.
     pub width: u32,
     /// Which inputs were tested: `all`, or how they were chosen.
@@ -70,15 +72,19 @@ pub struct CheckMathReport {
     /// The first wrong results.
     pub examples: Vec<WrongResult>,
     /// For f64, the greatest error in units in the last place.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub greatest_error: Option<f64>,
     /// How long it took.
-    #[serde(serialize_with = "seconds")]
+    #[serde(serialize_with = "seconds", deserialize_with = "from_seconds")]
     pub time: Duration,
 }
 
-fn seconds<S: serde::Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
+fn seconds<S: Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(time.as_secs_f64())
+}
+
+fn from_seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Duration, D::Error> {
+    Duration::try_from_secs_f64(f64::deserialize(from)?).map_err(D::Error::custom)
 }
 
 /// Tests one function at one width. `progress` is called from any thread with the number of inputs
@@ -104,7 +110,7 @@ pub fn run(
         })
         .reduce(BlockResult::default, BlockResult::merge);
     CheckMathReport {
-        function: function.name,
+        function: function.name.to_owned(),
         width: format.width(),
         which: inputs.to_string(),
         inputs: total,

@@ -1,12 +1,16 @@
 //! `anyhit check-math`: compares the elementary functions with their correctly rounded results.
 
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::Value;
 
 use crate::check_math::float_width::FloatWidth;
 use crate::check_math::function::{CheckedFunction, FUNCTIONS};
 use crate::check_math::{self, CheckMathReport, CheckMathSettings};
 use crate::cli::output;
+use crate::cli::share::ShareArgs;
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::shares::ShareResults;
+use crate::harness::shares::check_math::{CheckMathResult, CheckMathWhole};
 
 /// Compares every elementary function with its correctly rounded result, over all f16 and f32
 /// inputs.
@@ -44,6 +48,13 @@ pub struct CheckMathArgs {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+
+    /// Print no times: what is left is the same in every run.
+    #[arg(long)]
+    no_times: bool,
+
+    #[command(flatten)]
+    share: ShareArgs,
 }
 
 /// Runs the command.
@@ -53,43 +64,120 @@ pub struct CheckMathArgs {
 pub fn run(args: CheckMathArgs) -> Result<()> {
     let settings =
         CheckMathSettings { stride: args.stride, pairs: args.pairs, samples: args.samples, seed: args.seed };
-    let mut reports = Vec::new();
-    if !args.json {
-        output::print(format_args!("{}\n", heading()))?;
+    let form = ReportForm { json: args.json, with_times: !args.no_times };
+    let named = |function: &&'static CheckedFunction| {
+        args.function.is_empty() || args.function.contains(&function.instruction())
+    };
+    let is_wanted =
+        |format: &FloatWidth| args.width.is_empty() || args.width.contains(&format.width().to_string());
+    let formats = FloatWidth::ALL.into_iter().filter(is_wanted);
+    let all: Vec<(FloatWidth, &'static CheckedFunction)> = formats
+        .flat_map(|format| {
+            let functions = FUNCTIONS.iter().filter(named);
+            functions.filter(move |one| one.exists(format)).map(move |one| (format, one))
+        })
+        .collect();
+    let whole = CheckMathWhole {
+        stride: settings.stride,
+        pairs: settings.pairs,
+        samples: settings.samples,
+        seed: settings.seed,
+        functions: all.iter().map(|(format, one)| format!("{} {}", one.name, format.width())).collect(),
+    };
+    let shard = args.share.shard_or_whole();
+    form.print_heading()?;
+    let mut result = CheckMathResult::default();
+    for (place, (format, function)) in all.into_iter().enumerate().filter(|(place, _)| shard.holds(*place)) {
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
+        let bar = ProgressBar::new(0).with_message(function.name);
+        let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
+        let report = check_math::run(function, format, &settings, |count, total| {
+            bar.set_length(total);
+            bar.inc(count);
+        });
+        bar.finish_and_clear();
+        form.print_line(&report)?;
+        result.functions.push((place, report));
     }
-    for format in FloatWidth::ALL {
-        let wanted = args.width.is_empty() || args.width.contains(&format.width().to_string());
-        let named = |function: &&CheckedFunction| {
-            args.function.is_empty() || args.function.contains(&function.instruction())
-        };
-        for function in FUNCTIONS.iter().filter(named).filter(|one| wanted && one.exists(format)) {
-            let style = ProgressStyle::with_template("{msg} {wide_bar} {percent}% {eta}");
-            let bar = ProgressBar::new(0).with_message(function.name);
-            let bar = style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style));
-            let report = check_math::run(function, format, &settings, |count, total| {
-                bar.set_length(total);
-                bar.inc(count);
-            });
-            bar.finish_and_clear();
-            if !args.json {
-                output::print(format_args!("{}\n", line(&report)))?;
-            }
-            reports.push(report);
+    let results = ShareResults::new(whole, shard, result);
+    args.share.write(&results)?;
+    form.print_end(&CheckMathResult::of_shares(&results))
+}
+
+/// The report of merged shares, but for times.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn print_merged(results: &ShareResults<CheckMathResult>, json: bool) -> Result<()> {
+    let form = ReportForm { json, with_times: false };
+    let result = CheckMathResult::of_shares(results);
+    form.print_heading()?;
+    result.reports().try_for_each(|report| form.print_line(report))?;
+    form.print_end(&result)
+}
+
+/// How reports are printed.
+#[derive(Clone, Copy)]
+struct ReportForm {
+    json: bool,
+    with_times: bool,
+}
+
+impl ReportForm {
+    fn print_heading(self) -> Result<()> {
+        if self.json {
+            return Ok(());
         }
+        let time = if self.with_times { format!(" {:>9}", "s") } else { String::new() };
+        let [function, width, inputs, precise, wrong] = ["function", "width", "inputs", "precise", "wrong"];
+        output::print(format_args!(
+            "{function:<14} {width:>5} {inputs:>12} {precise:>10} {wrong:>8}{time}  inputs\n"
+        ))
     }
-    let wrong: u64 = reports.iter().map(|report| report.wrong).sum();
-    if args.json {
-        let json = serde_json::to_string_pretty(&serde_json::json!({ "functions": reports, "wrong": wrong }))
-            .map_err(|error| Error::io("standard output", error.into()))?;
-        output::print(format_args!("{json}\n"))?;
-    } else {
-        let inputs: u64 = reports.iter().map(|report| report.inputs).sum();
-        output::print(format_args!("\n{inputs} results: {wrong} wrong\n"))?;
+
+    fn print_line(self, report: &CheckMathReport) -> Result<()> {
+        if self.json {
+            return Ok(());
+        }
+        let CheckMathReport { function, width, inputs, precise, wrong, which, .. } = report;
+        let time = match self.with_times {
+            true => format!(" {:>9.1}", report.time.as_secs_f64()),
+            false => String::new(),
+        };
+        let mut out =
+            format!("{function:<14} {width:>5} {inputs:>12} {precise:>10} {wrong:>8}{time}  {which}");
+        if let Some(error) = report.greatest_error {
+            out += &format!(", at most {error:.3} ulp");
+        }
+        for wrong in &report.examples {
+            out += &format!("\n  of {:#x?} {:#x}, right is {}", wrong.operands, wrong.found, wrong.right);
+        }
+        output::print(format_args!("{out}\n"))
     }
-    if wrong == 0 {
-        Ok(())
-    } else {
-        Err(Error::new(ErrorKind::Expectation, format!("{wrong} wrong results")))
+
+    /// Prints the sums, or all as JSON.
+    fn print_end(self, result: &CheckMathResult) -> Result<()> {
+        let wrong: u64 = result.reports().map(|report| report.wrong).sum();
+        if self.json {
+            let failed = |error: serde_json::Error| Error::io("standard output", error.into());
+            let mut functions: Vec<Value> =
+                result.reports().map(serde_json::to_value).collect::<Result<_, _>>().map_err(failed)?;
+            for function in functions.iter_mut().filter_map(Value::as_object_mut) {
+                if !self.with_times {
+                    function.remove("time");
+                }
+            }
+            let json = serde_json::json!({ "functions": functions, "wrong": wrong });
+            output::print(format_args!("{json:#}\n"))?;
+        } else {
+            let inputs: u64 = result.reports().map(|report| report.inputs).sum();
+            output::print(format_args!("\n{inputs} results: {wrong} wrong\n"))?;
+        }
+        if wrong == 0 {
+            Ok(())
+        } else {
+            Err(Error::new(ErrorKind::Expectation, format!("{wrong} wrong results")))
+        }
     }
 }
 
@@ -100,31 +188,4 @@ fn function(name: &str) -> std::result::Result<&'static str, String> {
         names.dedup();
         format!("the functions are {}", names.join(", "))
     })
-}
-
-fn heading() -> String {
-    format!(
-        "{:<14} {:>5} {:>12} {:>10} {:>8} {:>9}  inputs",
-        "function", "width", "inputs", "precise", "wrong", "s"
-    )
-}
-
-fn line(report: &CheckMathReport) -> String {
-    let mut out = format!(
-        "{:<14} {:>5} {:>12} {:>10} {:>8} {:>9.1}  {}",
-        report.function,
-        report.width,
-        report.inputs,
-        report.precise,
-        report.wrong,
-        report.time.as_secs_f64(),
-        report.which
-    );
-    if let Some(error) = report.greatest_error {
-        out += &format!(", at most {error:.3} ulp");
-    }
-    for wrong in &report.examples {
-        out += &format!("\n  of {:#x?} {:#x}, right is {}", wrong.operands, wrong.found, wrong.right);
-    }
-    out
 }

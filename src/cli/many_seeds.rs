@@ -6,6 +6,7 @@ use std::path::Path;
 use clap::{ArgGroup, Args};
 
 use crate::cli::sanitize::SanitizeArgs;
+use crate::cli::stability::StabilityArgs;
 use crate::debug::session::ResolvedRequest;
 use crate::debug::shell;
 use crate::error::Result;
@@ -22,7 +23,8 @@ pub(super) struct ManySeedsArgs {
     /// output depends on it
     #[arg(long, value_name = "N", groups = ["checks", "seeds"])]
     many_seeds: Option<u64>,
-    /// Draw from the seeds A to B - 1 alone, a share of --many-seeds
+    /// Draw from the seeds A to B - 1 alone, a share of --many-seeds; with --perturb N: do the runs
+    /// A + 1 to B of the N alone
     #[arg(long, value_name = "A..B", groups = ["checks", "seeds"], value_parser = seed_range)]
     seed_range: Option<Range<u64>>,
     /// With --many-seeds: also draw which products of floats are added without being rounded, where
@@ -37,9 +39,14 @@ pub(super) struct ManySeedsArgs {
 }
 
 impl ManySeedsArgs {
-    /// Whether one of the flags is given.
-    pub(super) fn is_requested(&self) -> bool {
-        self.many_seeds.is_some() || self.seed_range.is_some()
+    /// Whether one of the flags is given, and a range not for `--perturb`.
+    pub(super) fn is_requested(&self, stability: &StabilityArgs) -> bool {
+        self.many_seeds.is_some() || self.seed_range.is_some() && !stability.perturbs()
+    }
+
+    /// The range of `--seed-range` that counts runs of `--perturb`.
+    pub(super) fn perturbed_runs(&self) -> Option<&Range<u64>> {
+        self.seed_range.as_ref().filter(|_| self.many_seeds.is_none())
     }
 
     /// The seeds that the flags ask for: those of the range that are below the number. The levels
@@ -47,7 +54,11 @@ impl ManySeedsArgs {
     ///
     /// # Errors
     /// `InvalidArgument` for a rule that does not exist.
-    pub(super) fn given(&self, sanitize: &SanitizeArgs) -> Result<Option<ManySeeds>> {
+    pub(super) fn given(
+        &self,
+        sanitize: &SanitizeArgs,
+        stability: &StabilityArgs,
+    ) -> Result<Option<ManySeeds>> {
         let floats = match (self.fast_math, self.contract) {
             (true, _) => FloatChoices::Fast,
             (false, true) => FloatChoices::Contracted,
@@ -59,7 +70,7 @@ impl ManySeedsArgs {
             None => all,
         };
         let levels = sanitize.given_levels()?;
-        Ok(self.is_requested().then_some(ManySeeds { seeds, levels, floats, command: None }))
+        Ok(self.is_requested(stability).then_some(ManySeeds { seeds, levels, floats, command: None }))
     }
 
     /// Runs a scene's launches and dispatches for the seeds, on copies of its resources, where the
@@ -70,11 +81,12 @@ impl ManySeedsArgs {
     pub(super) fn run(
         &self,
         sanitize: &SanitizeArgs,
+        stability: &StabilityArgs,
         scene: &ResolvedScene,
         assembled: &Assembled,
         command: String,
     ) -> Result<Option<Findings>> {
-        let Some(drawn) = self.of_scene(sanitize, scene, command)? else { return Ok(None) };
+        let Some(drawn) = self.of_scene(sanitize, stability, scene, command)? else { return Ok(None) };
         drawn.run(scene, assembled).map(Some)
     }
 
@@ -85,12 +97,13 @@ impl ManySeedsArgs {
     pub(super) fn run_one(
         &self,
         sanitize: &SanitizeArgs,
+        stability: &StabilityArgs,
         scene: &ResolvedScene,
         assembled: &Assembled,
         which: &ResolvedRequest,
         command: String,
     ) -> Result<Option<Findings>> {
-        let Some(drawn) = self.of_scene(sanitize, scene, command)? else { return Ok(None) };
+        let Some(drawn) = self.of_scene(sanitize, stability, scene, command)? else { return Ok(None) };
         drawn.run_one(scene, assembled, which).map(Some)
     }
 
@@ -98,10 +111,11 @@ impl ManySeedsArgs {
     fn of_scene(
         &self,
         sanitize: &SanitizeArgs,
+        stability: &StabilityArgs,
         scene: &ResolvedScene,
         command: String,
     ) -> Result<Option<ManySeeds>> {
-        let Some(drawn) = self.given(sanitize)? else { return Ok(None) };
+        let Some(drawn) = self.given(sanitize, stability)? else { return Ok(None) };
         let levels = sanitize.levels(scene)?;
         Ok(Some(ManySeeds { levels, command: Some(command), ..drawn }))
     }
@@ -127,7 +141,7 @@ pub(super) fn command_line(
 }
 
 /// `A..B`
-fn seed_range(text: &str) -> Result<Range<u64>, String> {
+pub(super) fn seed_range(text: &str) -> Result<Range<u64>, String> {
     let number = |text: &str| text.parse::<u64>().map_err(|error| format!("{text:?}: {error}"));
     let (first, end) = text.split_once("..").ok_or("it has the form A..B, as 0..64")?;
     Ok(number(first)?..number(end)?)

@@ -16,6 +16,7 @@ mod interactive;
 mod interrupt;
 mod limits;
 mod many_seeds;
+pub mod merge;
 mod module_file;
 mod output;
 mod page_args;
@@ -24,12 +25,14 @@ pub mod render;
 pub mod run;
 mod sanitize;
 pub mod scene;
+mod share;
 pub mod smoke;
 mod source;
 mod stability;
 mod stats;
 #[cfg(feature = "stress")]
 pub mod stress;
+mod suite_report;
 pub mod test;
 pub mod trace_one_ray;
 pub mod verify;
@@ -75,6 +78,7 @@ commands! {
     #[cfg(feature = "stress")]
     stress Stress(StressArgs),
     test Test(TestArgs),
+    merge Merge(MergeArgs),
 }
 
 /// Runs ray-tracing shaders on the CPU, exactly.

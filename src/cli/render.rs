@@ -1,6 +1,7 @@
 //! `anyhit render`: launches a scene's ray generation shader over its image.
 
 mod look;
+mod share;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,12 +13,15 @@ use crate::cli::input::{SceneFileArgs, VariantArgs};
 use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::{ManySeedsArgs, command_line};
 use crate::cli::render::look::{LookArgs, Looked};
+use crate::cli::render::share::PictureShare;
 use crate::cli::sanitize::SanitizeArgs;
+use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
 use crate::cli::{output, precision, stats};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::geometry::Precision;
+use crate::harness::shares::render::RenderWhole;
 use crate::harness::stability::deep_copy;
 use crate::machine::LaunchLimits;
 use crate::machine::image::ImageShape;
@@ -78,6 +82,9 @@ pub struct RenderArgs {
     many_seeds: ManySeedsArgs,
 
     #[command(flatten)]
+    share: ShareArgs,
+
+    #[command(flatten)]
     limits: LimitArgs,
 
     /// With --heat, --shadow or --perturb: print JSON
@@ -96,6 +103,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         return run_look(args).map_err(|error| output::json_error(json, error));
     }
     args.look.check(None)?;
+    check_share(&args)?;
     if args.json && !args.stability.is_requested() {
         let message = "`--json` is for --heat, --shadow and --perturb";
         return Err(Error::new(ErrorKind::InvalidArgument, message));
@@ -119,6 +127,26 @@ pub fn run(args: RenderArgs) -> Result<()> {
     };
     let printed = Arc::default();
     assembled.resources.printed = Some(Arc::clone(&printed));
+    if args.share.is_requested() {
+        // The smallest bands, so that shares take equally long.
+        let streamed = StreamedImage { band_bytes: 0, ..streamed };
+        let bands = shared_bands(&args, &resolved, &assembled, output, &streamed)?;
+        let [width, height, _] = assembled.size;
+        let whole = RenderWhole {
+            scene: resolved.path.display().to_string(),
+            variant: args.variant.variant.clone(),
+            precision: args.precision.map(|precision| precision.name().to_owned()),
+            size: [width, height],
+            format: RenderWhole::format_of(image.format),
+            to_srgb,
+        };
+        let bar = progress_bar(u64::from(width) * u64::from(height) / args.share.shard_or_whole().of as u64);
+        let shared = PictureShare { share: &args.share, whole, bands, lanes: &args.lanes };
+        let outcome = shared.run(&|count| bar.inc(count));
+        bar.finish_and_clear();
+        output::printed(&printed)?;
+        return outcome;
+    }
     let (bands, whole_image) = match split_into_bands(&args, &resolved, &assembled, output, &streamed) {
         Ok(bands) => (Some(bands), None),
         Err(why) => {
@@ -138,7 +166,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
         true => assembled.invocations(),
         false => size.iter().map(|&side| u64::from(side)).product(),
     });
-    let drawn = args.many_seeds.run(&args.sanitize, &resolved, &assembled, repeated(&args))?;
+    let drawn =
+        args.many_seeds.run(&args.sanitize, &args.stability, &resolved, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let launch = assembled.launch();
     let on_progress = |count| bar.inc(count);
@@ -191,7 +220,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
         output::print(bands.as_ref().map_or_else(String::new, |bands| stats::bands(bands, image)))?;
     }
     if let Some(initial) = stability {
-        args.stability.run(&resolved, &initial, None, args.json)?;
+        args.stability.run(&resolved, &initial, None, args.json, args.many_seeds.perturbed_runs())?;
     }
     Ok(())
 }
@@ -204,14 +233,59 @@ fn repeated(args: &RenderArgs) -> String {
     command_line("render", args.scene.as_deref(), &flags)
 }
 
+/// Refuses what a share of a picture cannot do.
+fn check_share(args: &RenderArgs) -> Result<()> {
+    if !args.share.is_requested() {
+        return Ok(());
+    }
+    let message = if !args.share.has_result() {
+        "`--shard` of a picture needs `--result FILE`: a share writes no picture"
+    } else if args.output.is_some() {
+        "`--result` is for `anyhit merge FILE... -o PICTURE`, which writes the picture of all shares"
+    } else if args.stats {
+        "`--stats` counts a whole launch, and `--result` holds a share of one"
+    } else {
+        return Ok(());
+    };
+    Err(Error::new(ErrorKind::InvalidArgument, message))
+}
+
+/// The bands of a launch, of which each can be run by itself.
+///
+/// # Errors
+/// Why they cannot.
+fn shared_bands<'a>(
+    args: &RenderArgs,
+    scene: &ResolvedScene,
+    assembled: &'a Assembled,
+    output: &resolved::ResolvedBinding,
+    streamed: &'a StreamedImage,
+) -> Result<BandedLaunch<'a>> {
+    let pipeline = &assembled.pipeline;
+    let bands = if let Some(reason) = why_not_in_bands(args, scene, assembled, output) {
+        Err(reason.to_owned())
+    } else if pipeline.order_dependent() {
+        Err("shaders depend on the order of invocations".to_owned())
+    } else if pipeline.shared_memory(assembled.size, &assembled.resources).is_some() {
+        Err("invocations read what others write".to_owned())
+    } else {
+        assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string())
+    };
+    bands.map_err(|why| {
+        let message = format!("the picture cannot be shared by rows: {why}");
+        Error::new(ErrorKind::InvalidArgument, message).at(output.place.clone())
+    })
+}
+
 /// Counts what the launch costs, as `--heat`, `--profile` and `--html` ask for.
 fn run_look(args: RenderArgs) -> Result<()> {
     let look = &args.look;
     let runs_otherwise = [
         (args.sanitize.is_requested(), "the sanitizer"),
-        (args.many_seeds.is_requested(), "`--many-seeds`"),
+        (args.many_seeds.is_requested(&args.stability), "`--many-seeds`"),
         (args.stability.is_requested(), "`--shadow` or `--perturb`"),
         (args.stats, "`--stats`"),
+        (args.share.is_requested(), "`--shard` or `--result`"),
     ];
     if let Some((_, other)) = runs_otherwise.iter().find(|(given, _)| *given) {
         let message = format!("`--heat`, `--profile` and `--html` count one run: {other} is for another one");
@@ -308,16 +382,34 @@ fn split_into_bands<'a>(
     output: &resolved::ResolvedBinding,
     streamed: &'a StreamedImage,
 ) -> Result<BandedLaunch<'a>, String> {
-    let Some(image) = output.resource.image() else { return Err("it is none".to_owned()) };
-    let [width, height, _] = assembled.size;
     let kind = args.output.as_deref().and_then(PictureKind::of).unwrap_or(PictureKind::Png);
+    let takes_little = |image: &Arc<ImageContent>| image.size() <= 2 * streamed.band_bytes;
     let reason = if kind != PictureKind::Png {
         "only a PNG is written in bands"
-    } else if assembled.is_frame() {
+    } else if let Some(reason) = why_not_in_bands(args, scene, assembled, output) {
+        reason
+    } else if output.resource.image().is_some_and(takes_little) {
+        "it takes no more memory than two bands of it"
+    } else {
+        return assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string());
+    };
+    Err(reason.to_owned())
+}
+
+/// Why a launch does not draw its image in bands, whatever its shaders do; `None` where it may.
+fn why_not_in_bands(
+    args: &RenderArgs,
+    scene: &ResolvedScene,
+    assembled: &Assembled,
+    output: &resolved::ResolvedBinding,
+) -> Option<&'static str> {
+    let Some(image) = output.resource.image() else { return Some("it is none") };
+    let [width, height, _] = assembled.size;
+    Some(if assembled.is_frame() {
         "the scene has passes"
     } else if args.sanitize.is_requested() {
         "the sanitizer runs the whole launch"
-    } else if args.many_seeds.is_requested() {
+    } else if args.many_seeds.is_requested(&args.stability) {
         "--many-seeds runs the launch again on it"
     } else if args.stability.is_requested() {
         "--shadow and --perturb run the launch again on it"
@@ -329,12 +421,9 @@ fn split_into_bands<'a>(
         "it has several bindings"
     } else if output.element > 0 {
         "it is not the first of an array of images"
-    } else if image.size() <= 2 * streamed.band_bytes {
-        "it takes no more memory than two bands of it"
     } else {
-        return assembled.launch().bands(assembled.size, streamed).map_err(|why| why.to_string());
-    };
-    Err(reason.to_owned())
+        return None;
+    })
 }
 
 /// Width and height, such as `640x360`.

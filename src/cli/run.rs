@@ -118,7 +118,7 @@ pub fn run(args: RunArgs) -> Result<()> {
         None => {}
     }
     if args.stability.is_requested() {
-        return args.stability.run(&scene, &assembled, None, args.json);
+        return args.stability.run(&scene, &assembled, None, args.json, args.many_seeds.perturbed_runs());
     }
     if args.json {
         let message = "`--json` is for --shadow and --perturb; a buffer has --dump WHAT=json";
@@ -136,7 +136,7 @@ pub fn run(args: RunArgs) -> Result<()> {
     let saved: Vec<_> = saved.collect::<Result<_>>()?;
 
     let load_time = begin.elapsed();
-    let drawn = args.many_seeds.run(&args.sanitize, &scene, &assembled, repeated(&args))?;
+    let drawn = args.many_seeds.run(&args.sanitize, &args.stability, &scene, &assembled, repeated(&args))?;
     let launched = Instant::now();
     let on_progress = |_| ();
     let sanitized = match args.sanitize.is_requested() {

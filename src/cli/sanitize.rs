@@ -63,6 +63,19 @@ impl SanitizeArgs {
         self.sanitize
     }
 
+    /// Whether findings are printed as text.
+    pub(super) fn prints_text(&self) -> bool {
+        self.findings == FindingFormat::Text
+    }
+
+    /// The levels of rules that the flags set, as they are typed.
+    pub(super) fn level_flags(&self) -> String {
+        let flags = [("--allow", &self.allow), ("--warn", &self.warn), ("--deny", &self.deny)];
+        let typed: Vec<String> =
+            flags.iter().flat_map(|(flag, ids)| ids.iter().map(move |id| format!("{flag} {id}"))).collect();
+        typed.join(" ")
+    }
+
     /// The levels of rules that the flags set.
     ///
     /// # Errors

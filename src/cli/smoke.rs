@@ -1,19 +1,23 @@
-//! `anyhit smoke`: runs every entry point of a module on made-up inputs.
+//! `anyhit smoke`: runs every entry point of modules on made-up inputs.
+
+pub(super) mod modules;
+mod verdict;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use serde::Serialize;
 
 use crate::cli::input::InputLimitArgs;
 use crate::cli::limits::LaunchLimitArgs;
+use crate::cli::share::ShareArgs;
+use crate::cli::smoke::modules::ModulesToRun;
+use crate::cli::smoke::verdict::{JsonReport, verdict};
 use crate::cli::source::SourceArgs;
 use crate::cli::{module_file, output};
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::harness::sanitized::deny;
-use crate::harness::smoke::{SmokeOptions, SmokeReport, SmokeVerdict};
+use crate::harness::smoke::{SmokeOptions, SmokeReport};
 use crate::machine::LaunchLimits;
 
 /// Runs every ray-tracing and compute entry point of a module on made-up inputs.
@@ -23,12 +27,13 @@ use crate::machine::LaunchLimits;
 /// [0, 1), identity matrices. New sets of values are tried until every basic block was entered or
 /// new sets enter no further block. Exit codes: 0 all ran to their end, 1 one trapped or entered
 /// less than `--min-coverage`, 4 one is not supported, 2 the module is invalid, 6 the sanitizer
-/// denies what is in the module.
+/// denies what is in the module; of several modules the worst.
 #[derive(Args, Clone, Debug)]
 pub struct SmokeArgs {
-    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input
-    #[arg(value_name = "MODULE")]
-    module: PathBuf,
+    /// A SPIR-V module, or the source of one (GLSL, WGSL, Slang, HLSL), or `-` for standard input;
+    /// or several of these, and folders, which are searched for `.spv`: then a line is told of each
+    #[arg(value_name = "MODULE", required = true)]
+    modules: Vec<PathBuf>,
     #[command(flatten)]
     how: SourceArgs,
     #[command(flatten)]
@@ -61,6 +66,11 @@ pub struct SmokeArgs {
     /// Fail where an entry point entered less than this many percent of its blocks
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     min_coverage: Option<f64>,
+    /// Of several modules: run N in parallel [default: one for each processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    #[command(flatten)]
+    share: ShareArgs,
 }
 
 fn seconds(text: &str) -> std::result::Result<Duration, String> {
@@ -78,10 +88,8 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
 /// # Errors
 /// What reading, compiling and loading the module reports; `Expectation` where an entry point
 /// traps; `UnsupportedModule` or `InvalidModule` where one does not run; `Finding` where the
-/// sanitizer denies what is in the module.
+/// sanitizer denies what is in the module. Of several modules the worst.
 pub fn run(args: SmokeArgs) -> Result<()> {
-    let module = module_file::read_or_compile(&args.module, &args.limits.limits(), &args.how.words());
-    let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
     if args.budget.is_some() {
         output::renamed_flag("--budget", "--fuel");
     }
@@ -93,70 +101,29 @@ pub fn run(args: SmokeArgs) -> Result<()> {
         time_limit: args.seconds,
         sanitize: args.sanitize,
     };
+    let (limits, words, min_coverage) =
+        (args.limits.limits(), args.how.words(), args.min_coverage.unwrap_or(0.0));
+    let several = match &args.modules[..] {
+        [path] => args.share.is_requested() || path.is_dir(),
+        _ => true,
+    };
+    if several {
+        let many =
+            ModulesToRun { limits, words, options, min_coverage, jobs: args.jobs.map_or(0, usize::from) };
+        return many.run(&args.modules, &args.share, args.json);
+    }
+    let path = &args.modules[0];
+    let module = module_file::read_or_compile(path, &limits, &words);
+    let module = Arc::new(module.map_err(|error| output::json_error(args.json, error))?);
     let report = SmokeReport::of(&module, options);
-    let verdict = verdict(&report, args.min_coverage.unwrap_or(0.0));
+    let verdict = verdict(&report, min_coverage);
     if args.json {
         let errors = verdict.as_ref().err().map_or_else(Vec::new, ErrorReport::all);
         let json = serde_json::to_string_pretty(&JsonReport { report: &report, errors })
-            .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", args.module.display())))?;
+            .map_err(|error| Error::new(ErrorKind::Io, format!("{}: {error}", path.display())))?;
         output::print(format_args!("{json}\n"))?;
     } else {
         output::print(report.text())?;
     }
     verdict
-}
-
-/// What `--json` prints.
-#[derive(Serialize)]
-struct JsonReport<'a> {
-    #[serde(flatten)]
-    report: &'a SmokeReport,
-    /// What the exit code tells of.
-    errors: Vec<ErrorReport>,
-}
-
-/// The worst verdict as an error, for the exit code.
-fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
-    let worst = report.worst();
-    let kind = match worst {
-        SmokeVerdict::Ok | SmokeVerdict::OutOfScope => {
-            report.entry_points.iter().try_for_each(|entry| deny(&entry.findings))?;
-            return covered(report, min_coverage);
-        }
-        SmokeVerdict::Trap => ErrorKind::Expectation,
-        SmokeVerdict::Unsupported | SmokeVerdict::Bug => ErrorKind::UnsupportedModule,
-        SmokeVerdict::Invalid => ErrorKind::InvalidModule,
-    };
-    let entries = &report.entry_points;
-    let count = |verdict| entries.iter().filter(|entry| entry.result == verdict).count();
-    let verdicts = [
-        (SmokeVerdict::Trap, "trapped"),
-        (SmokeVerdict::Unsupported, "not supported"),
-        (SmokeVerdict::Invalid, "invalid"),
-        (SmokeVerdict::Bug, "met a bug in anyhit"),
-    ];
-    let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
-    let parts: Vec<_> = counts
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, word)| format!("{count} {word}"))
-        .collect();
-    Err(Error::new(kind, format!("of {} entry points, {}", entries.len(), parts.join(", "))))
-}
-
-/// Whether every entry point entered enough of its blocks.
-fn covered(report: &SmokeReport, percent: f64) -> Result<()> {
-    let reached = report.entry_points.iter().filter_map(|entry| Some((entry, entry.coverage.as_ref()?)));
-    let too_few: Vec<_> = reached.filter(|(_, reached)| !reached.is_at_least(percent)).collect();
-    if too_few.is_empty() {
-        return Ok(());
-    }
-    let count = report.entry_points.len();
-    let message =
-        format!("of {count} entry points, {} reached less than {percent} % of its blocks", too_few.len());
-    let error = Error::new(ErrorKind::Expectation, message);
-    Err(too_few.iter().fold(error, |error, (entry, reached)| {
-        let share = format!("{} of {} blocks", reached.blocks_entered, reached.blocks);
-        error.note(format!("{} `{}` reached {share}", entry.stage, entry.name))
-    }))
 }

@@ -1,5 +1,7 @@
 //! `--shadow` and `--perturb`: how far results depend on rounding.
 
+use std::ops::Range;
+
 use clap::Args;
 
 use crate::cli::output;
@@ -45,15 +47,28 @@ impl StabilityArgs {
         self.shadow
     }
 
-    /// The perturbation of `--perturb`, `--seed`, `--envelope` and `--tolerance`.
-    pub(super) fn perturbation(&self) -> Option<Perturbation> {
-        let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
-        let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
-        self.perturb.map(|runs| Perturbation { runs, seed: self.seed, envelope, tolerance })
+    /// Whether `--perturb` is given.
+    pub(super) fn perturbs(&self) -> bool {
+        self.perturb.is_some()
     }
 
-    /// Runs a whole launch or one ray as `--shadow` or `--perturb` requests, and prints the
-    /// findings.
+    /// The perturbation of `--perturb`, `--seed`, `--envelope` and `--tolerance`: of its runs those
+    /// that `range` counts from 0.
+    pub(super) fn perturbation(&self, range: Option<&Range<u64>>) -> Option<Perturbation> {
+        let envelope = if self.envelope == "nvidia" { Envelope::Nvidia } else { Envelope::Vulkan };
+        let tolerance = self.tolerance.unwrap_or(Perturbation::default().tolerance);
+        self.perturb.map(|runs| {
+            let number = |number: u64| u32::try_from(number).unwrap_or(u32::MAX);
+            let (first_run, runs) = match range {
+                Some(range) => (number(range.start).saturating_add(1), runs.min(number(range.end))),
+                None => (1, runs),
+            };
+            Perturbation { runs, first_run, seed: self.seed, envelope, tolerance }
+        })
+    }
+
+    /// Runs a whole launch or one ray as `--shadow` or `--perturb` requests, `range` as in
+    /// [`StabilityArgs::perturbation`], and prints the findings.
     ///
     /// # Errors
     /// Of the run; `Expectation` where an output is not stable, after the findings are printed.
@@ -63,8 +78,9 @@ impl StabilityArgs {
         assembled: &Assembled,
         one: Option<&ResolvedRequest>,
         json: bool,
+        range: Option<&Range<u64>>,
     ) -> Result<()> {
-        if let Some(perturbation) = self.perturbation() {
+        if let Some(perturbation) = self.perturbation(range) {
             return perturbed(scene, assembled, one, json, &perturbation);
         }
         let (found, trap) = match one {

@@ -1,22 +1,29 @@
 //! `anyhit stress`: draws adversarial rays and checks each answer in arbitrary precision.
 
 use std::fmt::Display;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
+use crate::cli::many_seeds::seed_range;
+use crate::cli::share::ShareArgs;
 use crate::cli::{output, precision};
 use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Precision;
+use crate::harness::shares::ShareResults;
+use crate::harness::shares::stress::{StressFailure, StressResult, StressWhole};
 use crate::scene::LoadOptions;
 use crate::stress::family::FAMILIES;
-use crate::stress::{self, FoundFailure, StressReport, StressSettings, Tally};
+use crate::stress::{self, FixedCases, StressReport, StressSettings, Tally};
 
 /// Draws adversarial rays and shapes and compares every answer with arbitrary precision.
 ///
 /// Runs until --rays or --minutes is reached, or ten answers were wrong; without either until it is
 /// interrupted. A wrong answer is made smaller, printed, and saved as a file that the tests replay.
+///
+/// With --cases the number of cases is fixed, so that --shard can share them.
 ///
 /// With a scene file, rays are drawn in its acceleration structures, and what they find there is
 /// compared with what they find by the BVHs of another builder over the same primitives.
@@ -29,6 +36,14 @@ pub struct StressArgs {
     /// The seed of the cases; it draws the same cases on every machine
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+
+    /// Run exactly N cases of each seed, however many are wrong; the first ten are told
+    #[arg(long, value_name = "N", conflicts_with_all = ["rays", "minutes"], value_parser = clap::value_parser!(u64).range(1..))]
+    cases: Option<u64>,
+
+    /// With --cases: draw cases from each of the seeds A to B - 1
+    #[arg(long, value_name = "A..B", conflicts_with = "seed", value_parser = seed_range)]
+    seed_range: Option<Range<u64>>,
 
     /// End after at least this many rays
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -46,6 +61,13 @@ pub struct StressArgs {
     #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
     save: PathBuf,
 
+    /// Print no times and no progress: what is left is the same in every run
+    #[arg(long)]
+    no_times: bool,
+
+    #[command(flatten)]
+    share: ShareArgs,
+
     #[command(flatten)]
     files: SceneFileArgs,
 }
@@ -54,35 +76,91 @@ pub struct StressArgs {
 ///
 /// # Errors
 /// `Expectation` where an answer was wrong; `Io` where its case cannot be saved; what the scene
-/// lacks.
+/// lacks; `InvalidArgument` for a share of what has no fixed number of cases.
 pub fn run(args: StressArgs) -> Result<()> {
     let settings =
         StressSettings { seed: args.seed, rays: args.rays, time: args.minutes, precision: args.precision };
     if let Some(path) = &args.scene {
+        let given = [
+            (args.share.is_requested(), "`--shard` and `--result`"),
+            (args.seed_range.is_some(), "`--seed-range`"),
+            (args.cases.is_some(), "`--cases`"),
+        ];
+        if let Some((_, flags)) = given.iter().find(|(given, _)| *given) {
+            let message = format!("{flags} count cases that are drawn; over a scene, rays are drawn");
+            let note = "several runs over a scene share the work by `--seed`";
+            return Err(Error::new(ErrorKind::InvalidArgument, message).note(note));
+        }
         return run_scene(path, &args.files, &settings);
     }
-    output::print(format_args!("seed {}, {} families\n", args.seed, FAMILIES.len()))?;
+    let seeds = args.seed_range.clone().unwrap_or(args.seed..args.seed.saturating_add(1));
+    let whole = StressWhole {
+        seeds: [seeds.start, seeds.end],
+        cases: args.cases,
+        precision: args.precision.name().to_owned(),
+    };
+    output::print(heading(&whole))?;
     let mut progress = Progress(Instant::now());
-    let report = stress::run(&settings, |report| {
-        progress.print(report.time, report.total().rays, report.failures.len());
-    });
-    output::print(table(&report))?;
-    if report.failures.is_empty() {
-        return Ok(());
-    }
-    for found in &report.failures {
-        let path = save(&args.save, &settings, found)?;
+    let mut on_progress = |report: &StressReport| {
+        if !args.no_times {
+            progress.print(report.time, report.total().rays, report.wrong);
+        }
+    };
+    let report = match args.cases {
+        Some(cases) => {
+            let (fixed, shard) = (FixedCases { seeds, cases }, args.share.shard_or_whole());
+            stress::run_fixed(&fixed, args.precision, |place| shard.holds(place), on_progress)
+        }
+        None if args.share.is_requested() || args.seed_range.is_some() => return Err(needs_cases()),
+        None => stress::run(&settings, &mut on_progress),
+    };
+    let results = ShareResults::new(whole, args.share.shard_or_whole(), StressResult::of(&report));
+    args.share.write(&results)?;
+    print_end(&StressResult::of_shares(&results), &args.save, !args.no_times)
+}
+
+fn needs_cases() -> Error {
+    let message = "`--shard`, `--result` and `--seed-range` need `--cases N`";
+    Error::new(ErrorKind::InvalidArgument, message).note(
+        "a run that `--rays`, `--minutes` or ten failures end has no number of cases that could be shared: \
+         each share would end elsewhere",
+    )
+}
+
+/// The report of merged shares, but for times.
+///
+/// # Errors
+/// As [`run`].
+pub(super) fn print_merged(results: &ShareResults<StressResult>, save: &Path) -> Result<()> {
+    output::print(heading(results.whole()))?;
+    print_end(&StressResult::of_shares(results), save, false)
+}
+
+fn heading(whole: &StressWhole) -> String {
+    let [first, end] = whole.seeds;
+    let seeds = match end.saturating_sub(first) {
+        0 | 1 => format!("seed {first}"),
+        _ => format!("seeds {first} to {}", end - 1),
+    };
+    format!("{seeds}, {} families\n", FAMILIES.len())
+}
+
+/// Prints the table and what was wrong, and saves that.
+fn print_end(result: &StressResult, folder: &Path, with_times: bool) -> Result<()> {
+    output::print(table(result, with_times))?;
+    for found in &result.failures {
+        let path = save(folder, found)?;
         output::print(format_args!(
             "\ncase {} of seed {}, family {}: {}\n\n{}\nsaved as {}\n",
             found.number,
-            args.seed,
-            found.case.family,
+            found.seed,
+            found.family,
             found.failure,
-            found.case.to_toml(),
+            found.case,
             path.display()
         ))?;
     }
-    Err(wrong_answers(report.failures.len()))
+    if result.wrong == 0 { Ok(()) } else { Err(wrong_answers(result.wrong)) }
 }
 
 /// Judges the acceleration structures of a scene.
@@ -91,14 +169,14 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
     output::notes(&scene.notes);
     let mut progress = Progress(Instant::now());
     let report = stress::scene::run(&scene.tlas, settings, |report| {
-        progress.print(report.time, report.tally.rays, report.failures.len());
+        progress.print(report.time, report.tally.rays, report.failures.len() as u64);
     });
     let Tally { lines, rays, hits, trees, packets, .. } = report.tally;
     if lines == 0 {
         let message = "the scene has no acceleration structure with primitives";
         return Err(Error::new(ErrorKind::InvalidScene, message));
     }
-    let (seconds, wrong) = (report.time.as_secs_f64(), report.failures.len());
+    let (seconds, wrong) = (report.time.as_secs_f64(), report.failures.len() as u64);
     output::print(format_args!(
         "{lines} rays, traced {rays} times in {seconds:.1} s: {hits} hit, {trees} went through trees, {packets} in \
          packets\n{wrong} wrong answers, judged by BVHs of obvhs over the same primitives\n"
@@ -109,7 +187,7 @@ fn run_scene(path: &Path, files: &SceneFileArgs, settings: &StressSettings) -> R
     if wrong == 0 { Ok(()) } else { Err(wrong_answers(wrong)) }
 }
 
-fn wrong_answers(count: usize) -> Error {
+fn wrong_answers(count: u64) -> Error {
     Error::new(ErrorKind::Expectation, format!("{count} wrong answers"))
 }
 
@@ -125,7 +203,7 @@ fn minutes(text: &str) -> std::result::Result<Duration, String> {
 struct Progress(Instant);
 
 impl Progress {
-    fn print(&mut self, time: Duration, rays: u64, wrong: usize) {
+    fn print(&mut self, time: Duration, rays: u64, wrong: u64) {
         if self.0.elapsed() >= Duration::from_secs(10) {
             self.0 = Instant::now();
             let line = format!("{:>6} s  {rays:>12} rays  {wrong} wrong\n", time.as_secs());
@@ -135,7 +213,7 @@ impl Progress {
     }
 }
 
-fn table(report: &StressReport) -> String {
+fn table(result: &StressResult, with_times: bool) -> String {
     let row = |name: &str, columns: [&dyn Display; 5], about: &str| {
         let [lines, rays, hits, trees, packets] = columns;
         let row = format!("{name:<14} {lines:>11} {rays:>11} {hits:>11} {trees:>11} {packets:>11}  {about}");
@@ -147,30 +225,27 @@ fn table(report: &StressReport) -> String {
     };
     let heads: [&dyn Display; 5] = [&"lines", &"rays", &"hits", &"in trees", &"in packets"];
     let mut out = format!("\n{}", row("family", heads, "what"));
-    for (family, tally) in FAMILIES.iter().zip(&report.families) {
+    for (family, tally) in FAMILIES.iter().zip(&result.families) {
         out += &tallied(family.name, tally, family.about);
     }
-    let total = report.total();
+    let total = result.total();
     out += &format!("{}\n", tallied("all", &total, ""));
+    let time = match with_times {
+        true => format!(" in {:.1} s", result.time().as_secs_f64()),
+        false => String::new(),
+    };
     out += &format!(
-        "{} rays in {:.1} s: {} wrong decisions; t, u and barycentrics correctly rounded in the others\n",
-        total.rays,
-        report.time.as_secs_f64(),
-        report.failures.len()
+        "{} rays{time}: {} wrong decisions; t, u and barycentrics correctly rounded in the others\n",
+        total.rays, result.wrong
     );
     out
 }
 
-fn save(folder: &Path, settings: &StressSettings, found: &FoundFailure) -> Result<PathBuf> {
+fn save(folder: &Path, found: &StressFailure) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder.display().to_string(), error))?;
-    let path = folder.join(format!("{}-{}-{}.toml", found.case.family, settings.seed, found.number));
-    let text = format!(
-        "# {}\n# Found by `anyhit stress --seed {}`, case {}.\n{}",
-        found.failure,
-        settings.seed,
-        found.number,
-        found.case.to_toml()
-    );
+    let StressFailure { seed, number, family, failure, case } = found;
+    let path = folder.join(format!("{family}-{seed}-{number}.toml"));
+    let text = format!("# {failure}\n# Found by `anyhit stress --seed {seed}`, case {number}.\n{case}");
     atomic_file::write(&path, text)?;
     Ok(path)
 }

@@ -1,9 +1,8 @@
 //! `anyhit test`: runs the test cases of folders and files.
 
 use std::io::{IsTerminal, stdout};
-use std::path::PathBuf;
-
-use clap::ValueEnum;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use crate::atomic_file;
 use crate::cli::input::SceneFileArgs;
@@ -11,12 +10,15 @@ use crate::cli::limits::LimitArgs;
 use crate::cli::many_seeds::ManySeedsArgs;
 use crate::cli::output;
 use crate::cli::sanitize::SanitizeArgs;
+use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
+use crate::cli::suite_report::{self, ReportFormat, SuiteFiles, print_end, print_test, verdict};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
-use crate::harness::suite::{Outcome, Shard, Suite, SuiteOptions, SuiteReport, junit, report};
-use crate::input::RootFolder;
+use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
+use crate::harness::suite::{Suite, SuiteOptions, SuiteResult, SuiteRun, SuiteWhole, report};
+use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::machine::LaunchLimits;
 use crate::scene::SceneFiles;
 
@@ -44,9 +46,15 @@ pub struct TestArgs {
     /// Run N cases in parallel [default: one for each processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Run the Kth of N parts of the tests: all parts together run each test once
-    #[arg(long, value_name = "K/N")]
-    shard: Option<Shard>,
+    #[command(flatten)]
+    share: ShareArgs,
+    /// Choose the tests of a --shard so that all shares take equally long, by a file of
+    /// --write-timings
+    #[arg(long, value_name = "FILE")]
+    timings: Option<PathBuf>,
+    /// Write how long each test took, rounded, for --timings
+    #[arg(long, value_name = "FILE")]
+    write_timings: Option<PathBuf>,
     /// Run launches at 1, 64 and 128 lanes, whose results must be the same
     #[arg(long)]
     all_widths: bool,
@@ -55,10 +63,13 @@ pub struct TestArgs {
     check_optimizer: bool,
     /// How results are printed
     #[arg(long, value_enum, default_value_t)]
-    format: Format,
+    format: ReportFormat,
     /// Also write the results as JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// With --junit: leave out how long tests took, which differs from run to run
+    #[arg(long, requires = "junit")]
+    no_times: bool,
     /// Write the coverage of the shaders' lines and branches as an lcov tracefile, and print a
     /// summary
     #[arg(long, value_name = "FILE")]
@@ -80,20 +91,8 @@ pub struct TestArgs {
     #[arg(long)]
     no_explanation: bool,
     /// Write a first case for modules: PATH... are their files, and last the folder to make
-    #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "junit", "coverage"])]
+    #[arg(long, conflicts_with_all = ["filter", "list", "bless", "shard", "result", "junit", "coverage"])]
     init: bool,
-}
-
-/// How results are printed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum Format {
-    /// Plain text
-    #[default]
-    Plain,
-    /// Text, with an annotation for each failure that GitHub shows at the shader's line
-    Github,
-    /// One JSON object
-    Json,
 }
 
 /// Runs the command.
@@ -107,6 +106,8 @@ pub fn run(args: TestArgs) -> Result<()> {
     }
     let root = args.files.root()?;
     let limits = args.files.limits();
+    let shard = args.shard()?;
+    let timings = args.timings.as_deref().map(|path| read_timings(path, &limits)).transpose()?;
     let mut suite = Suite::find_within(&args.paths, &|file, tree| {
         let root = root.clone().map_or_else(|| RootFolder::of_test(file, tree), Ok)?;
         Ok(SceneFiles { limits, root: Some(root) })
@@ -116,62 +117,109 @@ pub fn run(args: TestArgs) -> Result<()> {
     if suite.tests().is_empty() {
         return Err(no_tests(&args, found));
     }
-    if let Some(shard) = args.shard {
-        suite.shard(shard);
+    let whole = whole(&args, &suite, timings.as_ref())?;
+    if let Some(shard) = shard {
+        suite.shard(shard, timings.as_ref());
     }
     if args.list {
         let names: String = suite.tests().iter().map(|test| format!("{}\n", test.name)).collect();
         return output::print(names);
     }
-    let report = execute(&args, &suite)?;
+    let SuiteRun { result, findings } = execute(&args, &suite)?;
+    let results = ShareResults::new(whole, shard.unwrap_or(Shard::WHOLE), result);
+    let files = SuiteFiles {
+        junit: args.junit.as_deref(),
+        coverage: args.coverage.as_deref(),
+        timings: args.write_timings.as_deref(),
+        with_times: !args.no_times,
+    };
+    let result = SuiteResult::of_shares(&results);
     // A file that cannot be written keeps nobody from the others, and from what is printed.
-    let mut unwritten = Vec::new();
-    if let Some(path) = &args.junit {
-        unwritten.extend(junit(&report).and_then(|text| atomic_file::write(path, text)).err());
-    }
-    if let Some(path) = &args.coverage {
-        unwritten.extend(atomic_file::write(path, report.coverage.lcov()).err());
-    }
-    match args.format {
-        Format::Json => {
-            let mut json = report::json(&report, args.coverage.is_some());
-            if args.stability.shadow() {
-                json["shadow"] = report.shadow.json(None);
-            }
-            if args.stability.perturbation().is_some() {
-                json["perturbed"] = report.perturbed.into();
-            }
-            if !report.findings.is_empty() {
-                json["findings"] = serde_json::to_value(&report.findings).unwrap_or_default();
-            }
-            output::print(format_args!("{json:#}\n"))?;
-        }
-        Format::Plain | Format::Github => {
-            if args.coverage.is_some() {
-                output::print(report::coverage(&report.coverage))?;
-            }
-            if args.stability.shadow() {
-                output::print(format_args!("\n{}\n", report.shadow.text()))?;
-            }
-            if let Some(perturbation) = args.stability.perturbation() {
-                let all = report.finished.len();
-                let text = format!(
-                    "held to stable outputs: {} of {all} tests, {}",
-                    report.perturbed,
-                    perturbation.describe()
-                );
-                output::print(format_args!("\n{text}\n"))?;
-            }
-            args.sanitize.print_warnings(&report.findings)?;
-            output::print(report::summary(&report))?;
-        }
-    }
-    output::notes(&report.notes);
-    if unwritten.is_empty() { verdict(&report) } else { Err(Error::several(unwritten)) }
+    let mut unwritten = files.write(&result);
+    unwritten.extend(args.share.write(&results).err());
+    print_end(results.whole(), &result, args.format, &|kept| match args.sanitize.prints_text() {
+        true => suite_report::print_warnings(kept),
+        false => args.sanitize.print_warnings(&findings),
+    })?;
+    if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
 }
 
-fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
-    let colour = !output::is_plain() && args.format == Format::Plain && stdout().is_terminal();
+impl TestArgs {
+    /// The share that is asked for: by the flag, or else as Bazel asks for one.
+    fn shard(&self) -> Result<Option<Shard>> {
+        match self.share.shard() {
+            Some(shard) => Ok(Some(shard)),
+            None => bazel_shard(),
+        }
+    }
+}
+
+/// The share that Bazel asks for by its variables. The file that it names is written, which says
+/// that they were heeded.
+fn bazel_shard() -> Result<Option<Shard>> {
+    let Some(of) = std::env::var_os("TEST_TOTAL_SHARDS") else { return Ok(None) };
+    let index = std::env::var_os("TEST_SHARD_INDEX").unwrap_or_default();
+    let number = |text: &std::ffi::OsStr| text.to_str().and_then(|text| text.parse::<usize>().ok());
+    let shard = match (number(&index), number(&of)) {
+        (Some(index), Some(of)) if index < of => Shard { number: index + 1, of },
+        _ => {
+            let message = format!(
+                "TEST_SHARD_INDEX is `{}` and TEST_TOTAL_SHARDS is `{}`: an index from 0, and how many there are",
+                index.display(),
+                of.display()
+            );
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+    };
+    if let Some(file) = std::env::var_os("TEST_SHARD_STATUS_FILE").filter(|file| !file.is_empty()) {
+        atomic_file::write(Path::new(&file), "")?;
+    }
+    Ok(Some(shard))
+}
+
+fn read_timings(path: &Path, limits: &InputLimits) -> Result<Timings> {
+    Timings::read(path, &read_argument(path, InputLimit::FileBytes, limits)?)
+}
+
+/// What shares of the suite have in common.
+fn whole(args: &TestArgs, suite: &Suite, timings: Option<&Timings>) -> Result<SuiteWhole> {
+    let given = [
+        (args.all_widths, "--all-widths"),
+        (args.check_optimizer, "--check-optimizer"),
+        (args.bless, "--bless"),
+        (args.fail_fast, "--fail-fast"),
+        (args.no_explanation, "--no-explanation"),
+    ];
+    let mut options: Vec<String> =
+        given.iter().filter(|(given, _)| *given).map(|(_, flag)| (*flag).to_owned()).collect();
+    let perturbation = args.stability.perturbation(args.many_seeds.perturbed_runs());
+    if let Some(perturbation) = &perturbation {
+        options.push(format!("--tolerance {}", perturbation.tolerance));
+    }
+    let limits = format!("{:?}", args.limits.limits(LaunchLimits::TESTS));
+    options.push(format!("limits {}", fingerprint([limits.as_str()].into_iter())));
+    let many_seeds = args.many_seeds.given(&args.sanitize, &args.stability)?;
+    Ok(SuiteWhole {
+        tests: suite.tests().len(),
+        names: fingerprint(suite.tests().iter().map(|test| test.name.as_str())),
+        coverage: args.coverage.is_some(),
+        shadow: args.stability.shadow(),
+        perturbed: perturbation.map(|perturbation| perturbation.describe()),
+        sanitize: (args.sanitize.is_requested() || many_seeds.is_some()).then(|| {
+            let runs = if args.sanitize.is_requested() { "--sanitize" } else { "" };
+            format!("{runs} {}", args.sanitize.level_flags()).trim().to_owned()
+        }),
+        many_seeds: many_seeds.map(|drawn| {
+            let Range { start, end } = drawn.seeds;
+            format!("{start}..{end}, {:?}", drawn.floats)
+        }),
+        options,
+        timings: timings.map(|timings| fingerprint([timings.to_json().as_str()].into_iter())),
+    })
+}
+
+fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteRun> {
+    let colour = !output::is_plain() && args.format == ReportFormat::Plain && stdout().is_terminal();
     let options = SuiteOptions {
         jobs: args.jobs.map_or(0, usize::from),
         all_widths: args.all_widths,
@@ -180,47 +228,20 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteReport> {
         fail_fast: args.fail_fast,
         coverage: args.coverage.is_some(),
         shadow: args.stability.shadow(),
-        perturb: args.stability.perturbation(),
+        perturb: args.stability.perturbation(args.many_seeds.perturbed_runs()),
         sanitize: args.sanitize.is_requested().then(|| args.sanitize.given_levels()).transpose()?,
-        many_seeds: args.many_seeds.given(&args.sanitize)?,
+        many_seeds: args.many_seeds.given(&args.sanitize, &args.stability)?,
         no_explanation: args.no_explanation,
         colour,
         limits: args.limits.limits(LaunchLimits::TESTS),
         pictures: args.pictures.clone().unwrap_or_else(|| std::env::temp_dir().join("anyhit-test")),
+        // Where the runner of GitHub keeps the repository.
+        repository: std::env::var_os("GITHUB_WORKSPACE").map(PathBuf::from),
     };
-    // Where the runner of GitHub keeps the repository.
-    let repository = std::env::var_os("GITHUB_WORKSPACE").map(PathBuf::from);
-    suite.run(&options, &mut |finished| match args.format {
-        Format::Json => Ok(()),
-        Format::Plain => output::print(report::text(finished, colour)),
-        Format::Github => {
-            let text = report::text(finished, false);
-            output::print(format_args!(
-                "{}{}",
-                report::github_log(&text),
-                report::github(finished, repository.as_deref())
-            ))
-        }
+    suite.run(&options, &mut |finished, test| match colour {
+        true => output::print(report::text(finished, true)),
+        false => print_test(test, args.format),
     })
-}
-
-/// The error that becomes the exit code; everything about it is printed already.
-fn verdict(report: &SuiteReport) -> Result<()> {
-    let mut failed = 0;
-    for finished in &report.finished {
-        match &finished.outcome {
-            Outcome::Broken(error) => {
-                let message = "a test could not run";
-                return Err(Error::new(error.kind(), message).classed_as(error));
-            }
-            Outcome::Failed(_) => failed += 1,
-            _ => {}
-        }
-    }
-    if failed == 0 {
-        return Ok(());
-    }
-    Err(Error::new(ErrorKind::Expectation, format!("{failed} tests failed")))
 }
 
 fn no_tests(args: &TestArgs, found: usize) -> Error {

@@ -132,8 +132,9 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
     let session = Session::new(scene)?;
     output::notes(&session.assembled().notes);
-    let looks_otherwise =
-        args.stability.is_requested() || args.sanitize.is_requested() || args.many_seeds.is_requested();
+    let looks_otherwise = args.stability.is_requested()
+        || args.sanitize.is_requested()
+        || args.many_seeds.is_requested(&args.stability);
     if args.interactive && looks_otherwise {
         let message =
             "`--interactive` debugs one run: what the sanitizer or other runs find is told without it";
@@ -141,14 +142,21 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     }
     if args.stability.is_requested() {
         let (_, resolved) = session.resolve(&request)?;
-        let found = args.stability.run(session.scene(), session.assembled(), Some(&resolved), args.json);
+        let found = args.stability.run(
+            session.scene(),
+            session.assembled(),
+            Some(&resolved),
+            args.json,
+            args.many_seeds.perturbed_runs(),
+        );
         return Ok(found.err());
     }
-    if args.sanitize.is_requested() || args.many_seeds.is_requested() {
+    if args.sanitize.is_requested() || args.many_seeds.is_requested(&args.stability) {
         let (_, resolved) = session.resolve(&request)?;
         let (scene, assembled) = (session.scene(), session.assembled());
         let command = args.repeated();
-        let drawn = args.many_seeds.run_one(&args.sanitize, scene, assembled, &resolved, command)?;
+        let drawn =
+            args.many_seeds.run_one(&args.sanitize, &args.stability, scene, assembled, &resolved, command)?;
         return Ok(args.sanitize.run_one(scene, assembled, &resolved, drawn).err());
     }
     let colour = !output::is_plain() && stdout().is_terminal();

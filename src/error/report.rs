@@ -1,11 +1,12 @@
 //! Errors for machines: their classes, and their shape in JSON.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Trap};
 
 /// The class of an error, for machines: what `--json` says and the exit code tells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum ErrorClass {
     /// An expectation did not hold.

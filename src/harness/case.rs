@@ -63,25 +63,36 @@ pub struct CaseRun {
 /// # Errors
 /// `Io` where a folder cannot be read.
 pub fn scenes(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut scenes = Vec::new();
-    collect(folder, &mut scenes)?;
-    scenes.sort();
-    Ok(scenes)
+    files_beneath(folder, &|path| {
+        path.file_name().is_some_and(|name| name == "scene.toml") || is_test_file(path)
+    })
 }
 
-fn collect(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
+/// The files beneath a folder that are wanted, in the order of their paths. Folders whose names
+/// begin with a dot and those that a `CACHEDIR.TAG` marks are passed by.
+///
+/// # Errors
+/// `Io` where a folder cannot be read.
+pub fn files_beneath(folder: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    collect(folder, wanted, &mut files)?;
+    files.sort();
+    Ok(files)
+}
+
+fn collect(folder: &Path, wanted: &dyn Fn(&Path) -> bool, files: &mut Vec<PathBuf>) -> Result<()> {
     let entries = std::fs::read_dir(folder).map_err(|error| Error::io(folder, error))?;
     for entry in entries {
         let entry = entry.map_err(|error| Error::io(folder, error))?;
         let kind = entry.file_type().map_err(|error| Error::io(entry.path(), error))?;
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
+        let path = entry.path();
         if kind.is_dir() {
-            if !name.starts_with('.') && !entry.path().join("CACHEDIR.TAG").exists() {
-                collect(&entry.path(), scenes)?;
+            let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+            if !is_hidden && !path.join("CACHEDIR.TAG").exists() {
+                collect(&path, wanted, files)?;
             }
-        } else if name == "scene.toml" || is_test_file(&entry.path()) {
-            scenes.push(entry.path());
+        } else if wanted(&path) {
+            files.push(path);
         }
     }
     Ok(())

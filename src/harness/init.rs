@@ -91,8 +91,12 @@ fn record(scene: &Path, mut text: String, files: &SceneFiles, limits: &RunLimits
         limits: *limits,
         ..SuiteOptions::default()
     };
-    let report = suite.run(&options, &mut |_| Ok(()))?;
-    for finished in &report.finished {
+    let mut ran = Vec::new();
+    suite.run(&options, &mut |finished, _| {
+        ran.push(finished.clone());
+        Ok(())
+    })?;
+    for finished in &ran {
         match &finished.outcome {
             Outcome::Broken(error) => return Err(error.clone()),
             Outcome::Failed(failure) => {

@@ -56,6 +56,8 @@ pub mod coverage;
 #[cfg(feature = "scenes")]
 pub mod expect;
 #[cfg(feature = "scenes")]
+pub mod in_order;
+#[cfg(feature = "scenes")]
 pub mod init;
 #[cfg(feature = "scenes")]
 pub mod loaded_scene;
@@ -63,6 +65,8 @@ pub mod loaded_scene;
 pub mod many_seeds;
 #[cfg(feature = "scenes")]
 mod observe;
+#[cfg(feature = "scenes")]
+mod pairs;
 #[cfg(feature = "cli")]
 pub mod picture_page;
 #[cfg(feature = "scenes")]
@@ -73,6 +77,8 @@ pub mod rendering;
 pub mod run;
 #[cfg(feature = "scenes")]
 pub mod sanitized;
+#[cfg(feature = "scenes")]
+pub mod shares;
 #[cfg(feature = "scenes")]
 pub mod stability;
 #[cfg(feature = "scenes")]

@@ -146,6 +146,9 @@ pub struct BandedLaunch<'a> {
     row: OwnRow,
     /// The number of rows of every band but the last, which may have fewer.
     band_rows: u32,
+    /// The first band that is run, counted from the top, and the step to the next one.
+    first: u32,
+    step: u32,
 }
 
 impl<'a> Launch<'a> {
@@ -179,11 +182,27 @@ impl<'a> Launch<'a> {
         let row_bytes = u64::from(width) * u64::from(image.format.texel_size());
         let band_rows = (image.band_bytes / row_bytes.max(1) / unit * unit).max(unit);
         let band_rows = u32::try_from(band_rows).unwrap_or(u32::MAX / MAX_BATCH_WIDTH * MAX_BATCH_WIDTH);
-        Ok(BandedLaunch { launch: self.clone(), size: [width, height], image, row, band_rows })
+        Ok(BandedLaunch {
+            launch: self.clone(),
+            size: [width, height],
+            image,
+            row,
+            band_rows,
+            first: 0,
+            step: 1,
+        })
     }
 }
 
 impl BandedLaunch<'_> {
+    /// Runs every `step`th band alone, from the band `first` on, counted from the image's top. What
+    /// bands write besides the image is then of these alone.
+    #[cfg(feature = "cli")]
+    #[must_use]
+    pub(crate) fn every(self, first: u32, step: u32) -> Self {
+        Self { first, step, ..self }
+    }
+
     /// The number of bands.
     pub fn count(&self) -> u32 {
         self.size[1].div_ceil(self.band_rows)
@@ -217,7 +236,7 @@ impl BandedLaunch<'_> {
         // The trap of the last band that trapped: if rows are mirrored, later bands have lower
         // launch indices.
         let mut trapped = None;
-        for number in 0..self.count() {
+        for number in (self.first..self.count()).step_by(self.step as usize) {
             let at = if self.row == OwnRow::Same { number } else { self.count() - 1 - number };
             let launched = at * self.band_rows..height.min((at + 1).saturating_mul(self.band_rows));
             let rows = match self.row {

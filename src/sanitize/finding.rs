@@ -128,6 +128,17 @@ impl Findings {
         self.list.iter()
     }
 
+    /// All findings, each with what makes it one: its rule, and the indices of shaders and the words
+    /// of instructions.
+    pub fn with_keys(&self) -> Vec<([u32; 4], &Finding)> {
+        let mut keys = vec![[0; 4]; self.list.len()];
+        for (key, &at) in &self.by_key {
+            let [(shader, word), (cause, cause_word)] = key.places;
+            keys[at] = [shader.0, word, cause.0, cause_word];
+        }
+        keys.into_iter().zip(&self.list).collect()
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.list.len()

@@ -77,6 +77,12 @@ pub fn format_name(format: Format) -> &'static str {
     named.map_or("a format without a name", |(name, _)| name)
 }
 
+/// The format of a name, as [`format_name`] gives it.
+#[cfg(feature = "cli")]
+pub fn format_named(name: &str) -> Option<Format> {
+    Format::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format)
+}
+
 /// The bytes of the texel nearest to four numbers.
 pub fn texel_bytes(format: Format, color: [f64; 4]) -> Vec<u8> {
     format.encode_numbers(color).to_le_bytes()[..format.texel_size() as usize].to_vec()

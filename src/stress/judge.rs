@@ -14,6 +14,8 @@ pub(in crate::stress) mod traversal;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use serde::{Deserialize, Serialize};
+
 use crate::accel::TraceRay;
 use crate::geometry::{Precision, Ray};
 use crate::stress::case::{Shape, StressCase};
@@ -23,7 +25,7 @@ use crate::stress::judge::traversal::TracedScene;
 use crate::stress::reference::ObjectLine;
 
 /// The counts of one case or of a whole run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tally {
     /// The number of rays: each is a line, an interval and a primitive, or a traversal, or a ray of
     /// a packet.

@@ -18,6 +18,7 @@ pub mod scene;
 pub use case::{Shape, StressCase};
 pub use judge::{Failure, Tally, check};
 
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -29,8 +30,8 @@ use crate::stress::family::FAMILIES;
 /// The number of cases that run between two checks of the time limit.
 const ROUND: u64 = 1000;
 
-/// A run ends after so many failures.
-const MAX_FAILURES: usize = 10;
+/// A run ends after so many failures, unless its number of cases is fixed; so many are kept.
+pub const MAX_FAILURES: usize = 10;
 
 /// The settings of a run.
 #[derive(Clone, Copy, Debug)]
@@ -45,9 +46,20 @@ pub struct StressSettings {
     pub precision: Precision,
 }
 
+/// Cases of a fixed number: all of them run, however many fail.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FixedCases {
+    /// The seeds, each of which generates so many cases.
+    pub seeds: Range<u64>,
+    /// The number of cases of a seed.
+    pub cases: u64,
+}
+
 /// A case with a wrong result.
 #[derive(Clone, Debug)]
 pub struct FoundFailure {
+    /// The seed.
+    pub seed: u64,
     /// The case's number for the seed.
     pub number: u64,
     /// The wrong result of the minimised case.
@@ -63,7 +75,9 @@ pub struct StressReport {
     pub cases: u64,
     /// The counts of each family of [`FAMILIES`].
     pub families: Vec<Tally>,
-    /// The first failures.
+    /// How many cases had a wrong result.
+    pub wrong: u64,
+    /// The first of them.
     pub failures: Vec<FoundFailure>,
     /// The time that the run has taken.
     pub time: Duration,
@@ -89,32 +103,9 @@ pub fn case(seed: u64, number: u64) -> StressCase {
 /// Runs until the settings or ten failures end it; `progress` is called from time to time.
 pub fn run(settings: &StressSettings, mut progress: impl FnMut(&StressReport)) -> StressReport {
     let start = Instant::now();
-    let mut report = StressReport {
-        cases: 0,
-        families: vec![Tally::default(); FAMILIES.len()],
-        failures: Vec::new(),
-        time: Duration::ZERO,
-    };
+    let mut report = StressReport::empty();
     loop {
-        let results: Vec<(u64, Result<Tally, Failure>)> = (report.cases..report.cases + ROUND)
-            .into_par_iter()
-            .map(|number| (number, judge::check_caught(&case(settings.seed, number), settings.precision)))
-            .collect();
-        for (number, result) in results {
-            match result {
-                Ok(tally) => {
-                    let family = &mut report.families[(number % FAMILIES.len() as u64) as usize];
-                    *family = family.plus(&tally);
-                }
-                Err(_) if report.failures.len() < MAX_FAILURES => {
-                    let (case, failure) =
-                        minimise::minimise(&case(settings.seed, number), settings.precision);
-                    report.failures.push(FoundFailure { number, failure, case });
-                }
-                Err(_) => {}
-            }
-        }
-        report.cases += ROUND;
+        report.add_round(settings.seed, report.cases..report.cases + ROUND, settings.precision);
         report.time = start.elapsed();
         progress(&report);
         let over = settings.rays.is_some_and(|rays| report.total().rays >= rays)
@@ -122,6 +113,59 @@ pub fn run(settings: &StressSettings, mut progress: impl FnMut(&StressReport)) -
             || report.failures.len() >= MAX_FAILURES;
         if over {
             return report;
+        }
+    }
+}
+
+/// Runs a fixed number of cases, or those of their rounds that `holds` chooses by their places. The
+/// first failures by seed and number are kept.
+pub fn run_fixed(
+    fixed: &FixedCases,
+    precision: Precision,
+    holds: impl Fn(usize) -> bool,
+    mut progress: impl FnMut(&StressReport),
+) -> StressReport {
+    let start = Instant::now();
+    let mut report = StressReport::empty();
+    let rounds = fixed.cases.div_ceil(ROUND);
+    let all = fixed.seeds.clone().flat_map(|seed| (0..rounds).map(move |round| (seed, round * ROUND)));
+    for (_, (seed, first)) in all.enumerate().filter(|(place, _)| holds(*place)) {
+        report.add_round(seed, first..fixed.cases.min(first + ROUND), precision);
+        report.time = start.elapsed();
+        progress(&report);
+    }
+    report
+}
+
+impl StressReport {
+    fn empty() -> Self {
+        Self {
+            cases: 0,
+            families: vec![Tally::default(); FAMILIES.len()],
+            wrong: 0,
+            failures: Vec::new(),
+            time: Duration::ZERO,
+        }
+    }
+
+    /// Runs some cases of a seed.
+    fn add_round(&mut self, seed: u64, numbers: Range<u64>, precision: Precision) {
+        self.cases += numbers.end - numbers.start;
+        let results: Vec<(u64, Result<Tally, Failure>)> = numbers
+            .into_par_iter()
+            .map(|number| (number, judge::check_caught(&case(seed, number), precision)))
+            .collect();
+        for (number, result) in results {
+            let Ok(tally) = result else {
+                self.wrong += 1;
+                if self.failures.len() < MAX_FAILURES {
+                    let (case, failure) = minimise::minimise(&case(seed, number), precision);
+                    self.failures.push(FoundFailure { seed, number, failure, case });
+                }
+                continue;
+            };
+            let family = &mut self.families[(number % FAMILIES.len() as u64) as usize];
+            *family = family.plus(&tally);
         }
     }
 }
@@ -148,6 +192,19 @@ mod tests {
             let again = check(&found.case, Precision::Float).expect_err("the smaller case fails, too");
             assert_eq!(again.to_string(), found.failure.to_string());
         }
+    }
+
+    #[test]
+    fn parts_of_a_fixed_number_of_cases_are_disjoint_and_complete() {
+        let fixed = FixedCases { seeds: 3..5, cases: 2500 };
+        let run = |holds: &dyn Fn(usize) -> bool| run_fixed(&fixed, Precision::Exact, holds, |_| ());
+        let whole = run(&|_| true);
+        let parts = [0, 1].map(|part| run(&|place| place % 2 == part));
+        // Two seeds of three rounds each: every other one.
+        assert_eq!([whole.cases, parts[0].cases, parts[1].cases], [5000, 2500, 2500]);
+        let sum = parts[0].total().plus(&parts[1].total());
+        assert_eq!(whole.total(), sum);
+        assert!(whole.failures.is_empty(), "{:#?}", whole.failures);
     }
 
     #[test]

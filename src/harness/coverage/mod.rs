@@ -12,11 +12,13 @@ mod recorder;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
+
 pub use rays::{RayCounts, Use};
 pub use recorder::Recorder;
 
 /// What a suite has covered.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coverage {
     /// By source file, named as it is found from the current folder.
     pub files: BTreeMap<String, FileCoverage>,
@@ -27,18 +29,20 @@ pub struct Coverage {
 }
 
 /// What is covered of a source file.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileCoverage {
     /// How often a line ran, by its number from 1.
     pub lines: BTreeMap<u32, u64>,
     /// How often each way of a branch was taken; `None` where the branch was never reached.
+    #[serde(with = "crate::harness::pairs")]
     pub branches: BTreeMap<Edge, Option<u64>>,
     /// How often a function was entered, by its first line and its name.
+    #[serde(with = "crate::harness::pairs")]
     pub functions: BTreeMap<(u32, String), u64>,
 }
 
 /// One way of a branch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Edge {
     /// The line that the branch stands on.
     pub line: u32,

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::accel::{GeometryKind, RecordIndex};
 use crate::debug::names::{Names, flags};
 use crate::geometry::Surface;
@@ -14,7 +16,7 @@ use crate::scene::ResolvedScene;
 pub type Use = BTreeMap<String, u64>;
 
 /// How often rays came to what.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RayCounts {
     /// Hit groups by the names of their shaders: candidates and closest hits that chose them.
     pub hit_groups: Use,
@@ -36,8 +38,11 @@ pub struct RayCounts {
     /// are 0 where there are queries.
     pub query_commits: Use,
     /// By record, until they get their names.
+    #[serde(skip)]
     hit_records: BTreeMap<RecordIndex, u64>,
+    #[serde(skip)]
     miss_records: BTreeMap<RecordIndex, u64>,
+    #[serde(skip)]
     callables: BTreeMap<ShaderIndex, u64>,
 }
 

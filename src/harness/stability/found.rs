@@ -2,22 +2,25 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::harness::stability::place::SourceLocation;
 
 /// Lines whose worst relative error is greater are reported even without other findings.
 pub const REPORTED_ERROR: f64 = 1e-4;
 
 /// The findings of a shadow run.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShadowFindings {
     /// Float results that were compared.
     pub results: u64,
     /// The findings by source line.
+    #[serde(with = "crate::harness::pairs")]
     pub lines: BTreeMap<SourceLocation, LineFindings>,
 }
 
 /// The findings on one source line.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LineFindings {
     /// Float results that were compared.
     pub results: u64,

@@ -11,6 +11,8 @@ use crate::harness::stability::place::SourceLocation;
 pub struct Perturbation {
     /// The number of runs.
     pub runs: u32,
+    /// The first of them that is done, from 1: a share of the runs draws what these draw.
+    pub first_run: u32,
     /// The seed of the random numbers; they do not depend on the order of threads.
     pub seed: u64,
     /// How far results are moved.
@@ -21,7 +23,7 @@ pub struct Perturbation {
 
 impl Default for Perturbation {
     fn default() -> Self {
-        Self { runs: 16, seed: 1, envelope: Envelope::Vulkan, tolerance: 0.01 }
+        Self { runs: 16, first_run: 1, seed: 1, envelope: Envelope::Vulkan, tolerance: 0.01 }
     }
 }
 

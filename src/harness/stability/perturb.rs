@@ -101,7 +101,7 @@ fn compare_runs(
         output_count: comparison.output_count(&before),
         ..Instability::default()
     };
-    for number in 1..=context.perturbation.runs {
+    for number in context.perturbation.first_run..=context.perturbation.runs {
         let (observed, seen, outcome) = run(number, Some(&decisions.decisions));
         for (DecisionSite { shader, offset, kind }, count) in seen.divergences {
             *found.branches.entry((context.programs.location(shader, offset), kind)).or_default() += count;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::debug::names::{Names, source_line_at};
 use crate::machine::ShaderIndex;
@@ -10,7 +10,7 @@ use crate::program::Program;
 use crate::scene::{Assembled, ResolvedScene};
 
 /// A line of a shader's source, or an instruction if the module has no debug information.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SourceLocation {
     /// The source file's name as the compiler wrote it; without debug information the module's.
     pub file: String,

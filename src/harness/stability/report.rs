@@ -94,8 +94,12 @@ fn notes(location: &SourceLocation, found: &LineFindings) -> String {
 impl Perturbation {
     /// `16 runs with every float result moved within what Vulkan allows, seed 1`
     pub fn describe(&self) -> String {
-        let Self { runs, seed, envelope, .. } = self;
-        let runs = if *runs == 1 { "1 run".to_owned() } else { format!("{runs} runs") };
+        let Self { runs, first_run, seed, envelope, .. } = self;
+        let runs = match (first_run, runs) {
+            (1, 1) => "1 run".to_owned(),
+            (1, runs) => format!("{runs} runs"),
+            (first, runs) => format!("runs {first} to {runs}"),
+        };
         format!("{runs} with every float result moved within what {} allows, seed {seed}", envelope.name())
     }
 }
@@ -211,6 +215,7 @@ impl Instability {
             .collect();
         json!({
             "runs": self.perturbation.runs,
+            "first_run": self.perturbation.first_run,
             "seed": self.perturbation.seed,
             "envelope": self.perturbation.envelope.name(),
             "stable": self.is_stable(),

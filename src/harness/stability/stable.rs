@@ -25,6 +25,7 @@ impl Parse for StableExpectation {
         let runs = table.or("runs", default.runs);
         let perturbation = Perturbation {
             runs,
+            first_run: 1,
             seed: table.or("seed", default.seed),
             envelope: table.or("envelope", Envelope::default()),
             tolerance: table.or("tolerance", default.tolerance),

@@ -4,94 +4,85 @@ use std::io;
 use std::time::Duration;
 
 use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, BytesText, Event};
+use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::harness::suite::{Finished, Outcome, SuiteReport, report};
+use crate::harness::suite::{Ended, SuiteResult, TestResult};
 
-/// The XML. Characters that XML cannot hold, such as the escape codes of a terminal, are left out.
+/// The XML, with how long tests took where that is wanted. Characters that XML cannot hold, such as
+/// the escape codes of a terminal, are left out.
 ///
 /// # Errors
 /// `Io` where the writer of XML fails.
-pub fn junit(report: &SuiteReport) -> Result<String> {
+pub fn junit(result: &SuiteResult, with_times: bool) -> Result<String> {
     let failed = |error: io::Error| {
         Error::new(ErrorKind::Io, format!("the report as JUnit XML: {error}")).caused_by(error)
     };
-    let mut writer = Writer::new_with_indent(Vec::new(), b' ', 4);
-    write(&mut writer, &report.finished).map_err(failed)?;
-    let mut xml = writer.into_inner();
+    let mut report = JUnit { xml: Writer::new_with_indent(Vec::new(), b' ', 4), with_times };
+    report.write(&result.tests).map_err(failed)?;
+    let mut xml = report.xml.into_inner();
     xml.push(b'\n');
     String::from_utf8(xml).map_err(|error| failed(io::Error::other(error)))
 }
 
-type Xml = Writer<Vec<u8>>;
+/// A report while it is written.
+struct JUnit {
+    xml: Writer<Vec<u8>>,
+    with_times: bool,
+}
 
-fn write(xml: &mut Xml, finished: &[Finished]) -> io::Result<()> {
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    suite(xml, "testsuites", "anyhit", finished, |xml| {
-        for group in finished.chunk_by(|one, next| one.file == next.file) {
-            let name = group[0].file.display().to_string();
-            suite(xml, "testsuite", &name, group, |xml| group.iter().try_for_each(|test| case(xml, test)))?;
+impl JUnit {
+    fn write(&mut self, tests: &[TestResult]) -> io::Result<()> {
+        self.xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+        self.begin("testsuites", "anyhit", tests)?;
+        for group in tests.chunk_by(|one, next| one.file == next.file) {
+            self.begin("testsuite", &group[0].file, group)?;
+            group.iter().try_for_each(|test| self.case(test))?;
+            self.xml.write_event(Event::End(BytesEnd::new("testsuite")))?;
         }
-        Ok(())
-    })
-}
+        self.xml.write_event(Event::End(BytesEnd::new("testsuites")))
+    }
 
-/// Writes an element with the totals of some tests, around what `inside` writes.
-fn suite(
-    xml: &mut Xml,
-    element: &str,
-    name: &str,
-    tests: &[Finished],
-    inside: impl FnOnce(&mut Xml) -> io::Result<()>,
-) -> io::Result<()> {
-    let count = |wanted: fn(&Outcome) -> bool| tests.iter().filter(|test| wanted(&test.outcome)).count();
-    let failures = count(|outcome| matches!(outcome, Outcome::Failed(_)));
-    let errors = count(|outcome| matches!(outcome, Outcome::Broken(_)));
-    xml.create_element(element)
-        .with_attribute(("name", printable(name).as_str()))
-        .with_attribute(("tests", tests.len().to_string().as_str()))
-        .with_attribute(("failures", failures.to_string().as_str()))
-        .with_attribute(("errors", errors.to_string().as_str()))
-        .with_attribute(("time", seconds(tests.iter().map(|test| test.took).sum()).as_str()))
-        .write_inner_content(inside)?;
-    Ok(())
-}
+    /// Begins an element with the totals of some tests.
+    fn begin(&mut self, element: &str, name: &str, tests: &[TestResult]) -> io::Result<()> {
+        let count = |ended| tests.iter().filter(|test| test.ended == ended).count().to_string();
+        let mut start = BytesStart::new(element);
+        start.push_attribute(("name", printable(name).as_str()));
+        start.push_attribute(("tests", tests.len().to_string().as_str()));
+        start.push_attribute(("failures", count(Ended::Failed).as_str()));
+        start.push_attribute(("errors", count(Ended::Error).as_str()));
+        self.time(&mut start, tests.iter().map(TestResult::took).sum());
+        self.xml.write_event(Event::Start(start))
+    }
 
-fn case(xml: &mut Xml, finished: &Finished) -> io::Result<()> {
-    let name = printable(&finished.name);
-    let element = xml
-        .create_element("testcase")
-        .with_attribute(("name", name.as_str()))
-        .with_attribute(("time", seconds(finished.took).as_str()));
-    let (kind, error) = match &finished.outcome {
-        Outcome::Passed | Outcome::Renewed => return element.write_empty().map(drop),
-        Outcome::KnownFailure(why) => {
-            let why = printable(&format!("known failure: {why}"));
-            return element
-                .write_inner_content(|xml| {
-                    xml.create_element("system-out").write_text_content(BytesText::new(&why)).map(drop)
-                })
-                .map(drop);
+    fn case(&mut self, test: &TestResult) -> io::Result<()> {
+        let mut start = BytesStart::new("testcase");
+        start.push_attribute(("name", printable(&test.name).as_str()));
+        self.time(&mut start, test.took());
+        let message = printable(test.message.as_deref().unwrap_or_default());
+        let (mut inside, text) = match test.ended {
+            Ended::Passed | Ended::Renewed => return self.xml.write_event(Event::Empty(start)),
+            Ended::KnownFailure => (BytesStart::new("system-out"), format!("known failure: {message}")),
+            Ended::Failed => (BytesStart::new("failure"), printable(&test.text)),
+            Ended::Error => (BytesStart::new("error"), printable(&test.text)),
+        };
+        if test.ended != Ended::KnownFailure {
+            inside.push_attribute(("message", message.as_str()));
+            inside.push_attribute(("type", test.ended.word()));
         }
-        Outcome::Failed(failure) => ("failure", failure.errors.first()),
-        Outcome::Broken(error) => ("error", Some(error)),
-    };
-    let message = printable(error.map_or("not as expected", |error| error.message()));
-    let description = printable(&report::text(finished, false));
-    element
-        .write_inner_content(|xml| {
-            xml.create_element(kind)
-                .with_attribute(("message", message.as_str()))
-                .with_attribute(("type", finished.outcome.word()))
-                .write_text_content(BytesText::new(&description))
-                .map(drop)
-        })
-        .map(drop)
-}
+        let end = inside.to_end().into_owned();
+        self.xml.write_event(Event::Start(start))?;
+        self.xml.write_event(Event::Start(inside))?;
+        self.xml.write_event(Event::Text(BytesText::new(&text)))?;
+        self.xml.write_event(Event::End(end))?;
+        self.xml.write_event(Event::End(BytesEnd::new("testcase")))
+    }
 
-fn seconds(took: Duration) -> String {
-    format!("{:.3}", took.as_secs_f64())
+    fn time(&self, start: &mut BytesStart<'_>, took: Duration) {
+        if self.with_times {
+            start.push_attribute(("time", format!("{:.3}", took.as_secs_f64()).as_str()));
+        }
+    }
 }
 
 /// Text without the characters that no XML document may hold (XML 1.0, section 2.2).

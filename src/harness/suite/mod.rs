@@ -2,24 +2,29 @@
 
 #[cfg(feature = "cli")]
 mod junit;
+mod kept_finding;
 mod options;
 mod pictures;
 pub mod report;
+mod result;
 mod run;
 mod tester;
 
 #[cfg(feature = "cli")]
 pub use junit::junit;
+pub use kept_finding::KeptFinding;
 pub use options::SuiteOptions;
-pub use run::SuiteReport;
+pub use result::{CaseResult, Ended, SuiteResult, SuiteWhole, TestResult};
+pub use run::SuiteRun;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::debug::transcript::TranscriptLine;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::harness::case::{Case, scenes};
 use crate::harness::expect::Fix;
+use crate::harness::shares::{Shard, Timings};
 use crate::scene::SceneFiles;
 
 /// The tests of some paths, in order: by path, a launch before the rays of its file.
@@ -41,6 +46,8 @@ enum Source {
 pub struct Test {
     /// Its name: the scene's path, the variant in parentheses, `::` and the name of a ray.
     pub name: String,
+    /// Its place among all tests of the suite, from 0.
+    place: usize,
     case: usize,
     part: Part,
 }
@@ -50,15 +57,6 @@ enum Part {
     Launch,
     /// The place of the ray in its file.
     Ray(usize),
-}
-
-/// A part of a suite: which of how many.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
-    /// From 1.
-    pub number: usize,
-    /// How many there are.
-    pub of: usize,
 }
 
 /// What became of a test.
@@ -98,6 +96,8 @@ pub struct TestFailure {
     pub line: Option<TranscriptLine>,
     /// The ray that the first difference is about, explained: the text of `trace-one-ray`.
     pub explanation: Option<String>,
+    /// The explanation in colour, where that was asked for.
+    pub coloured_explanation: Option<String>,
     /// The command that explains it again.
     pub command: Option<String>,
     /// Pictures that were saved.
@@ -146,6 +146,7 @@ impl Suite {
                 seen.push(id);
             }
         }
+        suite.number();
         Ok(suite)
     }
 
@@ -155,7 +156,7 @@ impl Suite {
             Err(error) => {
                 let (case, name) = (self.cases.len(), file.display().to_string());
                 self.cases.push(Source::Broken(file.to_path_buf(), error));
-                self.tests.push(Test { name, case, part: Part::Launch });
+                self.tests.push(Test { name, place: 0, case, part: Part::Launch });
                 return;
             }
         };
@@ -163,10 +164,11 @@ impl Suite {
             let (at, name) = (self.cases.len(), case.name(Path::new("")));
             let name = if name.is_empty() { ".".to_owned() } else { name };
             if case.launch {
-                self.tests.push(Test { name: name.clone(), case: at, part: Part::Launch });
+                self.tests.push(Test { name: name.clone(), place: 0, case: at, part: Part::Launch });
             }
             let ray = |(ray, of): &(usize, String)| Test {
                 name: format!("{name}::{of}"),
+                place: 0,
                 case: at,
                 part: Part::Ray(*ray),
             };
@@ -178,12 +180,28 @@ impl Suite {
     /// Keeps the tests whose names hold one of some texts; all where there are none.
     pub fn filter(&mut self, texts: &[String]) {
         self.tests.retain(|test| texts.is_empty() || texts.iter().any(|text| test.name.contains(text)));
+        self.number();
     }
 
-    /// Keeps every so manieth test: the shards of a suite have no test in common, and hold all.
-    pub fn shard(&mut self, shard: Shard) {
-        let mut at = 0..;
-        self.tests.retain(|_| at.next().is_some_and(|at| at % shard.of == shard.number - 1));
+    /// Gives each test its place.
+    fn number(&mut self) {
+        for (place, test) in self.tests.iter_mut().enumerate() {
+            test.place = place;
+        }
+    }
+
+    /// Keeps a share of the tests: the shares of a suite have no test in common, and hold all. They
+    /// take about equally long where timings are known; else each has every so manieth test.
+    pub fn shard(&mut self, shard: Shard, timings: Option<&Timings>) {
+        let holds = match timings {
+            None => self.tests.iter().map(|test| shard.holds(test.place)).collect(),
+            Some(timings) => {
+                let names: Vec<&str> = self.tests.iter().map(|test| test.name.as_str()).collect();
+                timings.share_of(&names, shard)
+            }
+        };
+        let mut holds = holds.into_iter();
+        self.tests.retain(|_| holds.next().unwrap_or(false));
     }
 
     /// The tests that are left.
@@ -192,31 +210,15 @@ impl Suite {
     }
 }
 
-/// `K/N`
-impl std::str::FromStr for Shard {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let parts = text.split_once('/').map(|(number, of)| (number.trim().parse(), of.trim().parse()));
-        match parts {
-            Some((Ok(number), Ok(of))) if (1..=of).contains(&number) => Ok(Self { number, of }),
-            _ => {
-                let message = format!("`{text}` is not K/N with 1 <= K <= N, such as 2/5");
-                Err(Error::new(ErrorKind::InvalidArgument, message))
-            }
-        }
-    }
-}
-
 impl Outcome {
-    /// The word for it.
-    pub fn word(&self) -> &'static str {
+    /// How the test ended.
+    pub fn ended(&self) -> Ended {
         match self {
-            Self::Passed => "ok",
-            Self::KnownFailure(_) => "known failure",
-            Self::Failed(_) => "FAILED",
-            Self::Broken(_) => "ERROR",
-            Self::Renewed => "renewed",
+            Self::Passed => Ended::Passed,
+            Self::KnownFailure(_) => Ended::KnownFailure,
+            Self::Failed(_) => Ended::Failed,
+            Self::Broken(_) => Ended::Error,
+            Self::Renewed => Ended::Renewed,
         }
     }
 }
@@ -226,8 +228,10 @@ mod tests {
     use super::*;
 
     fn suite(names: &[&str]) -> Suite {
-        let test = |name: &&str| Test { name: (*name).into(), case: 0, part: Part::Launch };
-        Suite { cases: Vec::new(), tests: names.iter().map(test).collect() }
+        let test = |name: &&str| Test { name: (*name).into(), place: 0, case: 0, part: Part::Launch };
+        let mut suite = Suite { cases: Vec::new(), tests: names.iter().map(test).collect() };
+        suite.number();
+        suite
     }
 
     #[test]
@@ -237,19 +241,11 @@ mod tests {
         let mut all = Vec::new();
         for number in 1..=3 {
             let mut suite = suite(&names);
-            suite.shard(Shard { number, of: 3 });
-            all.extend(suite.tests().iter().map(|test| test.name.clone()));
+            suite.shard(Shard { number, of: 3 }, None);
+            all.extend(suite.tests().iter().map(|test| (test.place, test.name.clone())));
         }
-        all.sort_by_key(|name| name[1..].parse::<u32>().unwrap());
-        assert_eq!(all, names);
-    }
-
-    #[test]
-    fn shards_are_read_or_refused() {
-        assert_eq!("2/5".parse::<Shard>().unwrap(), Shard { number: 2, of: 5 });
-        for wrong in ["", "2", "0/5", "6/5", "1/0", "a/b", "-1/3"] {
-            assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
-        }
+        all.sort();
+        assert_eq!(all.iter().map(|(_, name)| name.as_str()).collect::<Vec<_>>(), names);
     }
 
     #[test]

@@ -42,6 +42,8 @@ pub struct SuiteOptions {
     pub limits: RunLimits,
     /// Where pictures that differ are saved.
     pub pictures: PathBuf,
+    /// The folder from which GitHub names files in annotations, if there is one.
+    pub repository: Option<PathBuf>,
 }
 
 impl Default for SuiteOptions {
@@ -61,6 +63,7 @@ impl Default for SuiteOptions {
             colour: false,
             limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },
             pictures: PathBuf::new(),
+            repository: None,
         }
     }
 }

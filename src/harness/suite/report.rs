@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Place};
 use crate::harness::coverage::Coverage;
-use crate::harness::suite::{Finished, Outcome, SuiteReport, TestFailure};
+use crate::harness::suite::{Ended, Finished, Outcome, SuiteResult, TestFailure};
 
 /// The version of the JSON.
 const VERSION: u32 = 1;
@@ -23,7 +23,7 @@ pub fn text(finished: &Finished, colour: bool) -> String {
         true => format!("\u{1b}[{code}m{text}\u{1b}[0m"),
         false => text.to_owned(),
     };
-    let word = finished.outcome.word();
+    let word = finished.outcome.ended().word();
     let code = match &finished.outcome {
         Outcome::Passed => "32",
         Outcome::KnownFailure(_) | Outcome::Renewed => "33",
@@ -44,7 +44,11 @@ pub fn text(finished: &Finished, colour: bool) -> String {
             for error in &failure.errors {
                 out.push_str(&indented(&rendered(error, colour), "  "));
             }
-            out.push_str(&indented(&around(failure, true), "  "));
+            let explanation = match colour {
+                true => failure.coloured_explanation.as_ref().or(failure.explanation.as_ref()),
+                false => failure.explanation.as_ref(),
+            };
+            out.push_str(&indented(&around(failure, explanation), "  "));
         }
     }
     out
@@ -55,7 +59,7 @@ fn rendered(error: &Error, colour: bool) -> String {
 }
 
 /// What stands beneath a failure's differences.
-fn around(failure: &TestFailure, with_explanation: bool) -> String {
+fn around(failure: &TestFailure, explanation: Option<&String>) -> String {
     let mut out = String::new();
     if !failure.pictures.is_empty() {
         out.push_str("pictures:\n");
@@ -63,7 +67,7 @@ fn around(failure: &TestFailure, with_explanation: bool) -> String {
             let _ = writeln!(out, "  {}", path.display());
         }
     }
-    if let Some(explanation) = failure.explanation.as_ref().filter(|_| with_explanation) {
+    if let Some(explanation) = explanation {
         let _ = writeln!(out, "the ray, explained:\n{}", indented(explanation, "  ").trim_end());
     }
     if let Some(command) = &failure.command {
@@ -78,10 +82,9 @@ fn indented(text: &str, by: &str) -> String {
 }
 
 /// How many tests ended how.
-pub fn summary(report: &SuiteReport) -> String {
-    let count = |wanted: &str| report.finished.iter().filter(|one| one.outcome.word() == wanted).count();
-    let (failed, broken) = (count("FAILED"), count("ERROR"));
-    let mut parts = vec![format!("{} passed", count("ok"))];
+pub fn summary(result: &SuiteResult) -> String {
+    let (failed, broken) = (result.count(Ended::Failed), result.count(Ended::Error));
+    let mut parts = vec![format!("{} passed", result.count(Ended::Passed))];
     let mut more = |number: usize, word: &str| {
         if number > 0 {
             parts.push(format!("{number} {word}"));
@@ -89,12 +92,12 @@ pub fn summary(report: &SuiteReport) -> String {
     };
     more(failed, "failed");
     more(broken, if broken == 1 { "error" } else { "errors" });
-    more(count("known failure"), "known to fail");
-    more(count("renewed"), "renewed");
-    more(report.left_out, "not run");
+    more(result.count(Ended::KnownFailure), "known to fail");
+    more(result.count(Ended::Renewed), "renewed");
+    more(result.left_out, "not run");
     let mut out = format!("{}\n", parts.join(", "));
-    for path in &report.renewed {
-        let _ = writeln!(out, "written anew: {}", path.display());
+    for path in &result.written {
+        let _ = writeln!(out, "written anew: {path}");
     }
     out
 }
@@ -151,13 +154,13 @@ pub fn coverage(coverage: &Coverage) -> String {
 /// A test as a workflow command of GitHub, where it did not pass: an annotation on the line of the
 /// shader that is to blame, or of the scene file. GitHub looks for files from the repository's
 /// root, wherever the command runs: so paths in `root` are given from there.
-pub fn github(finished: &Finished, root: Option<&Path>) -> String {
+pub(super) fn github(finished: &Finished, root: Option<&Path>) -> Option<String> {
     let (errors, line): (&[Error], _) = match &finished.outcome {
         Outcome::Failed(failure) => (&failure.errors, failure.line.as_ref()),
         Outcome::Broken(error) => (std::slice::from_ref(error), None),
-        _ => return String::new(),
+        _ => return None,
     };
-    let Some(error) = errors.first() else { return String::new() };
+    let error = errors.first()?;
     let place = line.map(|line| (line.file.clone(), line.line)).or_else(|| place(error));
     let (file, line) = place.unwrap_or_else(|| (finished.file.display().to_string(), 1));
     let mut message = String::new();
@@ -165,14 +168,14 @@ pub fn github(finished: &Finished, root: Option<&Path>) -> String {
         message.push_str(&error.render());
     }
     if let Outcome::Failed(failure) = &finished.outcome {
-        message.push_str(&around(failure, false));
+        message.push_str(&around(failure, None));
     }
-    format!(
+    Some(format!(
         "::error file={},line={line},title={}::{}\n",
         property(&from_root(&file, root)),
         property(&finished.name),
         escaped(message.trim_end())
-    )
+    ))
 }
 
 /// A path from a folder that holds it; as it is where none does.
@@ -225,51 +228,39 @@ fn place(error: &Error) -> Option<(String, u32)> {
 }
 
 /// The suite as JSON: `version`, `tests`, the counts, and `coverage` where it was recorded.
-pub fn json(report: &SuiteReport, with_coverage: bool) -> Value {
-    let tests: Vec<Value> = report.finished.iter().map(test_json).collect();
-    let count = |wanted: &str| report.finished.iter().filter(|one| one.outcome.word() == wanted).count();
+pub fn json(result: &SuiteResult) -> Value {
+    let tests: Vec<&Value> = result.tests.iter().map(|test| &test.json).collect();
     let mut all = json!({
         "version": VERSION,
         "tests": tests,
-        "passed": count("ok"),
-        "failed": count("FAILED"),
-        "errors": count("ERROR"),
-        "known_failures": count("known failure"),
-        "renewed": count("renewed"),
-        "not_run": report.left_out,
-        "written": report.renewed.iter().map(|path| path.display().to_string()).collect::<Vec<_>>(),
+        "passed": result.count(Ended::Passed),
+        "failed": result.count(Ended::Failed),
+        "errors": result.count(Ended::Error),
+        "known_failures": result.count(Ended::KnownFailure),
+        "renewed": result.count(Ended::Renewed),
+        "not_run": result.left_out,
+        "written": result.written,
     });
-    if with_coverage {
-        let [[lines, all_lines], [ways, all_ways]] = report.coverage.totals();
-        let rays: serde_json::Map<String, Value> = report
-            .coverage
-            .rays
-            .kinds()
-            .into_iter()
-            .map(|(kind, uses)| (kind.to_owned(), json!(uses)))
-            .collect();
+    if let Some(coverage) = &result.coverage {
+        let [[lines, all_lines], [ways, all_ways]] = coverage.totals();
+        let rays: serde_json::Map<String, Value> =
+            coverage.rays.kinds().into_iter().map(|(kind, uses)| (kind.to_owned(), json!(uses))).collect();
         all["coverage"] = json!({
             "lines": { "run": lines, "all": all_lines },
             "ways": { "taken": ways, "all": all_ways },
-            "without_lines": report.coverage.without_lines,
+            "without_lines": coverage.without_lines,
             "rays": rays,
         });
     }
     all
 }
 
-fn test_json(finished: &Finished) -> Value {
-    let outcome = match &finished.outcome {
-        Outcome::Passed => "passed",
-        Outcome::KnownFailure(_) => "known_failure",
-        Outcome::Failed(_) => "failed",
-        Outcome::Broken(_) => "error",
-        Outcome::Renewed => "renewed",
-    };
+/// A test as an object of the suite's JSON.
+pub(super) fn test_json(finished: &Finished) -> Value {
     let mut test = json!({
         "name": finished.name,
         "file": finished.file.display().to_string(),
-        "outcome": outcome,
+        "outcome": finished.outcome.ended(),
     });
     let error = |error: &Error| {
         let place = place(error).map(|(file, line)| json!({ "file": file, "line": line }));

@@ -1,19 +1,21 @@
 //! Runs the tests of a suite in parallel.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 use crate::harness::bless::bless;
 use crate::harness::coverage::{Coverage, Recorder};
 use crate::harness::expect::Fix;
+use crate::harness::in_order::in_order;
 use crate::harness::sanitized::check_scene;
 use crate::harness::stability::found::ShadowFindings;
+use crate::harness::suite::kept_finding::KeptFinding;
 use crate::harness::suite::options::SuiteOptions;
+use crate::harness::suite::result::{CaseResult, Ended, SuiteResult, TestResult};
 use crate::harness::suite::tester::{Tester, unstable};
-use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test};
+use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, report};
 use crate::input::{InputLimit, InputLimits};
 use crate::sanitize::Findings;
 use crate::scene::sanitize_table::scene_levels;
@@ -21,24 +23,11 @@ use crate::scene::{Assembled, ResolvedScene};
 
 /// A suite that has run.
 #[derive(Debug, Default)]
-pub struct SuiteReport {
-    /// Every test that was reported, in order.
-    pub finished: Vec<Finished>,
-    /// Tests that did not run, because one before failed.
-    pub left_out: usize,
-    /// Coverage, where it was asked for.
-    pub coverage: Coverage,
-    /// What the shadows of all tests showed, where they were asked for.
-    pub shadow: ShadowFindings,
-    /// How many tests passed and were held to stable outputs, where that was asked for.
-    pub perturbed: usize,
-    /// What the sanitizer found where it was asked for; else what is undefined before anything
-    /// runs, as warnings.
+pub struct SuiteRun {
+    /// What it found, as reports and files have it.
+    pub result: SuiteResult,
+    /// The findings of the result, as the sanitizer tells of them in other forms than as text.
     pub findings: Findings,
-    /// Files that were written anew.
-    pub renewed: Vec<PathBuf>,
-    /// Notes for the authors of the tests, a line each, each once: old names that files use.
-    pub notes: Vec<String>,
 }
 
 impl Suite {
@@ -50,53 +39,48 @@ impl Suite {
     pub fn run(
         &self,
         options: &SuiteOptions,
-        tell: &mut dyn FnMut(&Finished) -> Result<()>,
-    ) -> Result<SuiteReport> {
+        tell: &mut dyn FnMut(&Finished, &TestResult) -> Result<()>,
+    ) -> Result<SuiteRun> {
         let groups: Vec<&[Test]> = self.tests.chunk_by(|one, next| one.case == next.case).collect();
-        let jobs = match options.jobs {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            jobs => jobs,
-        };
-        let mut report = SuiteReport::default();
+        let mut run = SuiteRun::default();
+        run.result.coverage = options.coverage.then(Coverage::default);
         let mut fixes = Vec::new();
         let stop = AtomicBool::new(false);
         let mut take = |done: Done| -> Result<()> {
-            for mut finished in done.finished {
+            let SuiteRun { result, findings } = &mut run;
+            for mut ran in done.tests {
                 if stop.load(Ordering::Relaxed) {
                     break;
                 }
-                renew(&mut finished, options, &mut fixes);
-                tell(&finished)?;
-                let fails = matches!(finished.outcome, Outcome::Failed(_) | Outcome::Broken(_));
-                report.finished.push(finished);
-                if fails && options.fail_fast {
+                renew(&mut ran.finished, options, &mut fixes);
+                let told = TestResult {
+                    findings: KeptFinding::all(&ran.findings),
+                    shadow: ran.shadow,
+                    held_stable: ran.held_stable,
+                    ..result_of(ran.place, &ran.finished, options.repository.as_deref())
+                };
+                tell(&ran.finished, &told)?;
+                if matches!(told.ended, Ended::Failed | Ended::Error) && options.fail_fast {
                     stop.store(true, Ordering::Relaxed);
                 }
-            }
-            report.findings.extend(done.findings);
-            report.coverage.add(done.coverage);
-            report.shadow.add(&done.shadow);
-            report.perturbed += done.perturbed;
-            for note in done.notes {
-                if !report.notes.contains(&note) {
-                    report.notes.push(note);
+                result.tests.push(told);
+                findings.extend(ran.findings);
+                if let (Some(sum), Some(coverage)) = (&mut result.coverage, ran.coverage) {
+                    sum.add(coverage);
                 }
             }
+            let kept = KeptFinding::all(&done.findings);
+            if !(done.notes.is_empty() && kept.is_empty()) {
+                result.cases.push(CaseResult { place: done.case, notes: done.notes, findings: kept });
+            }
+            findings.extend(done.findings);
             Ok(())
         };
-        if jobs == 1 || groups.len() <= 1 {
-            for group in groups {
-                take(self.group(group, options))?;
-                if stop.load(Ordering::Relaxed) {
-                    break;
-                }
-            }
-        } else {
-            self.side_by_side(&groups, jobs, options, &stop, &mut take)?;
-        }
-        report.left_out = self.tests.len() - report.finished.len();
-        report.renewed = bless(fixes, &self.limits())?;
-        Ok(report)
+        in_order(groups.len(), options.jobs, &stop, &|at| self.group(groups[at], options), &mut take)?;
+        run.result.left_out = self.tests.len() - run.result.tests.len();
+        let written = bless(fixes, &self.limits())?;
+        run.result.written = written.iter().map(|path| path.display().to_string()).collect();
+        Ok(run)
     }
 
     /// The limits that its files were read with.
@@ -107,50 +91,6 @@ impl Suite {
             Source::Broken(..) => None,
         });
         bytes.max().map_or(limits, |most| limits.with(InputLimit::SceneBytes, most))
-    }
-
-    /// Runs groups on several threads, and takes what is done in order.
-    fn side_by_side(
-        &self,
-        groups: &[&[Test]],
-        jobs: usize,
-        options: &SuiteOptions,
-        stop: &AtomicBool,
-        take: &mut dyn FnMut(Done) -> Result<()>,
-    ) -> Result<()> {
-        let next = AtomicUsize::new(0);
-        let (sender, receiver) = mpsc::channel();
-        std::thread::scope(|scope| {
-            for _ in 0..jobs.min(groups.len()) {
-                let (sender, next) = (sender.clone(), &next);
-                scope.spawn(move || {
-                    loop {
-                        let at = next.fetch_add(1, Ordering::Relaxed);
-                        if at >= groups.len() || stop.load(Ordering::Relaxed) {
-                            break;
-                        }
-                        // The receiver is gone once a report has failed.
-                        if sender.send((at, self.group(groups[at], options))).is_err() {
-                            break;
-                        }
-                    }
-                });
-            }
-            drop(sender);
-            let mut waiting: Vec<Option<Done>> = groups.iter().map(|_| None).collect();
-            let mut told = 0;
-            for (at, done) in receiver {
-                waiting[at] = Some(done);
-                while let Some(done) = waiting.get_mut(told).and_then(Option::take) {
-                    told += 1;
-                    if let Err(error) = take(done) {
-                        stop.store(true, Ordering::Relaxed);
-                        return Err(error);
-                    }
-                }
-            }
-            Ok(())
-        })
     }
 
     /// Runs the chosen tests of one case.
@@ -165,20 +105,21 @@ impl Suite {
             Err(error) => return Done::broken(tests, &file, &error),
         };
         let loading = begin.elapsed() / tests.len() as u32;
-        let mut recorder = options.coverage.then(Recorder::default);
-        let mut finished = Vec::new();
-        let mut shadow = ShadowFindings::default();
-        let mut perturbed = 0;
         let known = match &options.sanitize {
             Some(_) => Ok(Findings::default()),
             None => known_before(&loaded.scene, &loaded.assembled),
         };
-        let mut findings = match known {
+        let findings = match known {
             Ok(findings) => findings,
             Err(error) => return Done::broken(tests, &file, &error),
         };
+        let mut ran = Vec::new();
         for test in tests {
             let begin = Instant::now();
+            // One recorder a test: what tests cover adds up, whichever share runs them.
+            let mut recorder = options.coverage.then(Recorder::default);
+            let mut findings = Findings::default();
+            let mut held_stable = false;
             let tester = Tester { loaded: &loaded, test, options, variant: case.variant.as_deref() };
             let outcome = match test.part {
                 Part::Launch => tester.launch(&mut recorder),
@@ -187,9 +128,9 @@ impl Suite {
             let mut outcome = outcome.unwrap_or_else(Outcome::Broken);
             if let (Outcome::Passed, Some(perturbation)) = (&outcome, &options.perturb) {
                 if tester.says_what_is_stable() {
-                    perturbed += 1;
+                    held_stable = true;
                 } else if let Ok(found) = tester.perturbed(perturbation) {
-                    perturbed += 1;
+                    held_stable = true;
                     let differences = unstable(&found, &file);
                     outcome = tester.outcome(differences, None, tester.part());
                 }
@@ -201,18 +142,15 @@ impl Suite {
             if let (Outcome::Passed, Some(drawn)) = (&outcome, &options.many_seeds) {
                 outcome = tester.judge(tester.drawn(drawn), &mut findings);
             }
-            if options.shadow {
-                // What cannot run one by one is left out, as is what the trap of a test cut off.
-                if let Ok((found, _)) = tester.shadow() {
-                    shadow.add(&found);
-                }
-            }
+            // What cannot run one by one is left out, as is what the trap of a test cut off.
+            let shadow = options.shadow.then(|| tester.shadow().ok()).flatten().map(|(found, _)| found);
+            let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
             let took = loading + begin.elapsed();
-            finished.push(Finished { name: test.name.clone(), file: file.clone(), outcome, took });
+            let finished = Finished { name: test.name.clone(), file: file.clone(), outcome, took };
+            ran.push(TestRun { place: test.place, finished, findings, shadow, held_stable, coverage });
         }
-        let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
-        Done { finished, coverage: coverage.unwrap_or_default(), shadow, perturbed, findings, notes }
+        Done { case: tests[0].case, tests: ran, findings, notes }
     }
 }
 
@@ -225,12 +163,22 @@ fn known_before(scene: &ResolvedScene, assembled: &Assembled) -> Result<Findings
 
 /// The tests of a case that have run.
 struct Done {
-    finished: Vec<Finished>,
-    coverage: Coverage,
-    shadow: ShadowFindings,
-    perturbed: usize,
+    /// The case's place in the suite.
+    case: usize,
+    tests: Vec<TestRun>,
+    /// What is undefined before anything runs.
     findings: Findings,
     notes: Vec<String>,
+}
+
+/// A test that has run.
+struct TestRun {
+    place: usize,
+    finished: Finished,
+    findings: Findings,
+    shadow: Option<ShadowFindings>,
+    held_stable: bool,
+    coverage: Option<Coverage>,
 }
 
 impl Done {
@@ -241,21 +189,49 @@ impl Done {
             let message = format!("not run, for the same reason as `{}`: {}", tests[0].name, error.message());
             Error::new(error.kind(), message)
         };
-        let finished = tests.iter().enumerate().map(|(at, test)| Finished {
-            name: test.name.clone(),
-            file: file.to_path_buf(),
-            outcome: Outcome::Broken(if at == 0 { error.clone() } else { again() }),
-            took: Duration::ZERO,
-        });
-        let (coverage, shadow) = (Coverage::default(), ShadowFindings::default());
-        Self {
-            finished: finished.collect(),
-            coverage,
-            shadow,
-            perturbed: 0,
+        let ran = tests.iter().enumerate().map(|(at, test)| TestRun {
+            place: test.place,
+            finished: Finished {
+                name: test.name.clone(),
+                file: file.to_path_buf(),
+                outcome: Outcome::Broken(if at == 0 { error.clone() } else { again() }),
+                took: Duration::ZERO,
+            },
             findings: Findings::default(),
-            notes: Vec::new(),
+            shadow: None,
+            held_stable: false,
+            coverage: None,
+        });
+        Self { case: tests[0].case, tests: ran.collect(), findings: Findings::default(), notes: Vec::new() }
+    }
+}
+
+/// The result of a test that stands at a place of the suite. Paths in `root` are annotated from
+/// there.
+fn result_of(place: usize, finished: &Finished, root: Option<&Path>) -> TestResult {
+    let (message, class) = match &finished.outcome {
+        Outcome::Passed | Outcome::Renewed => (None, None),
+        Outcome::KnownFailure(why) => (Some(why.clone()), None),
+        Outcome::Failed(failure) => {
+            let message = failure.errors.first().map_or("not as expected", |error| error.message());
+            (Some(message.to_owned()), None)
         }
+        Outcome::Broken(error) => (Some(error.message().to_owned()), Some(error.class())),
+    };
+    TestResult {
+        place,
+        name: finished.name.clone(),
+        file: finished.file.display().to_string(),
+        ended: finished.outcome.ended(),
+        message,
+        class,
+        text: report::text(finished, false),
+        annotation: report::github(finished, root),
+        json: report::test_json(finished),
+        microseconds: u64::try_from(finished.took.as_micros()).unwrap_or(u64::MAX),
+        findings: Vec::new(),
+        shadow: None,
+        held_stable: false,
     }
 }
 

@@ -225,6 +225,7 @@ impl Tester<'_> {
             errors: Vec::new(),
             line: None,
             explanation: None,
+            coloured_explanation: None,
             command: None,
             pictures: Vec::new(),
             fixes: differences.iter().filter_map(|difference| difference.fix.clone()).collect(),
@@ -316,10 +317,9 @@ impl Tester<'_> {
         else {
             return;
         };
-        failure.explanation = Some(render::text(
-            &transcript,
-            RenderOptions { colour: self.options.colour, ..RenderOptions::default() },
-        ));
+        let text = |colour| render::text(&transcript, RenderOptions { colour, ..RenderOptions::default() });
+        failure.explanation = Some(text(false));
+        failure.coloured_explanation = self.options.colour.then(|| text(true));
     }
 }
 

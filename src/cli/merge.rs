@@ -1,0 +1,200 @@
+//! `anyhit merge`: makes one report of the results of shares.
+
+use std::path::{Path, PathBuf};
+
+use crate::atomic_file;
+#[cfg(feature = "stress")]
+use crate::cli::check_math;
+use crate::cli::input::InputLimitArgs;
+use crate::cli::output;
+use crate::cli::smoke::modules;
+#[cfg(feature = "stress")]
+use crate::cli::stress;
+use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, print_warnings, verdict};
+use crate::error::{Error, ErrorKind, Place, Result};
+#[cfg(feature = "stress")]
+use crate::harness::shares::check_math::CheckMathResult;
+use crate::harness::shares::render::RenderResult;
+use crate::harness::shares::smoke::SmokeResult;
+#[cfg(feature = "stress")]
+use crate::harness::shares::stress::StressResult;
+use crate::harness::shares::{ShareResult, ShareResults, command_of};
+use crate::harness::suite::SuiteResult;
+use crate::input::{InputLimit, InputLimits, read_argument};
+use crate::scene::image::{PictureKind, write_picture};
+
+/// Makes one report of the results that `--result` wrote on several machines.
+///
+/// It is the report of a run that was not shared, but for times, and so is the exit code. The order
+/// of the files does not matter, and a merged result (--result) merges with others again.
+#[derive(Debug, clap::Args)]
+pub struct MergeArgs {
+    /// Results of the shares of one run of `test`, `stress`, `check-math`, `smoke` or `render`
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+    /// Go on where shares are missing, and say so
+    #[arg(long)]
+    partial: bool,
+    /// How the report is printed
+    #[arg(long, value_enum, default_value_t)]
+    format: ReportFormat,
+    /// Write the merged result as JSON
+    #[arg(long, value_name = "FILE")]
+    result: Option<PathBuf>,
+    /// Of tests: write the results as JUnit XML, without times
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Of tests: write the coverage as an lcov tracefile, and print a summary
+    #[arg(long, value_name = "FILE")]
+    coverage: Option<PathBuf>,
+    /// Of tests: write how long each took, rounded, for `anyhit test --shard K/N --timings`
+    #[arg(long, value_name = "FILE")]
+    timings: Option<PathBuf>,
+    /// Of a picture: the file to write, .png, .exr (feature `exr`) or .raw [default: out.png]
+    #[arg(short, long, value_name = "FILE", value_parser = output::picture_parser())]
+    output: Option<PathBuf>,
+    /// Of `stress`: the folder into which wrong cases are saved
+    #[arg(long, value_name = "FOLDER", default_value = "tests/stress-regressions")]
+    save: PathBuf,
+    #[command(flatten)]
+    limits: InputLimitArgs,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `InvalidArgument` where files are no results, or not of one run, or shares are missing; else what
+/// the command returns whose results are merged.
+pub fn run(args: MergeArgs) -> Result<()> {
+    let limits = args.limits.limits();
+    let first = &args.files[0];
+    let bytes = read(first, &limits)?;
+    let command = command_of(first, &bytes)?;
+    args.check(&command)?;
+    let files = FilesToMerge { args: &args, first: &bytes, limits: &limits };
+    match command.as_str() {
+        SuiteResult::COMMAND => args.print_suite(&files.merged()?),
+        SmokeResult::COMMAND => modules::print_merged(&files.merged()?, args.format == ReportFormat::Json),
+        RenderResult::COMMAND => args.write_picture(&files.merged()?),
+        #[cfg(feature = "stress")]
+        StressResult::COMMAND => stress::print_merged(&files.merged()?, &args.save),
+        #[cfg(feature = "stress")]
+        CheckMathResult::COMMAND => {
+            check_math::print_merged(&files.merged()?, args.format == ReportFormat::Json)
+        }
+        other => {
+            let message = format!("it is a result of `anyhit {other}`, which this build does not know");
+            Err(Error::new(ErrorKind::UnsupportedTool, message).at(Place::File(first.clone())))
+        }
+    }
+}
+
+fn read(file: &Path, limits: &InputLimits) -> Result<Vec<u8>> {
+    read_argument(file, InputLimit::FileBytes, limits)
+}
+
+impl MergeArgs {
+    /// Refuses flags that say nothing of a command's results.
+    fn check(&self, command: &str) -> Result<()> {
+        let of_tests = [
+            (self.junit.is_some(), "--junit"),
+            (self.coverage.is_some(), "--coverage"),
+            (self.timings.is_some(), "--timings"),
+        ];
+        let of_pictures = [(self.output.is_some(), "--output")];
+        let wrong = |flags: &[(bool, &'static str)], of: &str| {
+            let given = flags.iter().find(|(given, _)| *given && command != of);
+            given.map(|(_, flag)| {
+                format!("`{flag}` is for results of `anyhit {of}`, and these are of `anyhit {command}`")
+            })
+        };
+        let github = self.format == ReportFormat::Github && command != SuiteResult::COMMAND;
+        let github = github.then(|| {
+            let of = SuiteResult::COMMAND;
+            format!("`--format github` is for results of `anyhit {of}`, and these are of `anyhit {command}`")
+        });
+        let without_json = [RenderResult::COMMAND, "stress"].contains(&command);
+        let json = (self.format == ReportFormat::Json && without_json)
+            .then(|| format!("`anyhit {command}` has no report as JSON"));
+        let mistake = wrong(&of_tests, SuiteResult::COMMAND)
+            .or_else(|| wrong(&of_pictures, RenderResult::COMMAND))
+            .or(github)
+            .or(json);
+        mistake.map_or(Ok(()), |message| Err(Error::new(ErrorKind::InvalidArgument, message)))
+    }
+
+    /// The reports of a suite.
+    fn print_suite(&self, results: &ShareResults<SuiteResult>) -> Result<()> {
+        if self.coverage.is_some() && !results.whole().coverage {
+            let message = "the shares recorded no coverage: they need `--coverage`, too";
+            return Err(Error::new(ErrorKind::InvalidArgument, message));
+        }
+        let result = SuiteResult::of_shares(results);
+        let files = SuiteFiles {
+            junit: self.junit.as_deref(),
+            coverage: self.coverage.as_deref(),
+            timings: self.timings.as_deref(),
+            with_times: false,
+        };
+        let unwritten = files.write(&result);
+        result.tests.iter().try_for_each(|test| print_test(test, self.format))?;
+        print_end(results.whole(), &result, self.format, &print_warnings)?;
+        if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
+    }
+
+    /// The picture of all shares.
+    fn write_picture(&self, results: &ShareResults<RenderResult>) -> Result<()> {
+        if self.output.is_none() && self.result.is_some() {
+            return Ok(());
+        }
+        let file = self.output.clone().unwrap_or_else(|| PathBuf::from("out.png"));
+        PictureKind::of(&file).map_or(Ok(()), PictureKind::check)?;
+        let picture = RenderResult::picture(results)?;
+        write_picture(&file, &picture, results.whole().to_srgb)?;
+        if self.output.is_none() {
+            output::hint(format_args!("the picture is in {}", file.display()));
+        }
+        Ok(())
+    }
+}
+
+/// The files of the command line, of which the first is read already.
+struct FilesToMerge<'a> {
+    args: &'a MergeArgs,
+    first: &'a [u8],
+    limits: &'a InputLimits,
+}
+
+impl FilesToMerge<'_> {
+    /// The results of all files, and writes them where that is asked for.
+    fn merged<R: ShareResult>(&self) -> Result<ShareResults<R>> {
+        let args = self.args;
+        let mut merged = ShareResults::read(&args.files[0], self.first)?;
+        for file in &args.files[1..] {
+            merged = merged.merge(ShareResults::read(file, &read(file, self.limits)?)?)?;
+        }
+        let missing = merged.missing();
+        if !missing.is_empty() {
+            let text = missing_shares(&missing, merged.of());
+            if !args.partial {
+                let note = "`--partial` goes on with the others";
+                return Err(Error::new(ErrorKind::InvalidArgument, text).note(note));
+            }
+            output::hint(format_args!("note: {text}: the report is of the others alone"));
+        }
+        if let Some(path) = &args.result {
+            atomic_file::write(path, merged.to_json()?)?;
+        }
+        Ok(merged)
+    }
+}
+
+/// `shares 2 and 4 of 4 are missing`
+fn missing_shares(missing: &[usize], of: usize) -> String {
+    let numbers: Vec<String> = missing.iter().map(usize::to_string).collect();
+    match &numbers[..] {
+        [one] => format!("share {one} of {of} is missing"),
+        [first @ .., last] => format!("shares {} and {last} of {of} are missing", first.join(", ")),
+        [] => String::new(),
+    }
+}

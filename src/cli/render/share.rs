@@ -1,0 +1,46 @@
+//! `render --shard`: some of the bands of a picture, as a result that merges into the whole one.
+
+use crate::cli::share::ShareArgs;
+use crate::error::{Error, ErrorKind, Result};
+use crate::harness::shares::ShareResults;
+use crate::harness::shares::render::{RenderResult, RenderWhole, RenderedBand};
+use crate::pipeline::{Band, BandedLaunch};
+
+/// A share of a picture to be rendered.
+pub(super) struct PictureShare<'a> {
+    /// Which share, and where its result is written.
+    pub share: &'a ShareArgs,
+    /// What all shares have in common.
+    pub whole: RenderWhole,
+    /// All bands.
+    pub bands: BandedLaunch<'a>,
+    /// The number of lanes, as it is typed.
+    pub lanes: &'a str,
+}
+
+impl PictureShare<'_> {
+    /// Renders the bands of the share and writes the result.
+    ///
+    /// # Errors
+    /// The trap of a shader, and `Io`.
+    pub(super) fn run(self, on_progress: &(dyn Fn(u64) + Sync)) -> Result<()> {
+        let shard = self.share.shard_or_whole();
+        let number = |number: usize| {
+            u32::try_from(number).map_err(|_| {
+                Error::new(ErrorKind::InvalidArgument, format!("no picture has {number} shares"))
+            })
+        };
+        let bands = self.bands.every(number(shard.number - 1)?, number(shard.of)?);
+        let mut result = RenderResult::default();
+        let mut keep = |band: Band<'_>| {
+            result.bands.push(RenderedBand::of(band)?);
+            Ok(())
+        };
+        match self.lanes {
+            "1" => bands.run::<1>(on_progress, &mut keep),
+            "128" => bands.run::<128>(on_progress, &mut keep),
+            _ => bands.run::<64>(on_progress, &mut keep),
+        }?;
+        self.share.write(&ShareResults::new(self.whole, shard, result))
+    }
+}

@@ -1,0 +1,53 @@
+//! `--shard` and `--result`: a share of the work of a long command, and its result.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::atomic_file;
+use crate::error::Result;
+use crate::harness::shares::{Shard, ShareResult, ShareResults};
+
+/// A share of the work, and its result.
+#[derive(Args, Clone, Debug, Default)]
+pub(super) struct ShareArgs {
+    /// Do the Kth of N shares of the work: all shares together do each piece once (docs/scale.md)
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// Write the result as JSON: `anyhit merge` makes one report of those of all shares
+    #[arg(long, value_name = "FILE")]
+    result: Option<PathBuf>,
+}
+
+impl ShareArgs {
+    /// The share that is asked for, if one is.
+    pub(super) fn shard(&self) -> Option<Shard> {
+        self.shard
+    }
+
+    /// The share that is asked for; else all of the work.
+    pub(super) fn shard_or_whole(&self) -> Shard {
+        self.shard.unwrap_or(Shard::WHOLE)
+    }
+
+    /// Whether a share or a result is asked for.
+    pub(super) fn is_requested(&self) -> bool {
+        self.shard.is_some() || self.result.is_some()
+    }
+
+    /// Whether a result is asked for.
+    pub(super) fn has_result(&self) -> bool {
+        self.result.is_some()
+    }
+
+    /// Writes the result, where that is asked for.
+    ///
+    /// # Errors
+    /// `Io`.
+    pub(super) fn write<R: ShareResult>(&self, results: &ShareResults<R>) -> Result<()> {
+        match &self.result {
+            Some(path) => atomic_file::write(path, results.to_json()?),
+            None => Ok(()),
+        }
+    }
+}

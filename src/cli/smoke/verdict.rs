@@ -1,0 +1,67 @@
+//! What a smoke test of a module comes to, as the error that its exit code tells.
+
+use serde::Serialize;
+
+use crate::error::{Error, ErrorKind, ErrorReport, Result};
+use crate::harness::sanitized::deny;
+use crate::harness::smoke::{SmokeReport, SmokeVerdict};
+
+/// What `--json` prints.
+#[derive(Serialize)]
+pub(super) struct JsonReport<'a> {
+    #[serde(flatten)]
+    /// What was found.
+    pub report: &'a SmokeReport,
+    /// What the exit code tells of.
+    pub errors: Vec<ErrorReport>,
+}
+
+/// The worst verdict as an error.
+///
+/// # Errors
+/// `Expectation` where an entry point trapped or entered too few of its blocks; `UnsupportedModule`
+/// or `InvalidModule` where one does not run; `Finding` where the sanitizer denies what is in it.
+pub(super) fn verdict(report: &SmokeReport, min_coverage: f64) -> Result<()> {
+    let worst = report.worst();
+    let kind = match worst {
+        SmokeVerdict::Ok | SmokeVerdict::OutOfScope => {
+            report.entry_points.iter().try_for_each(|entry| deny(&entry.findings))?;
+            return covered(report, min_coverage);
+        }
+        SmokeVerdict::Trap => ErrorKind::Expectation,
+        SmokeVerdict::Unsupported | SmokeVerdict::Bug => ErrorKind::UnsupportedModule,
+        SmokeVerdict::Invalid => ErrorKind::InvalidModule,
+    };
+    let entries = &report.entry_points;
+    let count = |verdict| entries.iter().filter(|entry| entry.result == verdict).count();
+    let verdicts = [
+        (SmokeVerdict::Trap, "trapped"),
+        (SmokeVerdict::Unsupported, "not supported"),
+        (SmokeVerdict::Invalid, "invalid"),
+        (SmokeVerdict::Bug, "met a bug in anyhit"),
+    ];
+    let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
+    let parts: Vec<_> = counts
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, word)| format!("{count} {word}"))
+        .collect();
+    Err(Error::new(kind, format!("of {} entry points, {}", entries.len(), parts.join(", "))))
+}
+
+/// Whether every entry point entered enough of its blocks.
+fn covered(report: &SmokeReport, percent: f64) -> Result<()> {
+    let reached = report.entry_points.iter().filter_map(|entry| Some((entry, entry.coverage.as_ref()?)));
+    let too_few: Vec<_> = reached.filter(|(_, reached)| !reached.is_at_least(percent)).collect();
+    if too_few.is_empty() {
+        return Ok(());
+    }
+    let count = report.entry_points.len();
+    let message =
+        format!("of {count} entry points, {} reached less than {percent} % of its blocks", too_few.len());
+    let error = Error::new(ErrorKind::Expectation, message);
+    Err(too_few.iter().fold(error, |error, (entry, reached)| {
+        let share = format!("{} of {} blocks", reached.blocks_entered, reached.blocks);
+        error.note(format!("{} `{}` reached {share}", entry.stage, entry.name))
+    }))
+}

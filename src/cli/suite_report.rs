@@ -1,0 +1,134 @@
+//! The reports of a suite, of one run as of merged shares: they are made of its result alone.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+
+use crate::atomic_file;
+use crate::cli::output;
+use crate::error::{Error, ErrorClass, ErrorKind, Result};
+use crate::harness::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
+
+/// How results are printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum ReportFormat {
+    /// Plain text
+    #[default]
+    Plain,
+    /// Text, with an annotation for each failure that GitHub shows at the shader's line
+    Github,
+    /// One JSON object
+    Json,
+}
+
+/// The files that are asked for.
+pub(super) struct SuiteFiles<'a> {
+    /// The report as JUnit XML.
+    pub junit: Option<&'a Path>,
+    /// The coverage as an lcov tracefile.
+    pub coverage: Option<&'a Path>,
+    /// How long tests took.
+    pub timings: Option<&'a Path>,
+    /// Whether the JUnit report tells how long tests took.
+    pub with_times: bool,
+}
+
+impl SuiteFiles<'_> {
+    /// Writes the files. Returns the errors of those that cannot be written.
+    pub(super) fn write(&self, result: &SuiteResult) -> Vec<Error> {
+        let mut unwritten = Vec::new();
+        if let Some(path) = self.junit {
+            let written = junit(result, self.with_times).and_then(|text| atomic_file::write(path, text));
+            unwritten.extend(written.err());
+        }
+        if let Some(path) = self.coverage {
+            let text = result.coverage.as_ref().map(|coverage| coverage.lcov()).unwrap_or_default();
+            unwritten.extend(atomic_file::write(path, text).err());
+        }
+        if let Some(path) = self.timings {
+            unwritten.extend(atomic_file::write(path, result.timings().to_json()).err());
+        }
+        unwritten
+    }
+}
+
+/// Prints what became of a test.
+///
+/// # Errors
+/// `Io`.
+pub(super) fn print_test(test: &TestResult, format: ReportFormat) -> Result<()> {
+    match format {
+        ReportFormat::Json => Ok(()),
+        ReportFormat::Plain => output::print(&test.text),
+        ReportFormat::Github => {
+            let annotation = test.annotation.as_deref().unwrap_or_default();
+            output::print(format_args!("{}{annotation}", report::github_log(&test.text)))
+        }
+    }
+}
+
+/// Prints what stands behind the tests, and notes. What the sanitizer only warns of is handed to
+/// `print_findings`.
+///
+/// # Errors
+/// `Io`.
+pub(super) fn print_end(
+    whole: &SuiteWhole,
+    result: &SuiteResult,
+    format: ReportFormat,
+    print_findings: &dyn Fn(&[KeptFinding]) -> Result<()>,
+) -> Result<()> {
+    let findings = result.findings();
+    if format == ReportFormat::Json {
+        let mut json = report::json(result);
+        if whole.shadow {
+            json["shadow"] = result.shadow().json(None);
+        }
+        if whole.perturbed.is_some() {
+            json["perturbed"] = result.held_stable().into();
+        }
+        if !findings.is_empty() {
+            json["findings"] = findings.iter().map(KeptFinding::json).collect();
+        }
+        output::print(format_args!("{json:#}\n"))?;
+    } else {
+        if let Some(coverage) = &result.coverage {
+            output::print(report::coverage(coverage))?;
+        }
+        if whole.shadow {
+            output::print(format_args!("\n{}\n", result.shadow().text()))?;
+        }
+        if let Some(how) = &whole.perturbed {
+            let (held, all) = (result.held_stable(), result.tests.len());
+            output::print(format_args!("\nheld to stable outputs: {held} of {all} tests, {how}\n"))?;
+        }
+        print_findings(&findings)?;
+        output::print(report::summary(result))?;
+    }
+    output::notes(&result.notes());
+    Ok(())
+}
+
+/// Prints the findings that fail nothing, as text.
+///
+/// # Errors
+/// `Io`.
+pub(super) fn print_warnings(findings: &[KeptFinding]) -> Result<()> {
+    let mut warnings = findings.iter().filter(|finding| finding.is_warning());
+    warnings.try_for_each(|finding| output::print(finding.text()))
+}
+
+/// The error that becomes the exit code; everything about it is printed already.
+///
+/// # Errors
+/// The class of the first test that could not run; else `Expectation` where tests failed.
+pub(super) fn verdict(result: &SuiteResult) -> Result<()> {
+    if let Some(broken) = result.tests.iter().find(|test| test.ended == Ended::Error) {
+        let class = broken.class.unwrap_or(ErrorClass::Other);
+        return Err(Error::of_class(class, "a test could not run"));
+    }
+    match result.count(Ended::Failed) {
+        0 => Ok(()),
+        failed => Err(Error::new(ErrorKind::Expectation, format!("{failed} tests failed"))),
+    }
+}

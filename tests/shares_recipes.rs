@@ -1,0 +1,167 @@
+//! The recipes of `docs/scale.md`: their commands run as local processes, and the report that is
+//! merged is that of one run.
+
+use std::path::Path;
+use std::process::Command;
+
+use pretty_assertions::assert_eq;
+
+use crate::support::files::root;
+use crate::support::program::{Ran, anyhit, ran, scratch};
+
+/// What the recipes call `shaders`.
+const SHADERS: &str = "shaders/pass/testing";
+
+/// A line for a shell, in a folder where the program is found, with variables.
+fn shell(line: &str, folder: &Path, variables: &[(&str, String)]) -> Ran {
+    let program = Path::new(env!("CARGO_BIN_EXE_anyhit")).parent().expect("a folder");
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let paths = std::iter::once(program.to_path_buf()).chain(std::env::split_paths(&path));
+    let mut command = Command::new("sh");
+    // Names of tests are paths: the tests are found from the repository's root.
+    let line = line.replace(" shaders ", &format!(" {SHADERS} "));
+    let line = line.replace("/results/", "results/").replace("results/", &format!("{}/", folder.display()));
+    command.args(["-c", &line]).env("PATH", std::env::join_paths(paths).expect("paths"));
+    command.envs(variables.iter().map(|(name, value)| (name, value)));
+    ran(command)
+}
+
+/// The merged results of a folder, beside one run.
+fn compare(folder: &Path, merge: &str) {
+    let whole = anyhit(&["test", SHADERS]);
+    let merged = shell(merge, folder, &[]);
+    assert_eq!((&merged.out, merged.code), (&whole.out, Some(0)), "{}", merged.err);
+    assert!(!whole.out.is_empty());
+}
+
+fn page() -> String {
+    std::fs::read_to_string(root().join("docs/scale.md")).expect("the page").replace("\r\n", "\n")
+}
+
+/// The line of a text that holds some words, without blanks around it.
+fn line<'a>(text: &'a str, words: &str) -> &'a str {
+    text.lines().find(|line| line.contains(words)).unwrap_or_else(|| panic!("no line with {words}")).trim()
+}
+
+/// The value at a path of keys in YAML of blocks, as the manifest has it: a key stands further in
+/// than the one before.
+fn yaml<'a>(text: &'a str, keys: &[&str]) -> Option<&'a str> {
+    let depth = |line: &str| line.len() - line.trim_start_matches([' ', '-']).len();
+    let mut lines = text.lines().filter(|line| !line.trim_start().starts_with('#')).peekable();
+    let (mut inside, mut value) = (0, None);
+    for key in keys {
+        let wanted = format!("{key}:");
+        let found = lines
+            .by_ref()
+            .take_while(|line| depth(line) >= inside)
+            .find(|line| line.trim_start_matches([' ', '-']).starts_with(&wanted))?;
+        value = Some(found.trim_start_matches([' ', '-'])[wanted.len()..].trim());
+        inside = depth(found) + 1;
+    }
+    value
+}
+
+#[test]
+fn the_kubernetes_job_does_every_share() {
+    let manifest =
+        std::fs::read_to_string(root().join("examples/scale/kubernetes-job.yaml")).expect("the manifest");
+    // An indexed Job (https://kubernetes.io/docs/concepts/workloads/controllers/job).
+    for (keys, expected) in [
+        (&["apiVersion"][..], "batch/v1"),
+        (&["kind"], "Job"),
+        (&["metadata", "name"], "anyhit-shaders"),
+        (&["spec", "completionMode"], "Indexed"),
+        (&["spec", "completions"], "4"),
+        (&["spec", "template", "spec", "restartPolicy"], "Never"),
+        (&["spec", "template", "spec", "containers", "name"], "anyhit"),
+        (&["spec", "template", "spec", "containers", "command"], "[\"sh\", \"-c\"]"),
+        (&["spec", "template", "spec", "containers", "volumeMounts", "mountPath"], "/results"),
+        (&["spec", "template", "spec", "volumes", "persistentVolumeClaim", "claimName"], "anyhit-results"),
+    ] {
+        assert_eq!(yaml(&manifest, keys), Some(expected), "{keys:?}");
+    }
+    assert!(!manifest.contains('\t'));
+    let command = line(&manifest, "anyhit test").trim_start_matches("- ");
+    let folder = scratch("recipe-kubernetes");
+    for index in 0..4 {
+        let ran = shell(command, &folder, &[("JOB_COMPLETION_INDEX", index.to_string())]);
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+    }
+    // A pod that is started again leaves the same.
+    shell(command, &folder, &[("JOB_COMPLETION_INDEX", "2".to_owned())]);
+    compare(&folder, "anyhit merge results/*.json");
+}
+
+#[test]
+fn the_slurm_array_does_every_share() {
+    let page = page();
+    let script = page.split("```bash\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a script");
+    assert!(script.starts_with("#!/bin/bash\n#SBATCH --array=1-4 "), "{script}");
+    let folder = scratch("recipe-slurm");
+    for task in 1..=4 {
+        let variables =
+            [("SLURM_ARRAY_TASK_ID", task.to_string()), ("SLURM_ARRAY_TASK_COUNT", "4".to_owned())];
+        let ran = shell(line(script, "anyhit test"), &folder, &variables);
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+    }
+    let merge = line(&page, "sbatch --dependency").split('\'').nth(1).expect("the command");
+    compare(&folder, merge);
+}
+
+#[test]
+fn the_github_matrix_does_every_share() {
+    let page = page();
+    let workflow =
+        page.split("```yaml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a workflow");
+    assert_eq!(yaml(workflow, &["jobs", "merge", "needs"]), Some("shaders"));
+    let strategy = yaml(workflow, &["jobs", "shaders", "strategy"]).expect("a strategy");
+    assert!(strategy.contains("shard: [1, 2, 3, 4]"), "{strategy}");
+    let folder = scratch("recipe-github");
+    let run = |words: &str| line(workflow, words).trim_start_matches("- run: ").to_owned();
+    for shard in 1..=4 {
+        let command =
+            run("anyhit test").replace("${{ matrix.shard }}.json", &format!("results/{shard}.json"));
+        let ran = shell(&command.replace("${{ matrix.shard }}", &shard.to_string()), &folder, &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+    }
+    let merge =
+        run("anyhit merge").replace("*.json", "results/*.json").replace("junit.xml", "results/junit.xml");
+    compare(&folder, &merge);
+    assert!(folder.join("junit.xml").is_file());
+}
+
+#[test]
+fn bazel_does_every_share() {
+    let page = page();
+    assert!(page.contains("    shard_count = 4,\n"), "the rule");
+    let folder = scratch("recipe-bazel");
+    for index in 0..4 {
+        let variables = [
+            ("TEST_SHARD_INDEX", index.to_string()),
+            ("TEST_TOTAL_SHARDS", "4".to_owned()),
+            ("TEST_SHARD_STATUS_FILE", folder.join("status").display().to_string()),
+        ];
+        // `exec anyhit test "$@"` with the rule's arguments; Bazel itself merges no reports.
+        let command = format!("anyhit test shaders --result results/{index}.json");
+        let ran = shell(&command, &folder, &variables);
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+        assert!(folder.join("status").is_file());
+    }
+    compare(&folder, "anyhit merge results/*.json");
+}
+
+/// Every command line of the page's text blocks is one that the program takes.
+#[test]
+fn the_commands_of_the_page_are_real() {
+    let page = page();
+    let blocks = page.split("```text\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let mut count = 0;
+    for line in blocks.flat_map(str::lines).filter(|line| line.starts_with("anyhit ") && !line.contains('['))
+    {
+        let words = line.split('#').next().unwrap_or_default().split_whitespace();
+        let parsed = anyhit::internals::cli::command().try_get_matches_from(words);
+        assert!(parsed.is_ok(), "{line}: {parsed:?}");
+        count += 1;
+    }
+    assert!(count >= 6, "{count} lines");
+}
