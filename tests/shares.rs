@@ -1,5 +1,5 @@
-//! Shares of long commands, and `anyhit merge`: what is merged is what one run gives, byte for byte,
-//! and what does not belong together is refused.
+//! Shares of long commands, and `anyhit merge`: what is merged is what one run gives, byte for
+//! byte, and what does not belong together is refused.
 
 use std::path::Path;
 
@@ -110,6 +110,8 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
     let empty = other("empty.json", &|value| value["shares"] = serde_json::json!({}));
     let beyond =
         other("beyond.json", &|value| value["shares"] = serde_json::json!({ "7": value["shares"]["2"] }));
+    let moved = other("moved.json", &|value| value["shares"]["2"]["tests"][0]["place"] = 0.into());
+    let cut = other("cut.json", &|value| value["shares"]["2"]["tests"] = serde_json::json!([]));
     let broken = at(&folder, "broken.json");
     std::fs::write(&broken, "no JSON").expect("a writable folder");
     let smoke = at(&folder, "smoke.json");
@@ -129,6 +131,8 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
         (Some(&format), vec![&format, "version 9 of the format"]),
         (Some(&empty), vec![&empty, "the result of no share"]),
         (Some(&beyond), vec![&beyond, "it holds share 7 of 2"]),
+        (Some(&moved), vec!["is in two shares"]),
+        (Some(&cut), vec!["all shares together have 2 tests, and the suite has 3"]),
         (Some(&broken), vec![&broken, "it is no result that `--result` wrote"]),
         (Some(&smoke), vec![&smoke, "a result of `anyhit smoke`, and not of `anyhit test`"]),
         (Some(&suite), vec![&suite, first, "another run", "`names`"]),
