@@ -56,6 +56,24 @@ fn the_reports_of_merged_tests_are_those_of_one_run() {
     }
 }
 
+/// The first test of a file tells what is wrong with it, and the others name that one: those of
+/// other shares, too.
+#[test]
+fn what_breaks_a_file_is_told_once_in_all_shares() {
+    let folder = scratch("shares-broken-file");
+    let ray = |name: &str| {
+        format!(
+            "[[ray]]\nname = '{name}'\norigin = [0, 0, 1]\ndirection = [0, 0, -1]\nexpect = {{ miss = true }}\n"
+        )
+    };
+    let text = format!("version = 1\nlaunhc = 1\n{}{}{}", ray("first"), ray("second"), ray("third"));
+    std::fs::write(folder.join("rays.test.toml"), text).expect("a writable folder");
+    let tests = ["test", folder.to_str().expect("UTF-8"), "tests/test-command/known"];
+    let whole = anyhit(&tests);
+    let merged = merge(&shares(&folder_of("broken-results"), 2, &tests), &[]);
+    assert_eq!((merged.out, merged.code), (whole.out, whole.code));
+}
+
 #[test]
 fn merging_is_associative_and_commutative() {
     let folder = scratch("shares-groups");
