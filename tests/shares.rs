@@ -1,5 +1,5 @@
-//! Shares of long commands, and `anyhit merge`: what is merged is what one run gives, byte for byte,
-//! and what does not belong together is refused.
+//! Shares of long commands, and `anyhit merge`: what is merged is what one run gives, byte for
+//! byte, and what does not belong together is refused.
 
 use std::path::Path;
 
@@ -56,6 +56,24 @@ fn the_reports_of_merged_tests_are_those_of_one_run() {
     }
 }
 
+/// The first test of a file tells what is wrong with it, and the others name that one: those of
+/// other shares, too.
+#[test]
+fn what_breaks_a_file_is_told_once_in_all_shares() {
+    let folder = scratch("shares-broken-file");
+    let ray = |name: &str| {
+        format!(
+            "[[ray]]\nname = '{name}'\norigin = [0, 0, 1]\ndirection = [0, 0, -1]\nexpect = {{ miss = true }}\n"
+        )
+    };
+    let text = format!("version = 1\nlaunhc = 1\n{}{}{}", ray("first"), ray("second"), ray("third"));
+    std::fs::write(folder.join("rays.test.toml"), text).expect("a writable folder");
+    let tests = ["test", folder.to_str().expect("UTF-8"), "tests/test-command/known"];
+    let whole = anyhit(&tests);
+    let merged = merge(&shares(&folder_of("broken-results"), 2, &tests), &[]);
+    assert_eq!((merged.out, merged.code), (whole.out, whole.code));
+}
+
 #[test]
 fn merging_is_associative_and_commutative() {
     let folder = scratch("shares-groups");
@@ -110,6 +128,8 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
     let empty = other("empty.json", &|value| value["shares"] = serde_json::json!({}));
     let beyond =
         other("beyond.json", &|value| value["shares"] = serde_json::json!({ "7": value["shares"]["2"] }));
+    let moved = other("moved.json", &|value| value["shares"]["2"]["tests"][0]["place"] = 0.into());
+    let cut = other("cut.json", &|value| value["shares"]["2"]["tests"] = serde_json::json!([]));
     let broken = at(&folder, "broken.json");
     std::fs::write(&broken, "no JSON").expect("a writable folder");
     let smoke = at(&folder, "smoke.json");
@@ -129,6 +149,8 @@ fn a_repeated_share_counts_once_and_other_files_are_refused() {
         (Some(&format), vec![&format, "version 9 of the format"]),
         (Some(&empty), vec![&empty, "the result of no share"]),
         (Some(&beyond), vec![&beyond, "it holds share 7 of 2"]),
+        (Some(&moved), vec!["is in two shares"]),
+        (Some(&cut), vec!["all shares together have 2 tests, and the suite has 3"]),
         (Some(&broken), vec![&broken, "it is no result that `--result` wrote"]),
         (Some(&smoke), vec![&smoke, "a result of `anyhit smoke`, and not of `anyhit test`"]),
         (Some(&suite), vec![&suite, first, "another run", "`names`"]),

@@ -157,7 +157,9 @@ impl ReportForm {
 
     /// Prints the sums, or all as JSON.
     fn print_end(self, result: &CheckMathResult) -> Result<()> {
-        let wrong: u64 = result.reports().map(|report| report.wrong).sum();
+        let sum =
+            |count: fn(&CheckMathReport) -> u64| result.reports().map(count).fold(0, u64::saturating_add);
+        let wrong = sum(|report| report.wrong);
         if self.json {
             let failed = |error: serde_json::Error| Error::io("standard output", error.into());
             let mut functions: Vec<Value> =
@@ -170,7 +172,7 @@ impl ReportForm {
             let json = serde_json::json!({ "functions": functions, "wrong": wrong });
             output::print(format_args!("{json:#}\n"))?;
         } else {
-            let inputs: u64 = result.reports().map(|report| report.inputs).sum();
+            let inputs = sum(|report| report.inputs);
             output::print(format_args!("\n{inputs} results: {wrong} wrong\n"))?;
         }
         if wrong == 0 {

@@ -47,7 +47,7 @@ pub struct MergeArgs {
     /// Of tests: write the coverage as an lcov tracefile, and print a summary
     #[arg(long, value_name = "FILE")]
     coverage: Option<PathBuf>,
-    /// Of tests: write how long each took, rounded, for `anyhit test --shard K/N --timings`
+    /// Of tests: write how long each took, rounded, for `--timings` of `anyhit test`
     #[arg(long, value_name = "FILE")]
     timings: Option<PathBuf>,
     /// Of a picture: the file to write, .png, .exr (feature `exr`) or .raw [default: out.png]
@@ -63,8 +63,8 @@ pub struct MergeArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// `InvalidArgument` where files are no results, or not of one run, or shares are missing; else what
-/// the command returns whose results are merged.
+/// `InvalidArgument` where files are no results, or not of one run, or shares are missing; else
+/// what the command returns whose results are merged.
 pub fn run(args: MergeArgs) -> Result<()> {
     let limits = args.limits.limits();
     let first = &args.files[0];
@@ -129,6 +129,7 @@ impl MergeArgs {
             let message = "the shares recorded no coverage: they need `--coverage`, too";
             return Err(Error::new(ErrorKind::InvalidArgument, message));
         }
+        SuiteResult::check_shares(results)?;
         let result = SuiteResult::of_shares(results);
         let files = SuiteFiles {
             junit: self.junit.as_deref(),
@@ -189,12 +190,37 @@ impl FilesToMerge<'_> {
     }
 }
 
-/// `shares 2 and 4 of 4 are missing`
+/// `shares 2, 5 to 8 and 11 of 12 are missing`
 fn missing_shares(missing: &[usize], of: usize) -> String {
-    let numbers: Vec<String> = missing.iter().map(usize::to_string).collect();
-    match &numbers[..] {
-        [one] => format!("share {one} of {of} is missing"),
-        [first @ .., last] => format!("shares {} and {last} of {of} are missing", first.join(", ")),
+    if let [one] = missing {
+        return format!("share {one} of {of} is missing");
+    }
+    let runs = missing.chunk_by(|one, next| one + 1 == *next).map(|run| match run {
+        [one] => one.to_string(),
+        [first, .., last] => format!("{first} to {last}"),
         [] => String::new(),
+    });
+    let runs: Vec<String> = runs.collect();
+    let list = match &runs[..] {
+        [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        runs => runs.concat(),
+    };
+    format!("shares {list} of {of} are missing")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn missing_shares_are_listed() {
+        for (missing, told) in [
+            (&[2][..], "share 2 of 12 is missing"),
+            (&[2, 4], "shares 2 and 4 of 12 are missing"),
+            (&[3, 4], "shares 3 to 4 of 12 are missing"),
+            (&[2, 5, 6, 7, 8, 11], "shares 2, 5 to 8 and 11 of 12 are missing"),
+        ] {
+            assert_eq!(missing_shares(missing, 12), told);
+        }
     }
 }

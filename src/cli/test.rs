@@ -145,7 +145,7 @@ pub fn run(args: TestArgs) -> Result<()> {
 }
 
 impl TestArgs {
-    /// The share that is asked for: by the flag, or else as Bazel asks for one.
+    /// The share that is wanted: by the flag, or else by the variables of Bazel.
     fn shard(&self) -> Result<Option<Shard>> {
         match self.share.shard() {
             Some(shard) => Ok(Some(shard)),
@@ -154,14 +154,14 @@ impl TestArgs {
     }
 }
 
-/// The share that Bazel asks for by its variables. The file that it names is written, which says
+/// The share that the variables of Bazel want. The file that they name is written, which says
 /// that they were heeded.
 fn bazel_shard() -> Result<Option<Shard>> {
     let Some(of) = std::env::var_os("TEST_TOTAL_SHARDS") else { return Ok(None) };
     let index = std::env::var_os("TEST_SHARD_INDEX").unwrap_or_default();
     let number = |text: &std::ffi::OsStr| text.to_str().and_then(|text| text.parse::<usize>().ok());
     let shard = match (number(&index), number(&of)) {
-        (Some(index), Some(of)) if index < of => Shard { number: index + 1, of },
+        (Some(index), Some(of)) if index < of && of <= Shard::MOST => Shard { number: index + 1, of },
         _ => {
             let message = format!(
                 "TEST_SHARD_INDEX is `{}` and TEST_TOTAL_SHARDS is `{}`: an index from 0, and how many there are",

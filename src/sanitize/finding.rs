@@ -128,8 +128,8 @@ impl Findings {
         self.list.iter()
     }
 
-    /// All findings, each with what makes it one: its rule, and the indices of shaders and the words
-    /// of instructions.
+    /// All findings, each with what tells it from others of its rule: the indices of shaders and
+    /// the words of instructions.
     pub fn with_keys(&self) -> Vec<([u32; 4], &Finding)> {
         let mut keys = vec![[0; 4]; self.list.len()];
         for (key, &at) in &self.by_key {

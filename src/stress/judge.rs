@@ -47,12 +47,12 @@ impl Tally {
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         Self {
-            rays: self.rays + other.rays,
-            lines: self.lines + other.lines,
-            hits: self.hits + other.hits,
-            culled: self.culled + other.culled,
-            trees: self.trees + other.trees,
-            packets: self.packets + other.packets,
+            rays: self.rays.saturating_add(other.rays),
+            lines: self.lines.saturating_add(other.lines),
+            hits: self.hits.saturating_add(other.hits),
+            culled: self.culled.saturating_add(other.culled),
+            trees: self.trees.saturating_add(other.trees),
+            packets: self.packets.saturating_add(other.packets),
         }
     }
 }

@@ -130,7 +130,7 @@ fn print_end(result: &SmokeResult, json: bool) -> Result<()> {
         None => Ok(()),
         Some(class) => {
             let count = result.modules.iter().filter(|module| module.class.is_some()).count();
-            Err(Error::of_class(class, format!("of {} modules, {count} are not well", result.modules.len())))
+            Err(Error::of_class(class, format!("of {} modules, {count} fail", result.modules.len())))
         }
     }
 }

@@ -53,23 +53,28 @@ pub struct Edge {
     pub way: u32,
 }
 
+/// Adds to a count, which a file may hold as large as it likes.
+fn add(sum: &mut u64, count: u64) {
+    *sum = sum.saturating_add(count);
+}
+
 impl Coverage {
     /// Adds what another part of the suite has covered.
     pub fn add(&mut self, other: Self) {
         for (name, file) in other.files {
             let sum = self.files.entry(name).or_default();
             for (line, count) in file.lines {
-                *sum.lines.entry(line).or_default() += count;
+                add(sum.lines.entry(line).or_default(), count);
             }
             for (edge, taken) in file.branches {
                 let known = sum.branches.entry(edge).or_default();
                 *known = match (*known, taken) {
-                    (Some(one), Some(other)) => Some(one + other),
+                    (Some(one), Some(other)) => Some(one.saturating_add(other)),
                     (one, other) => one.or(other),
                 };
             }
             for (function, count) in file.functions {
-                *sum.functions.entry(function).or_default() += count;
+                add(sum.functions.entry(function).or_default(), count);
             }
         }
         self.without_lines.extend(other.without_lines);

@@ -172,7 +172,8 @@ impl RayCounts {
         ];
         for (sum, other) in sums {
             for (what, count) in other {
-                *sum.entry(what).or_default() += count;
+                let known = sum.entry(what).or_default();
+                *known = known.saturating_add(count);
             }
         }
     }

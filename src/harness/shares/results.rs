@@ -125,6 +125,13 @@ impl<R: ShareResult> ShareResults<R> {
         if read.shares.is_empty() {
             return refuse("it holds the result of no share".to_owned());
         }
+        if read.of > Shard::MOST {
+            return refuse(format!(
+                "it is of a run with {} shares, and {} are the most",
+                read.of,
+                Shard::MOST
+            ));
+        }
         if let Some(wrong) = read.shares.keys().find(|number| !(1..=read.of).contains(number)) {
             return refuse(format!("it holds share {wrong} of {}", read.of));
         }
@@ -299,6 +306,7 @@ mod tests {
             ("\"find\"", "\"seek\"", "a result of `anyhit seek`, and not of `anyhit find`"),
             ("\"anyhit_result\":1", "\"anyhit_result\":2", "version 2 of the format"),
             (ANYHIT, "0.0.1", "written by anyhit 0.0.1"),
+            ("\"of\":4", "\"of\":99999999999", "a run with 99999999999 shares"),
             ("\"2\":", "\"5\":", "it holds share 5 of 4"),
             ("\"2\":", "\"x\":", "no result that `--result` wrote"),
             ("{", "", "no result that `--result` wrote"),

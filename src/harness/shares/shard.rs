@@ -14,6 +14,9 @@ pub struct Shard {
 }
 
 impl Shard {
+    /// The most shares that some work has.
+    pub const MOST: usize = 1 << 16;
+
     /// All of the work.
     pub const WHOLE: Self = Self { number: 1, of: 1 };
 
@@ -30,9 +33,11 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Self> {
         let parts = text.split_once('/').map(|(number, of)| (number.trim().parse(), of.trim().parse()));
         match parts {
-            Some((Ok(number), Ok(of))) if (1..=of).contains(&number) => Ok(Self { number, of }),
+            Some((Ok(number), Ok(of))) if (1..=of).contains(&number) && of <= Self::MOST => {
+                Ok(Self { number, of })
+            }
             _ => {
-                let message = format!("`{text}` is not K/N with 1 <= K <= N, such as 2/5");
+                let message = format!("`{text}` is not K/N with 1 <= K <= N <= {}, such as 2/5", Self::MOST);
                 Err(Error::new(ErrorKind::InvalidArgument, message))
             }
         }
@@ -46,7 +51,7 @@ mod tests {
     #[test]
     fn shards_are_read_or_refused() {
         assert_eq!("2/5".parse::<Shard>().unwrap(), Shard { number: 2, of: 5 });
-        for wrong in ["", "2", "0/5", "6/5", "1/0", "a/b", "-1/3"] {
+        for wrong in ["", "2", "0/5", "6/5", "1/0", "a/b", "-1/3", "1/65537"] {
             assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
         }
     }

@@ -75,13 +75,13 @@ impl StressResult {
     pub fn of_shares(results: &ShareResults<Self>) -> Self {
         let mut sum = Self { families: vec![Tally::default(); FAMILIES.len()], ..Self::default() };
         for share in results.shares() {
-            sum.cases += share.cases;
+            sum.cases = sum.cases.saturating_add(share.cases);
             for (family, more) in sum.families.iter_mut().zip(&share.families) {
                 *family = family.plus(more);
             }
-            sum.wrong += share.wrong;
+            sum.wrong = sum.wrong.saturating_add(share.wrong);
             sum.failures.extend(share.failures.iter().cloned());
-            sum.microseconds += share.microseconds;
+            sum.microseconds = sum.microseconds.saturating_add(share.microseconds);
         }
         sum.failures.sort_by_key(|found| (found.seed, found.number));
         sum.failures.truncate(MAX_FAILURES);

@@ -51,8 +51,8 @@ impl Timings {
     }
 
     /// Whether each of some tests, given their names, belongs to a share, so that shares take about
-    /// equally long: the longest test first, each to the share that has least until then. Tests that
-    /// are not known count as the median of those that are.
+    /// equally long: the longest test first, each to the share that has least until then. Tests
+    /// that are not known count as the median of those that are.
     pub fn share_of(&self, names: &[&str], shard: Shard) -> Vec<bool> {
         let known: Vec<Option<u64>> =
             names.iter().map(|name| self.milliseconds.get(*name).copied()).collect();

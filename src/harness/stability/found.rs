@@ -62,20 +62,20 @@ impl LineFindings {
             (self.error, self.launch_id) = (other.error, other.launch_id);
         }
         self.bits_lost = self.bits_lost.max(other.bits_lost);
-        self.results += other.results;
-        self.cancellations += other.cancellations;
-        self.not_finite += other.not_finite;
-        self.comparisons += other.comparisons;
-        self.branches += other.branches;
-        self.integers += other.integers;
-        self.hits += other.hits;
+        self.results = self.results.saturating_add(other.results);
+        self.cancellations = self.cancellations.saturating_add(other.cancellations);
+        self.not_finite = self.not_finite.saturating_add(other.not_finite);
+        self.comparisons = self.comparisons.saturating_add(other.comparisons);
+        self.branches = self.branches.saturating_add(other.branches);
+        self.integers = self.integers.saturating_add(other.integers);
+        self.hits = self.hits.saturating_add(other.hits);
     }
 }
 
 impl ShadowFindings {
     /// Adds the findings of another run.
     pub fn add(&mut self, other: &Self) {
-        self.results += other.results;
+        self.results = self.results.saturating_add(other.results);
         for (location, found) in &other.lines {
             self.lines.entry(location.clone()).or_default().add(found);
         }

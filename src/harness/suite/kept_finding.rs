@@ -53,7 +53,7 @@ impl KeptFinding {
         let mut known: BTreeMap<_, usize> = sum.iter().enumerate().map(|(at, one)| (key(one), at)).collect();
         for one in more {
             match known.get(&key(one)) {
-                Some(&at) => sum[at].count += one.count,
+                Some(&at) => sum[at].count = sum[at].count.saturating_add(one.count),
                 None => {
                     known.insert(key(one), sum.len());
                     sum.push(one.clone());

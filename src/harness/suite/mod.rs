@@ -17,6 +17,7 @@ pub use options::SuiteOptions;
 pub use result::{CaseResult, Ended, SuiteResult, SuiteWhole, TestResult};
 pub use run::SuiteRun;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -32,6 +33,8 @@ use crate::scene::SceneFiles;
 pub struct Suite {
     cases: Vec<Source>,
     tests: Vec<Test>,
+    /// The first test of each case in the whole suite, which tells what is wrong with the case.
+    first_tests: BTreeMap<usize, Test>,
 }
 
 /// A file's case, or why the file is none.
@@ -185,8 +188,10 @@ impl Suite {
 
     /// Gives each test its place.
     fn number(&mut self) {
+        self.first_tests.clear();
         for (place, test) in self.tests.iter_mut().enumerate() {
             test.place = place;
+            self.first_tests.entry(test.case).or_insert_with(|| test.clone());
         }
     }
 
@@ -229,7 +234,7 @@ mod tests {
 
     fn suite(names: &[&str]) -> Suite {
         let test = |name: &&str| Test { name: (*name).into(), place: 0, case: 0, part: Part::Launch };
-        let mut suite = Suite { cases: Vec::new(), tests: names.iter().map(test).collect() };
+        let mut suite = Suite { tests: names.iter().map(test).collect(), ..Suite::default() };
         suite.number();
         suite
     }

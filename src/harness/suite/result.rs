@@ -1,11 +1,12 @@
 //! What a suite found, as a file can hold it: all reports are made of it.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::ErrorClass;
+use crate::error::{Error, ErrorClass, ErrorKind, Result};
 use crate::harness::coverage::Coverage;
 use crate::harness::shares::{ShareResult, ShareResults, Timings};
 use crate::harness::stability::ShadowFindings;
@@ -156,7 +157,7 @@ impl SuiteResult {
                     sum.cases.push(case.clone());
                 }
             }
-            sum.left_out += share.left_out;
+            sum.left_out = sum.left_out.saturating_add(share.left_out);
             sum.written.extend(share.written.iter().cloned());
             if let Some(coverage) = &share.coverage {
                 sum.coverage.get_or_insert_default().add(coverage.clone());
@@ -165,6 +166,26 @@ impl SuiteResult {
         sum.tests.sort_by_key(|test| test.place);
         sum.cases.sort_by_key(|case| case.place);
         sum
+    }
+
+    /// Whether the shares of a suite hold each of its tests once.
+    ///
+    /// # Errors
+    /// `InvalidArgument` where one stands in two shares, or in none though no share is missing.
+    pub fn check_shares(results: &ShareResults<Self>) -> Result<()> {
+        let mut places = BTreeSet::new();
+        let refuse = |message: String| Err(Error::new(ErrorKind::InvalidArgument, message));
+        for test in results.shares().flat_map(|share| &share.tests) {
+            if !places.insert(test.place) {
+                return refuse(format!("the test `{}` is in two shares", test.name));
+            }
+        }
+        let left_out = results.shares().map(|share| share.left_out).fold(0, usize::saturating_add);
+        let (found, all) = (places.len().saturating_add(left_out), results.whole().tests);
+        if results.missing().is_empty() && found != all {
+            return refuse(format!("all shares together have {found} tests, and the suite has {all}"));
+        }
+        Ok(())
     }
 
     /// How many tests ended so.

@@ -48,6 +48,11 @@ impl Suite {
         let stop = AtomicBool::new(false);
         let mut take = |done: Done| -> Result<()> {
             let SuiteRun { result, findings } = &mut run;
+            let kept = KeptFinding::all(&done.findings);
+            if !(done.notes.is_empty() && kept.is_empty()) {
+                result.cases.push(CaseResult { place: done.case, notes: done.notes, findings: kept });
+            }
+            findings.extend(done.findings);
             for mut ran in done.tests {
                 if stop.load(Ordering::Relaxed) {
                     break;
@@ -69,11 +74,6 @@ impl Suite {
                     sum.add(coverage);
                 }
             }
-            let kept = KeptFinding::all(&done.findings);
-            if !(done.notes.is_empty() && kept.is_empty()) {
-                result.cases.push(CaseResult { place: done.case, notes: done.notes, findings: kept });
-            }
-            findings.extend(done.findings);
             Ok(())
         };
         in_order(groups.len(), options.jobs, &stop, &|at| self.group(groups[at], options), &mut take)?;
@@ -98,11 +98,11 @@ impl Suite {
         let begin = Instant::now();
         let (case, file) = match &self.cases[tests[0].case] {
             Source::Case(case) => (case, case.scene.clone()),
-            Source::Broken(file, error) => return Done::broken(tests, file, error),
+            Source::Broken(file, error) => return self.broken(tests, file, error),
         };
         let loaded = match case.load_limited(&options.limits) {
             Ok(loaded) => loaded,
-            Err(error) => return Done::broken(tests, &file, &error),
+            Err(error) => return self.broken(tests, &file, &error),
         };
         let loading = begin.elapsed() / tests.len() as u32;
         let known = match &options.sanitize {
@@ -111,7 +111,7 @@ impl Suite {
         };
         let findings = match known {
             Ok(findings) => findings,
-            Err(error) => return Done::broken(tests, &file, &error),
+            Err(error) => return self.broken(tests, &file, &error),
         };
         let mut ran = Vec::new();
         for test in tests {
@@ -152,6 +152,30 @@ impl Suite {
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
         Done { case: tests[0].case, tests: ran, findings, notes }
     }
+
+    /// The tests of a case that cannot be loaded: the first of the suite holds the error, the others
+    /// name the first, in whichever share it is.
+    fn broken(&self, tests: &[Test], file: &Path, error: &Error) -> Done {
+        let first = self.first_tests.get(&tests[0].case).unwrap_or(&tests[0]);
+        let again = || {
+            let message = format!("not run, for the same reason as `{}`: {}", first.name, error.message());
+            Error::new(error.kind(), message)
+        };
+        let ran = tests.iter().map(|test| TestRun {
+            place: test.place,
+            finished: Finished {
+                name: test.name.clone(),
+                file: file.to_path_buf(),
+                outcome: Outcome::Broken(if test.place == first.place { error.clone() } else { again() }),
+                took: Duration::ZERO,
+            },
+            findings: Findings::default(),
+            shadow: None,
+            held_stable: false,
+            coverage: None,
+        });
+        Done { case: tests[0].case, tests: ran.collect(), findings: Findings::default(), notes: Vec::new() }
+    }
 }
 
 /// What is undefined in a scene before it runs; nobody need ask for it, so that it only warns.
@@ -179,31 +203,6 @@ struct TestRun {
     shadow: Option<ShadowFindings>,
     held_stable: bool,
     coverage: Option<Coverage>,
-}
-
-impl Done {
-    /// The tests of a case that cannot be loaded: the first holds the error, the others name the
-    /// first.
-    fn broken(tests: &[Test], file: &Path, error: &Error) -> Self {
-        let again = || {
-            let message = format!("not run, for the same reason as `{}`: {}", tests[0].name, error.message());
-            Error::new(error.kind(), message)
-        };
-        let ran = tests.iter().enumerate().map(|(at, test)| TestRun {
-            place: test.place,
-            finished: Finished {
-                name: test.name.clone(),
-                file: file.to_path_buf(),
-                outcome: Outcome::Broken(if at == 0 { error.clone() } else { again() }),
-                took: Duration::ZERO,
-            },
-            findings: Findings::default(),
-            shadow: None,
-            held_stable: false,
-            coverage: None,
-        });
-        Self { case: tests[0].case, tests: ran.collect(), findings: Findings::default(), notes: Vec::new() }
-    }
 }
 
 /// The result of a test that stands at a place of the suite. Paths in `root` are annotated from
