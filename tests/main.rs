@@ -61,6 +61,7 @@ mod rewriting;
 mod robustness;
 mod sanitized_modules;
 mod scene_init;
+mod scene_schema;
 mod skips;
 mod skips_payload;
 mod smoke;

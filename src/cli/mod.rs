@@ -24,6 +24,7 @@ pub mod render;
 pub mod run;
 mod sanitize;
 pub mod scene;
+pub mod schema;
 pub mod smoke;
 mod source;
 mod stability;
@@ -70,6 +71,7 @@ commands! {
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
+    schema Schema(SchemaArgs),
     #[cfg(feature = "stress")]
     check_math CheckMath(CheckMathArgs),
     #[cfg(feature = "stress")]

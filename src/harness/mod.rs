@@ -57,6 +57,8 @@ pub mod coverage;
 pub mod expect;
 #[cfg(feature = "scenes")]
 pub mod init;
+#[cfg(feature = "libtest")]
+pub mod libtest;
 #[cfg(feature = "scenes")]
 pub mod loaded_scene;
 #[cfg(feature = "scenes")]
@@ -75,6 +77,8 @@ pub mod run;
 pub mod sanitize_table;
 #[cfg(feature = "scenes")]
 pub mod sanitized;
+#[cfg(feature = "cli")]
+pub mod scene_schema;
 #[cfg(feature = "scenes")]
 pub mod stability;
 #[cfg(feature = "scenes")]
