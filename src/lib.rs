@@ -68,6 +68,7 @@
 //! | `exr` | | OpenEXR files |
 //! | `flamegraph` | | flame graphs of `anyhit render --profile`, through inferno (CDDL-1.0) |
 //! | `recordings` | with `cli` | recordings of hits, for `anyhit verify` |
+//! | `libtest` | | `cases!`: folders of cases as tests of `cargo test`, through libtest-mimic |
 //! | `proptest` | | `strategies`: rays, primitives and instances for property tests |
 //!
 //! A library that only runs SPIR-V, on a [`Scene`] or a [`Hit`] built in Rust, takes
@@ -161,6 +162,8 @@ pub use pipeline::{
 pub use debug::ExplainRequest;
 #[cfg(feature = "scenes")]
 pub use harness::case::Case;
+#[cfg(feature = "libtest")]
+pub use harness::libtest::run_cases;
 #[cfg(feature = "scenes")]
 pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
 pub use harness::smoke::{SmokeOptions, SmokeReport};

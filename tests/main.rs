@@ -62,6 +62,7 @@ mod rewriting;
 mod robustness;
 mod sanitized_modules;
 mod scene_init;
+mod scene_schema;
 mod shares;
 mod shares_recipes;
 mod skips;

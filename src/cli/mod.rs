@@ -25,6 +25,7 @@ pub mod render;
 pub mod run;
 mod sanitize;
 pub mod scene;
+pub mod schema;
 mod share;
 pub mod smoke;
 mod source;
@@ -73,6 +74,7 @@ commands! {
     smoke Smoke(SmokeArgs),
     verify Verify(VerifyArgs),
     compile Compile(CompileArgs),
+    schema Schema(SchemaArgs),
     #[cfg(feature = "stress")]
     check_math CheckMath(CheckMathArgs),
     #[cfg(feature = "stress")]

@@ -59,6 +59,8 @@ pub mod expect;
 pub mod in_order;
 #[cfg(feature = "scenes")]
 pub mod init;
+#[cfg(feature = "libtest")]
+pub mod libtest;
 #[cfg(feature = "scenes")]
 pub mod loaded_scene;
 #[cfg(feature = "scenes")]
@@ -77,6 +79,8 @@ pub mod rendering;
 pub mod run;
 #[cfg(feature = "scenes")]
 pub mod sanitized;
+#[cfg(feature = "cli")]
+pub mod scene_schema;
 #[cfg(feature = "scenes")]
 pub mod shares;
 #[cfg(feature = "scenes")]

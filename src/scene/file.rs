@@ -17,7 +17,7 @@ use crate::pipeline::{DeviceProfile, Pipeline, PipelineFlags, RayOperands, check
 use crate::scene::data::DataPieces;
 use crate::scene::data_sources::DataSources;
 use crate::scene::device;
-use crate::scene::entry::Entry;
+use crate::scene::entry::{Entries, Entry};
 use crate::scene::files::EmbeddedFiles;
 use crate::scene::geometry::GeometryEntry;
 use crate::scene::instance_entry::InstanceEntry;
@@ -83,38 +83,50 @@ impl SceneFile {
     pub fn parse(path: impl Into<PathBuf>, text: &str, report: &Diagnostics) -> Result<Self> {
         let document = Document::parse_within(path, text, report.limits())?;
         version(&document)?;
-        let root = document.root(report);
+        Ok(Self::read(&document.root(report), &document))
+    }
+
+    /// Reads the root table of a document.
+    fn read(root: &Table<'_>, document: &Document) -> Self {
         let _: Option<u32> = root.optional("version");
         let _: Option<String> = root.optional("title");
         // The harness reads these tables; here they may hold anything.
         let _ = (root.value("expect"), root.value("sanitize"));
         let file = Self {
             include: root.optional::<OneOrMore<_>>("include").map_or(Vec::new(), |paths| paths.0),
-            geometry: entries(&root, "geometry"),
+            geometry: entries(root, "geometry"),
             models: root.or("model", Vec::new()),
             instances: root.or("instance", Vec::new()),
-            shaders: entries(&root, "shaders"),
+            shaders: entries(root, "shaders"),
             device: root.optional("device"),
             pipeline: root.optional("pipeline"),
-            pipelines: entries(&root, "pipelines"),
-            samplers: entries(&root, "samplers"),
-            resources: entries(&root, "resources"),
+            pipelines: entries(root, "pipelines"),
+            samplers: entries(root, "samplers"),
+            resources: entries(root, "resources"),
             push_constants: root.optional("push_constants"),
             dispatches: root.or("dispatch", Vec::new()),
             passes: root.or("pass", Vec::new()),
             precision: root.optional("precision"),
-            launch: launch(&root),
+            launch: launch(root),
             rays: root.or("ray", Vec::new()),
             variants: root.or("variant", Vec::new()),
             document: document.clone(),
         };
         root.finish();
-        Ok(file)
+        file
     }
 
     /// The file's path and text.
     pub fn source(&self) -> &Arc<TomlSource> {
         self.document.source()
+    }
+}
+
+/// The root table of a scene.
+impl Parse for SceneFile {
+    fn parse(value: TomlValue<'_>) -> Option<Self> {
+        let table = Table::new(value)?;
+        Some(Self::read(&table, &value.to_document()))
     }
 }
 
@@ -138,8 +150,7 @@ fn version(document: &Document) -> Result<()> {
 
 /// The named tables under a key.
 fn entries<T: Parse>(root: &Table<'_>, key: &'static str) -> Vec<Entry<T>> {
-    let Some(table) = root.value(key).and_then(Table::new) else { return Vec::new() };
-    table.iter().map(|(name, value)| Entry { name, content: T::parse(value) }).collect()
+    root.or(key, Entries::default()).0
 }
 
 /// A file with shaders.

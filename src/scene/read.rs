@@ -9,6 +9,7 @@
 mod brackets;
 mod diagnostics;
 mod key_homes;
+pub mod schema;
 mod unknown_name;
 
 use std::cell::RefCell;
@@ -17,6 +18,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::json;
 use toml::de::DeTable;
 
 use crate::error::names::nearest;
@@ -27,6 +29,7 @@ use crate::scene::tree::{Toml, TomlMember, TomlNode};
 use brackets::first_in_bracket;
 pub use diagnostics::Diagnostics;
 pub(crate) use diagnostics::first_of;
+use schema::{SchemaOf, SchemaProbe};
 pub use unknown_name::unknown_name;
 
 /// A TOML file that has been read.
@@ -167,6 +170,11 @@ impl Document {
 pub trait Parse: Sized {
     /// Reads the value.
     fn parse(value: TomlValue<'_>) -> Option<Self>;
+
+    /// The JSON Schema of the values that it reads.
+    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+        probe.of_parser::<Self>()
+    }
 }
 
 /// A closed set of names, such as the filters of a sampler.
@@ -207,6 +215,14 @@ impl<'a> TomlValue<'a> {
         }
     }
 
+    /// Whether it is this word.
+    pub fn is_word(&self, word: &'static str) -> bool {
+        if let Some(recorder) = self.report.recorder() {
+            recorder.names(self.node.range.clone(), std::iter::once(word));
+        }
+        self.text() == Some(word)
+    }
+
     /// The elements of an array; `None`, without a report, if it is no array.
     pub fn elements(&self) -> Option<impl Iterator<Item = TomlValue<'a>> + use<'a>> {
         let (source, report) = (self.source, self.report);
@@ -230,6 +246,11 @@ impl<'a> TomlValue<'a> {
     /// The report that mistakes go to.
     pub fn report(&self) -> &'a Diagnostics {
         self.report
+    }
+
+    /// The value as a document of its own.
+    pub fn to_document(&self) -> Document {
+        Document { source: self.source.clone(), root: self.node.clone() }
     }
 
     /// A copy that owns its text.
@@ -296,7 +317,19 @@ impl<'a> Table<'a> {
 
     /// The value of a key, if it is there.
     pub fn value(&self, key: &'static str) -> Option<TomlValue<'a>> {
+        self.request(key, None, false);
+        self.member(key)
+    }
+
+    /// Notes that a key is requested, perhaps as a type, and whether it must be there.
+    fn request(&self, key: &'static str, schema: Option<SchemaOf>, required: bool) {
         self.requested.borrow_mut().insert(key);
+        if let Some(recorder) = self.report().recorder() {
+            recorder.key(&self.value.node.range, key, schema, required);
+        }
+    }
+
+    fn member(&self, key: &str) -> Option<TomlValue<'a>> {
         let member = self.entries.iter().find(|member| member.key == key)?;
         Some(TomlValue { node: &member.node, ..self.value })
     }
@@ -309,13 +342,22 @@ impl<'a> Table<'a> {
     }
 
     /// Whether a key is there. This does not count as a request.
-    pub fn has(&self, key: &str) -> bool {
-        self.entries.iter().any(|member| member.key == key)
+    pub fn has(&self, key: &'static str) -> bool {
+        if let Some(recorder) = self.report().recorder() {
+            recorder.key(&self.value.node.range, key, None, false);
+        }
+        self.has_name(key)
+    }
+
+    /// Whether a key is there that is no word of the format.
+    pub fn has_name(&self, name: &str) -> bool {
+        self.entries.iter().any(|member| member.key == name)
     }
 
     /// Reads a key that may be missing.
     pub fn optional<T: Parse>(&self, key: &'static str) -> Option<T> {
-        T::parse(self.value(key)?)
+        self.request(key, Some(T::schema), false);
+        T::parse(self.member(key)?)
     }
 
     /// Reads a key that may be missing, or have its old name, which is noted. In a table with both
@@ -340,7 +382,8 @@ impl<'a> Table<'a> {
 
     /// Reads a key that must be there; [`Self::finish`] reports it if it is not.
     pub fn required<T: Parse>(&self, key: &'static str) -> Option<T> {
-        match self.value(key) {
+        self.request(key, Some(T::schema), true);
+        match self.member(key) {
             Some(value) => T::parse(value),
             None => {
                 self.missing.borrow_mut().push(key);
@@ -351,6 +394,13 @@ impl<'a> Table<'a> {
 
     /// All keys with their values, for tables whose keys are the user's names.
     pub fn iter(&self) -> impl Iterator<Item = (Spanned<String>, TomlValue<'a>)> + '_ {
+        if let Some(recorder) = self.report().recorder() {
+            recorder.any_key(&self.value.node.range);
+        }
+        self.members()
+    }
+
+    fn members(&self) -> impl Iterator<Item = (Spanned<String>, TomlValue<'a>)> + '_ {
         self.entries.iter().map(|member| {
             let span = Span { source: self.value.source.clone(), range: member.key_range.clone() };
             (Spanned { value: member.key.clone(), span }, TomlValue { node: &member.node, ..self.value })
@@ -363,7 +413,7 @@ impl<'a> Table<'a> {
         let (requested, renamed) = (self.requested.borrow(), self.renamed.borrow());
         let refused = self.refused.borrow();
         let known = |key: &str| requested.contains(key) || renamed.contains(key) || refused.contains(key);
-        let unknown: Vec<_> = self.iter().filter(|(key, _)| !known(&key.value)).collect();
+        let unknown: Vec<_> = self.members().filter(|(key, _)| !known(&key.value)).collect();
         for key in self.missing.take() {
             // A misspelt key is reported once: the message for the unknown key suggests this one.
             // Among very many unknown keys that is not searched for.
@@ -400,6 +450,9 @@ const SUGGESTED: usize = 64;
 
 impl<T: Named> Parse for T {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
+        if let Some(recorder) = value.report.recorder() {
+            recorder.names(value.node.range.clone(), T::NAMES.iter().map(|(name, _)| *name));
+        }
         let Some(mut name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
         if let Some((old, new)) = T::RENAMED.iter().find(|(old, _)| *old == name) {
             value.report.renamed(&value.span(), old, new);
@@ -422,6 +475,10 @@ impl<T: Named> Parse for T {
         );
         None
     }
+
+    fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+        schema::names::<T>()
+    }
 }
 
 impl Parse for bool {
@@ -431,11 +488,19 @@ impl Parse for bool {
             _ => value.expected("true or false"),
         }
     }
+
+    fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+        json!({ "type": "boolean" })
+    }
 }
 
 impl Parse for String {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         value.text().map(str::to_string).or_else(|| value.expected("a string"))
+    }
+
+    fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+        json!({ "type": "string" })
     }
 }
 
@@ -456,6 +521,10 @@ macro_rules! integers {
             fn parse(value: TomlValue<'_>) -> Option<Self> {
                 let number = integer(value, $ty::MIN as i128, $ty::MAX as i128, stringify!($ty))?;
                 Some(number as $ty)
+            }
+
+            fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+                json!({ "type": "integer", "minimum": $ty::MIN, "maximum": $ty::MAX })
             }
         }
     )*};
@@ -480,6 +549,10 @@ macro_rules! floats {
                     Err(_) => value.expected("a number"),
                 }
             }
+
+            fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+                json!({ "type": "number" })
+            }
         }
     )*};
 }
@@ -489,6 +562,10 @@ impl<T: Parse> Parse for Spanned<T> {
     fn parse(value: TomlValue<'_>) -> Option<Self> {
         T::parse(value).map(|parsed| Spanned { value: parsed, span: value.span() })
     }
+
+    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+        T::schema(probe)
+    }
 }
 
 /// Reports the mistakes of all elements before giving up.
@@ -497,6 +574,10 @@ impl<T: Parse> Parse for Vec<T> {
         let Some(elements) = value.elements() else { return value.expected("an array") };
         let parsed: Vec<Option<T>> = elements.map(T::parse).collect();
         parsed.into_iter().collect()
+    }
+
+    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+        json!({ "type": "array", "items": T::schema(probe) })
     }
 }
 
@@ -508,6 +589,10 @@ impl<T: Parse, const N: usize> Parse for [T; N] {
             Ok(array) => Some(array),
             Err(_) => value.wrong(format!("expected {N} elements, found {found}")),
         }
+    }
+
+    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+        json!({ "type": "array", "items": T::schema(probe), "minItems": N, "maxItems": N })
     }
 }
 
@@ -522,6 +607,11 @@ impl<T: Parse> Parse for OneOrMore<T> {
         } else {
             T::parse(value).map(|one| Self(vec![one]))
         }
+    }
+
+    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+        let one = T::schema(probe);
+        json!({ "anyOf": [one, { "type": "array", "items": one }] })
     }
 }
 

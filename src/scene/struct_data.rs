@@ -472,7 +472,7 @@ impl Writer<'_> {
         for (member, (_, part)) in members.iter().zip(layout.members()) {
             // A runtime array that is not given has no elements.
             let open = matches!(module.ty(part.ty), Type::RuntimeArray { .. });
-            if !open && !table.has(&member.name) {
+            if !open && !table.has_name(&member.name) {
                 self.missing.push(inside(&member.name));
             }
         }
@@ -592,7 +592,7 @@ fn is_storage(layout: Layout<'_>) -> bool {
 }
 
 fn has_key(value: TomlValue<'_>, key: &str) -> bool {
-    Table::new(value).is_some_and(|table| table.has(key))
+    Table::new(value).is_some_and(|table| table.has_name(key))
 }
 
 /// Whether a struct is what Slang makes of a matrix whose columns follow each other.

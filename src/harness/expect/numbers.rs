@@ -45,9 +45,9 @@ impl NumberType {
 impl ExpectedNumber {
     /// Reads a number of a type, or `"any"`.
     pub fn parse(value: TomlValue<'_>, scalar: NumberType) -> Option<Spanned<Self>> {
-        let expected = match value.text() {
-            Some("any") => Self::Any,
-            _ => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
+        let expected = match value.is_word("any") {
+            true => Self::Any,
+            false => scalar.read(value).map(|(bits, exact)| Self::Number(bits, exact))?,
         };
         Some(Spanned { value: expected, span: value.span() })
     }

@@ -209,6 +209,16 @@ impl Suite {
         self.tests.retain(|_| holds.next().unwrap_or(false));
     }
 
+    /// A suite of its own for each case of which tests are left, with the case's name.
+    pub fn by_case(&self) -> Vec<(String, Self)> {
+        let of_case = |group: &[Test]| {
+            let name = group[0].name.split("::").next().unwrap_or_default().to_owned();
+            let tests = group.iter().map(|test| Test { case: 0, ..test.clone() }).collect();
+            (name, Self { cases: vec![self.cases[group[0].case].clone()], tests })
+        };
+        self.tests.chunk_by(|one, next| one.case == next.case).map(of_case).collect()
+    }
+
     /// The tests that are left.
     pub fn tests(&self) -> &[Test] {
         &self.tests

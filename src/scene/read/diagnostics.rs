@@ -2,9 +2,12 @@
 
 use std::cell::{Cell, RefCell};
 
-use crate::error::{Error, Result};
+use std::ops::Range;
+
+use crate::error::{Error, Place, Result};
 use crate::input::{InputLimit, InputLimits};
 use crate::scene::read::Span;
+use crate::scene::read::schema::Recorder;
 
 /// The mistakes found while a file is read, and notes for its author. The first are kept, as many
 /// as the limit `errors-shown` says, and the others counted.
@@ -14,12 +17,32 @@ pub struct Diagnostics {
     notes: RefCell<Vec<String>>,
     limits: InputLimits,
     counted: Cell<usize>,
+    /// What is requested, where a schema is made.
+    recorder: Option<Recorder>,
 }
 
 impl Diagnostics {
     /// A report about files with these limits.
     pub fn within(limits: InputLimits) -> Self {
         Self { limits, ..Self::default() }
+    }
+
+    /// A report that also notes what is requested.
+    pub(super) fn recording() -> Self {
+        Self { recorder: Some(Recorder::default()), ..Self::default() }
+    }
+
+    pub(super) fn recorder(&self) -> Option<&Recorder> {
+        self.recorder.as_ref()
+    }
+
+    /// Whether a value of another type was expected at a place.
+    pub(super) fn expected_at(&self, range: &Range<usize>) -> bool {
+        let is_there = |place: &Place| matches!(place, Place::Text { span, .. } if span == range);
+        self.errors.borrow().iter().any(|error| {
+            error.message().starts_with("expected ")
+                && error.places().next().is_some_and(|(place, _)| is_there(place))
+        })
     }
 
     /// The limits of what is read.

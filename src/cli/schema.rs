@@ -1,0 +1,33 @@
+//! `anyhit schema`: the JSON Schema of scenes and tests, for editors.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::atomic_file;
+use crate::cli::output;
+use crate::error::Result;
+use crate::harness::scene_schema::scene_schema;
+
+/// Prints the JSON Schema of `scene.toml` and `*.test.toml`: editors complete and check keys by it.
+///
+/// A TOML file names its schema in its first line, for Taplo and Even Better TOML:
+/// `#:schema scene.schema.json`.
+#[derive(Args, Clone, Debug)]
+pub struct SchemaArgs {
+    /// Where to write it [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// `Io` where the file cannot be written.
+pub fn run(args: SchemaArgs) -> Result<()> {
+    let text = format!("{:#}\n", scene_schema());
+    match args.output {
+        Some(path) => atomic_file::write(&path, text),
+        None => output::print(text),
+    }
+}
