@@ -10,6 +10,7 @@ mod breakpoint;
 mod condition;
 mod course;
 pub mod debuggee;
+mod decision;
 pub mod expression;
 mod history;
 mod id_places;
@@ -17,6 +18,7 @@ mod inspect;
 pub mod lane_state;
 mod last_write;
 mod memory_state;
+mod object_state;
 mod place_memory;
 mod segment_summary;
 pub mod source_frames;
@@ -27,6 +29,7 @@ mod start;
 mod stopped_lane;
 pub mod tracker;
 mod traversal_names;
+mod unwritten;
 mod value_layout;
 mod value_paths;
 pub mod variable_place;
@@ -47,14 +50,16 @@ use condition::{Hit, StopConditions, words_of};
 use course::Course;
 use debuggee::Debuggee;
 use history::{Checkpoint, History};
+use last_write::Edit;
 use memory_state::ChangingMemory;
 use segment_summary::SegmentSummary;
-use tracker::Tracker;
+use tracker::{Followed, Tracker};
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
 pub use course::Time;
 pub use lane_state::LaneState;
+pub use last_write::LastWrite;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
 pub use stack::StackFrame;
@@ -135,6 +140,10 @@ pub struct Debugger {
     interrupt: Option<Arc<AtomicBool>>,
     /// What was interrupted.
     interrupted: Option<StopConditions>,
+    /// What was set by hand.
+    edits: Vec<Edit>,
+    /// The event of the traversal at which it stopped, among [`Debugger::events`].
+    matched_event: Option<usize>,
 }
 
 impl Debugger {
@@ -169,6 +178,8 @@ impl Debugger {
             stops_at_nan: false,
             interrupt: None,
             interrupted: None,
+            edits: Vec::new(),
+            matched_event: None,
         }
     }
 
@@ -232,6 +243,11 @@ impl Debugger {
     /// What the pipeline did between the step before and the one that is next.
     pub fn events(&self) -> &[Event] {
         &self.course.events
+    }
+
+    /// Which of the [events](Debugger::events) a breakpoint of traversal stopped at.
+    pub fn matched_event(&self) -> Option<usize> {
+        self.matched_event.filter(|&event| event < self.course.events.len())
     }
 
     /// What shaders have printed before the step that is next.
@@ -305,7 +321,11 @@ impl Debugger {
         self.interrupted = None;
         loop {
             if self.advance(&mut conditions) == Resumed::Ended {
-                return self.at_end();
+                // A write is told where another line begins, and none begins behind the last.
+                return match (self.at_end(), conditions.writes.pop()) {
+                    (StopReason::End, Some(write)) => StopReason::Wrote(write),
+                    (stop, _) => stop,
+                };
             }
             if conditions.only_arrived() && self.course.time < conditions.until {
                 self.interrupted = Some(conditions);
@@ -316,84 +336,6 @@ impl Debugger {
                 return stop;
             }
         }
-    }
-
-    /// What reasons come to; `None` where only breakpoints are met whose condition does not hold,
-    /// or that print and go on.
-    fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<StopReason> {
-        let (mut hit, mut traversals) = (Vec::new(), Vec::new());
-        for reason in reasons {
-            match reason {
-                Reason::Breakpoint(id) if self.stops_at(*id, direction) => hit.push(*id),
-                Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => traversals.push(*id),
-                Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
-                Reason::Wrote(write) => return Some(StopReason::Wrote(write.clone())),
-                Reason::Nan => return Some(StopReason::Nan),
-                Reason::Traversal(None) => return Some(StopReason::Traversal(None)),
-                Reason::Stepped | Reason::Arrived => {}
-            }
-        }
-        traversals.dedup();
-        if let Some(first) = traversals.first() {
-            return Some(StopReason::Traversal(Some(*first)));
-        }
-        if !hit.is_empty() {
-            return Some(StopReason::Breakpoints(hit));
-        }
-        let stepped = |reason: &Reason| matches!(reason, Reason::Stepped | Reason::Arrived);
-        reasons.iter().any(stepped).then_some(StopReason::Step)
-    }
-
-    /// Whether a breakpoint that was reached stops: its condition holds, it was hit often enough,
-    /// and it does not only print.
-    fn stops_at(&mut self, id: BreakpointId, direction: Direction) -> bool {
-        let Some(at) = self.breakpoints.iter().position(|breakpoint| breakpoint.id == id) else {
-            return false;
-        };
-        let frame = self.stack().into_iter().next();
-        if let (Some(condition), Some(frame)) = (self.breakpoints[at].condition.clone(), &frame) {
-            match self.holds(frame, &condition) {
-                Ok(true) => {}
-                Ok(false) => return false,
-                Err(why) => self.print(format!("the condition of breakpoint {}: {why}", id.0)),
-            }
-        }
-        let breakpoint = &mut self.breakpoints[at];
-        if direction == Direction::Forwards {
-            breakpoint.hits += 1;
-            if breakpoint.hits < breakpoint.from_hit {
-                return false;
-            }
-        }
-        let Some(log) = breakpoint.log.clone() else { return true };
-        if direction == Direction::Forwards
-            && let Some(frame) = &frame
-        {
-            let text = self.interpolate(frame, &log);
-            self.print(text);
-        }
-        false
-    }
-
-    /// A text in which the values of expressions stand for `{expression}`.
-    fn interpolate(&mut self, frame: &StackFrame, text: &str) -> String {
-        let mut printed = String::new();
-        let mut rest = text;
-        while let Some((before, after)) = rest.split_once('{') {
-            printed += before;
-            let Some((expression, after)) = after.split_once('}') else { return printed + "{" + after };
-            printed += &match self.evaluate(frame, expression) {
-                Ok(value) => value.content.to_string(),
-                Err(why) => format!("<{why}>"),
-            };
-            rest = after;
-        }
-        printed + rest
-    }
-
-    /// Adds a text to the output.
-    fn print(&mut self, text: String) {
-        self.output.push((self.course.time, text));
     }
 
     /// What the end is. It stays before the last step, where everything can still be looked at.
@@ -451,7 +393,12 @@ impl Debugger {
         if is_new {
             // Nothing can stop behind the last step.
             let time = self.course.time - u64::from(resumed == Resumed::Ended && self.course.time > 0);
-            self.output.extend(printed.into_iter().map(|line| (time, line.text)));
+            // Others of its workgroup print, too.
+            let own = printed.into_iter().filter(|line| match followed {
+                Followed::Invocation(id) => line.launch_id == id,
+                Followed::Lane(_) => true,
+            });
+            self.output.extend(own.map(|line| (time, line.text)));
         }
         resumed
     }
@@ -500,7 +447,7 @@ impl Debugger {
         let Some(hit) = hits.into_iter().next() else { return self.go_to_beginning() };
         self.seek(hit.time);
         match hit.reason {
-            Reason::Traversal(id) => StopReason::Traversal(id),
+            Reason::Traversal(id, _) => StopReason::Traversal(id),
             _ => StopReason::Step,
         }
     }
