@@ -585,6 +585,35 @@ fn hints_tell_known_patterns() {
     assert_eq!(told("sphere", &["--ray", "head-on"])["hints"], json!([]));
 }
 
+/// `shaders/debugging/hints` has a pattern at each even pixel and its twin at the odd one: a ray from
+/// (1, 0, 1e-7), where the one before hit the wall in z = 0, with a tMin of 0 or of 0.001; the root of
+/// -1 or of 4.
+#[test]
+fn hints_tell_patterns_and_not_their_twins() {
+    let found = |scene: &str, pixel: usize, kind: &str| {
+        let scene = format!("shaders/debugging/hints/{scene}.toml");
+        let output = run(&[&scene, "--pixel", &format!("{pixel},0"), "--json", "--locals", "all"]);
+        hints(&serde_json::from_slice(&output.stdout).expect("JSON"), kind)
+    };
+    let patterns = [
+        ("starts_on_surface", "instance 0 `wall`, primitive 0, with tMin 0"),
+        ("nan_written", "a NaN is written to `outputs`"),
+    ];
+    for (number, (kind, words)) in patterns.into_iter().enumerate() {
+        let shown = found("scene", 2 * number, kind);
+        assert!(shown.iter().any(|hint| hint.contains(words)), "{kind}: {shown:?}");
+        assert!(found("scene", 2 * number + 1, kind).is_empty(), "{kind}");
+    }
+    let nan = found("scene", 2, "nan_written");
+    assert!(
+        nan.iter().any(|hint| hint.ends_with("becomes NaN at shaders/debugging/hints/main.rgen:24")),
+        "{nan:?}"
+    );
+    let empty = found("empty", 4, "empty_structure");
+    assert!(empty.len() == 1 && empty[0].ends_with("the structure has no instance"), "{empty:?}");
+    assert!(found("scene", 4, "empty_structure").is_empty());
+}
+
 #[test]
 fn two_runs_are_compared_to_where_they_part() {
     const SPHERE: &str = "tests/trace-one-ray/sphere.toml";
