@@ -511,6 +511,19 @@ fn what_is_printed_stands_where_it_was_printed() {
     assert!(text.contains(words), "{text}");
 }
 
+/// Each of four invocations prints; the page has the text of the one that is explained, at its line.
+#[test]
+fn what_a_compute_shader_prints_has_its_line() {
+    let scene = "shaders/debugging/printing/scene.toml";
+    let told = page(&[scene, "--invocation", "3,0,0", "--json"]);
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let printed = told["root"]["printed"].as_array().expect("texts");
+    assert_eq!(printed.len(), 1, "{printed:?}");
+    assert_eq!((&printed[0]["text"], &printed[0]["line"]), (&json!("the square of 3 is 9"), &json!(12)));
+    let text = page(&[scene, "--invocation", "3,0,0"]);
+    assert!(text.contains("printed at shaders/debugging/printing/main.comp:12"), "{text}");
+}
+
 #[test]
 fn filters_show_parts_of_the_page() {
     let shadows = page(&[SAMPLES, "--depth", "2"]);
