@@ -83,7 +83,9 @@ fn from_ray_generation_into_any_hit_and_closest_hit_and_back_to_who_wrote() {
             "hair = int 0",
             "shade.rchit:22",
             "gl_HitLSSPositionsNV = vec3[2]((-1, 0, 0), (3, 0, 0))",
-            "centre = vec3(0, 0, 0)",
+            "centre = vec3 <not yet written>\n",
+            "centre = vec3(0, 0, 0)\n",
+            "normal_at returned vec3(0, 0, 1)\n",
             "normal = vec3(0, 0, 1)",
             "dot(normal, gl_WorldRayDirectionEXT) = float -1",
             "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 4.5 }",
@@ -124,6 +126,9 @@ fn slang_is_debugged_by_its_own_names() {
             "every_second at shaders/pass/slang/hit/hit.slang:83",
             "twice at shaders/pass/slang/hit/hit.slang:117  CallableKHR `twice`",
             "question = Question { value: float 3.875, answer: float 0 }",
+            // Slang keeps what it passes in variables of its own, and notes no value of the source's.
+            "up\n",
+            "payload = <optimized out: the compiler notes no value for it here>\n",
         ],
     );
 }
@@ -284,6 +289,77 @@ fn an_invocation_of_a_compute_test_is_debugged() -> anyhit::Result<()> {
     Ok(())
 }
 
+/// Of a vector one component is written, and a variable only by what a function returns: half of 10.
+/// Then 4 + 7 comes to the sum, as the user says, in place of 4 + 5.
+#[test]
+fn values_are_told_apart_from_what_nobody_wrote() {
+    tells(
+        &transcript("scopes"),
+        &[
+            "not declared yet: ",
+            "until 31\n",
+            "late = float <not yet written>\n",
+            "x (of line 30) = float 10\n",
+            "parts = vec3(<not yet written>, 3, <not yet written>)\n",
+            "x (of line 25) = float 1\n",
+            "parts = vec3(<not yet written>, 3, <not yet written>)\n",
+            "parts.y + x = float 13\n",
+            "halved at shaders/pass/debugger/scopes/main.rgen:20",
+            "value = float 10\n",
+            "finish\nhalved returned float 5\nmain at shaders/pass/debugger/scopes/main.rgen:31",
+            "light was written: Light { colour: vec3(0, 0, 0), size: vec2(0, 0) } -> \
+             Light { colour: vec3(1, 3, 5), size: vec2(0, 0) }\n",
+            " -> Light { colour: vec3(1, 3, 5), size: vec2(4, 8) }\n",
+            "who light\n",
+            "the step that is next writes light = Light { colour: vec3(1, 3, 5), size: vec2(4, 8) }\n",
+            "main.rgen:34",
+            "set late = 7\nlate = float 7\n",
+            "sum = float 11\n",
+            "the step that is next writes sum = float 11\n",
+            "main.rgen:35",
+            "who late\nlate was set by you at step ",
+            "main.rgen:35",
+        ],
+    );
+}
+
+/// Without scopes in its debug information a variable has the line where it is first used.
+#[test]
+fn variables_of_one_name_have_their_lines() {
+    tells(&transcript("scopes-lines"), &["x (of line 30) = float 10\n", "x (of line 25) = float 1\n"]);
+}
+
+/// The ray meets the hairs at t = 5 - 2 - 1/2 and 5 - 1/2. A condition sees the event, not the shader
+/// that comes after it.
+#[test]
+fn conditions_of_a_traversal_are_about_its_events() {
+    tells(
+        &transcript("traversal-condition"),
+        &[
+            "continue\n",
+            "printed: hair 0 at t 2.5\n",
+            "breakpoint 1\n",
+            "> instance 0, geometry 0, primitive 1: candidate at t 4.5\n",
+            "continue\n",
+            "printed: the condition of breakpoint 3: column 1: `hair` is not told here: the event tells \
+             instance, geometry, primitive, t, u, v, kind\n",
+            "> instance 0, geometry 0, primitive 0: candidate at t 2.5\n",
+        ],
+    );
+}
+
+#[test]
+fn an_input_cannot_be_set() {
+    let scene = ["shaders/pass/debugger/hair/scene.toml".to_owned()];
+    for (command, answer) in [
+        ("set gl_HitTEXT = 1", "`gl_HitTEXT` is gl_RayTmaxEXT, an input of the shader"),
+        ("set gl_WorldRayOriginEXT.x = 1", "`gl_WorldRayOriginEXT` is an input of the shader"),
+    ] {
+        let (text, _) = run(&scene, &format!("until closest-hit\n{command}\n"));
+        assert!(text.contains(answer), "`{command}` is answered:\n{text}");
+    }
+}
+
 /// A command that makes no sense says why, and a script ends there.
 #[test]
 fn mistakes_are_explained() {
@@ -306,6 +382,8 @@ fn mistakes_are_explained() {
         ("goto soon", "`soon` is no step number"),
         ("delete 4", "there is no breakpoint 4"),
         ("watch 1 + 1", "it lies nowhere"),
+        ("locals now", "`locals` takes no argument: `now`"),
+        ("finish 2", "`finish` takes no argument: `2`"),
         ("step many", "`many` is no number of times"),
     ] {
         let (text, errors) = run(&scene, &format!("{command}\nwhere\n"));

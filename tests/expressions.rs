@@ -123,6 +123,57 @@ fn functions_are_those_of_the_languages() {
     ]);
 }
 
+/// Elementary functions are those of shaders here: correctly rounded.
+#[test]
+fn functions_are_instructions_of_the_interpreter() {
+    check(&[
+        // The floats nearest to sqrt(2), sin 1, cos 1, tan 1, e and ln 2.
+        ("floatBitsToUint(pow(2.0, 0.5)) == 0x3FB504F3u", "bool true"),
+        ("floatBitsToUint(sin(1.0)) == 0x3F576AA4u", "bool true"),
+        ("floatBitsToUint(cos(1.0)) == 0x3F0A5140u", "bool true"),
+        ("floatBitsToUint(tan(1.0)) == 0x3FC75923u", "bool true"),
+        ("floatBitsToUint(exp(1.0)) == 0x402DF854u", "bool true"),
+        ("floatBitsToUint(log(2.0)) == 0x3F317218u", "bool true"),
+        ("exp2(3.0)", "float 8"),
+        ("log2(vec2(8, 0.25))", "vec2(3, -2)"),
+        ("inversesqrt(4.0)", "float 0.5"),
+        ("sqrt(2.25lf)", "double 1.5"),
+        ("floor(1.5h)", "float16_t 1"),
+        ("pow(-1.0, 0.5)", "float NaN"),
+        ("ceil(-1.5)", "float -1"),
+        ("fract(-0.25)", "float 0.75"),
+        ("sign(vec3(-2, 0, 5))", "vec3(-1, 0, 1)"),
+        ("sign(-7)", "int -1"),
+        ("abs(7u)", "uint 7"),
+        ("mod(-1.0, 3.0)", "float 2"),
+        ("fmod(-1.0, 3.0)", "float -1"),
+        ("step(2.0, vec2(1, 3))", "vec2(0, 1)"),
+        // 3 / 16 - 2 / 64
+        ("smoothstep(0.0, 1.0, 0.25)", "float 0.15625"),
+        ("saturate(vec2(-1, 0.5))", "vec2(0, 0.5)"),
+        ("min(3u, 2u)", "uint 2"),
+        ("max(-3, -2)", "int -2"),
+        ("mix(vec2(0, 4), vec2(8), 0.5)", "vec2(4, 6)"),
+        ("mix(vec2(1, 2), vec2(3, 4), bvec2(false, true))", "vec2(1, 4)"),
+        ("reflect(vec2(1, -1), vec2(0, 1))", "vec2(1, 1)"),
+        // Without a change of the medium the direction stays; beyond the critical angle there is none.
+        ("refract(vec2(0, -1), vec2(0, 1), 1.0)", "vec2(0, -1)"),
+        ("refract(vec2(1, 0), vec2(0, 1), 1.5)", "vec2(0, 0)"),
+        ("transpose(mat2x3(1, 2, 3, 4, 5, 6))", "mat3x2((1, 4), (2, 5), (3, 6))"),
+        ("determinant(mat2(1, 2, 3, 4))", "float -2"),
+        ("inverse(mat2(2, 1, 1, 1))", "mat2((1, -1), (-1, 2))"),
+        ("atan(1.0, 0.0) == atan(1.0) * 2.0", "bool true"),
+        ("any(vec2(0, 2))", "bool true"),
+    ]);
+    check(&[
+        ("sni(1.0)", "column 1: no function `sni`; did you mean `sin`?"),
+        ("sin(true)", "column 1: no `sin` of bool"),
+        ("transpose(1.0)", "column 1: no `transpose` of float"),
+        ("cross(vec2(1), vec2(1))", "column 1: no `cross` of vec2 and vec2"),
+        ("dot(vec2(1), vec3(1))", "column 1: no `dot` of vec2 and vec3"),
+    ]);
+}
+
 #[test]
 fn mistakes_are_told_with_their_columns() {
     check(&[

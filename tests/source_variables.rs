@@ -160,7 +160,7 @@ impl Stopped {
         let frame = self.frames().remove(0);
         // The state is borrowed apart from the program.
         let program = self.program.clone();
-        assign(&program, &frame, self, target, value).map_err(|error| error.to_string())
+        assign(&program, &frame, self, target, value).map(drop).map_err(|error| error.to_string())
     }
 
     fn locals(&self, frame: usize) -> Vec<Variable> {
@@ -295,7 +295,7 @@ fn variables_and_memory_are_set() {
         ("index", "1.5", "column 1: float is no uint: write uint(...)"),
         ("normal", "vec2(1)", "column 1: vec2 is no vec3"),
         ("samples", "1", "column 1: it is a value, not a variable: the compiler may have used it already"),
-        ("gl_LocalInvocationIndex", "1", "column 1: it is an input of the shader"),
+        ("gl_LocalInvocationIndex", "1", "column 1: `gl_LocalInvocationIndex` is an input of the shader"),
         ("items[9]", "1", "column 6: 9 is outside of the 4 elements of float[]"),
     ];
     for (target, value, message) in refused {

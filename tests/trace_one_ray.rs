@@ -511,6 +511,19 @@ fn what_is_printed_stands_where_it_was_printed() {
     assert!(text.contains(words), "{text}");
 }
 
+/// Each of four invocations prints; the page has the text of the one that is explained, at its line.
+#[test]
+fn what_a_compute_shader_prints_has_its_line() {
+    let scene = "shaders/debugging/printing/scene.toml";
+    let told = page(&[scene, "--invocation", "3,0,0", "--json"]);
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let printed = told["root"]["printed"].as_array().expect("texts");
+    assert_eq!(printed.len(), 1, "{printed:?}");
+    assert_eq!((&printed[0]["text"], &printed[0]["line"]), (&json!("the square of 3 is 9"), &json!(12)));
+    let text = page(&[scene, "--invocation", "3,0,0"]);
+    assert!(text.contains("printed at shaders/debugging/printing/main.comp:12"), "{text}");
+}
+
 #[test]
 fn filters_show_parts_of_the_page() {
     let shadows = page(&[SAMPLES, "--depth", "2"]);
@@ -583,6 +596,35 @@ fn hints_tell_known_patterns() {
         assert!(found.iter().all(|hint| hint.contains(words)), "{words}: {found:?}");
     }
     assert_eq!(told("sphere", &["--ray", "head-on"])["hints"], json!([]));
+}
+
+/// `shaders/debugging/hints` has a pattern at each even pixel and its twin at the odd one: a ray from
+/// (1, 0, 1e-7), where the one before hit the wall in z = 0, with a tMin of 0 or of 0.001; the root of
+/// -1 or of 4.
+#[test]
+fn hints_tell_patterns_and_not_their_twins() {
+    let found = |scene: &str, pixel: usize, kind: &str| {
+        let scene = format!("shaders/debugging/hints/{scene}.toml");
+        let output = run(&[&scene, "--pixel", &format!("{pixel},0"), "--json", "--locals", "all"]);
+        hints(&serde_json::from_slice(&output.stdout).expect("JSON"), kind)
+    };
+    let patterns = [
+        ("starts_on_surface", "instance 0 `wall`, primitive 0, with tMin 0"),
+        ("nan_written", "a NaN is written to `outputs`"),
+    ];
+    for (number, (kind, words)) in patterns.into_iter().enumerate() {
+        let shown = found("scene", 2 * number, kind);
+        assert!(shown.iter().any(|hint| hint.contains(words)), "{kind}: {shown:?}");
+        assert!(found("scene", 2 * number + 1, kind).is_empty(), "{kind}");
+    }
+    let nan = found("scene", 2, "nan_written");
+    assert!(
+        nan.iter().any(|hint| hint.ends_with("becomes NaN at shaders/debugging/hints/main.rgen:24")),
+        "{nan:?}"
+    );
+    let empty = found("empty", 4, "empty_structure");
+    assert!(empty.len() == 1 && empty[0].ends_with("the structure has no instance"), "{empty:?}");
+    assert!(found("scene", 4, "empty_structure").is_empty());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::debug::session::{ExplainRequest, Session, count_events, invalid, run_
 use crate::debug::summary;
 use crate::debug::transcript::{DispatchIndex, MemoryChange, Transcript, VERSION};
 use crate::error::{Error, ErrorReport, Result};
-use crate::pipeline::{Pipeline, RunPart};
+use crate::pipeline::{Event, Pipeline, RunPart};
 use crate::scene::pass::{Dispatch, Pass, PassWork};
 
 impl Session {
@@ -100,7 +100,11 @@ impl Session {
         let counts = run_counts(&count_events(&observed.events));
         let module = self.scene.dispatches[number].shader.module;
         let names = Names::of_dispatch(&self.scene, module, &pipeline).with_memory(&resources.memory);
-        let root = EventReader::new(&pipeline, names, observed.events).root();
+        // When it printed between its ray queries is not told: the texts stand behind these.
+        let is_end = |event: &Event| matches!(event, Event::Leave { .. });
+        let end = observed.events.iter().rposition(is_end).unwrap_or(observed.events.len());
+        let own = printed.iter().map(|text| (end, text.clone())).collect();
+        let root = EventReader::new(&pipeline, names, observed.events).with_printed(own).root();
         let root = root.ok_or_else(|| invalid("a limit ended the workgroup before the invocation began"))?;
         let mut transcript = Transcript {
             version: VERSION,

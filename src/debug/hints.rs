@@ -19,7 +19,6 @@ type RayRule = fn(&PlacedRay<'_>) -> Option<String>;
 
 /// The rules, by the kind of their hints.
 const RAY_RULES: &[(HintKind, RayRule)] = &[
-    (HintKind::NotFinite, not_finite),
     (HintKind::SelfIntersection, self_intersection),
     (HintKind::StartsOnSurface, starts_on_surface),
     (HintKind::EmptyStructure, empty_structure),
@@ -82,18 +81,6 @@ fn place(ray: AnyRay<'_>) -> String {
         Some(line) => format!("{what}, {}:{}", line.file, line.line),
         None => what,
     }
-}
-
-fn not_finite(placed: &PlacedRay<'_>) -> Option<String> {
-    let traversal = placed.ray.traversal();
-    let is_finite = |values: &[FloatValue; 3]| values.iter().all(|value| value.as_f64().is_finite());
-    let what = match (is_finite(&traversal.origin), is_finite(&traversal.direction)) {
-        (true, true) => return None,
-        (false, true) => "its origin holds",
-        (true, false) => "its direction holds",
-        (false, false) => "its origin and its direction hold",
-    };
-    Some(format!("{what} a NaN or an infinity, with which it hits nothing"))
 }
 
 fn self_intersection(placed: &PlacedRay<'_>) -> Option<String> {

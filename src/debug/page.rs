@@ -98,6 +98,11 @@ impl Page {
     }
 }
 
+/// A count with its noun.
+pub(crate) fn with_plural(count: u64, what: &str) -> String {
+    format!("{} {what}{}", with_thousands_separators(count), if count == 1 { "" } else { "s" })
+}
+
 /// A count with a comma between thousands.
 pub(crate) fn with_thousands_separators(count: impl Into<u64>) -> String {
     let digits = count.into().to_string();

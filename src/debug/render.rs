@@ -7,7 +7,7 @@ mod query;
 mod shader;
 mod words;
 
-use crate::debug::page::{Page, TextStyle, with_thousands_separators};
+use crate::debug::page::{Page, TextStyle, with_plural, with_thousands_separators};
 use crate::debug::transcript::{
     ChangeLocation, Decision, DispatchIndex, HitReport, MemoryChange, RecordChoice, ShaderRun, Step, Trace,
     Transcript, Traversal,
@@ -15,7 +15,7 @@ use crate::debug::transcript::{
 
 pub use parts::{PageFilter, parts};
 
-use words::{change, label, ray, source_suffix, value_rows, vector, with_plural};
+use words::{change, label, ray, source_suffix, value_rows, vector};
 
 /// The number of changes in memory that are shown.
 const MAX_WRITES: usize = 16;

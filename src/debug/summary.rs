@@ -1,7 +1,8 @@
 //! What happened, in about five lines.
 
 use crate::debug::hints;
-use crate::debug::summary_words::{counts, label, outcome, with_plural};
+use crate::debug::page::with_plural;
+use crate::debug::summary_words::{counts, label, outcome};
 use crate::debug::transcript::{ChangeLocation, MemoryChange, ShaderRun, SummaryLine, Trace, Transcript};
 use crate::debug::walk::{self, AnyRay};
 

@@ -40,9 +40,3 @@ pub(super) fn primitive(hit: &HitReport) -> String {
 pub(super) fn label(shader: &ShaderLabel) -> String {
     format!("{} `{}`", shader.stage, shader.name.as_ref().unwrap_or(&shader.entry))
 }
-
-/// A count with its noun.
-#[cfg(feature = "scenes")]
-pub(super) fn with_plural(count: u64, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
-}

@@ -81,8 +81,6 @@ pub enum HintKind {
     SelfIntersection,
     /// A ray begins at a hit point, with `RayTminKHR` 0.
     StartsOnSurface,
-    /// A ray's origin or direction holds a NaN or an infinity.
-    NotFinite,
     /// A shader left a NaN in the payload or in memory.
     NanWritten,
     /// The ray's cull mask has no bit.

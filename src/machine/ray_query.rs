@@ -339,6 +339,11 @@ impl RayQueries {
         query.ok_or(TrapCode::RayQueryUninitialized)
     }
 
+    /// The query with a handle, as it is; `None` where it is not initialised.
+    pub fn get(&self, handle: u32) -> Option<&RayQuery> {
+        self.all.get(handle).filter(|query| query.phase != Phase::Uninitialized)
+    }
+
     /// All queries that were initialised.
     pub fn iter(&self) -> impl Iterator<Item = &RayQuery> {
         self.all.iter()

@@ -4,7 +4,6 @@ use emmy_dap_types::requests::{DataBreakpointInfoArguments, SetDataBreakpointsAr
 use emmy_dap_types::types::{DataBreakpoint as WantedDataBreakpoint, DataBreakpointAccessType};
 use serde_json::{Value, json};
 
-use crate::debug::console::value_of;
 use crate::debug::debugger::{BreakpointId, Debugger, VariablePlace, Watch, WatchedWords, Write};
 
 use super::Adapter;
@@ -156,7 +155,7 @@ impl Adapter {
             return (id.into_iter().map(|id| id.0).collect(), String::new());
         };
         let known = &known[data.known];
-        let [before, after] = [&write.before, &write.after].map(|words| value_of(&known.place, words));
+        let [before, after] = [&write.before, &write.after].map(|words| known.place.value_of(words));
         let text = match before == after {
             true => format!("{}: {after}, as before", known.name),
             false => format!("{}: {before} -> {after}", known.name),

@@ -84,16 +84,3 @@ impl Listing {
         text
     }
 }
-
-/// Words of a value without a known type: as floats where they look like some.
-pub(super) fn words(words: &[u32]) -> String {
-    let one = |&word: &u32| {
-        let value = f32::from_bits(word);
-        match value.is_normal() && (1e-9..1e9).contains(&value.abs()) {
-            true => format!("{value}"),
-            false => format!("{word:#x}"),
-        }
-    };
-    let all: Vec<String> = words.iter().map(one).collect();
-    all.join(" ")
-}

@@ -11,10 +11,9 @@ pub mod traversal_events;
 use std::fmt::Write as _;
 
 use crate::debug::debugger::{
-    Breakpoint, BreakpointId, BreakpointPlace, Debugger, StackFrame, Stepping, StopReason, Variable,
-    VariableKind, VariablePlace,
+    Breakpoint, BreakpointId, BreakpointPlace, Debugger, LastWrite, StackFrame, Stepping, StopReason,
+    Variable, VariableKind, VariablePlace,
 };
-use crate::debug::values::TypedValue;
 
 use command::{Action, help};
 pub use command::{COMMANDS, Command, complete};
@@ -116,6 +115,10 @@ impl Console {
             Ok(found) => found,
             Err(why) => return Reply { text: format!("{why}\n"), failed: true, quits: false },
         };
+        if found.arguments.is_empty() && !rest.trim().is_empty() {
+            let text = format!("`{}` takes no argument: `{}`\n", found.names[0], rest.trim());
+            return Reply { text, failed: true, quits: false };
+        }
         self.last = found.repeats.then(|| line.clone());
         if found.action == Action::Quit {
             return Reply { quits: true, ..Reply::default() };
@@ -128,6 +131,7 @@ impl Console {
 
     fn act(&mut self, action: Action, rest: &str) -> Result<String, String> {
         match action {
+            Action::Step(Stepping::Out) => Ok(self.finish()),
             Action::Step(step) => self.steps(rest, |debugger| debugger.step(step)),
             Action::StepBack(step) => self.steps(rest, |debugger| debugger.step_back(step)),
             Action::Continue => self.steps(rest, Debugger::resume),
@@ -154,20 +158,7 @@ impl Console {
             Action::LastWrite => {
                 let frame = self.selected()?;
                 let place = self.debugger.place(&frame, rest)?;
-                let stop = self.debugger.back_to_last_write(&frame, &place)?;
-                let text = match &stop {
-                    StopReason::Wrote(write) => {
-                        let value = match place.own_registers() {
-                            Some(_) => {
-                                TypedValue::of_type(place.module(), place.ty(), &write.after).to_string()
-                            }
-                            None => listing::words(&write.after),
-                        };
-                        format!("the step that is next writes {rest} = {value}\n")
-                    }
-                    _ => format!("nothing has written {rest} before\n"),
-                };
-                Ok(text + &self.stopped(&StopReason::Step))
+                self.last_write(&frame, &place, rest)
             }
             Action::Break => self.add_breakpoint(rest),
             Action::Log => self.add_log_point(rest),
@@ -214,6 +205,37 @@ impl Console {
             Action::Help => help(rest),
             Action::Quit => Ok(String::new()),
         }
+    }
+
+    /// Goes back to who wrote a value last.
+    fn last_write(
+        &mut self,
+        frame: &StackFrame,
+        place: &VariablePlace,
+        name: &str,
+    ) -> Result<String, String> {
+        let text = match self.debugger.back_to_last_write(frame, place)? {
+            LastWrite::Step(write) => {
+                format!("the step that is next writes {name} = {}\n", place.value_of(&write.after))
+            }
+            LastWrite::SetByHand => format!("{name} was set by you at step {}\n", self.debugger.time()),
+            LastWrite::Nobody => format!("nothing has written {name} before\n"),
+        };
+        Ok(text + &self.stopped(&StopReason::Step))
+    }
+
+    /// Steps to the caller, and tells what the function that it leaves has returned.
+    fn finish(&mut self) -> String {
+        let left = self.debugger.stack();
+        let stop = self.debugger.step(Stepping::Out);
+        let returned = match (&stop, left.first()) {
+            (StopReason::Step, Some(frame)) => {
+                let value = self.debugger.returned(&left);
+                value.map(|value| format!("{} returned {value}\n", frame.source.function))
+            }
+            _ => None,
+        };
+        returned.unwrap_or_default() + &self.stopped(&stop)
     }
 
     /// Steps, several times if a number is given, up to a stop that no step asked for.
@@ -309,7 +331,7 @@ impl Console {
             }
             StopReason::Traversal(id) => {
                 let mut text = id.map_or_else(String::new, |id| format!("breakpoint {}\n", id.0));
-                text += &traversal_events::list(self.debugger.events());
+                text += &traversal_events::list(self.debugger.events(), self.debugger.matched_event());
                 text
             }
             StopReason::Wrote(write) => {
@@ -318,7 +340,7 @@ impl Console {
                 let Some((number, name, place)) = known else {
                     return "what is watched was written\n".into();
                 };
-                let [before, after] = [&write.before, &write.after].map(|words| value_of(place, words));
+                let [before, after] = [&write.before, &write.after].map(|words| place.value_of(words));
                 match before == after {
                     true => format!("breakpoint {number}: {name} was written: {after}, as before\n"),
                     false => format!("breakpoint {number}: {name} was written: {before} -> {after}\n"),
@@ -409,7 +431,10 @@ impl Console {
                 Ok(value) => value.to_string(),
                 Err(why) => format!("<{why}>"),
             });
-            let _ = writeln!(text, "  {} = {value}", variable.name);
+            let several = all.iter().filter(|other| other.name == variable.name).count() > 1;
+            let line = variable.declared_line.filter(|_| several);
+            let of_line = line.map_or_else(String::new, |line| format!(" (of line {line})"));
+            let _ = writeln!(text, "  {}{of_line} = {value}", variable.name);
         }
         if !others.is_empty() {
             let names: Vec<&str> = others.iter().map(|variable| &*variable.name).collect();
@@ -578,13 +603,5 @@ impl Console {
             }
         }
         if text.is_empty() { "no breakpoints\n".into() } else { text }
-    }
-}
-
-/// The value of words that lay at a place; the words themselves where memory has gaps in it.
-pub fn value_of(place: &VariablePlace, words: &[u32]) -> String {
-    match place.own_registers().is_some() || place.word_count() == Some(words.len()) {
-        true => TypedValue::of_type(place.module(), place.ty(), words).to_string(),
-        false => listing::words(words),
     }
 }

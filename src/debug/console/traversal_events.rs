@@ -13,13 +13,24 @@ pub fn told(events: &[Event]) -> Vec<String> {
     events.iter().filter(|event| is_step_of_traversal(event)).map(describe).collect()
 }
 
-/// The last events, the one that stopped last.
-pub(super) fn list(events: &[Event]) -> String {
+/// The events up to the one that stopped, which is marked, and some after it.
+pub(super) fn list(events: &[Event], matched: Option<usize>) -> String {
     const MOST: usize = 8;
-    let all = told(events);
-    let left_out = all.len().saturating_sub(MOST);
-    let before = if left_out > 0 { format!("  ... {left_out} before\n") } else { String::new() };
-    all[left_out..].iter().fold(before, |text, line| text + "  " + line + "\n")
+    let shown = events.iter().enumerate().filter(|(_, event)| is_step_of_traversal(event));
+    let all: Vec<(usize, &Event)> = shown.collect();
+    let at = all.iter().position(|(number, _)| Some(*number) == matched).unwrap_or(all.len());
+    let first = (at + 1).min(all.len()).saturating_sub(MOST);
+    let end = (first + MOST).min(all.len());
+    let left_out = |count: usize, place: &str| match count {
+        0 => String::new(),
+        count => format!("  ... {count} {place}\n"),
+    };
+    let mut text = left_out(first, "before");
+    for (number, event) in &all[first..end] {
+        let mark = if Some(*number) == matched { "> " } else { "  " };
+        text += &format!("{mark}{}\n", describe(event));
+    }
+    text + &left_out(all.len() - end, "after")
 }
 
 fn describe(event: &Event) -> String {

@@ -41,7 +41,7 @@ impl Debugger {
         let Some(hit) = hits.into_iter().next() else { return self.go_to_beginning() };
         self.seek(hit.time);
         match hit.reason {
-            Reason::Traversal(id) => StopReason::Traversal(id),
+            Reason::Traversal(id, _) => StopReason::Traversal(id),
             _ => StopReason::Step,
         }
     }

@@ -9,13 +9,13 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::machine::{Buffer, OpIndex, Reg};
 use crate::ops::access::Access;
-use crate::ops::pointer::storage;
 use crate::pipeline::Event;
 use crate::program::Program;
 
 use super::breakpoint::{BreakpointId, BreakpointTable};
 use super::course::{Moment, Time};
 use super::traversal_names::is_step_of_traversal;
+use super::unwritten::incoming;
 
 /// How many places a search backwards keeps at a time.
 const MOST_HITS: usize = 1024;
@@ -31,8 +31,9 @@ pub enum Reason {
     Stepped,
     /// A breakpoint.
     Breakpoint(BreakpointId),
-    /// The traversal did what a breakpoint or a step waits for.
-    Traversal(Option<BreakpointId>),
+    /// The traversal did what a breakpoint or a step waits for; the number of the event among those
+    /// before the step.
+    Traversal(Option<BreakpointId>, usize),
     /// What is watched was written.
     Wrote(Write),
     /// An operation made the first NaN.
@@ -121,6 +122,23 @@ pub enum WatchedWords {
     Memory(Arc<Buffer>),
 }
 
+impl WatchedWords {
+    /// Whether some words are among both.
+    pub(super) fn overlap(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Registers { run, registers }, Self::Registers { run: of, registers: others }) => {
+                run == of && registers.iter().any(|register| others.contains(register))
+            }
+            (Self::Memory(one), Self::Memory(other)) => {
+                let range = |buffer: &Buffer| buffer.offset()..buffer.offset() + buffer.size();
+                let (a, b) = (range(one), range(other));
+                one.memory_id() == other.memory_id() && a.start < b.end && b.start < a.end
+            }
+            _ => false,
+        }
+    }
+}
+
 /// When the invocation is to stop.
 #[derive(Clone, Debug, Default)]
 pub(super) struct StopConditions {
@@ -207,15 +225,15 @@ impl StopConditions {
         }
     }
 
-    /// Looks at what the pipeline reports.
-    pub(super) fn event(&mut self, event: &Event) {
+    /// Looks at what the pipeline reports, the event of a number among those before a step.
+    pub(super) fn event(&mut self, event: &Event, number: usize) {
         if self.traversal && is_step_of_traversal(event) {
-            self.met.push(Reason::Traversal(None));
+            self.met.push(Reason::Traversal(None, number));
         }
         let Some(table) = &self.breakpoints else { return };
         for (id, filter) in &table.traversal {
             if filter.matches(event) {
-                self.met.push(Reason::Traversal(Some(*id)));
+                self.met.push(Reason::Traversal(Some(*id), number));
             }
         }
     }
@@ -314,8 +332,7 @@ pub(super) fn words_of(buffer: &Buffer) -> Vec<u32> {
 
 /// The registers of words of the payload, or of the callable data, that a shader is given.
 fn passed_registers(program: &Program, words: Range<u32>) -> Vec<Reg> {
-    let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
-    let given = classes.into_iter().find_map(|class| program.interface_registers(class));
+    let given = incoming(program);
     let all = given.map_or(0..0, |given| words.start.min(given.count)..words.end.min(given.count));
     all.map(|word| given.map_or(Reg(0), |given| given.first.plus(word))).collect()
 }

@@ -4,14 +4,19 @@ use crate::machine::{BlockIndex, OpIndex, Reg, ShaderIndex};
 use crate::pipeline::Event;
 
 use super::source_map::{LineIndex, ShaderSites, Site};
+use super::unwritten::UnwrittenRegisters;
 
 /// How many steps the invocation has made: operations and terminators of its shaders, the
 /// pipeline's own work not counted. Step 0 is the first operation of all.
 pub type Time = u64;
 
+/// The host as a caller, with the payload of its ray: no shader's run has this number.
+pub(super) const HOST: u64 = u64::MAX;
+
 /// A shader that has begun and not ended.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct ActiveShader {
+    pub(super) shader: ShaderIndex,
     /// How many shaders had begun before it.
     pub(super) run: u64,
     /// The depth of its entry point among all function calls.
@@ -20,6 +25,8 @@ pub(super) struct ActiveShader {
     pub(super) passes: Option<Reg>,
     pub(super) last_block: Option<BlockIndex>,
     pub(super) last_calls: usize,
+    /// Its variables that have not been written yet.
+    pub(super) unwritten: UnwrittenRegisters,
 }
 
 /// The line that a function call is at.
@@ -59,8 +66,12 @@ impl Course {
         Some(self.active.get(number)?.run)
     }
 
-    /// The run of the shader that called one of them, and the first register of what it gave.
+    /// The run of the shader that called one of them, and the first register of what it gave. What
+    /// nobody called, the host has.
     pub(super) fn caller(&self, number: usize) -> Option<(u64, Reg)> {
+        if number == 0 {
+            return Some((HOST, Reg(0)));
+        }
         let caller = self.active.get(number.checked_sub(1)?)?;
         Some((caller.run, caller.passes?))
     }

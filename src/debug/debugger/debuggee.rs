@@ -5,6 +5,8 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::error::Error;
+use crate::machine::hit_object::HitObject;
+use crate::machine::ray_query::RayQuery;
 use crate::machine::{Batch, Bindings, BlockIndex, Buffer, Lanes, Mask, OpIndex, Reg, ShaderIndex};
 use crate::ops::builtin::{Builtin, stage_letter};
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -81,6 +83,12 @@ pub trait Debuggee {
 
     /// The words of a builtin in one of these shaders; `None` where its stage has none.
     fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>>;
+
+    /// The ray query with a handle in one of these shaders; `None` where it is not initialised.
+    fn ray_query(&self, shader: usize, handle: u32) -> Option<&RayQuery>;
+
+    /// The hit object with a handle in one of these shaders.
+    fn hit_object(&self, shader: usize, handle: u32) -> Option<&HitObject>;
 
     /// The data of the shader record of one of these shaders: buffer, begin and size.
     fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)>;
@@ -166,6 +174,14 @@ where
 
     fn builtin(&self, shader: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
         self.builtin_of(self.lane(), shader, builtin)
+    }
+
+    fn ray_query(&self, shader: usize, handle: u32) -> Option<&RayQuery> {
+        shaders_with(self, self.lane()).nth(shader)?.1.batch.queries.get(handle)
+    }
+
+    fn hit_object(&self, shader: usize, handle: u32) -> Option<&HitObject> {
+        shaders_with(self, self.lane()).nth(shader)?.1.batch.hit_objects.get(handle)
     }
 
     fn shader_record(&self, shader: usize) -> Option<(Arc<Buffer>, u64, u64)> {
@@ -275,6 +291,14 @@ where
     fn builtin(&self, _: usize, builtin: &'static Builtin) -> Option<Vec<u32>> {
         let batch = self.batch()?;
         builtin_words(&self.compute().program, batch, self.followed().lane(batch)?, builtin)
+    }
+
+    fn ray_query(&self, _: usize, handle: u32) -> Option<&RayQuery> {
+        self.batch()?.queries.get(handle)
+    }
+
+    fn hit_object(&self, _: usize, handle: u32) -> Option<&HitObject> {
+        self.batch()?.hit_objects.get(handle)
     }
 
     fn shader_record(&self, _: usize) -> Option<(Arc<Buffer>, u64, u64)> {

@@ -17,23 +17,26 @@ impl Debugger {
     /// or that print and go on.
     pub(super) fn decide(&mut self, reasons: &[Reason], direction: Direction) -> Option<StopReason> {
         let (mut hit, mut traversals) = (Vec::new(), Vec::new());
+        self.matched_event = None;
         for reason in reasons {
             match reason {
-                Reason::Breakpoint(id) if self.stops_at(*id, direction) => hit.push(*id),
-                Reason::Traversal(Some(id)) if self.stops_at(*id, direction) => traversals.push(*id),
-                Reason::Breakpoint(_) | Reason::Traversal(Some(_)) => {}
+                Reason::Breakpoint(id) if self.stops_at(*id, None, direction) => hit.push(*id),
+                Reason::Traversal(Some(id), event) if self.stops_at(*id, Some(*event), direction) => {
+                    traversals.push((*id, *event));
+                }
+                Reason::Breakpoint(_) | Reason::Traversal(Some(_), _) => {}
                 Reason::Wrote(write) if self.stops_at_write(write, direction) => {
                     return Some(StopReason::Wrote(write.clone()));
                 }
                 Reason::Wrote(_) => {}
                 Reason::Nan => return Some(StopReason::Nan),
-                Reason::Traversal(None) => return Some(StopReason::Traversal(None)),
+                Reason::Traversal(None, _) => return Some(StopReason::Traversal(None)),
                 Reason::Stepped | Reason::Arrived => {}
             }
         }
-        traversals.dedup();
-        if let Some(first) = traversals.first() {
-            return Some(StopReason::Traversal(Some(*first)));
+        if let Some(&(first, event)) = traversals.first() {
+            self.matched_event = Some(event);
+            return Some(StopReason::Traversal(Some(first)));
         }
         if !hit.is_empty() {
             return Some(StopReason::Breakpoints(hit));
@@ -49,7 +52,7 @@ impl Debugger {
         let (id, condition, from_hit) = (watch.breakpoint, watch.condition.clone(), watch.from_hit);
         let frame = self.stack().into_iter().next();
         if let (Some(condition), Some(frame)) = (condition, &frame) {
-            match self.holds(frame, &condition) {
+            match self.holds(frame, None, &condition) {
                 Ok(true) => {}
                 Ok(false) => return false,
                 Err(why) => self.print(format!("the condition of a data breakpoint: {why}")),
@@ -65,14 +68,14 @@ impl Debugger {
     }
 
     /// Whether a breakpoint that was reached stops: its condition holds, it was hit often enough,
-    /// and it does not only print.
-    fn stops_at(&mut self, id: BreakpointId, direction: Direction) -> bool {
+    /// and it does not only print. Expressions of a breakpoint of traversal are about the event.
+    fn stops_at(&mut self, id: BreakpointId, event: Option<usize>, direction: Direction) -> bool {
         let Some(at) = self.breakpoints.iter().position(|breakpoint| breakpoint.id == id) else {
             return false;
         };
         let frame = self.stack().into_iter().next();
         if let (Some(condition), Some(frame)) = (self.breakpoints[at].condition.clone(), &frame) {
-            match self.holds(frame, &condition) {
+            match self.holds(frame, event, &condition) {
                 Ok(true) => {}
                 Ok(false) => return false,
                 Err(why) => self.print(format!("the condition of breakpoint {}: {why}", id.0)),
@@ -89,20 +92,20 @@ impl Debugger {
         if direction == Direction::Forwards
             && let Some(frame) = &frame
         {
-            let text = self.interpolate(frame, &log);
+            let text = self.interpolate(frame, event, &log);
             self.print(text);
         }
         false
     }
 
     /// A text in which the values of expressions stand for `{expression}`.
-    fn interpolate(&mut self, frame: &StackFrame, text: &str) -> String {
+    fn interpolate(&mut self, frame: &StackFrame, event: Option<usize>, text: &str) -> String {
         let mut printed = String::new();
         let mut rest = text;
         while let Some((before, after)) = rest.split_once('{') {
             printed += before;
             let Some((expression, after)) = after.split_once('}') else { return printed + "{" + after };
-            printed += &match self.evaluate(frame, expression) {
+            printed += &match self.evaluate_at(frame, event, expression) {
                 Ok(value) => value.content.to_string(),
                 Err(why) => format!("<{why}>"),
             };

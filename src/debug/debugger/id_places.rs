@@ -7,8 +7,9 @@ use crate::debug::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext
 use crate::debug::debugger::value_layout::{constant_words, word_count};
 use crate::debug::debugger::variable_place::VariablePlace;
 use crate::machine::{Bindings, REGISTER_POINTER, Reg};
-use crate::module::Id;
+use crate::module::constant::ConstantValue;
 use crate::module::ty::{Type, TypeId};
+use crate::module::{Definition, Id};
 use crate::ops::memory::{BufferRef, OUT_OF_BOUNDS};
 use crate::ops::pointer::{Pointer, PointerBase};
 use crate::ops::translate::IdValue;
@@ -72,7 +73,16 @@ impl IdPlaces<'_> {
     }
 
     fn unavailable(&self, id: Id, ty: TypeId) -> VariablePlace {
-        let why = format!("the shader does not use %{}", id.0);
+        let is_undefined = match self.program.module.definition(id) {
+            Some(Definition::Constant(at)) => {
+                self.program.module.constants[at as usize].value == ConstantValue::Undef
+            }
+            _ => false,
+        };
+        let why = match is_undefined {
+            true => "optimized out: the compiler notes no value for it here".to_owned(),
+            false => format!("optimized out: nothing in this call of the function calculates %{}", id.0),
+        };
         VariablePlace::unavailable(&self.context, ty, why)
     }
 
@@ -134,7 +144,7 @@ impl IdPlaces<'_> {
                     BufferRef::Address(reg) => MemoryBase::Address(self.address(reg)),
                 };
                 let offset = self.offset(pointer).ok_or(outside)?;
-                let packed = VariablePlace::is_packed(context, pointer.storage_class);
+                let packed = context.is_packed(pointer.storage_class);
                 let memory = MemoryPlace { base, offset, layout: pointer.layout, packed };
                 Ok(VariablePlace::memory(context, ty, memory))
             }

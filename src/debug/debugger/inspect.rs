@@ -1,19 +1,25 @@
 //! What a stopped invocation holds: the variables of a frame.
 
 use crate::debug::values::TypedValue;
+use crate::module::Id;
+use crate::module::ty::Type;
 
 use super::Debugger;
-use super::expression::{self, Evaluated};
+use super::expression::{self, Evaluated, EventNames};
 use super::lane_state::LaneState;
 use super::stack::StackFrame;
 use super::stopped_lane::StoppedLane;
 use super::variable_place::VariablePlace;
-use super::variables::{Variable, global_variables, temporaries_in_frame, variables_in_frame};
+use super::variables::{Variable, global_variables, temporaries_in_frame, value_of_id, variables_in_frame};
+
+/// `OpFunctionCall`
+const OP_FUNCTION_CALL: u16 = 57;
 
 impl Debugger {
     /// Calls a function with the lane of a frame's shader.
     pub fn with_lane<T>(&mut self, frame: &StackFrame, read: impl FnOnce(&mut dyn LaneState) -> T) -> T {
-        read(&mut StoppedLane::new(&mut *self.debuggee, frame))
+        let (debuggee, course) = (&mut *self.debuggee, &mut self.course);
+        read(&mut StoppedLane::new(debuggee, course, frame))
     }
 
     /// How many shaders had begun before that of a frame.
@@ -55,9 +61,22 @@ impl Debugger {
         text: &str,
         read: impl FnOnce(Evaluated, &dyn LaneState) -> Result<T, String>,
     ) -> Result<T, String> {
+        self.with_value_at(frame, None, text, read)
+    }
+
+    /// As [`Debugger::with_value`]; with the number of an event of traversal, names are what that
+    /// tells.
+    fn with_value_at<T>(
+        &mut self,
+        frame: &StackFrame,
+        event: Option<usize>,
+        text: &str,
+        read: impl FnOnce(Evaluated, &dyn LaneState) -> Result<T, String>,
+    ) -> Result<T, String> {
         let program = self.sources.shader(frame.shader).program.clone();
+        let event = event.and_then(|event| self.course.events.get(event)).map(EventNames::of);
         self.with_lane(frame, |lane| {
-            let evaluated = expression::evaluate(&program, &frame.source, lane, text);
+            let evaluated = expression::evaluate_at(&program, &frame.source, lane, event.as_ref(), text);
             read(evaluated.map_err(|error| error.to_string())?, lane)
         })
     }
@@ -81,6 +100,16 @@ impl Debugger {
         self.with_value(frame, text, |value, lane| value.value(lane))
     }
 
+    /// The value of an expression in a frame, or of what an event of traversal tells.
+    pub(super) fn evaluate_at(
+        &mut self,
+        frame: &StackFrame,
+        event: Option<usize>,
+        text: &str,
+    ) -> Result<TypedValue, String> {
+        self.with_value_at(frame, event, text, |value, lane| value.value(lane))
+    }
+
     /// Checks that a text is an expression.
     ///
     /// # Errors
@@ -89,12 +118,38 @@ impl Debugger {
         expression::Expression::parse(text).map(drop).map_err(|error| error.to_string())
     }
 
-    /// Whether a condition holds in a frame.
+    /// Whether a condition holds in a frame, or at an event of traversal.
     ///
     /// # Errors
     /// Why it cannot be told, in words.
-    pub(super) fn holds(&mut self, frame: &StackFrame, text: &str) -> Result<bool, String> {
-        self.with_value(frame, text, |value, lane| value.is_true(lane))
+    pub(super) fn holds(
+        &mut self,
+        frame: &StackFrame,
+        event: Option<usize>,
+        text: &str,
+    ) -> Result<bool, String> {
+        self.with_value_at(frame, event, text, |value, lane| value.is_true(lane))
+    }
+
+    /// What the function has returned that was innermost when the stack was this, where its caller is
+    /// stopped behind the call.
+    pub fn returned(&mut self, left: &[StackFrame]) -> Option<TypedValue> {
+        let [callee, caller, ..] = left else { return None };
+        let now = self.stack().into_iter().next()?;
+        let is_back = now.number == caller.number && now.source.origin.scope == caller.source.origin.scope;
+        let program = self.sources.shader(caller.shader).program.clone();
+        let module = &program.module;
+        // A call that the compiler has inlined is no instruction.
+        let call = caller.source.origin.offset as usize;
+        let &[word, _, result] = module.words.get(call..call + 3)? else { return None };
+        if !is_back || callee.number != caller.number || word as u16 != OP_FUNCTION_CALL {
+            return None;
+        }
+        let is_void = module.type_of(Id(result)).is_none_or(|ty| matches!(module.ty(ty), Type::Void));
+        if is_void {
+            return None;
+        }
+        self.with_lane(&now, |lane| value_of_id(&program, &now.source, lane, Id(result)).value(lane).ok())
     }
 
     /// Sets what an expression names to the value of another, and goes on with it: what ran after
@@ -111,9 +166,10 @@ impl Debugger {
         let program = self.sources.shader(frame.shader).program.clone();
         let set =
             self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));
-        set.map_err(|error| error.to_string())?;
+        let places = set.map_err(|error| error.to_string())?;
         self.note_assignment(frame, target, value);
         self.keep_edit();
+        self.note_edit(frame, &places);
         self.evaluate(frame, target)
     }
 
@@ -123,6 +179,7 @@ impl Debugger {
         let edited = self.checkpoint(true);
         self.history.go_another_way(edited);
         let now = self.course.time;
+        self.edits.retain(|edit| edit.time <= now);
         self.output.retain(|one| one.time <= now);
     }
 }

@@ -2,6 +2,8 @@
 
 use std::fmt::Debug;
 
+use crate::machine::hit_object::HitObject;
+use crate::machine::ray_query::RayQuery;
 use crate::machine::{Bindings, Buffer, Reg};
 use crate::ops::builtin::Builtin;
 
@@ -9,6 +11,12 @@ use crate::ops::builtin::Builtin;
 pub trait LaneState: Debug {
     /// The word of a register.
     fn register(&self, register: Reg) -> u32;
+
+    /// Whether a register holds a value of the shader's: that of a variable which has not been written
+    /// holds none.
+    fn is_written(&self, _: Reg) -> bool {
+        true
+    }
 
     /// Sets the word of a register.
     fn set_register(&mut self, register: Reg, word: u32);
@@ -22,6 +30,16 @@ pub trait LaneState: Debug {
 
     /// The memory of its workgroup.
     fn workgroup_memory(&self) -> Option<&Buffer>;
+
+    /// The ray query with a handle; `None` where it is not initialised.
+    fn ray_query(&self, _: u32) -> Option<&RayQuery> {
+        None
+    }
+
+    /// The hit object with a handle.
+    fn hit_object(&self, _: u32) -> Option<&HitObject> {
+        None
+    }
 
     /// The words of a builtin, whether the shader reads it or not; `None` where its stage has no
     /// such builtin.

@@ -4,22 +4,42 @@ use std::ops::Range;
 
 use crate::machine::Reg;
 use crate::ops::op::Op;
-use crate::ops::pointer::storage;
 use crate::program::Program;
 
+use super::Debugger;
 use super::breakpoint::BreakpointId;
 use super::condition::{Reason, StopConditions, Watch, WatchedWords, Write};
-use super::course::Time;
+use super::course::{HOST, Time};
 use super::inspect::check_followed;
 use super::stack::StackFrame;
+use super::unwritten::incoming;
 use super::variable_place::VariablePlace;
-use super::{Debugger, StopReason};
+
+/// Who gave a value what it is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LastWrite {
+    /// The step that is next writes it.
+    Step(Write),
+    /// It was set by hand before the step that is next.
+    SetByHand,
+    /// Nothing has written it.
+    Nobody,
+}
+
+/// What was set by hand.
+#[derive(Clone, Debug)]
+pub(super) struct Edit {
+    /// The step that was next.
+    pub time: Time,
+    /// The words: those that were set, and where others were given them, theirs.
+    pub words: Vec<WatchedWords>,
+}
 
 impl Debugger {
     /// Goes back to the step that wrote a value last: it is next then. A payload is followed into
     /// the shaders that were given it, and out to the one that gave it.
     ///
-    /// Returns the write, or [`StopReason::Beginning`] where nothing has written it: then it stays.
+    /// Where it was set by hand later than that, it goes there; where nothing has written it, it stays.
     ///
     /// # Errors
     /// Why the value cannot be followed, in words.
@@ -27,7 +47,7 @@ impl Debugger {
         &mut self,
         frame: &StackFrame,
         place: &VariablePlace,
-    ) -> Result<StopReason, String> {
+    ) -> Result<LastWrite, String> {
         let now = self.course.time;
         let mut words = self.watched_words(frame, place)?;
         let mut number = frame.number;
@@ -36,20 +56,48 @@ impl Debugger {
             let passed = self.passed_from(&words, number);
             let outer = self.given_by(&words, number);
             let last = self.last_write(&words, now);
+            let passed = passed.or_else(|| self.given_by_host(&words, number));
             let last = match passed {
                 Some(passed) => later(last, self.last_write(&passed, now)),
                 None => last,
             };
             self.seek(now);
+            let written = last.as_ref().map(|write| write.time.unwrap_or(now));
+            if let Some(edit) = self.last_edit(&words, now).filter(|&edit| Some(edit) > written) {
+                self.seek(edit);
+                return Ok(LastWrite::SetByHand);
+            }
             match (last, outer) {
                 (Some(write), _) => {
                     self.seek(write.time.unwrap_or(now));
-                    return Ok(StopReason::Wrote(write));
+                    return Ok(LastWrite::Step(write));
                 }
                 (None, Some(outer)) => (number, words) = (number - 1, outer),
-                (None, None) => return Ok(StopReason::Beginning),
+                (None, None) => return Ok(LastWrite::Nobody),
             }
         }
+    }
+
+    /// When words were last set by hand, up to a step.
+    fn last_edit(&self, words: &WatchedWords, now: Time) -> Option<Time> {
+        let is_meant = |edit: &&Edit| edit.time <= now && edit.words.iter().any(|one| one.overlap(words));
+        self.edits.iter().filter(is_meant).map(|edit| edit.time).max()
+    }
+
+    /// Notes that places of a frame were set by hand before the step that is next.
+    pub(super) fn note_edit(&mut self, frame: &StackFrame, places: &[VariablePlace]) {
+        let mut all = Vec::new();
+        for place in places {
+            let Ok(mut words) = self.watched_words(frame, place) else { continue };
+            let mut number = frame.number;
+            while let Some(outer) = self.given_by(&words, number) {
+                all.push(std::mem::replace(&mut words, outer));
+                number -= 1;
+            }
+            all.push(words);
+        }
+        let time = self.course.time;
+        self.edits.push(Edit { time, words: all });
     }
 
     /// What watches a value for a data breakpoint: of a payload, also what the shaders have that
@@ -134,6 +182,16 @@ impl Debugger {
         Some(WatchedWords::Passed { run: *run, from, words: first.0 - from.0..last.0 + 1 - from.0 })
     }
 
+    /// The words of the payload of a ray from the host, which the shaders that it calls are given one
+    /// after the other.
+    fn given_by_host(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
+        let WatchedWords::Registers { registers, .. } = words else { return None };
+        let stopped = self.debuggee.shaders();
+        let program = &self.sources.shader(stopped.get(number)?.shader).program;
+        let words = given_words(program, registers)?;
+        (number == 0).then_some(WatchedWords::Passed { run: HOST, from: Reg(0), words })
+    }
+
     /// The registers of a shader's caller of which it was given these words, if it was.
     fn given_by(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
         let WatchedWords::Registers { registers, .. } = words else { return None };
@@ -141,6 +199,9 @@ impl Debugger {
         let program = &self.sources.shader(stopped.get(number)?.shader).program;
         let given = given_words(program, registers)?;
         let (run, from) = self.course.caller(number)?;
+        if run == HOST {
+            return None;
+        }
         Some(WatchedWords::Registers { run, registers: given.map(|word| from.plus(word)).collect() })
     }
 }
@@ -152,8 +213,7 @@ fn later(one: Option<Write>, other: Option<Write>) -> Option<Write> {
 
 /// Which words of the payload or callable data that a shader is given are these registers.
 fn given_words(program: &Program, registers: &[Reg]) -> Option<Range<u32>> {
-    let classes = [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA];
-    let given = classes.into_iter().find_map(|class| program.interface_registers(class))?;
+    let given = incoming(program)?;
     let (first, last) = (registers.first()?.0, registers.last()?.0);
     let is_inside = first >= given.first.0 && last < given.first.0 + given.count;
     is_inside.then(|| first - given.first.0..last + 1 - given.first.0)

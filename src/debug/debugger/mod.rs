@@ -20,6 +20,7 @@ mod inspect;
 pub mod lane_state;
 mod last_write;
 mod memory_state;
+mod object_state;
 mod output;
 mod place_memory;
 mod sanitized_steps;
@@ -32,6 +33,7 @@ mod start;
 mod stopped_lane;
 pub mod tracker;
 mod traversal_names;
+mod unwritten;
 mod value_layout;
 mod value_paths;
 pub mod variable_place;
@@ -45,7 +47,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::error::Error;
 use crate::machine::Reg;
-use crate::machine::printed::Printed;
+use crate::machine::printed::{Printed, PrintedLine};
 use crate::ops::op::Op;
 use crate::pipeline::{Event, Pipeline, Resumed};
 use crate::program::Program;
@@ -57,9 +59,10 @@ use debuggee::Debuggee;
 use decision::Direction;
 use findings_ahead::Assignment;
 use history::{Checkpoint, History};
+use last_write::Edit;
 use memory_state::ChangingMemory;
 use sanitized_steps::{SanitizedSteps, Sanitizing};
-use tracker::Tracker;
+use tracker::{Followed, Tracker};
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
@@ -67,6 +70,7 @@ pub use course::Time;
 pub use debuggee::{DebuggedLane, LaneActivity};
 pub use findings_ahead::{FindingFilter, FindingsAhead};
 pub use lane_state::LaneState;
+pub use last_write::LastWrite;
 pub use output::DebugOutput;
 pub use source_frames::{SourceFrame, source_frames};
 pub use source_map::{SourceMap, SourcePosition, SourceText};
@@ -152,6 +156,10 @@ pub struct Debugger {
     assignments: Vec<Assignment>,
     /// The run that knows at which steps this one meets findings of the sanitizer.
     ahead: Option<Box<FindingsAhead>>,
+    /// What was set by hand.
+    edits: Vec<Edit>,
+    /// The event of the traversal at which it stopped, among [`Debugger::events`].
+    matched_event: Option<usize>,
 }
 
 impl Debugger {
@@ -193,6 +201,8 @@ impl Debugger {
             sanitizing: None,
             assignments: Vec::new(),
             ahead: None,
+            edits: Vec::new(),
+            matched_event: None,
         }
     }
 
@@ -258,6 +268,11 @@ impl Debugger {
         &self.course.events
     }
 
+    /// Which of the [events](Debugger::events) a breakpoint of traversal stopped at.
+    pub fn matched_event(&self) -> Option<usize> {
+        self.matched_event.filter(|&event| event < self.course.events.len())
+    }
+
     /// Makes a step.
     pub fn step(&mut self, step: Stepping) -> StopReason {
         let conditions = self.step_conditions(step, self.course.depth());
@@ -319,7 +334,11 @@ impl Debugger {
         loop {
             conditions.until = wanted.min(self.free_until());
             if self.advance(&mut conditions) == Resumed::Ended {
-                return self.at_end();
+                // A write is told where another line begins, and none begins behind the last.
+                return match (self.at_end(), conditions.writes.pop()) {
+                    (StopReason::End, Some(write)) => StopReason::Wrote(write),
+                    (stop, _) => stop,
+                };
             }
             let has_come = std::mem::replace(&mut conditions.until, wanted) <= self.course.time;
             let findings = self.findings_here();
@@ -404,7 +423,12 @@ impl Debugger {
         if is_new {
             // Nothing can stop behind the last step.
             let time = self.course.time - u64::from(resumed == Resumed::Ended && self.course.time > 0);
-            self.add_printed(printed, prints, time);
+            // Others of its workgroup print, too.
+            let is_own = |line: &PrintedLine| match followed {
+                Followed::Invocation(id) => line.launch_id == id,
+                Followed::Lane(_) => true,
+            };
+            self.add_printed(printed.into_iter().filter(is_own).collect(), prints, time);
         }
         resumed
     }

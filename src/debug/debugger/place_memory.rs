@@ -7,7 +7,7 @@ use crate::debug::debugger::lane_state::LaneState;
 use crate::machine::{Binding, Bindings, Buffer, DeviceMemory};
 use crate::module::Module;
 use crate::ops::memory::{PUSH_CONSTANTS_HANDLE, SHADER_RECORD_HANDLE, WORKGROUP_HANDLE};
-use crate::ops::pointer::PointeeLayout;
+use crate::ops::pointer::{PointeeLayout, storage};
 use crate::program::Program;
 
 /// What all places of a program share.
@@ -28,6 +28,11 @@ impl PlaceContext {
             slots: program.slots.iter().map(|slot| (slot.binding, slot.name.clone())).collect(),
             packed_workgroup: !program.workgroup_variables.iter().any(|variable| variable.is_block),
         })
+    }
+
+    /// Whether variables of a storage class are in workgroup memory that has no layout of its own.
+    pub(super) fn is_packed(&self, storage_class: u32) -> bool {
+        storage_class == storage::WORKGROUP && self.packed_workgroup
     }
 
     /// A descriptor in words: the name of its resource in the scene, else that of the shader.
@@ -114,4 +119,9 @@ impl MemoryBase {
             }
         }
     }
+}
+
+/// The message for a read or write outside of memory.
+pub(super) fn outside(offset: u64, range: &Range<u64>) -> String {
+    format!("the offset {offset} is outside of the {} bytes there", range.end - range.start)
 }

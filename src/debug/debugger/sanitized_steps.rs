@@ -4,7 +4,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use crate::machine::{Batch, Observer, ShaderIndex};
-use crate::pipeline::{Event, Pipeline};
+use crate::pipeline::{Event, Pipeline, PipelineObserver};
 use crate::sanitize::{
     Finding, Levels, PausedRayWatch, ProgramPlan, RayWatch, Sanitizer, SeenRays, StructureNames,
 };

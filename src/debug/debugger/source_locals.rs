@@ -153,7 +153,8 @@ fn named_locals(module: &Module, function: &Function) -> Vec<SourceLocal> {
         }
         locals.push(SourceLocal {
             name: name.into(),
-            line: None,
+            // Without a declaration in debug information, that of the first use.
+            line: module.debug_info.line_at(offset).map(|line| line.line),
             depth: 0,
             is_parameter,
             ty: None,

@@ -9,6 +9,7 @@ use crate::module::Id;
 use crate::program::{Program, Terminator};
 
 use super::source_frames::SourceFrame;
+use super::unwritten::VariableWrites;
 
 /// A line of a source, by its number in [`SourceMap::line`]; 0 where an operation has none.
 pub(super) type LineIndex = u32;
@@ -33,6 +34,8 @@ pub struct ShaderSites {
     depths: Vec<u32>,
     /// By file of the module: its index in [`SourceMap::files`].
     files: Vec<u32>,
+    /// Where its variables are written.
+    pub(super) writes: VariableWrites,
     /// Whether its lines are instructions, as its module has no debug information.
     pub is_disassembled: bool,
 }
@@ -260,6 +263,7 @@ impl Builder {
             sites: Vec::with_capacity(program.origins.len()),
             depths: Vec::with_capacity(program.scopes.len()),
             files,
+            writes: VariableWrites::new(program),
             is_disassembled,
         };
         for origin in &program.origins {

@@ -3,9 +3,12 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::machine::hit_object::HitObject;
+use crate::machine::ray_query::RayQuery;
 use crate::machine::{Bindings, Buffer, Reg, ShaderIndex};
 use crate::ops::builtin::Builtin;
 
+use super::course::{ActiveShader, Course};
 use super::debuggee::Debuggee;
 use super::lane_state::LaneState;
 use super::stack::StackFrame;
@@ -13,6 +16,8 @@ use super::stack::StackFrame;
 /// A shader of the invocation that has begun and not ended.
 pub(super) struct StoppedLane<'a> {
     debuggee: &'a mut dyn Debuggee,
+    /// What is known of it.
+    active: Option<&'a mut ActiveShader>,
     /// Its number, from the outermost.
     number: usize,
     shader: ShaderIndex,
@@ -24,14 +29,16 @@ pub(super) struct StoppedLane<'a> {
 
 impl<'a> StoppedLane<'a> {
     /// The shader of a frame.
-    pub(super) fn new(debuggee: &'a mut dyn Debuggee, frame: &StackFrame) -> Self {
+    pub(super) fn new(debuggee: &'a mut dyn Debuggee, course: &'a mut Course, frame: &StackFrame) -> Self {
         let (number, shader, lane) = (frame.number, frame.shader, frame.lane);
+        // What nobody wrote is known of the followed lane alone.
+        let active = course.active.get_mut(number).filter(|_| lane.is_none());
         let record = match lane {
             None => debuggee.shader_record(number),
             Some(lane) => debuggee.shader_record_of(lane, number),
         };
         let workgroup_memory = debuggee.workgroup_memory();
-        Self { debuggee, number, shader, lane, record, workgroup_memory }
+        Self { debuggee, active, number, shader, lane, record, workgroup_memory }
     }
 }
 
@@ -49,8 +56,15 @@ impl LaneState for StoppedLane<'_> {
         }
     }
 
+    fn is_written(&self, register: Reg) -> bool {
+        self.active.as_ref().is_none_or(|active| !active.unwritten.contains(register))
+    }
+
     fn set_register(&mut self, register: Reg, word: u32) {
         if self.lane.is_none() {
+            if let Some(active) = &mut self.active {
+                active.unwritten.write(register, 1);
+            }
             self.debuggee.set_register(self.number, register, word);
         }
     }
@@ -65,6 +79,14 @@ impl LaneState for StoppedLane<'_> {
 
     fn workgroup_memory(&self) -> Option<&Buffer> {
         self.workgroup_memory.as_deref()
+    }
+
+    fn ray_query(&self, handle: u32) -> Option<&RayQuery> {
+        self.debuggee.ray_query(self.number, handle)
+    }
+
+    fn hit_object(&self, handle: u32) -> Option<&HitObject> {
+        self.debuggee.hit_object(self.number, handle)
     }
 
     fn builtin(&self, builtin: &'static Builtin) -> Option<Vec<u32>> {

@@ -13,6 +13,7 @@ use super::course::{ActiveShader, Course, FrameLine, Moment, Time};
 use super::sanitized_steps::SanitizedSteps;
 use super::segment_summary::SegmentSummary;
 use super::source_map::{ShaderSites, Site, SourceMap, SourcePosition};
+use super::unwritten::incoming;
 
 /// The invocation that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,29 +104,45 @@ impl<'a> Tracker<'a> {
     pub fn take_events(&mut self) {
         for event in self.inbox.borrow_mut().drain(..) {
             match &event {
-                Event::Enter { .. } => self.enter(),
-                Event::Leave { .. } => {
-                    if let Some(ended) = self.course.active.pop() {
-                        self.course.frames.truncate(ended.base as usize);
-                    }
-                    self.course.last = None;
-                }
+                Event::Enter { shader, .. } => self.enter(*shader),
+                Event::Leave { .. } => self.leave(),
                 _ => {}
             }
             if let Some(sanitized) = &mut self.sanitized {
                 // The instruction that has called the pipeline was the step before.
                 sanitized.event(event.clone(), self.course.time.saturating_sub(1));
             }
-            self.conditions.event(&event);
+            self.conditions.event(&event, self.course.events.len());
             self.course.events.push(event);
         }
     }
 
-    fn enter(&mut self) {
+    fn enter(&mut self, shader: ShaderIndex) {
         let base = self.course.frames.len() as u32;
         let run = self.course.begun;
+        let sites = self.sources.shader(shader);
+        let mut unwritten = sites.writes.at_begin();
+        let caller = self.course.active.iter().rev().find_map(|active| Some((active, active.passes?)));
+        if let (Some(given), Some((caller, from))) = (incoming(&sites.program), caller) {
+            unwritten.take(given.first, &caller.unwritten, from, given.count);
+        }
         self.course.begun += 1;
-        self.course.active.push(ActiveShader { run, base, passes: None, last_block: None, last_calls: 0 });
+        let (passes, last_block, last_calls) = (None, None, 0);
+        let active = ActiveShader { shader, run, base, passes, last_block, last_calls, unwritten };
+        self.course.active.push(active);
+        self.course.last = None;
+    }
+
+    fn leave(&mut self) {
+        if let Some(ended) = self.course.active.pop() {
+            self.course.frames.truncate(ended.base as usize);
+            let given = incoming(&self.sources.shader(ended.shader).program);
+            let mut callers = self.course.active.iter_mut().rev();
+            let caller = callers.find_map(|active| Some((active.passes?, &mut active.unwritten)));
+            if let (Some(given), Some((to, caller))) = (given, caller) {
+                caller.take(to, &ended.unwritten, given.first, given.count);
+            }
+        }
         self.course.last = None;
     }
 
@@ -245,7 +262,7 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         self.lane = self.followed.lane(batch);
         // Compute shaders report no begin.
         if self.course.active.is_empty() && self.lane.is_some() {
-            self.enter();
+            self.enter(shader);
         }
         if self.conditions.watches_results()
             && let Some(lane) = self.running_lane(batch)
@@ -306,6 +323,13 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         if self.prints.is_some() {
             self.note_print(batch, op);
         }
+        let sites = self.sources.shader(self.shader);
+        if sites.writes.concern(op)
+            && let Some(lane) = self.running_lane(batch)
+            && let Some(active) = self.course.active.last_mut()
+        {
+            active.unwritten.ran(&sites.program.ops[op.index()], &|reg| batch.registers[reg].0[lane]);
+        }
         if let Some(events) = batch.queries.events.as_mut().filter(|events| !events.is_empty()) {
             let lane = self.lane.map(|lane| lane as u32);
             let own = events.drain(..).filter(|event| Some(event.lane) == lane);
@@ -315,7 +339,7 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         if self.conditions.watches_results()
             && let Some(lane) = self.running_lane(batch)
         {
-            let program = &self.sources.shader(self.shader).program;
+            let program = &sites.program;
             let number = self.course.active.len().saturating_sub(1);
             let run = self.course.run(number).unwrap_or_default();
             // The step was counted before it was made.

@@ -102,6 +102,26 @@ fn collect_scalars(
     }
 }
 
+/// The words of scalars among whole words of their buffer, from the first that holds one of them on;
+/// between scalars there may be gaps.
+pub(super) fn scalars_among(scalars: &[BufferScalar], words: &[u32]) -> Option<Vec<u32>> {
+    let first = scalars.iter().map(|&(offset, _)| offset).min()? / 4 * 4;
+    let word = |&(offset, width): &BufferScalar| {
+        let at = offset - first;
+        let word = words.get((at / 4) as usize)? >> (8 * (at % 4));
+        Some(word & u32::MAX >> (32 - width))
+    };
+    scalars.iter().map(word).collect()
+}
+
+/// Whether a type is an array of blocks, each in a buffer of its own.
+pub(super) fn is_array_of_blocks(module: &Module, mut ty: TypeId) -> bool {
+    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
+        ty = element;
+    }
+    matches!(module.ty(ty), Type::Struct { block: true, .. })
+}
+
 /// The stride of a matrix's columns in a buffer, and the layout of each.
 pub(super) fn column_layout(
     module: &Module,

@@ -5,9 +5,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::debug::debugger::lane_state::LaneState;
-use crate::debug::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext};
+use crate::debug::debugger::object_state;
+use crate::debug::debugger::place_memory::{MemoryBase, MemoryPlace, PlaceContext, outside};
 use crate::debug::debugger::value_layout::{
-    MAX_WORDS, buffer_scalars, column_layout, members_words, scalar_bytes, word_count,
+    MAX_WORDS, buffer_scalars, column_layout, is_array_of_blocks, members_words, scalar_bytes, scalars_among,
+    word_count,
 };
 use crate::debug::values::{AddressValue, TypedValue, ValueContent, ValueMember, type_name};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
@@ -122,6 +124,9 @@ impl VariablePlace {
     pub fn why_unavailable(&self) -> Option<&str> {
         match &self.storage {
             PlaceStorage::Unavailable(why) => Some(why),
+            PlaceStorage::Parts(parts) if parts.iter().all(|part| part.why_unavailable().is_some()) => {
+                parts.first()?.why_unavailable()
+            }
             _ => None,
         }
     }
@@ -168,6 +173,17 @@ impl VariablePlace {
                 Ok(words)
             }
             PlaceStorage::Unavailable(why) => Err(why.to_string()),
+        }
+    }
+
+    /// Whether any part of it is a variable that has not been written yet.
+    pub(super) fn has_unwritten_part(&self, state: &dyn LaneState) -> bool {
+        match &self.storage {
+            PlaceStorage::Registers { registers, .. } => {
+                registers.iter().any(|&register| !state.is_written(register))
+            }
+            PlaceStorage::Parts(parts) => parts.iter().any(|part| part.has_unwritten_part(state)),
+            _ => false,
         }
     }
 
@@ -247,6 +263,18 @@ impl VariablePlace {
         buffer.view(first, end.next_multiple_of(4) - first, "watched")
     }
 
+    /// The value that words hold which lay here: those of its registers, or those of its memory, as
+    /// [`VariablePlace::own_memory`] has it.
+    pub fn value_of(&self, words: &[u32]) -> TypedValue {
+        let found = match &self.storage {
+            PlaceStorage::Memory(memory) => {
+                self.scalars(memory).ok().and_then(|scalars| scalars_among(&scalars, words))
+            }
+            _ => None,
+        };
+        TypedValue::of_type(self.module(), self.ty, found.as_deref().unwrap_or(words))
+    }
+
     fn scalars(&self, memory: &MemoryPlace) -> Result<Vec<(u64, u32)>, String> {
         if memory.packed {
             let count = word_count(self.module(), self.ty).ok_or("it is not read as a whole")?;
@@ -266,8 +294,14 @@ impl VariablePlace {
     }
 
     fn content(&self, state: &dyn LaneState, most: u32) -> Result<ValueContent, String> {
-        if let PlaceStorage::Unavailable(why) = &self.storage {
-            return Err(why.to_string());
+        if let Some(why) = self.why_unavailable() {
+            return Err(why.to_owned());
+        }
+        if let PlaceStorage::Registers { registers, .. } = &self.storage
+            && !registers.is_empty()
+            && registers.iter().all(|&register| !state.is_written(register))
+        {
+            return Ok(ValueContent::Text("<not yet written>".into()));
         }
         let text_of = |result: Result<ValueContent, String>| {
             result.unwrap_or_else(|why| ValueContent::Text(format!("unavailable: {why}")))
@@ -302,6 +336,11 @@ impl VariablePlace {
         if let PlaceStorage::Descriptors { first, .. } = self.storage {
             return Ok(ValueContent::Text(self.context.describe_descriptor(state, first)));
         }
+        if self.has_unwritten_part(state) {
+            let parts = self.children(0..self.child_count(state)?, state).into_iter();
+            let parts: Result<_, String> = parts.map(|(_, part)| part.content(state, MAX_WORDS)).collect();
+            return Ok(ValueContent::List(parts?));
+        }
         let words = self.words(state)?;
         let descriptor = |handle| ValueContent::Text(self.context.describe_descriptor(state, handle));
         Ok(match (self.module().ty(self.ty), &words[..]) {
@@ -311,10 +350,12 @@ impl VariablePlace {
                 let address = u64::from(low) | u64::from(high) << 32;
                 ValueContent::Address(AddressValue { address, place: None })
             }
-            (Type::RayQuery, [0]) => ValueContent::Text("not initialised".into()),
-            (Type::RayQuery, [handle]) => ValueContent::Text(format!("ray query {handle}")),
-            (Type::HitObject { .. }, [0]) => ValueContent::Text("nothing recorded".into()),
-            (Type::HitObject { .. }, [handle]) => ValueContent::Text(format!("hit object {handle}")),
+            (Type::RayQuery, &[handle]) => {
+                ValueContent::Text(object_state::describe_query(state.ray_query(handle)))
+            }
+            (Type::HitObject { .. }, &[handle]) => {
+                ValueContent::Text(object_state::describe_hit_object(state.hit_object(handle)))
+            }
             _ => {
                 let value = TypedValue::of_type(self.module(), self.ty, &words);
                 value.with_places(&state.bindings().memory).content
@@ -542,7 +583,7 @@ impl VariablePlace {
                 if is_array && is_array_of_blocks(module, ty) {
                     return Ok(Self::descriptors(context, ty, handle, true));
                 }
-                let packed = storage_class == storage::WORKGROUP && context.packed_workgroup;
+                let packed = context.is_packed(storage_class);
                 memory(MemoryBase::of_handle(handle), offset.into(), packed)
             }
             (_, &[register]) if register >= REGISTER_POINTER => {
@@ -554,22 +595,4 @@ impl VariablePlace {
             _ => return Err(format!("{} is not followed", module.describe_type(pointer))),
         })
     }
-
-    /// Whether workgroup memory has no layout of its own; see [`PlaceContext`].
-    pub(super) fn is_packed(context: &PlaceContext, storage_class: u32) -> bool {
-        storage_class == storage::WORKGROUP && context.packed_workgroup
-    }
-}
-
-/// Whether a type is an array of blocks, each in a buffer of its own.
-fn is_array_of_blocks(module: &Module, mut ty: TypeId) -> bool {
-    while let Type::Array { element, .. } | Type::RuntimeArray { element, .. } = *module.ty(ty) {
-        ty = element;
-    }
-    matches!(module.ty(ty), Type::Struct { block: true, .. })
-}
-
-/// The message for a read or write outside of memory.
-fn outside(offset: u64, range: &Range<u64>) -> String {
-    format!("the offset {offset} is outside of the {} bytes there", range.end - range.start)
 }

@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::debug::page::{TextStyle, with_thousands_separators};
-use crate::debug::render::words::with_plural;
+use crate::debug::page::{TextStyle, with_plural, with_thousands_separators};
 use crate::debug::render::{TraversalView, Writer};
 use crate::debug::transcript::{
     InstanceOutcome, InstanceReport, PrimitiveOutcome, PrimitiveReport, Traversal,

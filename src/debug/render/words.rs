@@ -1,6 +1,5 @@
 //! Values, shaders and lines in words.
 
-use crate::debug::page::with_thousands_separators;
 use crate::debug::transcript::{ShaderLabel, ShaderRun, TranscriptLine, Traversal};
 use crate::debug::values::{FloatValue, TypedValue, ValueContent};
 
@@ -83,9 +82,4 @@ pub(super) fn change(before: &TypedValue, after: &TypedValue) -> String {
 /// A point or direction.
 pub(super) fn vector(values: &[FloatValue; 3]) -> String {
     format!("({}, {}, {})", values[0], values[1], values[2])
-}
-
-/// A count with its noun.
-pub(super) fn with_plural(count: u64, what: &str) -> String {
-    format!("{} {what}{}", with_thousands_separators(count), if count == 1 { "" } else { "s" })
 }

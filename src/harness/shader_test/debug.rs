@@ -10,6 +10,8 @@ use crate::debug::debugger::tracker::{Followed, Tracker};
 use crate::error::{Error, Result};
 use crate::harness::shader_test::{RunningTest, ShaderTest};
 use crate::interp;
+use crate::machine::hit_object::HitObject;
+use crate::machine::ray_query::RayQuery;
 use crate::machine::stop::Stop;
 use crate::machine::{Bindings, Buffer, Observer, Reg, ShaderIndex};
 use crate::ops::builtin::Builtin;
@@ -157,6 +159,14 @@ impl Debuggee for SteppedTest {
             Some((_, words)) => Some(words.clone()),
             None => builtin_words(&self.test.program, &self.running()?.batch, 0, builtin),
         }
+    }
+
+    fn ray_query(&self, _: usize, handle: u32) -> Option<&RayQuery> {
+        self.running()?.batch.queries.get(handle)
+    }
+
+    fn hit_object(&self, _: usize, handle: u32) -> Option<&HitObject> {
+        self.running()?.batch.hit_objects.get(handle)
     }
 
     fn shader_record(&self, _: usize) -> Option<(Arc<Buffer>, u64, u64)> {

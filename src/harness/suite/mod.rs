@@ -214,7 +214,7 @@ impl Suite {
         let of_case = |group: &[Test]| {
             let name = group[0].name.split("::").next().unwrap_or_default().to_owned();
             let tests = group.iter().map(|test| Test { case: 0, ..test.clone() }).collect();
-            (name, Self { cases: vec![self.cases[group[0].case].clone()], tests })
+            (name, Self { cases: vec![self.cases[group[0].case].clone()], tests, ..Self::default() })
         };
         self.tests.chunk_by(|one, next| one.case == next.case).map(of_case).collect()
     }

@@ -4,12 +4,17 @@
 use half::f16;
 
 use crate::debug::debugger::expression::numbers::{
-    CalculatedValue, ComponentBits, NumberShape, ScalarType, float, mask, signed,
+    Calculated, CalculatedValue, ComponentBits, NumberShape, ScalarType, float, mask, signed,
 };
+use crate::debug::debugger::expression::shader_code::{self, Instruction};
 use crate::debug::debugger::expression::syntax::{BinaryOperator as Operator, UnaryOperator};
 
-/// The result of an operator, or the message why there is none.
-pub(super) type Calculated = Result<CalculatedValue, String>;
+/// `OpVectorTimesMatrix`
+const VECTOR_TIMES_MATRIX: u16 = 144;
+/// `OpMatrixTimesVector`
+const MATRIX_TIMES_VECTOR: u16 = 145;
+/// `OpMatrixTimesMatrix`
+const MATRIX_TIMES_MATRIX: u16 = 146;
 
 /// Applies an operator to one operand.
 pub(super) fn unary(operator: UnaryOperator, operand: &CalculatedValue) -> Calculated {
@@ -232,47 +237,21 @@ fn shift(operator: Operator, a: &CalculatedValue, b: &CalculatedValue) -> Calcul
     Ok(CalculatedValue::new(a.ty(), a.shape(), shifted))
 }
 
-/// Multiplies: matrices as in linear algebra (GLSL 4.60, 5.9), all else by components.
+/// Multiplies: matrices as in linear algebra (GLSL 4.60, 5.9), by the instructions of SPIR-V; all
+/// else by components.
 pub(super) fn multiply(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
-    let wrong = || mismatch(Operator::Multiply, a, b);
-    let (left, right, shape) = match (a.shape(), b.shape()) {
-        // The columns and rows of both operands as matrices: a vector to the right of a matrix is a
-        // column, one to the left of it a row.
-        (NumberShape::Matrix { columns, rows }, NumberShape::Vector(count)) => {
-            ([columns, rows], [1, count], NumberShape::Vector(rows))
-        }
-        (NumberShape::Vector(count), NumberShape::Matrix { columns, rows }) => {
-            ([count, 1], [columns, rows], NumberShape::Vector(columns))
-        }
-        (NumberShape::Matrix { columns, rows }, NumberShape::Matrix { columns: others, rows: inner }) => {
-            let shape = NumberShape::Matrix { columns: others, rows };
-            ([columns, rows], [others, inner], shape)
+    use NumberShape::{Matrix, Vector};
+    let (opcode, shape) = match (a.shape(), b.shape()) {
+        // A vector to the right of a matrix is a column, one to the left of it a row.
+        (Matrix { columns, rows }, Vector(count)) if columns == count => (MATRIX_TIMES_VECTOR, Vector(rows)),
+        (Vector(count), Matrix { columns, rows }) if rows == count => (VECTOR_TIMES_MATRIX, Vector(columns)),
+        (Matrix { columns: inner, rows }, Matrix { columns, rows: others }) if inner == others => {
+            (MATRIX_TIMES_MATRIX, Matrix { columns, rows })
         }
         _ => return calculated(Operator::Multiply, a, b),
     };
-    let ty = common_type(a.ty(), b.ty()).filter(|ty| *ty != ScalarType::Bool).ok_or_else(wrong)?;
-    if left[0] != right[1] {
-        return Err(wrong());
-    }
-    let (a, b) = (a.converted(ty), b.converted(ty));
-    let mut bits = ComponentBits::new();
-    for column in 0..right[0] {
-        for row in 0..left[1] {
-            let products = (0..left[0]).map(|inner| {
-                let (x, y) = (a.bits()[(inner * left[1] + row) as usize], column * right[1] + inner);
-                scalar(Operator::Multiply, ty, x, b.bits()[y as usize])
-            });
-            bits.push(sum(ty, products)?);
-        }
-    }
-    Ok(CalculatedValue::new(ty, shape, bits))
-}
-
-/// The sum of components, from the first on.
-pub(super) fn sum(
-    ty: ScalarType,
-    mut parts: impl Iterator<Item = Result<u64, String>>,
-) -> Result<u64, String> {
-    let first = parts.next().unwrap_or(Ok(0))?;
-    parts.try_fold(first, |sum, part| scalar(Operator::Add, ty, sum, part?))
+    let ty = common_type(a.ty(), b.ty()).filter(|ty| matches!(ty, ScalarType::Float(_)));
+    let ty = ty.ok_or_else(|| mismatch(Operator::Multiply, a, b))?;
+    let operands = [a.converted(ty), b.converted(ty)];
+    shader_code::call("*", Instruction::Core(opcode), (ty, shape), &operands)
 }

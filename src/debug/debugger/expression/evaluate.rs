@@ -3,6 +3,7 @@
 use crate::debug::debugger::expression::arithmetic;
 use crate::debug::debugger::expression::builtin_names::{builtin_of_call, builtin_of_name};
 use crate::debug::debugger::expression::error::ExpressionError;
+use crate::debug::debugger::expression::event_names::EventNames;
 use crate::debug::debugger::expression::functions;
 use crate::debug::debugger::expression::numbers::{CalculatedValue, ComponentBits, NumberShape, ScalarType};
 use crate::debug::debugger::expression::syntax::{BinaryOperator, Node, NodeKind, UnaryOperator};
@@ -76,13 +77,25 @@ pub(super) struct Evaluator<'a> {
     frame: &'a SourceFrame,
     state: &'a dyn LaneState,
     variables: Vec<Variable>,
+    /// The event of traversal that names are about instead.
+    event: Option<&'a EventNames>,
 }
 
 impl<'a> Evaluator<'a> {
     pub(super) fn new(program: &'a Program, frame: &'a SourceFrame, state: &'a dyn LaneState) -> Self {
         let mut variables = variables_in_frame(program, frame, state);
         variables.extend(global_variables(program, state));
-        Self { program, frame, state, variables }
+        Self { program, frame, state, variables, event: None }
+    }
+
+    /// Evaluates what an event of traversal tells.
+    pub(super) fn at_event(
+        program: &'a Program,
+        frame: &'a SourceFrame,
+        state: &'a dyn LaneState,
+        event: &'a EventNames,
+    ) -> Self {
+        Self { program, frame, state, variables: Vec::new(), event: Some(event) }
     }
 
     pub(super) fn evaluate(&self, node: &Node) -> EvaluatedNode {
@@ -148,7 +161,11 @@ impl<'a> Evaluator<'a> {
             }
             NodeKind::Call(name, arguments) => {
                 if let ([], Some(builtin)) = (&arguments[..], builtin_of_call(name)) {
-                    return self.builtin(name, builtin).map_err(error);
+                    return match self.event {
+                        Some(_) => self.name(builtin.name),
+                        None => self.builtin(name, builtin),
+                    }
+                    .map_err(error);
                 }
                 let mut values = Vec::new();
                 for argument in arguments {
@@ -168,6 +185,12 @@ impl<'a> Evaluator<'a> {
     }
 
     fn name(&self, name: &str) -> Result<Evaluated, String> {
+        if let Some(event) = self.event {
+            return match event.value(builtin_of_name(name).map_or(name, |builtin| builtin.name)) {
+                Some(value) => Ok(Evaluated::CalculatedValue(value)),
+                None => Err(format!("`{name}` is not told here: the event tells {}", event.names())),
+            };
+        }
         let place = |place: VariablePlace| match place.why_unavailable() {
             Some(why) => Err(format!("`{name}` has no value: {why}")),
             None => Ok(Evaluated::Place(place)),
@@ -271,13 +294,23 @@ impl<'a> Evaluator<'a> {
         if let (Evaluated::Place(place), [only]) = (of, &indices[..]) {
             return place.child(*only).map(Evaluated::Place);
         }
-        let numbers = of.numbers(self.state)?;
-        let bits: ComponentBits = indices.iter().map(|&at| numbers.bits()[at as usize]).collect();
-        let shape = match indices.len() {
+        // Of a variable only the components that are named need have been written.
+        let component = |at: u64| match of {
+            Evaluated::Place(place) => Evaluated::Place(place.child(at)?).numbers(self.state),
+            Evaluated::CalculatedValue(numbers) => Ok(match numbers.part(at) {
+                Some(part) => part,
+                None => numbers.clone(),
+            }),
+        };
+        let parts: Result<Vec<CalculatedValue>, String> = indices.into_iter().map(component).collect();
+        let parts = parts?;
+        let ty = parts[0].ty();
+        let bits: ComponentBits = parts.iter().map(|part| part.bits()[0]).collect();
+        let shape = match bits.len() {
             1 => NumberShape::Scalar,
             count => NumberShape::Vector(count as u32),
         };
-        Ok(Evaluated::CalculatedValue(CalculatedValue::new(numbers.ty(), shape, bits)))
+        Ok(Evaluated::CalculatedValue(CalculatedValue::new(ty, shape, bits)))
     }
 
     fn element(&self, of: &Evaluated, index: u64) -> Result<Evaluated, String> {

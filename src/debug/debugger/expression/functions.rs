@@ -1,45 +1,118 @@
-//! Functions and constructors of the shading languages.
+//! Functions and constructors of the shading languages. Where a function is an instruction of
+//! SPIR-V, the interpreter runs that.
 
-use crate::debug::debugger::expression::arithmetic::{
-    Calculated, binary, by_components, calculated, common_type, multiply, scalar, sum,
-};
+use crate::debug::debugger::expression::arithmetic::{common_type, multiply};
 use crate::debug::debugger::expression::numbers::{
-    CalculatedValue, ComponentBits, NumberShape, ScalarType, convert, float, float_bits, signed,
+    Calculated, CalculatedValue, ComponentBits, NumberShape, ScalarType, convert,
 };
-use crate::debug::debugger::expression::syntax::BinaryOperator as Operator;
+use crate::debug::debugger::expression::shader_code::{self, Instruction, spread};
 use crate::debug::debugger::expression::type_names::numeric_type;
 
 /// A function: its names, how many arguments it takes, and what it does.
-type Function = (&'static [&'static str], usize, fn(&[CalculatedValue]) -> Calculated);
+type Function = (&'static [&'static str], usize, Kind);
+
+/// What a function does with its arguments. Scalars among arguments that must have one shape are
+/// spread over it.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// An instruction on floats of one shape; its result has this shape.
+    Floats(Instruction),
+    /// The same with instructions for floats, signed and unsigned integers.
+    Numbers([u32; 3]),
+    /// An instruction on floats of one shape that results in a scalar.
+    ToScalar(Instruction),
+    /// A question about each component of a float.
+    Test(Instruction),
+    /// An instruction on a matrix.
+    Matrix(Instruction, fn(u32, u32) -> NumberShape),
+    /// Anything else.
+    Other(fn(&[CalculatedValue]) -> Calculated),
+}
+
+/// An instruction of `GLSL.std.450`, by its number.
+const fn glsl(number: u32) -> Instruction {
+    Instruction::Extended(number)
+}
+
+/// Instructions of SPIR-V that functions of the languages are (SPIR-V 3.52), by their opcodes.
+mod opcode {
+    use super::Instruction::{self, Core};
+    pub(super) const TRANSPOSE: Instruction = Core(84);
+    pub(super) const FREM: Instruction = Core(140);
+    pub(super) const FMOD: Instruction = Core(141);
+    pub(super) const DOT: Instruction = Core(148);
+    pub(super) const ANY: Instruction = Core(154);
+    pub(super) const ALL: Instruction = Core(155);
+    pub(super) const IS_NAN: Instruction = Core(156);
+    pub(super) const IS_INF: Instruction = Core(157);
+    pub(super) const SELECT: Instruction = Core(169);
+}
 
 const FUNCTIONS: &[Function] = &[
-    (&["length"], 1, |of| length(&of[0])),
-    (&["distance"], 2, |of| length(&calculated(Operator::Subtract, &of[0], &of[1])?)),
-    (&["dot"], 2, |of| dot(&of[0], &of[1])),
-    (&["normalize"], 1, |of| calculated(Operator::Divide, &of[0], &length(&of[0])?)),
-    (&["cross"], 2, |of| cross(&of[0], &of[1])),
-    (&["abs"], 1, |of| abs(&of[0])),
-    (&["min"], 2, |of| extreme(&of[0], &of[1], false)),
-    (&["max"], 2, |of| extreme(&of[0], &of[1], true)),
-    (&["clamp"], 3, |of| extreme(&extreme(&of[0], &of[1], true)?, &of[2], false)),
-    (&["mix"], 3, mix),
-    (&["lerp"], 3, |of| {
-        let span = calculated(Operator::Subtract, &of[1], &of[0])?;
-        calculated(Operator::Add, &of[0], &calculated(Operator::Multiply, &span, &of[2])?)
+    (&["round"], 1, Kind::Floats(glsl(1))),
+    (&["roundEven"], 1, Kind::Floats(glsl(2))),
+    (&["trunc"], 1, Kind::Floats(glsl(3))),
+    (&["abs"], 1, Kind::Other(|of| without_sign(of, "abs", [4, 5]))),
+    (&["sign"], 1, Kind::Other(|of| without_sign(of, "sign", [6, 7]))),
+    (&["floor"], 1, Kind::Floats(glsl(8))),
+    (&["ceil"], 1, Kind::Floats(glsl(9))),
+    (&["fract", "frac"], 1, Kind::Floats(glsl(10))),
+    (&["radians"], 1, Kind::Floats(glsl(11))),
+    (&["degrees"], 1, Kind::Floats(glsl(12))),
+    (&["sin"], 1, Kind::Floats(glsl(13))),
+    (&["cos"], 1, Kind::Floats(glsl(14))),
+    (&["tan"], 1, Kind::Floats(glsl(15))),
+    (&["asin"], 1, Kind::Floats(glsl(16))),
+    (&["acos"], 1, Kind::Floats(glsl(17))),
+    (&["atan"], 1, Kind::Floats(glsl(18))),
+    (&["sinh"], 1, Kind::Floats(glsl(19))),
+    (&["cosh"], 1, Kind::Floats(glsl(20))),
+    (&["tanh"], 1, Kind::Floats(glsl(21))),
+    (&["asinh"], 1, Kind::Floats(glsl(22))),
+    (&["acosh"], 1, Kind::Floats(glsl(23))),
+    (&["atanh"], 1, Kind::Floats(glsl(24))),
+    (&["atan", "atan2"], 2, Kind::Floats(glsl(25))),
+    (&["pow"], 2, Kind::Floats(glsl(26))),
+    (&["exp"], 1, Kind::Floats(glsl(27))),
+    (&["log"], 1, Kind::Floats(glsl(28))),
+    (&["exp2"], 1, Kind::Floats(glsl(29))),
+    (&["log2"], 1, Kind::Floats(glsl(30))),
+    (&["sqrt"], 1, Kind::Floats(glsl(31))),
+    (&["inversesqrt", "rsqrt"], 1, Kind::Floats(glsl(32))),
+    (&["determinant"], 1, Kind::Matrix(glsl(33), |_, _| NumberShape::Scalar)),
+    (&["inverse"], 1, Kind::Matrix(glsl(34), |columns, rows| NumberShape::Matrix { columns, rows })),
+    (&["transpose"], 1, {
+        Kind::Matrix(opcode::TRANSPOSE, |rows, columns| NumberShape::Matrix { columns, rows })
     }),
-    (&["sqrt"], 1, |of| map_floats(&of[0], f64::sqrt)),
-    (&["floor"], 1, |of| map_floats(&of[0], f64::floor)),
-    (&["ceil"], 1, |of| map_floats(&of[0], f64::ceil)),
-    (&["fract", "frac"], 1, |of| calculated(Operator::Subtract, &of[0], &map_floats(&of[0], f64::floor)?)),
-    (&["any"], 1, |of| Ok(CalculatedValue::of_bool(of[0].converted(ScalarType::Bool).bits().contains(&1)))),
-    (&["all"], 1, |of| Ok(CalculatedValue::of_bool(!of[0].converted(ScalarType::Bool).bits().contains(&0)))),
-    (&["isnan"], 1, |of| test(&of[0], f64::is_nan)),
-    (&["isinf"], 1, |of| test(&of[0], f64::is_infinite)),
+    (&["min"], 2, Kind::Numbers([37, 39, 38])),
+    (&["max"], 2, Kind::Numbers([40, 42, 41])),
+    (&["clamp"], 3, Kind::Numbers([43, 45, 44])),
+    (&["saturate"], 1, Kind::Other(saturate)),
+    (&["mix", "lerp"], 3, Kind::Other(mix)),
+    (&["step"], 2, Kind::Floats(glsl(48))),
+    (&["smoothstep"], 3, Kind::Floats(glsl(49))),
+    (&["fma", "mad"], 3, Kind::Floats(glsl(50))),
+    (&["mod"], 2, Kind::Floats(opcode::FMOD)),
+    (&["fmod"], 2, Kind::Floats(opcode::FREM)),
+    (&["length"], 1, Kind::ToScalar(glsl(66))),
+    (&["distance"], 2, Kind::ToScalar(glsl(67))),
+    (&["dot"], 2, Kind::Other(dot)),
+    (&["cross"], 2, Kind::Floats(glsl(68))),
+    (&["normalize"], 1, Kind::Floats(glsl(69))),
+    (&["faceforward"], 3, Kind::Floats(glsl(70))),
+    (&["reflect"], 2, Kind::Floats(glsl(71))),
+    (&["refract"], 3, Kind::Other(refract)),
+    (&["any"], 1, Kind::Other(|of| of_bools(&of[0], opcode::ANY))),
+    (&["all"], 1, Kind::Other(|of| of_bools(&of[0], opcode::ALL))),
+    (&["isnan"], 1, Kind::Test(opcode::IS_NAN)),
+    (&["isinf"], 1, Kind::Test(opcode::IS_INF)),
     // HLSL multiplies matrices whose rows are the columns of SPIR-V's.
-    (&["mul"], 2, |of| multiply(&of[1], &of[0])),
-    (&["floatBitsToUint", "asuint"], 1, |of| reinterpret(&of[0], ScalarType::Uint(32))),
-    (&["floatBitsToInt", "asint"], 1, |of| reinterpret(&of[0], ScalarType::Int(32))),
-    (&["uintBitsToFloat", "intBitsToFloat", "asfloat"], 1, |of| reinterpret(&of[0], ScalarType::Float(32))),
+    (&["mul"], 2, Kind::Other(|of| multiply(&of[1], &of[0]))),
+    (&["floatBitsToUint", "asuint"], 1, Kind::Other(|of| reinterpret(&of[0], ScalarType::Uint(32)))),
+    (&["floatBitsToInt", "asint"], 1, Kind::Other(|of| reinterpret(&of[0], ScalarType::Int(32)))),
+    (&["uintBitsToFloat", "intBitsToFloat", "asfloat"], 1, {
+        Kind::Other(|of| reinterpret(&of[0], ScalarType::Float(32)))
+    }),
 ];
 
 /// The names of all functions.
@@ -52,10 +125,11 @@ pub(super) fn call(name: &str, arguments: &[CalculatedValue]) -> Option<Calculat
     if let Some((ty, shape)) = numeric_type(name) {
         return Some(construct(name, ty, shape, arguments));
     }
-    let (_, count, function) = FUNCTIONS.iter().find(|(names, ..)| names.contains(&name))?;
-    Some(match arguments.len() == *count {
-        true => function(arguments),
-        false => Err(format!("`{name}` takes {count} arguments, not {}", arguments.len())),
+    let named = || FUNCTIONS.iter().filter(|(names, ..)| names.contains(&name));
+    let first = named().next()?;
+    Some(match named().find(|(_, count, _)| *count == arguments.len()) {
+        Some((.., kind)) => kind.call(name, arguments),
+        None => Err(format!("`{name}` takes {} arguments, not {}", first.1, arguments.len())),
     })
 }
 
@@ -105,99 +179,133 @@ fn matrix_from_one(of: &CalculatedValue, ty: ScalarType, columns: u32, rows: u32
     }
 }
 
-/// The value as floats, for functions that GLSL has for floats only.
-fn floats(of: &CalculatedValue) -> CalculatedValue {
-    match of.ty() {
-        ScalarType::Float(_) => of.clone(),
-        _ => of.converted(ScalarType::Float(32)),
-    }
-}
-
-fn map_floats(of: &CalculatedValue, function: fn(f64) -> f64) -> Calculated {
-    let of = floats(of);
-    let width = of.ty().width();
-    // Rounding these in f64 first changes nothing: floor and ceil are exact, and a square root has
-    // more than twice as many bits in f64 as in f32.
-    let bits = of.bits().iter().map(|&bits| float_bits(function(float(bits, width)), width)).collect();
-    Ok(CalculatedValue::new(of.ty(), of.shape(), bits))
-}
-
-fn test(of: &CalculatedValue, function: fn(f64) -> bool) -> Calculated {
-    let of = floats(of);
-    let bits = of.bits().iter().map(|&bits| u64::from(function(float(bits, of.ty().width())))).collect();
-    Ok(CalculatedValue::new(ScalarType::Bool, of.shape(), bits))
-}
-
-fn dot(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
-    let products = binary_by_components(a, b)?;
-    let bits = sum(products.ty(), products.bits().iter().map(|&bits| Ok(bits)))?;
-    Ok(CalculatedValue::scalar(products.ty(), bits))
-}
-
-fn binary_by_components(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
-    match (a.shape(), b.shape()) {
-        (NumberShape::Scalar | NumberShape::Vector(_), shape) if shape == a.shape() => {
-            calculated(Operator::Multiply, a, b)
-        }
-        _ => Err(format!("no `dot` of {} and {}", a.type_name(), b.type_name())),
-    }
-}
-
-fn length(of: &CalculatedValue) -> Calculated {
-    let of = floats(of);
-    map_floats(&dot(&of, &of)?, f64::sqrt)
-}
-
-fn cross(a: &CalculatedValue, b: &CalculatedValue) -> Calculated {
-    let ty = common_type(a.ty(), b.ty())
-        .filter(|_| a.shape() == NumberShape::Vector(3) && b.shape() == NumberShape::Vector(3));
-    let ty = ty.ok_or_else(|| format!("no `cross` of {} and {}", a.type_name(), b.type_name()))?;
-    let (a, b) = (a.converted(ty), b.converted(ty));
-    let product = |i: usize, j: usize| scalar(Operator::Multiply, ty, a.bits()[i], b.bits()[j]);
-    let component = |i: usize, j: usize| scalar(Operator::Subtract, ty, product(i, j)?, product(j, i)?);
-    let bits: Result<ComponentBits, String> =
-        [(1, 2), (2, 0), (0, 1)].into_iter().map(|(i, j)| component(i, j)).collect();
-    Ok(CalculatedValue::new(ty, NumberShape::Vector(3), bits?))
-}
-
-fn abs(of: &CalculatedValue) -> Calculated {
-    let positive = |&bits: &u64| match of.ty() {
-        ScalarType::Int(width) => signed(bits, width).unsigned_abs(),
-        ScalarType::Float(width) => bits & (u64::MAX >> (65 - width)),
-        _ => bits,
-    };
-    Ok(CalculatedValue::new(of.ty(), of.shape(), of.bits().iter().map(positive).collect()))
-}
-
-/// The greater or the lesser of each pair of components.
-fn extreme(a: &CalculatedValue, b: &CalculatedValue, greatest: bool) -> Calculated {
-    let operator = Operator::Less;
-    by_components(operator, a, b, &|ty, a, b| {
-        let (x, y) = (CalculatedValue::scalar(ty, a), CalculatedValue::scalar(ty, b));
-        // GLSL: max is y if x < y, min is y if y < x; else both are x.
-        let takes_second = match greatest {
-            true => binary(operator, &x, &y)?,
-            false => binary(operator, &y, &x)?,
+/// Brings arguments to one type and one shape.
+fn together(
+    name: &str,
+    arguments: &[CalculatedValue],
+    only_floats: bool,
+) -> Result<Vec<CalculatedValue>, String> {
+    let unknown = || no_function(name, arguments);
+    let mut ty = arguments.first().ok_or_else(unknown)?.ty();
+    let mut shape = NumberShape::Scalar;
+    for argument in arguments {
+        ty = common_type(ty, argument.ty()).ok_or_else(unknown)?;
+        shape = match (shape, argument.shape()) {
+            (NumberShape::Scalar, other) | (other, NumberShape::Scalar) => other,
+            (one, other) if one == other => one,
+            _ => return Err(unknown()),
         };
-        Ok(if takes_second.as_bool() == Some(true) { b } else { a })
-    })
+    }
+    if ty == ScalarType::Bool || !matches!(shape, NumberShape::Scalar | NumberShape::Vector(_)) {
+        return Err(unknown());
+    }
+    if only_floats && !matches!(ty, ScalarType::Float(_)) {
+        ty = ScalarType::Float(32);
+    }
+    Ok(arguments.iter().map(|argument| spread(&argument.converted(ty), shape)).collect())
+}
+
+/// The message that a function takes no such arguments.
+fn no_function(name: &str, arguments: &[CalculatedValue]) -> String {
+    let types: Vec<String> = arguments.iter().map(CalculatedValue::type_name).collect();
+    format!("no `{name}` of {}", types.join(" and "))
+}
+
+/// Runs an instruction on arguments of one type and shape.
+fn run(name: &str, instruction: Instruction, shape: NumberShape, of: &[CalculatedValue]) -> Calculated {
+    shader_code::call(name, instruction, (of[0].ty(), shape), of)
+}
+
+impl Kind {
+    fn call(self, name: &str, arguments: &[CalculatedValue]) -> Calculated {
+        match self {
+            Self::Floats(instruction) => {
+                let of = together(name, arguments, true)?;
+                run(name, instruction, of[0].shape(), &of)
+            }
+            Self::Numbers([float, signed, unsigned]) => {
+                let of = together(name, arguments, false)?;
+                let number = match of[0].ty() {
+                    ScalarType::Float(_) => float,
+                    ScalarType::Int(_) => signed,
+                    _ => unsigned,
+                };
+                run(name, glsl(number), of[0].shape(), &of)
+            }
+            Self::ToScalar(instruction) => {
+                run(name, instruction, NumberShape::Scalar, &together(name, arguments, true)?)
+            }
+            Self::Test(instruction) => {
+                let of = together(name, arguments, true)?;
+                shader_code::call(name, instruction, (ScalarType::Bool, of[0].shape()), &of)
+            }
+            Self::Matrix(instruction, shape) => match arguments[0].shape() {
+                NumberShape::Matrix { columns, rows } => {
+                    run(name, instruction, shape(columns, rows), arguments)
+                }
+                _ => Err(no_function(name, arguments)),
+            },
+            Self::Other(function) => function(arguments),
+        }
+    }
+}
+
+/// `abs` and `sign` by their instructions for floats and for signed integers. Integers without a sign
+/// are their own absolute value.
+fn without_sign(of: &[CalculatedValue], name: &str, [float, signed]: [u32; 2]) -> Calculated {
+    match of[0].ty() {
+        ScalarType::Uint(_) if name == "abs" => Ok(of[0].clone()),
+        ScalarType::Float(_) => Kind::Floats(glsl(float)).call(name, of),
+        _ => Kind::Numbers([float, signed, signed]).call(name, of),
+    }
+}
+
+fn saturate(of: &[CalculatedValue]) -> Calculated {
+    let limit = |value| CalculatedValue::scalar(ScalarType::Float(32), f32::to_bits(value).into());
+    Kind::Floats(glsl(43)).call("saturate", &[of[0].clone(), limit(0.0), limit(1.0)])
+}
+
+/// The product of scalars; of vectors, the sum of the products.
+fn dot(of: &[CalculatedValue]) -> Calculated {
+    let of = together("dot", of, true)?;
+    match of[0].shape() {
+        NumberShape::Scalar => multiply(&of[0], &of[1]),
+        _ => run("dot", opcode::DOT, NumberShape::Scalar, &of),
+    }
+}
+
+/// The ratio of the indices of refraction stays a scalar.
+fn refract(of: &[CalculatedValue]) -> Calculated {
+    let vectors = together("refract", &of[..2], true)?;
+    let ratio = of[2].converted(vectors[0].ty());
+    let shape = vectors[0].shape();
+    let operands: Vec<CalculatedValue> = vectors.into_iter().chain([ratio]).collect();
+    run("refract", glsl(72), shape, &operands)
+}
+
+/// Whether any or all components are not zero.
+fn of_bools(of: &CalculatedValue, instruction: Instruction) -> Calculated {
+    let bools = of.converted(ScalarType::Bool);
+    match of.shape() {
+        NumberShape::Scalar => Ok(bools),
+        shape => {
+            let bools = spread(&bools, NumberShape::Vector(shape.components()));
+            shader_code::call("any", instruction, (ScalarType::Bool, NumberShape::Scalar), &[bools])
+        }
+    }
 }
 
 /// `x * (1 - a) + y * a`, or the components of y where a is true.
 fn mix(of: &[CalculatedValue]) -> Calculated {
     let [x, y, by] = of else { return Err("`mix` takes 3 arguments".into()) };
-    if by.ty() == ScalarType::Bool {
-        if x.shape() != by.shape() || x.shape() != y.shape() || x.ty() != y.ty() {
-            return Err("`mix` by bools takes three values of one shape".into());
-        }
-        let chosen = by.bits().iter().zip(x.bits().iter().zip(y.bits()));
-        let bits = chosen.map(|(&by, (&x, &y))| if by != 0 { y } else { x }).collect();
-        return Ok(CalculatedValue::new(x.ty(), x.shape(), bits));
+    if by.ty() != ScalarType::Bool {
+        return Kind::Floats(glsl(46)).call("mix", of);
     }
-    let one = CalculatedValue::scalar(by.ty(), convert(1, ScalarType::Uint(32), by.ty()));
-    let rest = calculated(Operator::Subtract, &one, by)?;
-    let first = calculated(Operator::Multiply, x, &rest)?;
-    calculated(Operator::Add, &first, &calculated(Operator::Multiply, y, by)?)
+    if x.shape() != by.shape() || x.shape() != y.shape() || x.ty() != y.ty() {
+        return Err("`mix` by bools takes three values of one shape".into());
+    }
+    let operands = [by.clone(), y.clone(), x.clone()];
+    shader_code::call("mix", opcode::SELECT, (x.ty(), x.shape()), &operands)
 }
 
 /// The value whose components have the same 32 bits.

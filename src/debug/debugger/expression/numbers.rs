@@ -74,6 +74,9 @@ pub struct CalculatedValue {
     bits: ComponentBits,
 }
 
+/// The result of an operator or function, or the message why there is none.
+pub(super) type Calculated = Result<CalculatedValue, String>;
+
 impl CalculatedValue {
     pub(super) fn scalar(ty: ScalarType, bits: u64) -> Self {
         Self { ty, shape: NumberShape::Scalar, bits: smallvec![bits] }
@@ -128,6 +131,9 @@ impl CalculatedValue {
             }
             _ => return Ok(None),
         };
+        if place.has_unwritten_part(state) {
+            return Err(format!("this {} has not been written yet", place.type_name()));
+        }
         let words = place.words(state)?;
         let each = if ty.width() == 64 { 2 } else { 1 };
         let bits = words.chunks(each).map(|words| {
