@@ -104,7 +104,7 @@ impl EntryPoint {
 #[pyclass(frozen, module = "anyhit", from_py_object)]
 #[derive(Clone)]
 pub(crate) struct Program {
-    pub(crate) program: anyhit::Program,
+    pub(crate) program: Arc<anyhit::Program>,
 }
 
 #[pymethods]
@@ -143,7 +143,7 @@ impl Program {
                 py.detach(|| anyhit::Program::with_stage(module, stage, entry))
             }
         };
-        Ok(Self { program: program.map_err(raised)? })
+        Ok(Self { program: Arc::new(program.map_err(raised)?) })
     }
 }
 
@@ -176,7 +176,7 @@ pub(crate) enum Shader {
 }
 
 impl Shader {
-    pub(crate) fn program(self, py: Python<'_>) -> PyResult<anyhit::Program> {
+    pub(crate) fn program(self, py: Python<'_>) -> PyResult<Arc<anyhit::Program>> {
         let module = match self {
             Self::Program(program) => return Ok(program.program),
             Self::Module(module) => module.module,
@@ -187,6 +187,7 @@ impl Shader {
                 "a module of {count} entry points: `anyhit.Program(module, name)` chooses one"
             )));
         };
-        py.detach(|| anyhit::Program::with_stage(&module, only.stage, &only.name)).map_err(raised)
+        let program = py.detach(|| anyhit::Program::with_stage(&module, only.stage, &only.name));
+        program.map(Arc::new).map_err(raised)
     }
 }

@@ -1,5 +1,7 @@
 //! Pipelines: shaders, and the records that name them.
 
+use std::sync::Arc;
+
 use pyo3::prelude::*;
 
 use crate::error::raised;
@@ -49,7 +51,8 @@ impl Pipeline {
                 HitGroup::One(shader) => vec![shader],
                 HitGroup::Several(shaders) => shaders,
             };
-            let programs: PyResult<Vec<_>> = shaders.into_iter().map(|shader| shader.program(py)).collect();
+            let programs: PyResult<Vec<_>> =
+                shaders.into_iter().map(|shader| shader.program(py).map(Arc::unwrap_or_clone)).collect();
             builder = builder.hit(programs?).map_err(raised)?;
         }
         for shader in miss {

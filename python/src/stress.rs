@@ -23,7 +23,7 @@ pub(crate) fn stress(py: Python<'_>, seed: u64, first: u64, end: u64) -> PyResul
     let results: Vec<_> = py.detach(|| {
         let judged = |number| match check_caught(&case(seed, number), precision) {
             Ok(tally) => Ok(tally),
-            Err(_) => Err((number, minimise(&case(seed, number), precision))),
+            Err(_) => Err(Box::new((number, minimise(&case(seed, number), precision)))),
         };
         (first..end).into_par_iter().map(judged).collect()
     });
@@ -31,7 +31,8 @@ pub(crate) fn stress(py: Python<'_>, seed: u64, first: u64, end: u64) -> PyResul
     for result in results {
         match result {
             Ok(tally) => total = total.plus(&tally),
-            Err((number, (case, failure))) => {
+            Err(wrong) => {
+                let (number, (case, failure)) = *wrong;
                 let dict = PyDict::new(py);
                 dict.set_item("number", number)?;
                 dict.set_item("family", &case.family)?;
