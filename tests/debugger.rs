@@ -221,8 +221,8 @@ fn a_traversal_is_stepped_through() {
     );
 }
 
-/// A case's ray from z = 4 over x = 0 meets the hole at z = 1, t = 3, then the leaf at z = 0, t = 4:
-/// the any-hit shader counts to 2, first at the hole.
+/// A case's ray from z = 4 over x = 0 meets the hole at z = 1, t = 3, then the leaf at z = 0,
+/// t = 4: the any-hit shader counts to 2, first at the hole.
 #[test]
 fn a_ray_of_a_test_file_is_debugged() {
     tells(
