@@ -159,9 +159,9 @@ impl ComputeTest {
     /// `docs/debugging.md` describes them.
     ///
     /// # Errors
-    /// `InvalidArgument` for an invocation outside of the workgroups, and for the first command that
-    /// fails, with its line; else the mistakes of [`ComputeTest::run`] in what the test gives. A
-    /// trap is part of the transcript.
+    /// `InvalidArgument` for an invocation outside of the workgroups, and for the first command
+    /// that fails, with its line; else the mistakes of [`ComputeTest::run`] in what the test gives.
+    /// A trap is part of the transcript.
     #[cfg(feature = "scenes")]
     pub fn debug(&self, id: [u32; 3], commands: &str) -> Result<String> {
         self.given.check(&self.compute.program)?;
