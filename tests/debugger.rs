@@ -126,7 +126,8 @@ fn slang_is_debugged_by_its_own_names() {
             "every_second at shaders/pass/slang/hit/hit.slang:83",
             "twice at shaders/pass/slang/hit/hit.slang:117  CallableKHR `twice`",
             "question = Question { value: float 3.875, answer: float 0 }",
-            // Slang keeps what it passes in variables of its own, and notes no value of the source's.
+            // Slang keeps what it passes in variables of its own, and notes no value of the
+            // source's.
             "up\n",
             "payload = <optimized out: the compiler notes no value for it here>\n",
         ],
@@ -221,8 +222,8 @@ fn a_traversal_is_stepped_through() {
     );
 }
 
-/// A case's ray from z = 4 over x = 0 meets the hole at z = 1, t = 3, then the leaf at z = 0,
-/// t = 4: the any-hit shader counts to 2, first at the hole.
+/// A case's ray from z = 4 over x = 0 meets the hole at z = 1, t = 3, then the leaf at z = 0, t =
+/// 4: the any-hit shader counts to 2, first at the hole.
 #[test]
 fn a_ray_of_a_test_file_is_debugged() {
     tells(
@@ -289,8 +290,8 @@ fn an_invocation_of_a_compute_test_is_debugged() -> anyhit::Result<()> {
     Ok(())
 }
 
-/// Of a vector one component is written, and a variable only by what a function returns: half of 10.
-/// Then 4 + 7 comes to the sum, as the user says, in place of 4 + 5.
+/// Of a vector one component is written, and a variable only by what a function returns: half of
+/// 10. Then 4 + 7 comes to the sum, as the user says, in place of 4 + 5.
 #[test]
 fn values_are_told_apart_from_what_nobody_wrote() {
     tells(
@@ -329,8 +330,8 @@ fn variables_of_one_name_have_their_lines() {
     tells(&transcript("scopes-lines"), &["x (of line 30) = float 10\n", "x (of line 25) = float 1\n"]);
 }
 
-/// The ray meets the hairs at t = 5 - 2 - 1/2 and 5 - 1/2. A condition sees the event, not the shader
-/// that comes after it.
+/// The ray meets the hairs at t = 5 - 2 - 1/2 and 5 - 1/2. A condition sees the event, not the
+/// shader that comes after it.
 #[test]
 fn conditions_of_a_traversal_are_about_its_events() {
     tells(

@@ -156,7 +156,8 @@ fn functions_are_instructions_of_the_interpreter() {
         ("mix(vec2(0, 4), vec2(8), 0.5)", "vec2(4, 6)"),
         ("mix(vec2(1, 2), vec2(3, 4), bvec2(false, true))", "vec2(1, 4)"),
         ("reflect(vec2(1, -1), vec2(0, 1))", "vec2(1, 1)"),
-        // Without a change of the medium the direction stays; beyond the critical angle there is none.
+        // Without a change of the medium the direction stays; beyond the critical angle there is
+        // none.
         ("refract(vec2(0, -1), vec2(0, 1), 1.0)", "vec2(0, -1)"),
         ("refract(vec2(1, 0), vec2(0, 1), 1.5)", "vec2(0, 0)"),
         ("transpose(mat2x3(1, 2, 3, 4, 5, 6))", "mat3x2((1, 4), (2, 5), (3, 6))"),

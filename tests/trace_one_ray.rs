@@ -511,7 +511,8 @@ fn what_is_printed_stands_where_it_was_printed() {
     assert!(text.contains(words), "{text}");
 }
 
-/// Each of four invocations prints; the page has the text of the one that is explained, at its line.
+/// Each of four invocations prints; the page has the text of the one that is explained, at its
+/// line.
 #[test]
 fn what_a_compute_shader_prints_has_its_line() {
     let scene = "shaders/debugging/printing/scene.toml";
@@ -598,9 +599,9 @@ fn hints_tell_known_patterns() {
     assert_eq!(told("sphere", &["--ray", "head-on"])["hints"], json!([]));
 }
 
-/// `shaders/debugging/hints` has a pattern at each even pixel and its twin at the odd one: a ray from
-/// (1, 0, 1e-7), where the one before hit the wall in z = 0, with a tMin of 0 or of 0.001; the root of
-/// -1 or of 4.
+/// `shaders/debugging/hints` has a pattern at each even pixel and its twin at the odd one: a ray
+/// from (1, 0, 1e-7), where the one before hit the wall in z = 0, with a tMin of 0 or of 0.001; the
+/// root of -1 or of 4.
 #[test]
 fn hints_tell_patterns_and_not_their_twins() {
     let found = |scene: &str, pixel: usize, kind: &str| {

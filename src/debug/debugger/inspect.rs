@@ -131,8 +131,8 @@ impl Debugger {
         self.with_value_at(frame, event, text, |value, lane| value.is_true(lane))
     }
 
-    /// What the function has returned that was innermost when the stack was this, where its caller is
-    /// stopped behind the call.
+    /// What the function has returned that was innermost when the stack was this, where its caller
+    /// is stopped behind the call.
     pub fn returned(&mut self, left: &[StackFrame]) -> Option<TypedValue> {
         let [callee, caller, ..] = left else { return None };
         let now = self.stack().into_iter().next()?;

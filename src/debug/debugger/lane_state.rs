@@ -12,8 +12,8 @@ pub trait LaneState: Debug {
     /// The word of a register.
     fn register(&self, register: Reg) -> u32;
 
-    /// Whether a register holds a value of the shader's: that of a variable which has not been written
-    /// holds none.
+    /// Whether a register holds a value of the shader's: that of a variable which has not been
+    /// written holds none.
     fn is_written(&self, _: Reg) -> bool {
         true
     }

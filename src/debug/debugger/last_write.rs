@@ -39,7 +39,8 @@ impl Debugger {
     /// Goes back to the step that wrote a value last: it is next then. A payload is followed into
     /// the shaders that were given it, and out to the one that gave it.
     ///
-    /// Where it was set by hand later than that, it goes there; where nothing has written it, it stays.
+    /// Where it was set by hand later than that, it goes there; where nothing has written it, it
+    /// stays.
     ///
     /// # Errors
     /// Why the value cannot be followed, in words.
@@ -182,8 +183,8 @@ impl Debugger {
         Some(WatchedWords::Passed { run: *run, from, words: first.0 - from.0..last.0 + 1 - from.0 })
     }
 
-    /// The words of the payload of a ray from the host, which the shaders that it calls are given one
-    /// after the other.
+    /// The words of the payload of a ray from the host, which the shaders that it calls are given
+    /// one after the other.
     fn given_by_host(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
         let WatchedWords::Registers { registers, .. } = words else { return None };
         let stopped = self.debuggee.shaders();

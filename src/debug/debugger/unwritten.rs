@@ -9,7 +9,8 @@ use crate::ops::pointer::{PointerBase, storage};
 use crate::ops::translate::{IdValue, InterfaceRegisters};
 use crate::program::Program;
 
-/// Classes of variables of module scope that begin without a value, unless they have an initializer.
+/// Classes of variables of module scope that begin without a value, unless they have an
+/// initializer.
 const BEGIN_UNWRITTEN: [u32; 3] = [storage::PRIVATE, storage::RAY_PAYLOAD, storage::CALLABLE_DATA];
 
 /// Where the variables of a program begin without a value, and what writes them.

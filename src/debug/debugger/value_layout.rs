@@ -102,8 +102,8 @@ fn collect_scalars(
     }
 }
 
-/// The words of scalars among whole words of their buffer, from the first that holds one of them on;
-/// between scalars there may be gaps.
+/// The words of scalars among whole words of their buffer, from the first that holds one of them
+/// on; between scalars there may be gaps.
 pub(super) fn scalars_among(scalars: &[BufferScalar], words: &[u32]) -> Option<Vec<u32>> {
     let first = scalars.iter().map(|&(offset, _)| offset).min()? / 4 * 4;
     let word = |&(offset, width): &BufferScalar| {

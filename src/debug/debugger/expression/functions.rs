@@ -17,7 +17,7 @@ type Function = (&'static [&'static str], usize, Kind);
 enum Kind {
     /// An instruction on floats of one shape; its result has this shape.
     Floats(Instruction),
-    /// The same with instructions for floats, signed and unsigned integers.
+    /// Instructions of `GLSL.std.450` for floats, signed and unsigned integers of one shape.
     Numbers([u32; 3]),
     /// An instruction on floats of one shape that results in a scalar.
     ToScalar(Instruction),
@@ -250,8 +250,8 @@ impl Kind {
     }
 }
 
-/// `abs` and `sign` by their instructions for floats and for signed integers. Integers without a sign
-/// are their own absolute value.
+/// `abs` and `sign` by their instructions for floats and for signed integers. Integers without a
+/// sign are their own absolute value.
 fn without_sign(of: &[CalculatedValue], name: &str, [float, signed]: [u32; 2]) -> Calculated {
     match of[0].ty() {
         ScalarType::Uint(_) if name == "abs" => Ok(of[0].clone()),

@@ -1,5 +1,5 @@
-//! Instructions of SPIR-V for an expression: each is run by the interpreter, in a module of its own,
-//! so that its result has the bits that a shader would get.
+//! Instructions of SPIR-V for an expression: each is run by the interpreter, in a module of its
+//! own, so that its result has the bits that a shader would get.
 
 use std::sync::Arc;
 
