@@ -153,8 +153,8 @@ impl Suite {
         Done { case: tests[0].case, tests: ran, findings, notes }
     }
 
-    /// The tests of a case that cannot be loaded: the first of the suite holds the error, the others
-    /// name the first, in whichever share it is.
+    /// The tests of a case that cannot be loaded: the first of the suite holds the error, the
+    /// others name the first, in whichever share it is.
     fn broken(&self, tests: &[Test], file: &Path, error: &Error) -> Done {
         let first = self.first_tests.get(&tests[0].case).unwrap_or(&tests[0]);
         let again = || {
