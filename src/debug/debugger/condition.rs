@@ -199,8 +199,6 @@ impl StopConditions {
         let by_instruction = |table: &Rc<BreakpointTable>| table.looks_at_instructions();
         self.instruction.is_some()
             || self.below.is_some()
-            // The next instruction may be of the same line.
-            || !self.writes.is_empty()
             || self.breakpoints.as_ref().is_some_and(by_instruction)
     }
 
