@@ -8,7 +8,7 @@ use anyhit::internals::machine::{Bindings, Mask, Resources, Stop};
 use anyhit::internals::module;
 use anyhit::internals::program::lower;
 
-use crate::support::files;
+use crate::support::{assembly, files};
 
 /// The generator SplitMix64 (Steele, Lea and Flood, 2014).
 struct Random(u64);
@@ -91,4 +91,40 @@ fn damaged_modules_are_run_or_refused() {
     assert!(panicked.is_empty(), "{}", panicked.join("\n"));
     // The damage is mild enough that the interesting half is reached.
     assert!(lowered * 10 > damaged, "only {lowered} of {damaged} damaged modules could be lowered");
+}
+
+/// The merge block of an endless loop is lowered though control never comes to it, and may name
+/// what another such block computes: only a use that control comes to must be dominated (SPIR-V,
+/// 2.16.1).
+#[test]
+fn what_control_never_comes_to_needs_no_value() {
+    let bytes = assembly::assemble(
+        "OpCapability Shader
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint GLCompute %main \"main\"
+        OpExecutionMode %main LocalSize 1 1 1
+        %void = OpTypeVoid
+        %proc = OpTypeFunction %void
+        %uint = OpTypeInt 32 0
+        %three = OpConstant %uint 3
+        %main = OpFunction %void None %proc
+        %entry = OpLabel
+        OpBranch %header
+        %header = OpLabel
+        OpLoopMerge %merge %continue None
+        OpBranch %continue
+        %dead = OpLabel
+        %sum = OpIAdd %uint %three %three
+        OpBranch %continue
+        %continue = OpLabel
+        OpBranch %header
+        %merge = OpLabel
+        %other = OpIAdd %uint %sum %three
+        OpReturn
+        OpFunctionEnd",
+    );
+    let module = Arc::new(module::load(&bytes).expect("a valid module"));
+    lower(&module, &module.entry_points[0]).expect("a valid module");
+    let reached: Vec<bool> = (0..5).map(|block| module.reaches(0, block)).collect();
+    assert_eq!(reached, [true, true, false, true, false]);
 }

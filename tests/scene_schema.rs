@@ -10,7 +10,7 @@ use serde_json::Value;
 /// What the extension for Visual Studio Code is packed with.
 const PACKED: &str = "editors/vscode/scene.schema.json";
 
-/// The keys of a table's form that has them all under one value of `type`; of its only form without.
+/// The keys of a table: of its form for a value of `type`, or of its only form.
 fn keys<'a>(schema: &'a Value, definition: &str, kind: Option<&str>) -> BTreeSet<&'a str> {
     let definition = &schema["definitions"][definition];
     let forms = definition["anyOf"]

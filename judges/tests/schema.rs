@@ -1,5 +1,5 @@
-//! The JSON Schema of scenes, judged by another reader of schemas: it accepts every scene and test of
-//! this repository, and refuses keys and values that the parsers refuse.
+//! The JSON Schema of scenes, judged by another reader of schemas: it accepts every scene and test
+//! of this repository, and refuses keys and values that the parsers refuse.
 
 use std::path::{Path, PathBuf};
 

@@ -1,19 +1,19 @@
 //! The JSON Schema of scenes and tests, for editors: which keys there are, and what they take.
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::harness::expect::{Expectations, OneRay};
 use crate::sanitize::rule;
 use crate::scene::file::{SceneFile, VERSION};
 use crate::scene::read::Parse;
-use crate::scene::read::schema::SchemaProbe;
+use crate::scene::read::recorder::{JsonSchema, SchemaProbe};
 
 /// The page that describes the keys.
 const DOCUMENTATION: &str = include_str!("../../docs/scene.md");
 
 /// The schema of `scene.toml` and of `*.test.toml`: what the parsers read, with the comments of
 /// `docs/scene.md` as descriptions.
-pub fn scene_schema() -> Value {
+pub fn scene_schema() -> JsonSchema {
     let mut probe = SchemaProbe::default();
     let scene = SceneFile::schema(&mut probe);
     let (expect, of_ray) = (Expectations::schema(&mut probe), OneRay::schema(&mut probe));
@@ -30,7 +30,7 @@ pub fn scene_schema() -> Value {
 }
 
 /// `[sanitize]`: lists of rules by their level.
-fn sanitize() -> Value {
+fn sanitize() -> JsonSchema {
     let ids: Vec<&str> = rule::all().map(|rule| rule.id).collect();
     let rule = json!({ "enum": ids });
     let rules = json!({ "anyOf": [rule, { "type": "array", "items": rule }] });
@@ -43,7 +43,7 @@ fn sanitize() -> Value {
 
 /// Gives keys the comments that stand behind them in the documentation's examples, and the meanings
 /// of its tables: the first of each.
-fn describe(schema: &mut Value) {
+fn describe(schema: &mut JsonSchema) {
     let mut table: Option<String> = Some(String::new());
     let (mut section, mut is_example) = (String::new(), false);
     for line in DOCUMENTATION.lines() {
@@ -76,7 +76,7 @@ fn describe(schema: &mut Value) {
 }
 
 /// Describes a key of a table at the top of a scene; a table without a name is the scene itself.
-fn describe_key(schema: &mut Value, table: &str, key: &str, text: &str) {
+fn describe_key(schema: &mut JsonSchema, table: &str, key: &str, text: &str) {
     let text = text.trim();
     let scene = &schema["definitions"]["SceneFile"];
     let holder = match table {
@@ -103,7 +103,7 @@ fn describe_key(schema: &mut Value, table: &str, key: &str, text: &str) {
 }
 
 /// The definition that a schema refers to, in an array or a table of names, too.
-fn definition_of(schema: &Value) -> Option<String> {
+fn definition_of(schema: &JsonSchema) -> Option<String> {
     let path = [schema, &schema["items"], &schema["additionalProperties"]];
     let path = path.iter().find_map(|schema| schema.get("$ref")?.as_str())?;
     path.rsplit('/').next().map(str::to_owned)

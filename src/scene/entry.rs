@@ -1,8 +1,8 @@
 //! A named table of a scene.
 
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::scene::read::schema::SchemaProbe;
+use crate::scene::read::recorder::{JsonSchema, SchemaProbe};
 use crate::scene::read::{Parse, Spanned, Table, TomlValue};
 
 /// A named table; `None` where it has a mistake that is already reported.
@@ -30,7 +30,7 @@ impl<T: Parse> Parse for Entries<T> {
         Some(Self(table.iter().map(|(name, value)| Entry { name, content: T::parse(value) }).collect()))
     }
 
-    fn schema(probe: &mut SchemaProbe) -> Value {
+    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
         json!({ "type": "object", "additionalProperties": T::schema(probe) })
     }
 }

@@ -9,7 +9,8 @@
 mod brackets;
 mod diagnostics;
 mod key_homes;
-pub mod schema;
+pub mod recorder;
+mod schema;
 mod unknown_name;
 
 use std::cell::RefCell;
@@ -29,7 +30,7 @@ use crate::scene::tree::{Toml, TomlMember, TomlNode};
 use brackets::first_in_bracket;
 pub use diagnostics::Diagnostics;
 pub(crate) use diagnostics::first_of;
-use schema::{SchemaOf, SchemaProbe};
+use recorder::{JsonSchema, SchemaOf, SchemaProbe};
 pub use unknown_name::unknown_name;
 
 /// A TOML file that has been read.
@@ -172,7 +173,7 @@ pub trait Parse: Sized {
     fn parse(value: TomlValue<'_>) -> Option<Self>;
 
     /// The JSON Schema of the values that it reads.
-    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
         probe.of_parser::<Self>()
     }
 }
@@ -476,7 +477,7 @@ impl<T: Named> Parse for T {
         None
     }
 
-    fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(_: &mut SchemaProbe) -> JsonSchema {
         schema::names::<T>()
     }
 }
@@ -489,7 +490,7 @@ impl Parse for bool {
         }
     }
 
-    fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(_: &mut SchemaProbe) -> JsonSchema {
         json!({ "type": "boolean" })
     }
 }
@@ -499,7 +500,7 @@ impl Parse for String {
         value.text().map(str::to_string).or_else(|| value.expected("a string"))
     }
 
-    fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(_: &mut SchemaProbe) -> JsonSchema {
         json!({ "type": "string" })
     }
 }
@@ -523,7 +524,7 @@ macro_rules! integers {
                 Some(number as $ty)
             }
 
-            fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+            fn schema(_: &mut SchemaProbe) -> JsonSchema {
                 json!({ "type": "integer", "minimum": $ty::MIN, "maximum": $ty::MAX })
             }
         }
@@ -550,7 +551,7 @@ macro_rules! floats {
                 }
             }
 
-            fn schema(_: &mut SchemaProbe) -> serde_json::Value {
+            fn schema(_: &mut SchemaProbe) -> JsonSchema {
                 json!({ "type": "number" })
             }
         }
@@ -563,7 +564,7 @@ impl<T: Parse> Parse for Spanned<T> {
         T::parse(value).map(|parsed| Spanned { value: parsed, span: value.span() })
     }
 
-    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
         T::schema(probe)
     }
 }
@@ -576,7 +577,7 @@ impl<T: Parse> Parse for Vec<T> {
         parsed.into_iter().collect()
     }
 
-    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
         json!({ "type": "array", "items": T::schema(probe) })
     }
 }
@@ -591,7 +592,7 @@ impl<T: Parse, const N: usize> Parse for [T; N] {
         }
     }
 
-    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
         json!({ "type": "array", "items": T::schema(probe), "minItems": N, "maxItems": N })
     }
 }
@@ -609,7 +610,7 @@ impl<T: Parse> Parse for OneOrMore<T> {
         }
     }
 
-    fn schema(probe: &mut SchemaProbe) -> serde_json::Value {
+    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
         let one = T::schema(probe);
         json!({ "anyOf": [one, { "type": "array", "items": one }] })
     }

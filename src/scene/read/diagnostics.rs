@@ -7,7 +7,7 @@ use std::ops::Range;
 use crate::error::{Error, Place, Result};
 use crate::input::{InputLimit, InputLimits};
 use crate::scene::read::Span;
-use crate::scene::read::schema::Recorder;
+use crate::scene::read::recorder::RequestRecorder;
 
 /// The mistakes found while a file is read, and notes for its author. The first are kept, as many
 /// as the limit `errors-shown` says, and the others counted.
@@ -18,7 +18,7 @@ pub struct Diagnostics {
     limits: InputLimits,
     counted: Cell<usize>,
     /// What is requested, where a schema is made.
-    recorder: Option<Recorder>,
+    recorder: Option<RequestRecorder>,
 }
 
 impl Diagnostics {
@@ -29,10 +29,10 @@ impl Diagnostics {
 
     /// A report that also notes what is requested.
     pub(super) fn recording() -> Self {
-        Self { recorder: Some(Recorder::default()), ..Self::default() }
+        Self { recorder: Some(RequestRecorder::default()), ..Self::default() }
     }
 
-    pub(super) fn recorder(&self) -> Option<&Recorder> {
+    pub(super) fn recorder(&self) -> Option<&RequestRecorder> {
         self.recorder.as_ref()
     }
 

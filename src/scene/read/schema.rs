@@ -1,19 +1,15 @@
-//! The JSON Schema of what a [`Parse`] type reads, found by asking its parser: it reads small values,
-//! and a [`Recorder`] notes which keys it requests, as which types. So there is no second list of
-//! keys that could differ from the code.
+//! The JSON Schema of what a [`Parse`] type reads, found by asking its parser: it reads small
+//! values, and a recorder notes which keys it requests, as which types. So there is no second list
+//! of keys that could differ from the code.
 
 use std::any::type_name;
-use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
 
-use serde_json::{Map, Value, json};
+use serde_json::{Map, json};
 
+use crate::scene::read::recorder::{JsonSchema, Request, SchemaProbe};
 use crate::scene::read::{Diagnostics, Document, Named, Parse, TomlValue};
 use crate::scene::tree::{Toml, TomlNode};
-
-/// Makes the schema of a type.
-pub type SchemaOf = fn(&mut SchemaProbe) -> Value;
 
 /// How deep tables are explored of which no type is known.
 const MAX_DEPTH: usize = 4;
@@ -31,45 +27,6 @@ const SHAPES: [(&str, &str); 6] = [
 /// Arrays of which a parser that wants so many elements accepts one.
 const ARRAYS: [&str; 6] = ["[1]", "[1, 1]", "[1, 1, 1]", "['x']", "[[1, 1, 1]]", "[{}]"];
 
-/// What a parser requested while it read a probe.
-#[derive(Debug, Default)]
-pub struct Recorder {
-    keys: RefCell<Vec<(Range<usize>, &'static str, Request)>>,
-    names: RefCell<Vec<(Range<usize>, Vec<&'static str>)>>,
-    /// The tables whose keys are the user's names.
-    open: RefCell<Vec<Range<usize>>>,
-}
-
-/// How a key was requested.
-#[derive(Clone, Copy, Debug, Default)]
-struct Request {
-    schema: Option<SchemaOf>,
-    required: bool,
-}
-
-impl Recorder {
-    /// A key of the table at a place was requested, perhaps as a type.
-    pub(super) fn key(
-        &self,
-        table: &Range<usize>,
-        key: &'static str,
-        schema: Option<SchemaOf>,
-        required: bool,
-    ) {
-        self.keys.borrow_mut().push((table.clone(), key, Request { schema, required }));
-    }
-
-    /// All keys of the table at a place were requested, whatever they are.
-    pub(super) fn any_key(&self, table: &Range<usize>) {
-        self.open.borrow_mut().push(table.clone());
-    }
-
-    /// The value at a place was read as one of some names.
-    pub(super) fn names(&self, value: Range<usize>, names: impl Iterator<Item = &'static str>) {
-        self.names.borrow_mut().push((value, names.collect()));
-    }
-}
-
 /// What became of one value of a probe.
 #[derive(Default)]
 struct Found {
@@ -79,12 +36,6 @@ struct Found {
     names: Option<Vec<&'static str>>,
     /// Whether its keys are the user's names.
     is_open: bool,
-}
-
-/// Makes schemas; holds the definitions that they refer to.
-#[derive(Debug, Default)]
-pub struct SchemaProbe {
-    definitions: BTreeMap<String, Value>,
 }
 
 /// A value whose parser is asked: the parser, the text around the value, and the way to it.
@@ -135,7 +86,7 @@ fn member<'a>(node: &'a TomlNode, step: &str) -> Option<&'a TomlNode> {
 
 impl SchemaProbe {
     /// A whole document: a schema, with all definitions that it needs.
-    pub fn finish(self, title: &str, root: &Value) -> Value {
+    pub fn finish(self, title: &str, root: &JsonSchema) -> JsonSchema {
         json!({
             "$schema": "http://json-schema.org/draft-07/schema#",
             "title": title,
@@ -145,7 +96,7 @@ impl SchemaProbe {
     }
 
     /// The schema of a type whose parser is asked.
-    pub fn of_parser<T: Parse>(&mut self) -> Value {
+    pub fn of_parser<T: Parse>(&mut self) -> JsonSchema {
         // Without the modules: `Column<InstanceColumn>` is `Column.InstanceColumn`.
         let parts = type_name::<T>().split(['<', '>', ',']).filter(|part| !part.is_empty());
         let parts: Vec<&str> = parts.map(|part| part.rsplit("::").next().unwrap_or(part).trim()).collect();
@@ -162,7 +113,7 @@ impl SchemaProbe {
     }
 
     /// The schema of what is read at a spot.
-    fn explored(&mut self, spot: &Spot<'_>, depth: usize) -> Value {
+    fn explored(&mut self, spot: &Spot<'_>, depth: usize) -> JsonSchema {
         let names = spot.read("'x'").names;
         let is_read = |value: &&str| !spot.read(value).refused;
         let accepted: Vec<&str> = SHAPES
@@ -207,11 +158,11 @@ impl SchemaProbe {
         }
     }
 
-    /// The schemas of the tables that are read at a spot: one, or one for each value of the key that
-    /// decides about the others.
-    fn tables(&mut self, spot: &Spot<'_>, depth: usize) -> Vec<Value> {
+    /// The schemas of the tables that are read at a spot: one, or one for each value of the key
+    /// that decides about the others.
+    fn tables(&mut self, spot: &Spot<'_>, depth: usize) -> Vec<JsonSchema> {
         let (all, required) = self.keys(spot, &[], depth);
-        let decides = |(key, schema): (&&'static str, &Value)| {
+        let decides = |(key, schema): (&&'static str, &JsonSchema)| {
             let names = names_of(schema).iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
             let is_asked_first = *key == "type" || required.contains(*key);
             (is_asked_first && names.len() > 1).then_some((*key, names))
@@ -223,7 +174,7 @@ impl SchemaProbe {
             }
             return vec![schema];
         };
-        let mut variants: Vec<(Vec<String>, Value)> = Vec::new();
+        let mut variants: Vec<(Vec<String>, JsonSchema)> = Vec::new();
         for name in names {
             let (mut keys, mut required) = self.keys(spot, &[(key, format!("'{name}'"))], depth);
             keys.remove(key);
@@ -234,7 +185,7 @@ impl SchemaProbe {
                 None => variants.push((vec![name], schema)),
             }
         }
-        let with_name = |(names, mut schema): (Vec<String>, Value)| {
+        let with_name = |(names, mut schema): (Vec<String>, JsonSchema)| {
             schema["properties"][key] = json!({ "enum": names });
             schema
         };
@@ -248,8 +199,8 @@ impl SchemaProbe {
         spot: &Spot<'_>,
         given: &[(&'static str, String)],
         depth: usize,
-    ) -> (BTreeMap<&'static str, Value>, BTreeSet<&'static str>) {
-        let mut known: BTreeMap<&'static str, Value> = BTreeMap::new();
+    ) -> (BTreeMap<&'static str, JsonSchema>, BTreeSet<&'static str>) {
+        let mut known: BTreeMap<&'static str, JsonSchema> = BTreeMap::new();
         let mut required: Option<BTreeSet<&'static str>> = None;
         let mut open = vec![given.to_vec()];
         while let Some(members) = open.pop() {
@@ -286,7 +237,7 @@ impl SchemaProbe {
         members: &[(&'static str, String)],
         key: &'static str,
         depth: usize,
-    ) -> Value {
+    ) -> JsonSchema {
         let others: Vec<_> = members.iter().filter(|(given, _)| *given != key).cloned().collect();
         for (_, value) in SHAPES {
             let with_key = [&others[..], &[(key, value.to_owned())]].concat();
@@ -304,7 +255,7 @@ impl SchemaProbe {
     }
 
     /// A value of each type that a schema allows.
-    fn samples(&self, schema: &Value) -> Vec<String> {
+    fn samples(&self, schema: &JsonSchema) -> Vec<String> {
         if let Some(ways) = schema["anyOf"].as_array() {
             return ways.iter().flat_map(|way| self.samples(way)).collect();
         }
@@ -315,8 +266,8 @@ impl SchemaProbe {
             return names_of(schema).iter().map(|name| format!("'{name}'")).collect();
         }
         let types = match &schema["type"] {
-            Value::String(one) => vec![one.as_str()],
-            Value::Array(all) => all.iter().filter_map(Value::as_str).collect(),
+            JsonSchema::String(one) => vec![one.as_str()],
+            JsonSchema::Array(all) => all.iter().filter_map(JsonSchema::as_str).collect(),
             _ => Vec::new(),
         };
         let sample = |wanted: &&str| SHAPES.iter().find(|(shape, _)| shape == wanted);
@@ -325,12 +276,12 @@ impl SchemaProbe {
 }
 
 /// Lets a schema allow what another one does: a key may be read as several types.
-fn also(schema: &mut Value, other: Value) {
+fn also(schema: &mut JsonSchema, other: JsonSchema) {
     // What may be anything may be this, too.
     if *schema == other || *schema == json!(true) {
         return;
     }
-    match schema.get_mut("anyOf").and_then(Value::as_array_mut) {
+    match schema.get_mut("anyOf").and_then(JsonSchema::as_array_mut) {
         Some(ways) if ways.contains(&other) => {}
         Some(ways) => ways.push(other),
         None => *schema = json!({ "anyOf": [schema.take(), other] }),
@@ -338,9 +289,9 @@ fn also(schema: &mut Value, other: Value) {
 }
 
 /// The names that a schema lists.
-fn names_of(schema: &Value) -> Vec<&str> {
+fn names_of(schema: &JsonSchema) -> Vec<&str> {
     let names = schema["enum"].as_array().into_iter().flatten();
-    names.filter_map(Value::as_str).collect()
+    names.filter_map(JsonSchema::as_str).collect()
 }
 
 /// A table of TOML in one line.
@@ -349,8 +300,8 @@ fn table(members: &[(&'static str, String)]) -> String {
     format!("{{ {} }}", members.join(", "))
 }
 
-fn object(keys: &BTreeMap<&'static str, Value>, required: &BTreeSet<&str>) -> Value {
-    let properties: Map<String, Value> =
+fn object(keys: &BTreeMap<&'static str, JsonSchema>, required: &BTreeSet<&str>) -> JsonSchema {
+    let properties: Map<String, JsonSchema> =
         keys.iter().map(|(key, schema)| ((*key).to_owned(), schema.clone())).collect();
     let mut schema = json!({ "type": "object", "properties": properties, "additionalProperties": false });
     if !required.is_empty() {
@@ -360,7 +311,7 @@ fn object(keys: &BTreeMap<&'static str, Value>, required: &BTreeSet<&str>) -> Va
 }
 
 /// The schema of a closed set of names.
-pub(super) fn names<T: Named>() -> Value {
+pub(super) fn names<T: Named>() -> JsonSchema {
     let names: Vec<&str> = T::NAMES.iter().map(|(name, _)| *name).collect();
     json!({ "enum": names })
 }
