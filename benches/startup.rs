@@ -157,7 +157,8 @@ fn program(table: &Table) {
     }
     table.row("anyhit --version", 51, || run(anyhit, &["--version"]));
     table.row("anyhit test, one case, one ray", 51, || run(anyhit, &["test", leaves, "--filter", "through"]));
-    table.row("anyhit trace-one-ray", 51, || run(anyhit, &["trace-one-ray", scene]));
+    table.row("anyhit trace-one-ray, a sphere", 51, || run(anyhit, &["trace-one-ray", scene]));
+    table.row("anyhit trace-one-ray, the demo", 51, || run(anyhit, &["trace-one-ray"]));
 }
 
 /// The scene of the example renderer with a model of a million triangles in place of its own: from
