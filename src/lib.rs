@@ -162,8 +162,6 @@ pub use pipeline::{
 pub use debug::ExplainRequest;
 #[cfg(feature = "scenes")]
 pub use harness::case::Case;
-#[cfg(feature = "libtest")]
-pub use harness::libtest::run_cases;
 #[cfg(feature = "scenes")]
 pub use harness::loaded_scene::{LoadedScene, SceneOutcome};
 pub use harness::smoke::{SmokeOptions, SmokeReport};

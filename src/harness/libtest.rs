@@ -31,7 +31,7 @@ use crate::harness::suite::{Outcome, Suite, SuiteOptions, report};
 macro_rules! cases {
     ($($folder:expr),+ $(,)?) => {
         fn main() -> ::std::process::ExitCode {
-            $crate::run_cases(&[$($folder),+])
+            $crate::internals::harness::libtest::run_cases(&[$($folder),+])
         }
     };
 }

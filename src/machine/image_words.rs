@@ -173,7 +173,7 @@ mod tests {
                 let words = words.expect("memory");
                 let before = words.state(Format::RGBA32F);
                 assert_eq!(words.unlike(&before).count(), 0);
-                // A value that is stored again is no difference, and neither is one that was put back.
+                // No difference: a value that is stored again, and one that was put back.
                 words.store(1, fill[1]);
                 words.store(BLOCK_WORDS, 1);
                 words.store(BLOCK_WORDS, fill[0]);
