@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use anyhit::internals::harness::many_seeds::ManySeeds;
+use anyhit::internals::harness::shares::Shard;
 use anyhit::internals::harness::stability::Perturbation;
-use anyhit::internals::harness::suite::{self, Outcome, Shard, SuiteOptions, report};
+use anyhit::internals::harness::suite::{self, Outcome, SuiteOptions};
 use anyhit::internals::input::RootFolder;
 use anyhit::internals::sanitize::Levels;
 use anyhit::internals::scene::SceneFiles;
@@ -60,7 +61,7 @@ impl Suite {
             return Err(PyIndexError::new_err(format!("there is no test {at} of {count}")));
         }
         let mut one = self.suite.clone();
-        one.shard(Shard { number: at + 1, of: count });
+        one.shard(Shard { number: at + 1, of: count }, None);
         let options = SuiteOptions {
             jobs: 1,
             sanitize: sanitize.then(Levels::default),
@@ -73,12 +74,12 @@ impl Suite {
         };
         let result = py.detach(|| {
             let mut found = None;
-            one.run(&options, &mut |finished| {
+            one.run(&options, &mut |finished, test| {
                 let outcome = match &finished.outcome {
                     Outcome::Passed | Outcome::Renewed => ("passed", String::new()),
                     Outcome::KnownFailure(why) => ("known failure", why.clone()),
-                    Outcome::Failed(_) => ("failed", report::text(finished, false)),
-                    Outcome::Broken(_) => ("error", report::text(finished, false)),
+                    Outcome::Failed(_) => ("failed", test.text.clone()),
+                    Outcome::Broken(_) => ("error", test.text.clone()),
                 };
                 found = Some(outcome);
                 Ok(())

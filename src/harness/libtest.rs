@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use libtest_mimic::{Arguments, Failed, Trial};
 
 use crate::error::Result;
-use crate::harness::suite::{Outcome, Suite, SuiteOptions, report};
+use crate::harness::suite::{Ended, Suite, SuiteOptions};
 
 /// Makes an executable of which each case beneath some folders is a test, so that `cargo test` and
 /// `cargo nextest` list, filter and run them one by one.
@@ -69,9 +69,8 @@ fn trials(paths: &[&str]) -> Result<Vec<Trial>> {
 fn check(case: &Suite) -> std::result::Result<(), Failed> {
     let pictures = std::env::temp_dir().join("anyhit-test");
     let options = SuiteOptions { jobs: 1, pictures, ..SuiteOptions::default() };
-    let report = case.run(&options, &mut |_| Ok(())).map_err(|error| Failed::from(error.render()))?;
-    let fails = |outcome: &Outcome| matches!(outcome, Outcome::Failed(_) | Outcome::Broken(_));
-    let failed = report.finished.iter().filter(|finished| fails(&finished.outcome));
-    let text: String = failed.map(|finished| report::text(finished, false)).collect();
+    let run = case.run(&options, &mut |_, _| Ok(())).map_err(|error| Failed::from(error.render()))?;
+    let failed = run.result.tests.iter().filter(|test| matches!(test.ended, Ended::Failed | Ended::Error));
+    let text: String = failed.map(|test| test.text.as_str()).collect();
     if text.is_empty() { Ok(()) } else { Err(Failed::from(text)) }
 }
