@@ -10,7 +10,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::machine::format::Format;
 use crate::machine::image_words::{ImageWords, texel};
 
-pub(crate) use crate::machine::image_words::ImageState;
+#[doc(hidden)]
+pub use crate::machine::image_words::ImageState;
 
 /// `VkImageViewType`, and texel buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -431,23 +432,27 @@ impl Image {
     }
 
     /// What its texels are now.
-    pub(crate) fn state(&self) -> ImageState {
+    #[doc(hidden)]
+    pub fn state(&self) -> ImageState {
         self.words.state(self.format)
     }
 
     /// Whether its texels are what they were.
-    pub(crate) fn is_like(&self, before: &ImageState) -> bool {
+    #[doc(hidden)]
+    pub fn is_like(&self, before: &ImageState) -> bool {
         self.words.unlike(before).next().is_none()
     }
 
     /// Puts back what its texels were.
-    pub(crate) fn restore(&self, before: &ImageState) {
+    #[doc(hidden)]
+    pub fn restore(&self, before: &ImageState) {
         let differing = self.words.unlike(before).flatten();
         differing.for_each(|at| self.words.store(at, before.word(at)));
     }
 
     /// The resident texels that are not what they were, by [`Image::index`], ascending.
-    pub(crate) fn texels_unlike(&self, before: &ImageState) -> impl Iterator<Item = usize> {
+    #[doc(hidden)]
+    pub fn texels_unlike(&self, before: &ImageState) -> impl Iterator<Item = usize> {
         let size = self.format.texel_size() as usize;
         let texels = move |words: Range<usize>| words.start * 8 / size..words.end * 8 / size;
         let resident = self.resident.len();

@@ -24,7 +24,7 @@ pub(super) struct ImageWords {
 
 /// What the texels of an image were at one time.
 #[derive(Debug)]
-pub(crate) struct ImageState {
+pub struct ImageState {
     format: Format,
     fill: [u64; 2],
     /// The blocks that may not be as filled, ascending by their number.
@@ -123,8 +123,8 @@ impl ImageWords {
 }
 
 impl ImageState {
-    /// The texel that was at an index of [`Image::index`](super::image::Image::index).
-    pub(crate) fn load(&self, index: usize) -> u128 {
+    /// The texel that was at an index as `Image::index` gives it.
+    pub fn load(&self, index: usize) -> u128 {
         texel(self.format, index, |at| self.word(at))
     }
 
