@@ -91,6 +91,22 @@ pub enum PrimitiveVerdict {
     Candidate(Intersection),
 }
 
+impl PrimitiveVerdict {
+    /// Where the ray meets the primitive, whatever becomes of that; `None` where it misses it.
+    pub fn intersection(self) -> Option<Intersection> {
+        match self {
+            Self::Missed => None,
+            Self::OutsideInterval(at)
+            | Self::Transparent(at)
+            | Self::CulledByOpacity(at)
+            | Self::CulledByFace(at)
+            | Self::Behind(at)
+            | Self::Opaque(at)
+            | Self::Candidate(at) => Some(at),
+        }
+    }
+}
+
 /// Counts the work of traversals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {

@@ -142,15 +142,16 @@ fn primitive(
     verdict: PrimitiveVerdict,
     closest: &mut Option<f32>,
 ) -> PrimitiveReport {
-    let (verdict, found) = match verdict {
-        PrimitiveVerdict::Missed => (PrimitiveOutcome::Missed, None),
-        PrimitiveVerdict::OutsideInterval(found) => (PrimitiveOutcome::OutsideInterval, Some(found)),
-        PrimitiveVerdict::Transparent(found) => (PrimitiveOutcome::Transparent, Some(found)),
-        PrimitiveVerdict::CulledByOpacity(found) => (PrimitiveOutcome::CulledByOpacity, Some(found)),
-        PrimitiveVerdict::CulledByFace(found) => (PrimitiveOutcome::CulledByFace, Some(found)),
-        PrimitiveVerdict::Behind(found) => (PrimitiveOutcome::Behind, Some(found)),
-        PrimitiveVerdict::Opaque(found) => (PrimitiveOutcome::Opaque, Some(found)),
-        PrimitiveVerdict::Candidate(found) => (PrimitiveOutcome::Candidate, Some(found)),
+    let found = verdict.intersection();
+    let verdict = match verdict {
+        PrimitiveVerdict::Missed => PrimitiveOutcome::Missed,
+        PrimitiveVerdict::OutsideInterval(_) => PrimitiveOutcome::OutsideInterval,
+        PrimitiveVerdict::Transparent(_) => PrimitiveOutcome::Transparent,
+        PrimitiveVerdict::CulledByOpacity(_) => PrimitiveOutcome::CulledByOpacity,
+        PrimitiveVerdict::CulledByFace(_) => PrimitiveOutcome::CulledByFace,
+        PrimitiveVerdict::Behind(_) => PrimitiveOutcome::Behind,
+        PrimitiveVerdict::Opaque(_) => PrimitiveOutcome::Opaque,
+        PrimitiveVerdict::Candidate(_) => PrimitiveOutcome::Candidate,
     };
     let behind = closest.filter(|_| verdict == PrimitiveOutcome::Behind).map(FloatValue::F32);
     if let (PrimitiveOutcome::Opaque, Some(found)) = (verdict, found) {

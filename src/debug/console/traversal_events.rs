@@ -97,16 +97,7 @@ fn instance(instance: u32, verdict: InstanceVerdict) -> String {
 }
 
 fn primitive(hit: HitPrimitive, verdict: PrimitiveVerdict) -> String {
-    let t = match verdict {
-        PrimitiveVerdict::Missed => String::new(),
-        PrimitiveVerdict::OutsideInterval(at)
-        | PrimitiveVerdict::Transparent(at)
-        | PrimitiveVerdict::CulledByOpacity(at)
-        | PrimitiveVerdict::CulledByFace(at)
-        | PrimitiveVerdict::Behind(at)
-        | PrimitiveVerdict::Opaque(at)
-        | PrimitiveVerdict::Candidate(at) => format!(" at t {}", at.t),
-    };
+    let t = verdict.intersection().map_or_else(String::new, |at| format!(" at t {}", at.t));
     let HitPrimitive { instance, geometry, primitive } = hit;
     format!("instance {instance}, geometry {geometry}, primitive {primitive}: {}{t}", verdict_name(verdict))
 }

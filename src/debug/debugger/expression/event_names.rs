@@ -1,7 +1,6 @@
 //! What an event of a traversal tells, by the names that a condition has for it.
 
 use crate::accel::hit::{Candidate, HitPrimitive};
-use crate::accel::observer::PrimitiveVerdict;
 use crate::debug::debugger::expression::numbers::{CalculatedValue, ScalarType};
 use crate::geometry::Intersection;
 use crate::machine::{RayQueryEvent, RayQueryStep};
@@ -22,7 +21,7 @@ impl EventNames {
             Event::Primitive(hit, verdict)
             | Event::RayQuery(RayQueryEvent { step: RayQueryStep::Primitive(hit, verdict), .. }) => {
                 names.add_primitive(*hit);
-                if let Some(intersection) = intersection(*verdict) {
+                if let Some(intersection) = verdict.intersection() {
                     let HitPrimitive { instance, geometry, primitive } = *hit;
                     let candidate = Candidate { instance, geometry, primitive, intersection, opaque: true };
                     names.add_intersection(&candidate);
@@ -74,19 +73,5 @@ impl EventNames {
     pub(super) fn names(&self) -> String {
         let names: Vec<&str> = self.values.iter().map(|(name, ..)| *name).collect();
         if names.is_empty() { "nothing".into() } else { names.join(", ") }
-    }
-}
-
-/// Where a ray meets a primitive, whatever becomes of that.
-fn intersection(verdict: PrimitiveVerdict) -> Option<Intersection> {
-    match verdict {
-        PrimitiveVerdict::Missed => None,
-        PrimitiveVerdict::OutsideInterval(at)
-        | PrimitiveVerdict::Transparent(at)
-        | PrimitiveVerdict::CulledByOpacity(at)
-        | PrimitiveVerdict::CulledByFace(at)
-        | PrimitiveVerdict::Behind(at)
-        | PrimitiveVerdict::Opaque(at)
-        | PrimitiveVerdict::Candidate(at) => Some(at),
     }
 }
