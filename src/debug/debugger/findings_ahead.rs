@@ -18,8 +18,8 @@ use crate::scene::unwritten::unwritten_memory;
 use super::Debugger;
 use super::condition::StopConditions;
 use super::course::Time;
+use super::edits::Edit;
 use super::sanitized_steps::Sanitizing;
-use super::stack::StackFrame;
 
 /// How many steps the second run is ahead at least, where it is not at its end.
 const STEPS_AHEAD: Time = 100_000;
@@ -42,16 +42,6 @@ impl FindingFilter {
     }
 }
 
-/// What was set by hand, for the second run to do the same.
-#[derive(Clone, Debug)]
-pub(super) struct Assignment {
-    time: Time,
-    /// The frame, counted from the innermost.
-    frame: usize,
-    target: String,
-    value: String,
-}
-
 /// The second run.
 pub struct FindingsAhead {
     /// Prepares it anew.
@@ -59,8 +49,8 @@ pub struct FindingsAhead {
     run: Debugger,
     filter: FindingFilter,
     /// Ascending in time; the first ones have been made.
-    assignments: Vec<Assignment>,
-    assignments_made: usize,
+    edits: Vec<Edit>,
+    edits_made: usize,
     has_ended: bool,
 }
 
@@ -93,8 +83,8 @@ impl FindingsAhead {
             prepare: Box::new(prepare),
             run,
             filter,
-            assignments: Vec::new(),
-            assignments_made: 0,
+            edits: Vec::new(),
+            edits_made: 0,
             has_ended: false,
         })
     }
@@ -102,24 +92,21 @@ impl FindingsAhead {
     /// Runs on until all steps before a time are known, or to the end.
     fn cover(&mut self, time: Time) {
         while !self.has_ended && self.run.course.time < time {
-            let assignment =
-                self.assignments.get(self.assignments_made).map_or(Time::MAX, |assignment| assignment.time);
-            let mut conditions = StopConditions::at(time.min(assignment));
+            let edit = self.edits.get(self.edits_made).map_or(Time::MAX, |edit| edit.time);
+            let mut conditions = StopConditions::at(time.min(edit));
             self.has_ended = self.run.advance(&mut conditions) == Resumed::Ended;
-            self.make_assignments();
+            self.make_edits();
         }
     }
 
     /// Sets what was set by hand at the step that is next.
-    fn make_assignments(&mut self) {
+    fn make_edits(&mut self) {
         let now = self.run.course.time;
-        while let Some(assignment) =
-            self.assignments.get(self.assignments_made).filter(|assignment| assignment.time == now).cloned()
-        {
-            self.assignments_made += 1;
-            if let Some(frame) = self.run.stack().into_iter().nth(assignment.frame) {
+        while let Some(edit) = self.edits.get(self.edits_made).filter(|edit| edit.time == now) {
+            self.edits_made += 1;
+            if let Some(frame) = self.run.stack().into_iter().nth(edit.frame) {
                 // What could be set in one run can be in the other.
-                let _ = self.run.assign(&frame, &assignment.target, &assignment.value);
+                let _ = self.run.assign(&frame, &edit.target, &edit.value);
             }
         }
     }
@@ -152,14 +139,14 @@ impl FindingsAhead {
     }
 
     /// Has the second run do what was set by hand in the first, the last of all these just now.
-    fn follow(&mut self, assignments: &[Assignment]) -> Result<()> {
-        self.assignments = assignments.to_vec();
-        if assignments.last().is_some_and(|last| self.run.course.time > last.time) {
+    pub(super) fn follow(&mut self, edits: &[Edit]) -> Result<()> {
+        self.edits = edits.to_vec();
+        if edits.last().is_some_and(|last| self.run.course.time > last.time) {
             self.run = (self.prepare)()?;
-            (self.assignments_made, self.has_ended) = (0, false);
+            (self.edits_made, self.has_ended) = (0, false);
         }
         if self.run.course.paused {
-            self.make_assignments();
+            self.make_edits();
         }
         Ok(())
     }
@@ -197,8 +184,7 @@ impl Debugger {
     /// Stops from now on at findings of the sanitizer, which a second run knows; `None` for no
     /// longer.
     pub fn stop_at_findings(&mut self, ahead: Option<FindingsAhead>) {
-        self.ahead =
-            ahead.map(|ahead| Box::new(FindingsAhead { assignments: self.assignments.clone(), ..ahead }));
+        self.ahead = ahead.map(|ahead| Box::new(FindingsAhead { edits: self.edits.clone(), ..ahead }));
     }
 
     /// How far a run may go: to the next finding, or to where none is known yet.
@@ -221,20 +207,5 @@ impl Debugger {
         let ahead = self.ahead.as_mut()?;
         ahead.cover(time);
         ahead.times().rfind(|&found| found < time)
-    }
-
-    /// Something was set by hand in a frame: what was set later is forgotten, and the second run
-    /// does the same.
-    pub(super) fn note_assignment(&mut self, frame: &StackFrame, target: &str, value: &str) {
-        let Some(frame) = self.stack().iter().position(|one| one == frame) else { return };
-        let (target, value) = (target.to_owned(), value.to_owned());
-        let assignment = Assignment { time: self.course.time, frame, target, value };
-        self.assignments.retain(|before| before.time <= assignment.time);
-        self.assignments.push(assignment);
-        let Some(ahead) = &mut self.ahead else { return };
-        if let Err(error) = ahead.follow(&self.assignments) {
-            self.ahead = None;
-            self.print(format!("no findings of the sanitizer are told any more: {error}"));
-        }
     }
 }

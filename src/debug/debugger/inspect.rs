@@ -151,37 +151,6 @@ impl Debugger {
         }
         self.with_lane(&now, |lane| value_of_id(&program, &now.source, lane, Id(result)).value(lane).ok())
     }
-
-    /// Sets what an expression names to the value of another, and goes on with it: what ran after
-    /// this step before is forgotten. Returns the new value.
-    ///
-    /// # Errors
-    /// Why it cannot be set, in words.
-    pub fn assign(&mut self, frame: &StackFrame, target: &str, value: &str) -> Result<TypedValue, String> {
-        check_followed(frame)?;
-        let place = self.place(frame, target);
-        if place.is_ok_and(|place| self.is_passed_on(frame, &place)) {
-            return Err(format!("`{target}` was given to the shader that runs: set it there"));
-        }
-        let program = self.sources.shader(frame.shader).program.clone();
-        let set =
-            self.with_lane(frame, |lane| expression::assign(&program, &frame.source, lane, target, value));
-        let places = set.map_err(|error| error.to_string())?;
-        self.note_assignment(frame, target, value);
-        self.keep_edit();
-        self.note_edit(frame, &places);
-        self.evaluate(frame, target)
-    }
-
-    /// After something was set by hand: what ran after this step before is forgotten, and the
-    /// invocation goes on from here with what was set.
-    fn keep_edit(&mut self) {
-        let edited = self.checkpoint(true);
-        self.history.go_another_way(edited);
-        let now = self.course.time;
-        self.edits.retain(|edit| edit.time <= now);
-        self.output.retain(|one| one.time <= now);
-    }
 }
 
 /// Checks that a frame is of the followed lane.

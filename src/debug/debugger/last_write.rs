@@ -26,15 +26,6 @@ pub enum LastWrite {
     Nobody,
 }
 
-/// What was set by hand.
-#[derive(Clone, Debug)]
-pub(super) struct Edit {
-    /// The step that was next.
-    pub time: Time,
-    /// The words: those that were set, and where others were given them, theirs.
-    pub words: Vec<WatchedWords>,
-}
-
 impl Debugger {
     /// Goes back to the step that wrote a value last: it is next then. A payload is followed into
     /// the shaders that were given it, and out to the one that gave it.
@@ -77,28 +68,6 @@ impl Debugger {
                 (None, None) => return Ok(LastWrite::Nobody),
             }
         }
-    }
-
-    /// When words were last set by hand, up to a step.
-    fn last_edit(&self, words: &WatchedWords, now: Time) -> Option<Time> {
-        let is_meant = |edit: &&Edit| edit.time <= now && edit.words.iter().any(|one| one.overlap(words));
-        self.edits.iter().filter(is_meant).map(|edit| edit.time).max()
-    }
-
-    /// Notes that places of a frame were set by hand before the step that is next.
-    pub(super) fn note_edit(&mut self, frame: &StackFrame, places: &[VariablePlace]) {
-        let mut all = Vec::new();
-        for place in places {
-            let Ok(mut words) = self.watched_words(frame, place) else { continue };
-            let mut number = frame.number;
-            while let Some(outer) = self.given_by(&words, number) {
-                all.push(std::mem::replace(&mut words, outer));
-                number -= 1;
-            }
-            all.push(words);
-        }
-        let time = self.course.time;
-        self.edits.push(Edit { time, words: all });
     }
 
     /// What watches a value for a data breakpoint: of a payload, also what the shaders have that
@@ -194,7 +163,7 @@ impl Debugger {
     }
 
     /// The registers of a shader's caller of which it was given these words, if it was.
-    fn given_by(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
+    pub(super) fn given_by(&self, words: &WatchedWords, number: usize) -> Option<WatchedWords> {
         let WatchedWords::Registers { registers, .. } = words else { return None };
         let stopped = self.debuggee.shaders();
         let program = &self.sources.shader(stopped.get(number)?.shader).program;

@@ -12,6 +12,7 @@ mod condition;
 mod course;
 pub mod debuggee;
 mod decision;
+mod edits;
 pub mod expression;
 mod findings_ahead;
 mod history;
@@ -57,9 +58,8 @@ use condition::{StopConditions, words_of};
 use course::Course;
 use debuggee::Debuggee;
 use decision::Direction;
-use findings_ahead::Assignment;
+use edits::Edit;
 use history::{Checkpoint, History};
-use last_write::Edit;
 use memory_state::ChangingMemory;
 use sanitized_steps::{SanitizedSteps, Sanitizing};
 use tracker::{Followed, Tracker};
@@ -152,11 +152,9 @@ pub struct Debugger {
     give_up: Option<Arc<AtomicBool>>,
     /// The sanitizer that looks at this run.
     sanitizing: Option<Sanitizing>,
-    /// What was set by hand, ascending in time.
-    assignments: Vec<Assignment>,
     /// The run that knows at which steps this one meets findings of the sanitizer.
     ahead: Option<Box<FindingsAhead>>,
-    /// What was set by hand.
+    /// What was set by hand, ascending in time.
     edits: Vec<Edit>,
     /// The event of the traversal at which it stopped, among [`Debugger::events`].
     matched_event: Option<usize>,
@@ -199,7 +197,6 @@ impl Debugger {
             interrupted: None,
             give_up: None,
             sanitizing: None,
-            assignments: Vec::new(),
             ahead: None,
             edits: Vec::new(),
             matched_event: None,
