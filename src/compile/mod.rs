@@ -53,6 +53,8 @@ pub use flags::{CompilerFlags, RefusedFlag};
 pub use language::{EXTENSIONS as SOURCE_EXTENSIONS, Language, LanguageName, STAGE_NAMES};
 pub use settings::{SourceSettings, SourceWords};
 pub use source::Source;
+#[cfg(feature = "scenes")]
+pub(crate) use source::hash::bytes_hash;
 
 use crate::error::{Error, ErrorKind, Result, Warning};
 use crate::module::interface::Stage;

@@ -1,5 +1,6 @@
 //! Cases: scenes with expectations, found in folders and run at several widths.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Place, Result};
@@ -78,6 +79,17 @@ pub fn files_beneath(folder: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<Ve
     collect(folder, wanted, &mut files)?;
     files.sort();
     Ok(files)
+}
+
+/// The files that were found already: one that is found through two paths counts once.
+#[derive(Debug, Default)]
+pub struct FoundFiles(BTreeSet<PathBuf>);
+
+impl FoundFiles {
+    /// Adds a file; `false` where it was there.
+    pub fn add(&mut self, file: &Path) -> bool {
+        self.0.insert(file.canonicalize().unwrap_or_else(|_| file.to_path_buf()))
+    }
 }
 
 fn collect(folder: &Path, wanted: &dyn Fn(&Path) -> bool, files: &mut Vec<PathBuf>) -> Result<()> {

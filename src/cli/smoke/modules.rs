@@ -1,6 +1,5 @@
 //! Smoke tests of several modules: a line for each, and how many came to what.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -12,7 +11,7 @@ use crate::cli::smoke::verdict::{JsonReport, verdict};
 use crate::cli::{module_file, output};
 use crate::compile::SourceWords;
 use crate::error::{Error, ErrorKind, ErrorReport, Result};
-use crate::harness::case::files_beneath;
+use crate::harness::case::{FoundFiles, files_beneath};
 use crate::harness::in_order::in_order;
 use crate::harness::shares::smoke::{ModuleResult, ModuleVerdict, SmokeResult, SmokeWhole};
 use crate::harness::shares::{ShareResults, fingerprint};
@@ -135,11 +134,11 @@ fn print_end(result: &SmokeResult, json: bool) -> Result<()> {
     }
 }
 
-/// The modules of some paths: files as they are named, and what ends in `.spv` in folders. A file
-/// that is found through two paths counts once.
+/// The modules of some paths: files as they are named, and what ends in `.spv` in folders, each
+/// once.
 fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files: Vec<PathBuf> = Vec::new();
-    let mut seen = BTreeSet::new();
+    let mut once = FoundFiles::default();
     for path in paths {
         let found = match path.is_dir() {
             true => {
@@ -147,12 +146,7 @@ fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
             }
             false => vec![path.clone()],
         };
-        for file in found {
-            let id = file.canonicalize().unwrap_or_else(|_| file.clone());
-            if seen.insert(id) {
-                files.push(file);
-            }
-        }
+        files.extend(found.into_iter().filter(|file| once.add(file)));
     }
     if files.is_empty() {
         let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();

@@ -26,7 +26,7 @@ impl Source {
 }
 
 /// SHA-256 of bytes, in hexadecimal.
-pub(in crate::compile) fn bytes_hash(bytes: &[u8]) -> String {
+pub(crate) fn bytes_hash(bytes: &[u8]) -> String {
     hex(&Sha256::hash(bytes))
 }
 

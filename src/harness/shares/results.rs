@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::compile::bytes_hash;
 use crate::error::{Error, ErrorKind, Place, Result};
 use crate::harness::shares::shard::Shard;
 
@@ -45,13 +46,11 @@ pub struct ShareResults<R: ShareResult> {
     files: BTreeMap<usize, String>,
 }
 
-/// A hash of texts, by which two runs are told apart: FNV-1a, with an end behind each text.
+/// A hash of texts, by which two runs are told apart.
 pub fn fingerprint<'a>(texts: impl Iterator<Item = &'a str>) -> String {
-    let bytes = texts.flat_map(|text| text.bytes().chain([0xFF]));
-    let hash = bytes.fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3)
-    });
-    format!("{hash:016x}")
+    // A byte that no text has ends each.
+    let bytes: Vec<u8> = texts.flat_map(|text| text.bytes().chain([0xFF])).collect();
+    bytes_hash(&bytes)
 }
 
 /// What every file begins with, whatever the command and the version.

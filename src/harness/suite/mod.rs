@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use crate::debug::transcript::TranscriptLine;
 use crate::error::{Error, Result};
-use crate::harness::case::{Case, scenes};
+use crate::harness::case::{Case, FoundFiles, scenes};
 use crate::harness::expect::Fix;
 use crate::harness::shares::{Shard, Timings};
 use crate::scene::SceneFiles;
@@ -139,14 +139,11 @@ impl Suite {
             }
         }
         let mut suite = Self::default();
-        let mut seen: Vec<PathBuf> = Vec::new();
+        let mut found = FoundFiles::default();
         for (file, tree) in files {
             let file = file.strip_prefix(".").map_or_else(|_| file.clone(), Path::to_path_buf);
-            // A file that is found through two paths counts once.
-            let id = file.canonicalize().unwrap_or_else(|_| file.clone());
-            if !seen.contains(&id) {
+            if found.add(&file) {
                 suite.add(&file, files_of(&file, tree));
-                seen.push(id);
             }
         }
         suite.number();
