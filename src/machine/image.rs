@@ -1,7 +1,6 @@
 //! Images as plain data: their shape, and texels that threads may share.
 
 use std::ops::Range;
-use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, OnceLock};
 
 use smallvec::SmallVec;
@@ -414,12 +413,6 @@ impl Image {
     /// A copy of the resident bytes of all levels.
     pub fn bytes(&self) -> Vec<u8> {
         (0..self.shape.levels).flat_map(|level| self.level_bytes(level)).collect()
-    }
-
-    /// The words that hold the resident texels, to be read.
-    #[doc(hidden)]
-    pub fn words(&self) -> &[AtomicU64] {
-        self.words.all()
     }
 
     /// A deep copy of the image.

@@ -54,11 +54,6 @@ impl ImageWords {
         Some(Self { words, fill, stored })
     }
 
-    /// All of them, to be read.
-    pub(super) fn all(&self) -> &[AtomicU64] {
-        &self.words
-    }
-
     #[inline]
     pub(super) fn load(&self, at: usize) -> u64 {
         self.words[at].load(Relaxed)

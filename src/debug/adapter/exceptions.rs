@@ -34,7 +34,7 @@ impl Default for ExceptionFilters {
 }
 
 impl ExceptionFilters {
-    /// None at all.
+    /// The run stops at no exception.
     const OFF: Self = Self { traps: false, nans: false, findings: None };
 
     /// The filters that there are.
