@@ -12,6 +12,7 @@ mod key_homes;
 pub mod recorder;
 mod schema;
 mod unknown_name;
+mod values;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -19,7 +20,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde_json::json;
 use toml::de::DeTable;
 
 use crate::error::names::nearest;
@@ -32,6 +32,8 @@ pub use diagnostics::Diagnostics;
 pub(crate) use diagnostics::first_of;
 use recorder::{JsonSchema, SchemaOf, SchemaProbe};
 pub use unknown_name::unknown_name;
+pub use values::OneOrMore;
+pub(crate) use values::integer;
 
 /// A TOML file that has been read.
 #[derive(Debug, PartialEq, Eq)]
@@ -448,173 +450,6 @@ impl<'a> Table<'a> {
 
 /// Among how many unknown keys a missing one is searched for.
 const SUGGESTED: usize = 64;
-
-impl<T: Named> Parse for T {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        if let Some(recorder) = value.report.recorder() {
-            recorder.names(value.node.range.clone(), T::NAMES.iter().map(|(name, _)| *name));
-        }
-        let Some(mut name) = value.text() else { return value.expected(&format!("a string ({})", T::WHAT)) };
-        if let Some((old, new)) = T::RENAMED.iter().find(|(old, _)| *old == name) {
-            value.report.renamed(&value.span(), old, new);
-            name = new;
-        }
-        if let Some((_, found)) = T::NAMES.iter().find(|(known, _)| *known == name) {
-            return Some(*found);
-        }
-        let names = || T::NAMES.iter().map(|(name, _)| *name);
-        let label = match nearest(name, names()) {
-            Some(suggestion) => format!("did you mean `{suggestion}`?"),
-            None => "no such name".to_string(),
-        };
-        let all: Vec<_> = names().collect();
-        value.report.push(
-            value
-                .span()
-                .error_with(format!("unknown {} `{name}`", T::WHAT), label)
-                .note(format!("one of: {}", all.join(", "))),
-        );
-        None
-    }
-
-    fn schema(_: &mut SchemaProbe) -> JsonSchema {
-        schema::names::<T>()
-    }
-}
-
-impl Parse for bool {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        match value.toml() {
-            Toml::Boolean(flag) => Some(*flag),
-            _ => value.expected("true or false"),
-        }
-    }
-
-    fn schema(_: &mut SchemaProbe) -> JsonSchema {
-        json!({ "type": "boolean" })
-    }
-}
-
-impl Parse for String {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        value.text().map(str::to_string).or_else(|| value.expected("a string"))
-    }
-
-    fn schema(_: &mut SchemaProbe) -> JsonSchema {
-        json!({ "type": "string" })
-    }
-}
-
-/// An integer, checked against a range.
-pub(crate) fn integer(value: TomlValue<'_>, least: i128, most: i128, what: &str) -> Option<i128> {
-    let Toml::Integer(digits, radix) = value.toml() else {
-        return value.expected(&format!("an integer ({what})"));
-    };
-    match i128::from_str_radix(digits, *radix) {
-        Ok(number) if (least..=most).contains(&number) => Some(number),
-        _ => value.wrong(format!("this does not fit: {what} goes from {least} to {most}")),
-    }
-}
-
-macro_rules! integers {
-    ($($ty:ident)*) => {$(
-        impl Parse for $ty {
-            fn parse(value: TomlValue<'_>) -> Option<Self> {
-                let number = integer(value, $ty::MIN as i128, $ty::MAX as i128, stringify!($ty))?;
-                Some(number as $ty)
-            }
-
-            fn schema(_: &mut SchemaProbe) -> JsonSchema {
-                json!({ "type": "integer", "minimum": $ty::MIN, "maximum": $ty::MAX })
-            }
-        }
-    )*};
-}
-integers!(u8 u16 u32 u64 i8 i16 i32 i64);
-
-macro_rules! floats {
-    ($($ty:ident)*) => {$(
-        /// Rounds once, from the decimal text: through f64 some numbers would be rounded twice.
-        impl Parse for $ty {
-            fn parse(value: TomlValue<'_>) -> Option<Self> {
-                let (text, named_infinity) = match value.toml() {
-                    Toml::Float(text) => (text, text.contains("inf")),
-                    Toml::Integer(digits, 10) => (digits, false),
-                    _ => return value.expected("a number"),
-                };
-                match text.parse::<$ty>() {
-                    Ok(number) if number.is_infinite() && !named_infinity => {
-                        value.wrong(format!("`{text}` is beyond the range of {}", stringify!($ty)))
-                    }
-                    Ok(number) => Some(number),
-                    Err(_) => value.expected("a number"),
-                }
-            }
-
-            fn schema(_: &mut SchemaProbe) -> JsonSchema {
-                json!({ "type": "number" })
-            }
-        }
-    )*};
-}
-floats!(f32 f64);
-
-impl<T: Parse> Parse for Spanned<T> {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        T::parse(value).map(|parsed| Spanned { value: parsed, span: value.span() })
-    }
-
-    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
-        T::schema(probe)
-    }
-}
-
-/// Reports the mistakes of all elements before giving up.
-impl<T: Parse> Parse for Vec<T> {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let Some(elements) = value.elements() else { return value.expected("an array") };
-        let parsed: Vec<Option<T>> = elements.map(T::parse).collect();
-        parsed.into_iter().collect()
-    }
-
-    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
-        json!({ "type": "array", "items": T::schema(probe) })
-    }
-}
-
-impl<T: Parse, const N: usize> Parse for [T; N] {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        let parsed: Vec<T> = Parse::parse(value)?;
-        let found = parsed.len();
-        match parsed.try_into() {
-            Ok(array) => Some(array),
-            Err(_) => value.wrong(format!("expected {N} elements, found {found}")),
-        }
-    }
-
-    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
-        json!({ "type": "array", "items": T::schema(probe), "minItems": N, "maxItems": N })
-    }
-}
-
-/// One value or an array of them.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct OneOrMore<T>(pub Vec<T>);
-
-impl<T: Parse> Parse for OneOrMore<T> {
-    fn parse(value: TomlValue<'_>) -> Option<Self> {
-        if matches!(value.toml(), Toml::Array(_)) {
-            Vec::parse(value).map(Self)
-        } else {
-            T::parse(value).map(|one| Self(vec![one]))
-        }
-    }
-
-    fn schema(probe: &mut SchemaProbe) -> JsonSchema {
-        let one = T::schema(probe);
-        json!({ "anyOf": [one, { "type": "array", "items": one }] })
-    }
-}
 
 #[cfg(test)]
 mod tests {
