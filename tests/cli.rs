@@ -1,6 +1,6 @@
 //! The command line from outside: exit codes, what is printed where, pipes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use pretty_assertions::assert_eq;
@@ -128,6 +128,85 @@ fn what_is_undefined_in_any_run_is_told_without_being_asked() {
     assert_eq!((code, out.contains("error[")), (Some(0), false), "{out}");
     let (code, out, err) = run(&["smoke", BALL, "--sanitize"]);
     assert_eq!((code, err.trim_end()), (Some(6), "error: 1 finding is denied"), "{out}");
+}
+
+/// A folder with scenes that each divide by zero twice: `one` and `same` with the same module, and
+/// `other` with one that has as many words, but another generator in its header.
+fn suite_of_divisions(name: &str) -> PathBuf {
+    const MODULE: &str = "spirv-fixtures/sanitize/int-div-zero/broken.slang.spv";
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    let mut other = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(MODULE)).expect("a module");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    std::fs::write(folder.join("one.spv"), &other).expect("written");
+    other[8] ^= 0xFF;
+    std::fs::write(folder.join("other.spv"), &other).expect("written");
+    for (case, module) in [("one", "one"), ("other", "other"), ("same", "one")] {
+        let text = format!(
+            "version = 1\n[shaders]\nall = \"../{module}.spv\"\n[[dispatch]]\nshader = \"all:mean_colors\"\n\
+             [resources.palette]\ntype = \"storage_buffer\"\nbinding = 1\nsize = 16\n\
+             [resources.clusters]\ntype = \"storage_buffer\"\nbinding = 2\n\
+             data = {{ u32 = [[800, 400, 0, 8], [0, 0, 0, 0], [255, 255, 255, 1], [90, 60, 30, 3]] }}\n"
+        );
+        std::fs::create_dir_all(folder.join(case)).expect("a folder");
+        std::fs::write(folder.join(case).join("scene.toml"), text).expect("written");
+    }
+    folder
+}
+
+/// What stands at the same word of two modules is two mistakes, and what two scenes run of one
+/// module is one.
+#[test]
+fn findings_of_several_scenes_are_told_apart_by_their_modules() {
+    let folder = suite_of_divisions("divisions");
+    let folder = folder.to_str().expect("UTF-8");
+    let counts = |args: &[&str]| {
+        let (code, out, err) = run(args);
+        let json = out.find("\n[").map_or(out.as_str(), |at| &out[at..]);
+        let json = json.rfind("\n]").map_or(json, |at| &json[..at + 2]);
+        let findings: Vec<Value> =
+            serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {out}{err}"));
+        let counts: Vec<u64> = findings.iter().filter_map(|one| one["count"].as_u64()).collect();
+        assert!(findings.iter().all(|one| one["rule"] == "int-div-zero" && one["level"] == "deny"), "{out}");
+        (code, counts)
+    };
+    // Three components are divided by zero in each of the three scenes.
+    let expected = (Some(1), vec![6, 3]);
+    assert_eq!(counts(&["test", folder, "--sanitize", "--findings", "json"]), expected);
+    // Shares have the same to tell.
+    let shares: Vec<String> = (1..=2)
+        .map(|number| {
+            let file = format!("{folder}/share{number}.json");
+            let shard = format!("{number}/2");
+            let (code, out, err) = run(&["test", folder, "--sanitize", "--shard", &shard, "--result", &file]);
+            assert_eq!(code, Some(1), "{out}{err}");
+            file
+        })
+        .collect();
+    let merge = ["merge", &shares[0], &shares[1], "--findings"];
+    assert_eq!(counts(&[&merge[..], &["json"]].concat()), expected);
+    let (_, whole, _) = run(&["test", folder, "--sanitize", "--findings", "sarif"]);
+    let (_, merged, _) = run(&[&merge[..], &["sarif"]].concat());
+    assert!(whole.contains("\"ruleId\": \"int-div-zero\""), "{whole}");
+    assert_eq!(merged, whole);
+}
+
+/// Known findings fail no test, and others do.
+#[test]
+fn a_baseline_keeps_known_findings_out_of_a_suite() {
+    let folder = suite_of_divisions("known-divisions");
+    let baseline = folder.join("known.txt");
+    let (folder, baseline) = (folder.to_str().expect("UTF-8"), baseline.to_str().expect("UTF-8"));
+    let (code, out, err) = run(&["test", folder, "--sanitize", "--write-baseline", baseline]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    let known = std::fs::read_to_string(baseline).expect("a baseline");
+    let lines: Vec<&str> = known.lines().collect();
+    assert!(matches!(lines[..], [line] if line.starts_with("int-div-zero\t")), "{known}");
+    let (code, out, err) = run(&["test", folder, "--sanitize", "--baseline", baseline]);
+    assert_eq!((code, out.contains("int-div-zero")), (Some(0), false), "{out}{err}");
+    std::fs::write(baseline, known.replace("int-div-zero", "shift-width")).expect("written");
+    let (code, ..) = run(&["test", folder, "--sanitize", "--baseline", baseline]);
+    assert_eq!(code, Some(1));
 }
 
 #[test]

@@ -1,20 +1,31 @@
 // Traces the rays of a scene's folder through Embree, on one thread.
 //
-//   embree FOLDER RAYS
+//   embree FOLDER RAYS [THREADS]
 //
 // RAYS is 1 for single rays, 8 for packets of eight, 0 to build only. Prints `rate` (millions of rays a
-// second of processor time), `hits`, and `build` (milliseconds of it), medians of several runs each.
+// second of processor time), `hits`, `build` (milliseconds of it) and `wall` (of wall time, by THREADS
+// threads, 1 unless given), medians of several runs each, and `bytes` (what geometry and tree take).
 // Triangles, spheres as points, pairs of ends as round linear curves; ends that are one sphere as a point.
 
 #include <embree4/rtcore.h>
 #include <pmmintrin.h>
 #include <xmmintrin.h>
 
+#include <atomic>
+#include <chrono>
 #include <cstring>
 
 #include "files.h"
 
 static RTCDevice device;
+
+// What Embree has allocated; builds tell it from several threads.
+static std::atomic<long long> allocated;
+
+static bool note_memory(void*, ssize_t bytes, bool) {
+    allocated += bytes;
+    return true;
+}
 
 static void* buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, size_t stride, size_t count) {
     return rtcSetNewGeometryBuffer(geometry, type, 0, format, stride, count);
@@ -62,8 +73,18 @@ static void curves(RTCScene scene, const std::vector<float>& ends) {
     points(scene, whole);
 }
 
-// The tree over a folder's primitives, and the processor time that it took.
-static RTCScene build(const std::string& folder, double* took) {
+// Processor time and wall time, in seconds.
+struct Times {
+    double processor, wall;
+};
+
+static Times now() {
+    const auto wall = std::chrono::steady_clock::now().time_since_epoch();
+    return {processor_time(), std::chrono::duration<double>(wall).count()};
+}
+
+// The tree over a folder's primitives, and the time that it took.
+static RTCScene build(const std::string& folder, Times* took) {
     RTCScene scene = rtcNewScene(device);
     if (exists(folder + "/vertices")) {
         triangles(scene, read<float>(folder + "/vertices"), read<uint32_t>(folder + "/indices"));
@@ -72,9 +93,10 @@ static RTCScene build(const std::string& folder, double* took) {
     } else {
         points(scene, read<float>(folder + "/spheres"));
     }
-    const double begin = processor_time();
+    const Times begin = now();
     rtcCommitScene(scene);
-    *took = processor_time() - begin;
+    const Times end = now();
+    *took = {end.processor - begin.processor, end.wall - begin.wall};
     return scene;
 }
 
@@ -125,8 +147,8 @@ static size_t packets(RTCScene scene, const std::vector<float>& rays) {
 }
 
 int main(int count, char** arguments) {
-    if (count != 3) {
-        std::fprintf(stderr, "usage: embree FOLDER 0|1|8\n");
+    if (count != 3 && count != 4) {
+        std::fprintf(stderr, "usage: embree FOLDER 0|1|8 [THREADS]\n");
         return 2;
     }
     const std::string folder = arguments[1];
@@ -134,15 +156,23 @@ int main(int count, char** arguments) {
     // As its manual asks for.
     _MM_SET_FLUSH_ZERO_MODE(_MM_FLUSH_ZERO_ON);
     _MM_SET_DENORMALS_ZERO_MODE(_MM_DENORMALS_ZERO_ON);
-    device = rtcNewDevice("threads=1");
+    const std::string threads = count > 3 ? arguments[3] : "1";
+    device = rtcNewDevice(("threads=" + threads).c_str());
+    rtcSetDeviceMemoryMonitorFunction(device, note_memory, nullptr);
 
-    std::vector<double> builds(together == 0 ? 7 : 1);
+    std::vector<double> builds, walls;
     RTCScene scene = nullptr;
-    for (double& took : builds) {
+    double spent = 0;
+    // Several, unless each takes seconds.
+    while (builds.empty() || (together == 0 && builds.size() < 7 && spent < 3)) {
         if (scene) rtcReleaseScene(scene);
+        Times took;
         scene = build(folder, &took);
+        builds.push_back(took.processor);
+        walls.push_back(took.wall);
+        spent += took.wall;
     }
-    std::printf("build %f\n", 1e3 * median(builds));
+    std::printf("build %f\nwall %f\nbytes %lld\n", 1e3 * median(builds), 1e3 * median(walls), allocated.load());
     if (together == 0) return 0;
 
     const auto transforms = read<float>(folder + "/transforms");

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
@@ -21,9 +20,10 @@ std::vector<T> read(const std::string& path) {
         std::fprintf(stderr, "%s: cannot be read\n", path.c_str());
         std::exit(1);
     }
-    const std::vector<char> bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-    std::vector<T> numbers(bytes.size() / sizeof(T));
-    std::copy_n(bytes.data(), numbers.size() * sizeof(T), reinterpret_cast<char*>(numbers.data()));
+    file.seekg(0, std::ios::end);
+    std::vector<T> numbers(size_t(file.tellg()) / sizeof(T));
+    file.seekg(0);
+    file.read(reinterpret_cast<char*>(numbers.data()), std::streamsize(numbers.size() * sizeof(T)));
     return numbers;
 }
 

@@ -3,13 +3,15 @@
 //!
 //! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as the number
 //! after `--`; a word after `--` chooses the rows whose names contain it. `benches/peers/README.md`
-//! says how the folder is made.
+//! says how the folder is made. `growth` after `--` measures building, memory and rays beside Embree
+//! instead, for up to as many triangles as the number behind it (a million; 10^8 take 40 GiB).
 //!
 //! Every row is measured here and at its peer at once, one thread each, in processor time; what is
 //! printed are medians of the rounds, and the ratio's is that of the rounds' own ratios.
 
 #![allow(clippy::print_stdout, reason = "a table is printed")]
 
+mod growth;
 mod installed;
 mod obvhs;
 mod rows;
@@ -42,6 +44,16 @@ fn main() -> ExitCode {
     if !arguments.iter().any(|argument| argument == "--bench") {
         println!("SKIPPED: peers are measured by `cargo bench` alone");
         return ExitCode::SUCCESS;
+    }
+    if arguments.iter().any(|argument| argument == "growth") {
+        let most = arguments.iter().find_map(|argument| argument.parse().ok());
+        return match growth::run(&installed, most.unwrap_or(1_000_000)) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(problem) => {
+                println!("{problem}");
+                ExitCode::FAILURE
+            }
+        };
     }
     let mut rounds = 5;
     let mut part = None;

@@ -39,6 +39,13 @@ pub fn write(share: &Path) {
     }
 }
 
+/// Writes a scene that is placed once, in place of what the folder held.
+pub fn write_scene(folder: &Path, one: &Scene) {
+    // A scene of another kind leaves other files.
+    let _ = std::fs::remove_dir_all(folder);
+    scene(folder, one, &[[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]]);
+}
+
 fn scene(folder: &Path, scene: &Scene, transforms: &[[[f32; 4]; 3]]) {
     std::fs::create_dir_all(folder).expect("a folder");
     let file = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");

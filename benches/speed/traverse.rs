@@ -139,6 +139,15 @@ pub fn measure(table: &Table, name: &str, tlas: &Tlas, rays: &[Ray], flags: RayF
     measure_with(table, name, tlas, rays, flags, trace)
 }
 
+/// Measures the rays of a scene's picture one by one and in packets: millions a second.
+#[allow(dead_code, reason = "the comparison with peers asks for it")]
+pub fn both_rates(table: &Table, tlas: &Tlas, scene: &Scene, picture: [u32; 2]) -> [f64; 2] {
+    let every = RayFlags::default();
+    let single = measure_with(table, "single rays", tlas, &scene.camera.rays(picture), every, trace);
+    let packets = measure_with(table, "packets", tlas, &tiles(scene, picture), every, trace_packets);
+    [single, packets].map(|rate| rate.unwrap_or(f64::NAN))
+}
+
 /// Measures the traversal of rays by cursors or by packets.
 fn measure_with(
     table: &Table,

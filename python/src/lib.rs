@@ -1,8 +1,8 @@
 //! The module `anyhit._anyhit`: the crate's public face for Python, with numpy arrays for what is
 //! many. `anyhit/__init__.py` names what is public, `anyhit/_anyhit.pyi` its types.
 //!
-//! Names are those of the crate. What only the crate itself shows (`anyhit::internals`) is used in
-//! `payload`, `suite` and `stress` alone.
+//! Names are those of the crate. What the crate's public face lacks is taken from
+//! `anyhit::internals`.
 
 mod array;
 mod error;

@@ -7,10 +7,11 @@ use crate::atomic_file;
 use crate::cli::check_math;
 use crate::cli::input::InputLimitArgs;
 use crate::cli::output;
+use crate::cli::sanitize::FindingFormat;
 use crate::cli::smoke::modules;
 #[cfg(feature = "stress")]
 use crate::cli::stress;
-use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, print_warnings, verdict};
+use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, verdict};
 use crate::error::{Error, ErrorKind, Place, Result};
 #[cfg(feature = "stress")]
 use crate::harness::shares::check_math::CheckMathResult;
@@ -38,6 +39,9 @@ pub struct MergeArgs {
     /// How the report is printed
     #[arg(long, value_enum, default_value_t)]
     format: ReportFormat,
+    /// Of tests: how the findings of the sanitizer are printed
+    #[arg(long, value_name = "FORMAT", value_enum, default_value_t)]
+    findings: FindingFormat,
     /// Write the merged result as JSON
     #[arg(long, value_name = "FILE")]
     result: Option<PathBuf>,
@@ -100,6 +104,7 @@ impl MergeArgs {
             (self.junit.is_some(), "--junit"),
             (self.coverage.is_some(), "--coverage"),
             (self.timings.is_some(), "--timings"),
+            (self.findings != FindingFormat::Text, "--findings"),
         ];
         let of_pictures = [(self.output.is_some(), "--output")];
         let wrong = |flags: &[(bool, &'static str)], of: &str| {
@@ -139,7 +144,7 @@ impl MergeArgs {
         };
         let unwritten = files.write(&result);
         result.tests.iter().try_for_each(|test| print_test(test, self.format))?;
-        print_end(results.whole(), &result, self.format, &print_warnings)?;
+        print_end(results.whole(), &result, self.format, self.findings)?;
         if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
     }
 

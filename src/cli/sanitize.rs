@@ -1,6 +1,6 @@
 //! `--sanitize` and the flags that go with it: which rules are checked, and how findings are told.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args, ValueEnum};
 
@@ -12,7 +12,7 @@ use crate::harness::sanitized::{SanitizedRun, deny, run_sanitized, sanitize_one}
 use crate::input::{InputLimit, InputLimits, read_argument};
 use crate::machine::Resources;
 use crate::pipeline::Stats;
-use crate::sanitize::{Finding, Findings, Level, Levels};
+use crate::sanitize::{Finding, FindingRecord, Findings, Level, Levels, formats};
 use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, ResolvedScene};
 
@@ -45,9 +45,10 @@ pub(super) struct SanitizeArgs {
 }
 
 /// How findings are printed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum FindingFormat {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum FindingFormat {
     /// For people: source lines with what is wrong.
+    #[default]
     Text,
     /// A list of objects.
     Json,
@@ -57,15 +58,45 @@ enum FindingFormat {
     Github,
 }
 
+impl FindingFormat {
+    /// Prints findings for other tools; nothing as text, which has more than records do.
+    ///
+    /// # Errors
+    /// `Io`.
+    pub(super) fn print_records(self, findings: &[FindingRecord]) -> Result<()> {
+        match self {
+            Self::Text => Ok(()),
+            Self::Json => output::print(format_args!("{}\n", formats::json(findings))),
+            Self::Sarif => output::print(format_args!("{}\n", formats::sarif(findings))),
+            Self::Github => output::print(formats::github(findings)),
+        }
+    }
+}
+
 impl SanitizeArgs {
     /// Whether `--sanitize` is given.
     pub(super) fn is_requested(&self) -> bool {
         self.sanitize
     }
 
-    /// Whether findings are printed as text.
-    pub(super) fn prints_text(&self) -> bool {
-        self.findings == FindingFormat::Text
+    /// How findings are printed.
+    pub(super) fn format(&self) -> FindingFormat {
+        self.findings
+    }
+
+    /// The baseline of the findings that are known, if there is one.
+    ///
+    /// # Errors
+    /// `Io`, and `ResourceLimit` for a large file.
+    pub(super) fn known(&self) -> Result<Option<String>> {
+        let Some(path) = &self.baseline else { return Ok(None) };
+        let bytes = read_argument(path, InputLimit::FileBytes, &InputLimits::default())?;
+        Ok(Some(String::from_utf8_lossy(&bytes).into_owned()))
+    }
+
+    /// The file in which all findings are to be listed as known ones, if there is one.
+    pub(super) fn baseline_to_write(&self) -> Option<&Path> {
+        self.write_baseline.as_deref()
     }
 
     /// The levels of rules that the flags set, as they are typed.
@@ -145,12 +176,11 @@ impl SanitizeArgs {
         let mut findings = Findings::default();
         found.into_iter().flatten().for_each(|some| findings.extend(some));
         if let Some(path) = &self.write_baseline {
-            atomic_file::write(path, findings.baseline())?;
+            atomic_file::write(path, formats::baseline(&findings.records()))?;
             return outcome;
         }
-        if let Some(path) = &self.baseline {
-            let bytes = read_argument(path, InputLimit::FileBytes, &InputLimits::default())?;
-            findings.forget_known(&String::from_utf8_lossy(&bytes));
+        if let Some(known) = self.known()? {
+            findings.forget_known(&known);
         }
         let stats = match outcome {
             Ok(stats) => stats,
@@ -188,16 +218,6 @@ impl SanitizeArgs {
         self.stop(Findings::default(), error)
     }
 
-    /// Prints the findings that deny nothing, of tests whose failures tell the others.
-    ///
-    /// # Errors
-    /// `Io`.
-    pub(super) fn print_warnings(&self, findings: &Findings) -> Result<()> {
-        let mut warnings = findings.clone();
-        warnings.forget_denied();
-        self.print(&warnings)
-    }
-
     fn print(&self, findings: &Findings) -> Result<()> {
         match self.findings {
             FindingFormat::Text => {
@@ -206,9 +226,7 @@ impl SanitizeArgs {
                 }
                 Ok(())
             }
-            FindingFormat::Json => output::print(format_args!("{}\n", findings.json())),
-            FindingFormat::Sarif => output::print(format_args!("{}\n", findings.sarif())),
-            FindingFormat::Github => output::print(findings.github()),
+            other => other.print_records(&findings.records()),
         }
     }
 }

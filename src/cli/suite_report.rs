@@ -3,11 +3,14 @@
 use std::path::Path;
 
 use clap::ValueEnum;
+use serde_json::json;
 
 use crate::atomic_file;
 use crate::cli::output;
+use crate::cli::sanitize::FindingFormat;
 use crate::error::{Error, ErrorClass, ErrorKind, Result};
 use crate::harness::suite::{Ended, KeptFinding, SuiteResult, SuiteWhole, TestResult, junit, report};
+use crate::sanitize::FindingRecord;
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -67,8 +70,7 @@ pub(super) fn print_test(test: &TestResult, format: ReportFormat) -> Result<()> 
     }
 }
 
-/// Prints what stands behind the tests, and notes. What the sanitizer only warns of is handed to
-/// `print_findings`.
+/// Prints what stands behind the tests, and notes.
 ///
 /// # Errors
 /// `Io`.
@@ -76,7 +78,7 @@ pub(super) fn print_end(
     whole: &SuiteWhole,
     result: &SuiteResult,
     format: ReportFormat,
-    print_findings: &dyn Fn(&[KeptFinding]) -> Result<()>,
+    finding_format: FindingFormat,
 ) -> Result<()> {
     let findings = result.findings();
     if format == ReportFormat::Json {
@@ -88,7 +90,7 @@ pub(super) fn print_end(
             json["perturbed"] = result.held_stable().into();
         }
         if !findings.is_empty() {
-            json["findings"] = findings.iter().map(KeptFinding::json).collect();
+            json["findings"] = findings.iter().map(|finding| json!(finding.record())).collect();
         }
         output::print(format_args!("{json:#}\n"))?;
     } else {
@@ -102,20 +104,25 @@ pub(super) fn print_end(
             let (held, all) = (result.held_stable(), result.tests.len());
             output::print(format_args!("\nheld to stable outputs: {held} of {all} tests, {how}\n"))?;
         }
-        print_findings(&findings)?;
+        print_findings(&findings, finding_format, format)?;
         output::print(report::summary(result))?;
     }
     output::notes(&result.notes());
     Ok(())
 }
 
-/// Prints the findings that fail nothing, as text.
-///
-/// # Errors
-/// `Io`.
-pub(super) fn print_warnings(findings: &[KeptFinding]) -> Result<()> {
+/// Prints findings. Those that fail a test stand in its report as text already, and in its
+/// annotation for GitHub.
+fn print_findings(findings: &[KeptFinding], how: FindingFormat, report: ReportFormat) -> Result<()> {
     let mut warnings = findings.iter().filter(|finding| finding.is_warning());
-    warnings.try_for_each(|finding| output::print(finding.text()))
+    let records = |findings: &mut dyn Iterator<Item = &KeptFinding>| -> Vec<FindingRecord> {
+        findings.map(|finding| finding.record().clone()).collect()
+    };
+    match (how, report) {
+        (FindingFormat::Text, _) => warnings.try_for_each(|finding| output::print(finding.text())),
+        (FindingFormat::Github, ReportFormat::Github) => how.print_records(&records(&mut warnings)),
+        _ => how.print_records(&records(&mut findings.iter())),
+    }
 }
 
 /// The error that becomes the exit code; everything about it is printed already.

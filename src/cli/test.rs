@@ -12,14 +12,15 @@ use crate::cli::output;
 use crate::cli::sanitize::SanitizeArgs;
 use crate::cli::share::ShareArgs;
 use crate::cli::stability::StabilityArgs;
-use crate::cli::suite_report::{self, ReportFormat, SuiteFiles, print_end, print_test, verdict};
+use crate::cli::suite_report::{ReportFormat, SuiteFiles, print_end, print_test, verdict};
 use crate::debug::shell;
 use crate::error::{Error, ErrorKind, Result};
 use crate::harness::init;
 use crate::harness::shares::{Shard, ShareResults, Timings, fingerprint};
-use crate::harness::suite::{Suite, SuiteOptions, SuiteResult, SuiteRun, SuiteWhole, report};
+use crate::harness::suite::{Suite, SuiteOptions, SuiteResult, SuiteWhole, report};
 use crate::input::{InputLimit, InputLimits, RootFolder, read_argument};
 use crate::machine::LaunchLimits;
+use crate::sanitize::{FindingRecord, formats};
 use crate::scene::SceneFiles;
 
 /// Runs test cases: scenes with `[expect]` and `*.test.toml` files of rays.
@@ -125,7 +126,7 @@ pub fn run(args: TestArgs) -> Result<()> {
         let names: String = suite.tests().iter().map(|test| format!("{}\n", test.name)).collect();
         return output::print(names);
     }
-    let SuiteRun { result, findings } = execute(&args, &suite)?;
+    let result = execute(&args, &suite)?;
     let results = ShareResults::new(whole, shard.unwrap_or(Shard::WHOLE), result);
     let files = SuiteFiles {
         junit: args.junit.as_deref(),
@@ -137,10 +138,12 @@ pub fn run(args: TestArgs) -> Result<()> {
     // A file that cannot be written keeps nobody from the others, and from what is printed.
     let mut unwritten = files.write(&result);
     unwritten.extend(args.share.write(&results).err());
-    print_end(results.whole(), &result, args.format, &|kept| match args.sanitize.prints_text() {
-        true => suite_report::print_warnings(kept),
-        false => args.sanitize.print_warnings(&findings),
-    })?;
+    if let Some(path) = args.sanitize.baseline_to_write() {
+        let records: Vec<FindingRecord> =
+            result.findings().iter().map(|finding| finding.record().clone()).collect();
+        unwritten.extend(atomic_file::write(path, formats::baseline(&records)).err());
+    }
+    print_end(results.whole(), &result, args.format, args.sanitize.format())?;
     if unwritten.is_empty() { verdict(&result) } else { Err(Error::several(unwritten)) }
 }
 
@@ -198,6 +201,9 @@ fn whole(args: &TestArgs, suite: &Suite, timings: Option<&Timings>) -> Result<Su
     }
     let limits = format!("{:?}", args.limits.limits(LaunchLimits::TESTS));
     options.push(format!("limits {}", fingerprint([limits.as_str()].into_iter())));
+    if let Some(known) = args.sanitize.known()? {
+        options.push(format!("--baseline {}", fingerprint([known.as_str()].into_iter())));
+    }
     let many_seeds = args.many_seeds.given(&args.sanitize, &args.stability)?;
     Ok(SuiteWhole {
         tests: suite.tests().len(),
@@ -218,7 +224,7 @@ fn whole(args: &TestArgs, suite: &Suite, timings: Option<&Timings>) -> Result<Su
     })
 }
 
-fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteRun> {
+fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteResult> {
     let colour = !output::is_plain() && args.format == ReportFormat::Plain && stdout().is_terminal();
     let options = SuiteOptions {
         jobs: args.jobs.map_or(0, usize::from),
@@ -231,6 +237,8 @@ fn execute(args: &TestArgs, suite: &Suite) -> Result<SuiteRun> {
         perturb: args.stability.perturbation(args.many_seeds.perturbed_runs()),
         sanitize: args.sanitize.is_requested().then(|| args.sanitize.given_levels()).transpose()?,
         many_seeds: args.many_seeds.given(&args.sanitize, &args.stability)?,
+        known: args.sanitize.known()?,
+        becomes_baseline: args.sanitize.baseline_to_write().is_some(),
         no_explanation: args.no_explanation,
         colour,
         limits: args.limits.limits(LaunchLimits::TESTS),

@@ -1,6 +1,7 @@
 //! Execution models.
 
-use serde::{Serialize, Serializer};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// An execution model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -68,5 +69,30 @@ impl Stage {
 impl Serialize for Stage {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.name())
+    }
+}
+
+/// By the name of the execution model.
+impl<'de> Deserialize<'de> for Stage {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let mut named = (0..=6).chain(5267..=5365).map(Self::of);
+        let stage = named.find(|stage| stage.name() == name && Self::Other(u32::MAX).name() != name);
+        stage.ok_or_else(|| D::Error::custom(format!("`{name}` is no execution model")))
+    }
+}
+
+#[cfg(all(test, feature = "scenes"))]
+mod tests {
+    use super::*;
+
+    /// The names are those of the specification's table of execution models.
+    #[test]
+    fn execution_models_are_read_by_name() {
+        let read = |name: &str| serde_json::from_str::<Stage>(&format!("\"{name}\"")).ok();
+        assert_eq!(read("AnyHitKHR"), Some(Stage::AnyHit));
+        assert_eq!(read("GLCompute"), Some(Stage::Compute));
+        assert_eq!(read("MeshEXT"), Some(Stage::Other(5365)));
+        assert_eq!([read("unknown execution model"), read("anyhit")], [None, None]);
     }
 }

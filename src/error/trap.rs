@@ -1,7 +1,7 @@
 //! A trap as data: which rule a shader broke while it ran, where, with what values, and the shaders
 //! that called it.
 
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 use crate::error::{Stage, TrapCode};
 
@@ -94,7 +94,7 @@ impl Trap {
 }
 
 /// A shader on the stack of shader calls, and where in it the run stands.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ShaderFrame {
     /// The index of the shader in its pipeline; 0 for a shader without one, such as a compute

@@ -1,10 +1,11 @@
 //! Findings: each rule that was broken, once for each place and cause, with how often.
 
 use rustc_hash::FxHashMap;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use crate::error::{Error, Place, Result, ShaderFrame};
 use crate::machine::ShaderIndex;
+use crate::math::random::Random;
 use crate::sanitize::rule::{Level, Rule};
 
 /// A rule that a shader broke while it ran.
@@ -53,51 +54,13 @@ impl Finding {
     }
 }
 
-impl Serialize for Finding {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Fields<'a> {
-            rule: &'static str,
-            level: Level,
-            kind: &'static str,
-            class: &'static str,
-            message: &'a str,
-            file: Option<&'a str>,
-            line: Option<usize>,
-            count: u64,
-            launch_id: [u32; 3],
-            stack: &'a [ShaderFrame],
-            notes: &'a [String],
-            source: &'static str,
-            help: &'static str,
-        }
-        let (file, line) = self.place().unzip();
-        let fields = Fields {
-            file,
-            line,
-            rule: self.rule.id,
-            level: self.level,
-            kind: self.rule.kind.name(),
-            class: self.rule.kind.class(),
-            message: self.error.message(),
-            count: self.count,
-            launch_id: self.launch_id,
-            stack: &self.stack,
-            notes: self.error.notes(),
-            source: self.rule.source,
-            help: self.rule.help,
-        };
-        fields.serialize(serializer)
-    }
-}
-
 /// Findings, in the order in which they were met.
 #[derive(Clone, Debug, Default, Serialize)]
 #[serde(transparent)]
 pub struct Findings {
     list: Vec<Finding>,
     #[serde(skip)]
-    by_key: FxHashMap<FindingKey, usize>,
+    by_key: FxHashMap<SceneKey, usize>,
     /// Each time that one was met, where somebody asks for that.
     #[serde(skip)]
     occurrences: Option<Vec<Occurrence>>,
@@ -112,8 +75,8 @@ pub struct Occurrence {
     pub launch_id: [u32; 3],
 }
 
-/// What makes two occurrences one finding.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+/// What makes two occurrences in one run one finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct FindingKey {
     /// The id of the rule.
     pub rule: &'static str,
@@ -122,19 +85,43 @@ pub(super) struct FindingKey {
     pub places: [(ShaderIndex, u32); 2],
 }
 
+/// The first of the indices that stand for what is no shader: structures, outputs, a host.
+const FIRST_OTHER: u64 = u32::MAX as u64 - 0xFF;
+
+/// What makes two findings of runs one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct SceneKey {
+    /// The id of the rule.
+    rule: &'static str,
+    /// As [`FindingKey::places`], with the shader's index in its scene; among several scenes with a
+    /// number of its module, which is the same in each.
+    places: [(u64, u32); 2],
+}
+
+impl SceneKey {
+    fn of(key: &FindingKey) -> Self {
+        Self { rule: key.rule, places: key.places.map(|(shader, word)| (shader.0.into(), word)) }
+    }
+
+    /// The key with other numbers for what holds its places.
+    fn renumbered(self, number: impl Fn(u64) -> u64) -> Self {
+        Self { places: self.places.map(|(holder, word)| (number(holder), word)), ..self }
+    }
+}
+
 impl Findings {
     /// All findings.
     pub fn iter(&self) -> std::slice::Iter<'_, Finding> {
         self.list.iter()
     }
 
-    /// All findings, each with what tells it from others of its rule: the indices of shaders and
+    /// All findings, each with what tells it from others of its rule: the numbers of shaders and
     /// the words of instructions.
-    pub fn with_keys(&self) -> Vec<([u32; 4], &Finding)> {
+    pub fn with_keys(&self) -> Vec<([u64; 4], &Finding)> {
         let mut keys = vec![[0; 4]; self.list.len()];
         for (key, &at) in &self.by_key {
             let [(shader, word), (cause, cause_word)] = key.places;
-            keys[at] = [shader.0, word, cause.0, cause_word];
+            keys[at] = [shader, word.into(), cause, cause_word.into()];
         }
         keys.into_iter().zip(&self.list).collect()
     }
@@ -161,7 +148,7 @@ impl Findings {
 
     /// Notes that invocations have met the finding of a key, where that is asked for.
     pub(super) fn note(&mut self, key: &FindingKey, launch_ids: impl Iterator<Item = [u32; 3]>) {
-        if let (Some(noted), Some(&finding)) = (&mut self.occurrences, self.by_key.get(key)) {
+        if let (Some(noted), Some(&finding)) = (&mut self.occurrences, self.by_key.get(&SceneKey::of(key))) {
             noted.extend(launch_ids.map(|launch_id| Occurrence { finding, launch_id }));
         }
     }
@@ -175,10 +162,40 @@ impl Findings {
     /// scene.
     #[must_use]
     pub fn of_shaders_from(mut self, first: usize) -> Self {
-        let own = |(shader, word): (ShaderIndex, u32)| (ShaderIndex::new(shader.index() + first), word);
-        let keys = self.by_key.into_iter();
-        self.by_key = keys.map(|(key, at)| (FindingKey { places: key.places.map(own), ..key }, at)).collect();
+        let own = |holder| if holder < FIRST_OTHER { holder + first as u64 } else { holder };
+        self.by_key = self.by_key.into_iter().map(|(key, at)| (key.renumbered(own), at)).collect();
         self
+    }
+
+    /// The findings of a scene among those of others, each shader told by a number of its module
+    /// (those of the scene's shaders, in their order), all else by a number of the scene.
+    #[must_use]
+    pub fn among_others(self, modules: &[u64], scene: u64) -> Self {
+        let of_scene = |holder| Random::of(scene, [holder]).bits();
+        let number = |holder| modules.get(holder as usize).copied().unwrap_or_else(|| of_scene(holder));
+        let mut among_others = Self::default();
+        for (key, finding) in self.into_keyed() {
+            among_others.sum_up(key.renumbered(number), finding);
+        }
+        among_others
+    }
+
+    /// The findings with their keys, in their order.
+    fn into_keyed(self) -> impl Iterator<Item = (SceneKey, Finding)> {
+        let keys: FxHashMap<usize, SceneKey> = self.by_key.into_iter().map(|(key, at)| (at, key)).collect();
+        let keyed = move |(at, finding)| keys.get(&at).map(|&key| (key, finding));
+        self.list.into_iter().enumerate().filter_map(keyed)
+    }
+
+    /// Adds a finding, or its count to the one of the same key.
+    fn sum_up(&mut self, key: SceneKey, finding: Finding) {
+        match self.by_key.get(&key) {
+            Some(&known) => self.list[known].count += finding.count,
+            None => {
+                self.by_key.insert(key, self.list.len());
+                self.list.push(finding);
+            }
+        }
     }
 
     /// Drops the findings for which a condition does not hold.
@@ -241,11 +258,12 @@ impl Findings {
 
     /// Whether there is a finding of a key.
     pub(super) fn knows(&self, key: &FindingKey) -> bool {
-        self.by_key.contains_key(key)
+        self.by_key.contains_key(&SceneKey::of(key))
     }
 
     /// Counts an occurrence in so many lanes; a new finding has its report.
     pub(super) fn add(&mut self, key: FindingKey, lanes: u32, new: Option<Finding>) {
+        let key = SceneKey::of(&key);
         if let Some(&at) = self.by_key.get(&key) {
             self.list[at].count += u64::from(lanes);
         } else if let Some(finding) = new {
@@ -256,17 +274,8 @@ impl Findings {
 
     /// Adds the findings of another run.
     pub fn extend(&mut self, other: Self) {
-        let keys: FxHashMap<usize, FindingKey> =
-            other.by_key.into_iter().map(|(key, at)| (at, key)).collect();
-        for (at, finding) in other.list.into_iter().enumerate() {
-            let Some(key) = keys.get(&at) else { continue };
-            match self.by_key.get(key) {
-                Some(&known) => self.list[known].count += finding.count,
-                None => {
-                    self.by_key.insert(key.clone(), self.list.len());
-                    self.list.push(finding);
-                }
-            }
+        for (key, finding) in other.into_keyed() {
+            self.sum_up(key, finding);
         }
     }
 }

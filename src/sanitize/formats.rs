@@ -5,80 +5,67 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use crate::sanitize::finding::{Finding, Findings};
+use crate::sanitize::record::FindingRecord;
 use crate::sanitize::rule::{self, Level};
 
-impl Findings {
-    /// The findings as a list of objects: `rule`, `level`, `kind`, `class`, `message`, `file`,
-    /// `line`, `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
-    pub fn json(&self) -> String {
-        serde_json::to_string_pretty(self).unwrap_or_default()
-    }
-
-    /// The findings as SARIF 2.1.0, one run of the tool `anyhit`.
-    pub fn sarif(&self) -> String {
-        let rules: Vec<Value> = rule::all()
-            .chain(rule::of_stops())
-            .map(|rule| {
-                json!({
-                    "id": rule.id,
-                    "shortDescription": { "text": rule.holds },
-                    "fullDescription": { "text": rule.source },
-                    "help": { "text": rule.help },
-                    "defaultConfiguration": { "level": sarif_level(rule.kind.default_level()) },
-                })
-            })
-            .collect();
-        let results: Vec<Value> = self.iter().map(sarif_result).collect();
-        let sarif = json!({
-            "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
-            "version": "2.1.0",
-            "runs": [{
-                "tool": { "driver": {
-                    "name": "anyhit",
-                    "version": env!("CARGO_PKG_VERSION"),
-                    "rules": rules,
-                } },
-                "results": results,
-            }],
-        });
-        format!("{sarif:#}")
-    }
-
-    /// The findings as annotations of GitHub Actions, a line each.
-    pub fn github(&self) -> String {
-        let mut text = String::new();
-        for finding in self {
-            let command = if finding.level == Level::Deny { "error" } else { "warning" };
-            let mut place = String::new();
-            if let Some((file, line)) = finding.place() {
-                // Writing to a string does not fail.
-                let _ = write!(place, "file={},line={line},", escaped(file, true));
-            }
-            let (rule, message) = (finding.rule, escaped(finding.error.message(), false));
-            let _ = writeln!(text, "::{command} {place}title={rule}::{message}");
-        }
-        text
-    }
-
-    /// The lines of a baseline: what is known of each finding whatever launch index met it first.
-    pub fn baseline(&self) -> String {
-        let mut lines: Vec<String> = self.iter().map(baseline_line).collect();
-        lines.sort();
-        lines.iter().fold(String::new(), |text, line| text + line + "\n")
-    }
-
-    /// Drops the findings that a baseline lists.
-    pub fn forget_known(&mut self, baseline: &str) {
-        let known: std::collections::HashSet<&str> = baseline.lines().map(str::trim).collect();
-        self.retain(|finding| !known.contains(baseline_line(finding).as_str()));
-    }
+/// Findings as a list of objects: `rule`, `level`, `kind`, `class`, `message`, `file`, `line`,
+/// `count`, `launch_id`, `stack`, `notes`, `source` and `help`.
+pub fn json(findings: &[FindingRecord]) -> String {
+    serde_json::to_string_pretty(findings).unwrap_or_default()
 }
 
-/// Rule, file and message; the line may move.
-fn baseline_line(finding: &Finding) -> String {
-    let file = finding.place().map_or("", |(file, _)| file);
-    format!("{}\t{file}\t{}", finding.rule, finding.error.message())
+/// Findings as SARIF 2.1.0, one run of the tool `anyhit`.
+pub fn sarif(findings: &[FindingRecord]) -> String {
+    let rules: Vec<Value> = rule::all()
+        .chain(rule::of_stops())
+        .map(|rule| {
+            json!({
+                "id": rule.id,
+                "shortDescription": { "text": rule.holds },
+                "fullDescription": { "text": rule.source },
+                "help": { "text": rule.help },
+                "defaultConfiguration": { "level": sarif_level(rule.kind.default_level()) },
+            })
+        })
+        .collect();
+    let results: Vec<Value> = findings.iter().map(sarif_result).collect();
+    let sarif = json!({
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{
+            "tool": { "driver": {
+                "name": "anyhit",
+                "version": env!("CARGO_PKG_VERSION"),
+                "rules": rules,
+            } },
+            "results": results,
+        }],
+    });
+    format!("{sarif:#}")
+}
+
+/// Findings as annotations of GitHub Actions, a line each.
+pub fn github(findings: &[FindingRecord]) -> String {
+    let mut text = String::new();
+    for finding in findings {
+        let command = if finding.level == Level::Deny { "error" } else { "warning" };
+        let mut place = String::new();
+        if let (Some(file), Some(line)) = (&finding.file, finding.line) {
+            // Writing to a string does not fail.
+            let _ = write!(place, "file={},line={line},", escaped(file, true));
+        }
+        let (rule, message) = (&finding.rule, escaped(&finding.message, false));
+        let _ = writeln!(text, "::{command} {place}title={rule}::{message}");
+    }
+    text
+}
+
+/// The lines of a baseline, which lists findings as known ones.
+pub fn baseline(findings: &[FindingRecord]) -> String {
+    let mut lines: Vec<String> = findings.iter().map(FindingRecord::baseline_line).collect();
+    lines.sort();
+    lines.dedup();
+    lines.iter().fold(String::new(), |text, line| text + line + "\n")
 }
 
 fn sarif_level(level: Level) -> &'static str {
@@ -89,18 +76,18 @@ fn sarif_level(level: Level) -> &'static str {
     }
 }
 
-fn sarif_result(finding: &Finding) -> Value {
+fn sarif_result(finding: &FindingRecord) -> Value {
     let mut result = json!({
-        "ruleId": finding.rule.id,
+        "ruleId": finding.rule,
         "level": sarif_level(finding.level),
-        "message": { "text": finding.error.message() },
+        "message": { "text": finding.message },
         "properties": {
-            "class": finding.rule.kind.class(),
+            "class": finding.class,
             "count": finding.count,
             "launchId": finding.launch_id,
         },
     });
-    if let Some((file, line)) = finding.place() {
+    if let (Some(file), Some(line)) = (&finding.file, finding.line) {
         result["locations"] = json!([{
             "physicalLocation": {
                 "artifactLocation": { "uri": file },
@@ -124,7 +111,7 @@ mod tests {
     use super::*;
     use crate::error::{Error, ErrorKind, Place};
     use crate::machine::ShaderIndex;
-    use crate::sanitize::finding::FindingKey;
+    use crate::sanitize::finding::{Finding, FindingKey, Findings};
     use crate::sanitize::rule::{Rule, arithmetic};
 
     fn findings() -> Findings {
@@ -135,7 +122,7 @@ mod tests {
             let level = rule.kind.default_level();
             let finding = Finding { rule, level, count: 0, launch_id: [3, 2, 0], stack: Vec::new(), error };
             let key = FindingKey { rule: rule.id, places: [(ShaderIndex(0), line), (ShaderIndex(0), 0)] };
-            all.add(key.clone(), 2, Some(finding));
+            all.add(key, 2, Some(finding));
             // Met again: it is counted.
             all.add(key, 1, None);
         };
@@ -148,7 +135,7 @@ mod tests {
     fn annotations_escape_what_github_reads_otherwise() {
         let expected = "::error file=sky%2C1.rmiss,line=7,title=pow-domain::pow(-1.0, 2.0)\n\
                         ::warning file=sky%2C1.rmiss,line=9,title=nan-output::a NaN: 100 %25\n";
-        assert_eq!(findings().github(), expected);
+        assert_eq!(github(&findings().records()), expected);
     }
 
     #[test]
@@ -161,14 +148,14 @@ mod tests {
         let mut both = later.clone();
         both.extend(findings());
         assert_eq!(both.iter().map(|finding| finding.count).collect::<Vec<_>>(), [6, 3]);
-        let known = findings().baseline();
+        let known = baseline(&findings().records());
         later.forget_known(&known);
         assert!(later.is_empty());
     }
 
     #[test]
     fn sarif_has_rules_results_and_places() {
-        let sarif: Value = serde_json::from_str(&findings().sarif()).expect("JSON");
+        let sarif: Value = serde_json::from_str(&sarif(&findings().records())).expect("JSON");
         let run = &sarif["runs"][0];
         assert_eq!(sarif["version"], "2.1.0");
         assert_eq!(
@@ -180,7 +167,7 @@ mod tests {
         let place = &result["locations"][0]["physicalLocation"];
         assert_eq!(place["artifactLocation"]["uri"], "sky,1.rmiss");
         assert_eq!(place["region"]["startLine"], 7);
-        let json: Value = serde_json::from_str(&findings().json()).expect("JSON");
+        let json: Value = serde_json::from_str(&super::json(&findings().records())).expect("JSON");
         assert_eq!(
             (&json[1]["level"], &json[1]["line"], &json[1]["count"]),
             (&json!("warn"), &json!(9), &json!(3))

@@ -405,7 +405,7 @@ impl<const W: usize> Reporter<'_, W> {
         };
         // Made before it is added, as both look at the same frames.
         let new = (!self.findings.knows(&key)).then(make);
-        self.findings.add(key.clone(), lanes.count(), new);
+        self.findings.add(key, lanes.count(), new);
         let invocations = &self.batch.invocations;
         self.findings.note(&key, lanes.lanes().map(|lane| invocations.launch_id(lane)));
     }

@@ -400,7 +400,7 @@ impl<'a> RayWatch<'a> {
             }
             Finding { rule, level, count: 0, launch_id, stack, error }
         });
-        self.findings.add(key.clone(), 1, new);
+        self.findings.add(key, 1, new);
         self.findings.note(&key, std::iter::once(launch_id));
     }
 }

@@ -3,42 +3,29 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use crate::sanitize::{Finding, Findings, Level};
+use crate::sanitize::{Finding, FindingRecord, Findings, Level};
 
 /// A finding of the sanitizer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KeptFinding {
-    /// The id of the rule.
-    rule: String,
-    /// What tells it from others of the rule: the indices of shaders and the words of instructions.
-    key: [u32; 4],
-    level: Level,
-    count: u64,
+    /// What tells it from others of the rule: numbers of modules and the words of instructions.
+    key: [u64; 4],
     /// The whole report of one that was met once.
     once: String,
     /// The whole report before and behind how many more times it was met.
     more: [String; 2],
-    /// What `--format json` has of it.
-    json: Value,
+    /// What other formats have of it.
+    record: FindingRecord,
 }
 
 impl KeptFinding {
-    fn of(key: [u32; 4], finding: &Finding) -> Self {
+    fn of(key: [u64; 4], finding: &Finding) -> Self {
         let counted = |count| Finding { count, ..finding.clone() }.render();
         // No other number of a report is as large.
         let many = counted(u64::MAX);
         let (before, behind) = many.split_once(&(u64::MAX - 1).to_string()).unwrap_or((&many, ""));
-        Self {
-            rule: finding.rule.id.to_owned(),
-            key,
-            level: finding.level,
-            count: finding.count,
-            once: counted(1),
-            more: [before.to_owned(), behind.to_owned()],
-            json: serde_json::to_value(finding).unwrap_or_default(),
-        }
+        Self { key, once: counted(1), more: [before.to_owned(), behind.to_owned()], record: finding.record() }
     }
 
     /// All findings of a run.
@@ -49,11 +36,14 @@ impl KeptFinding {
     /// Adds findings to others: those of one key are one, which counts all and has the first's
     /// report.
     pub fn add<'a>(sum: &mut Vec<Self>, more: impl IntoIterator<Item = &'a Self>) {
-        let key = |one: &Self| (one.rule.clone(), one.key);
+        let key = |one: &Self| (one.record.rule.clone(), one.key);
         let mut known: BTreeMap<_, usize> = sum.iter().enumerate().map(|(at, one)| (key(one), at)).collect();
         for one in more {
             match known.get(&key(one)) {
-                Some(&at) => sum[at].count = sum[at].count.saturating_add(one.count),
+                Some(&at) => {
+                    let count = &mut sum[at].record.count;
+                    *count = count.saturating_add(one.record.count);
+                }
                 None => {
                     known.insert(key(one), sum.len());
                     sum.push(one.clone());
@@ -64,22 +54,20 @@ impl KeptFinding {
 
     /// Whether it fails nothing.
     pub fn is_warning(&self) -> bool {
-        self.level != Level::Deny
+        self.record.level != Level::Deny
     }
 
     /// The whole report as the terminal shows it.
     pub fn text(&self) -> String {
         let [before, behind] = &self.more;
-        match self.count {
+        match self.record.count {
             0 | 1 => self.once.clone(),
             count => format!("{before}{}{behind}", count - 1),
         }
     }
 
-    /// The finding as JSON.
-    pub fn json(&self) -> Value {
-        let mut json = self.json.clone();
-        json["count"] = self.count.into();
-        json
+    /// What other formats have of it.
+    pub fn record(&self) -> &FindingRecord {
+        &self.record
     }
 }

@@ -15,7 +15,6 @@ pub use junit::junit;
 pub use kept_finding::KeptFinding;
 pub use options::SuiteOptions;
 pub use result::{CaseResult, Ended, SuiteResult, SuiteWhole, TestResult};
-pub use run::SuiteRun;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

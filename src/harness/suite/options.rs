@@ -34,6 +34,10 @@ pub struct SuiteOptions {
     /// The seeds for each of which every launch that passes runs once more with drawn choices, and
     /// fails where a finding is denied; the levels of rules go over those of each scene.
     pub many_seeds: Option<ManySeeds>,
+    /// A baseline of findings, which are known: they are not told, and fail nothing.
+    pub known: Option<String>,
+    /// Whether denied findings fail nothing, as they become a baseline.
+    pub becomes_baseline: bool,
     /// Whether the explanation of the ray is left out of failures.
     pub no_explanation: bool,
     /// Whether explanations are in colour.
@@ -59,6 +63,8 @@ impl Default for SuiteOptions {
             perturb: None,
             sanitize: None,
             many_seeds: None,
+            known: None,
+            becomes_baseline: false,
             no_explanation: false,
             colour: false,
             limits: RunLimits { default: LaunchLimits::TESTS, ..RunLimits::default() },

@@ -17,18 +17,11 @@ use crate::harness::suite::result::{CaseResult, Ended, SuiteResult, TestResult};
 use crate::harness::suite::tester::{Tester, unstable};
 use crate::harness::suite::{Finished, Outcome, Part, Source, Suite, Test, report};
 use crate::input::{InputLimit, InputLimits};
+use crate::math::random::Random;
+use crate::module::Module;
 use crate::sanitize::Findings;
 use crate::scene::sanitize_table::scene_levels;
 use crate::scene::{Assembled, ResolvedScene};
-
-/// A suite that has run.
-#[derive(Debug, Default)]
-pub struct SuiteRun {
-    /// What it found, as reports and files have it.
-    pub result: SuiteResult,
-    /// The findings of the result, as the sanitizer tells of them in other forms than as text.
-    pub findings: Findings,
-}
 
 impl Suite {
     /// Runs the tests and reports each as soon as all before it are reported: no result and no
@@ -40,19 +33,17 @@ impl Suite {
         &self,
         options: &SuiteOptions,
         tell: &mut dyn FnMut(&Finished, &TestResult) -> Result<()>,
-    ) -> Result<SuiteRun> {
+    ) -> Result<SuiteResult> {
         let groups: Vec<&[Test]> = self.tests.chunk_by(|one, next| one.case == next.case).collect();
-        let mut run = SuiteRun::default();
-        run.result.coverage = options.coverage.then(Coverage::default);
+        let coverage = options.coverage.then(Coverage::default);
+        let mut result = SuiteResult { coverage, ..SuiteResult::default() };
         let mut fixes = Vec::new();
         let stop = AtomicBool::new(false);
         let mut take = |done: Done| -> Result<()> {
-            let SuiteRun { result, findings } = &mut run;
             let kept = KeptFinding::all(&done.findings);
             if !(done.notes.is_empty() && kept.is_empty()) {
                 result.cases.push(CaseResult { place: done.case, notes: done.notes, findings: kept });
             }
-            findings.extend(done.findings);
             for mut ran in done.tests {
                 if stop.load(Ordering::Relaxed) {
                     break;
@@ -69,7 +60,6 @@ impl Suite {
                     stop.store(true, Ordering::Relaxed);
                 }
                 result.tests.push(told);
-                findings.extend(ran.findings);
                 if let (Some(sum), Some(coverage)) = (&mut result.coverage, ran.coverage) {
                     sum.add(coverage);
                 }
@@ -77,10 +67,10 @@ impl Suite {
             Ok(())
         };
         in_order(groups.len(), options.jobs, &stop, &|at| self.group(groups[at], options), &mut take)?;
-        run.result.left_out = self.tests.len() - run.result.tests.len();
+        result.left_out = self.tests.len() - result.tests.len();
         let written = bless(fixes, &self.limits())?;
-        run.result.written = written.iter().map(|path| path.display().to_string()).collect();
-        Ok(run)
+        result.written = written.iter().map(|path| path.display().to_string()).collect();
+        Ok(result)
     }
 
     /// The limits that its files were read with.
@@ -109,8 +99,12 @@ impl Suite {
             Some(_) => Ok(Findings::default()),
             None => known_before(&loaded.scene, &loaded.assembled),
         };
+        let among_others = |findings: Findings| match findings.is_empty() {
+            true => findings,
+            false => findings.among_others(&module_numbers(&loaded.assembled), path_number(&file)),
+        };
         let findings = match known {
-            Ok(findings) => findings,
+            Ok(findings) => among_others(findings),
             Err(error) => return self.broken(tests, &file, &error),
         };
         let mut ran = Vec::new();
@@ -147,6 +141,7 @@ impl Suite {
             let coverage = recorder.map(|one| one.coverage(&loaded.scene, &loaded.assembled));
             let took = loading + begin.elapsed();
             let finished = Finished { name: test.name.clone(), file: file.clone(), outcome, took };
+            let findings = among_others(findings);
             ran.push(TestRun { place: test.place, finished, findings, shadow, held_stable, coverage });
         }
         let notes = [&loaded.scene.notes[..], &loaded.assembled.notes, &loaded.expectations.notes].concat();
@@ -183,6 +178,17 @@ fn known_before(scene: &ResolvedScene, assembled: &Assembled) -> Result<Findings
     let mut findings = check_scene(scene, assembled, &scene_levels(&scene.document)?);
     findings.warn_of_denied("`--sanitize` fails here, and looks at what runs");
     Ok(findings)
+}
+
+/// A number of the module of each shader of a scene, which is the same in each scene.
+fn module_numbers(assembled: &Assembled) -> Vec<u64> {
+    let number = |module: &Module| Random::of(0, module.words.iter().map(|&word| word.into())).bits();
+    assembled.programs().map(|program| number(&program.module)).collect()
+}
+
+/// A number of a scene, by its file.
+fn path_number(file: &Path) -> u64 {
+    Random::of(0, file.as_os_str().as_encoded_bytes().iter().map(|&byte| byte.into())).bits()
 }
 
 /// The tests of a case that have run.

@@ -105,8 +105,14 @@ impl Tester<'_> {
     /// The outcome of a test that passed but for findings, which are kept.
     pub(super) fn judge(&self, found: Result<Findings>, all: &mut Findings) -> Outcome {
         match found {
-            Ok(found) => {
-                let denied = found.denied().map(|one| Difference::of(one.report())).collect();
+            Ok(mut found) => {
+                if let Some(known) = &self.options.known {
+                    found.forget_known(known);
+                }
+                let mut denied = found.denied().map(|one| Difference::of(one.report())).collect::<Vec<_>>();
+                if self.options.becomes_baseline {
+                    denied.clear();
+                }
                 all.extend(found);
                 self.outcome(denied, None, self.part())
             }

@@ -1,0 +1,130 @@
+//! How the tree grows beside Embree's: time to build, memory, and rays, for more and more
+//! triangles, and the memory of each kind of primitive.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhit::internals::accel::{Blas, GeometryFlags};
+
+use crate::clock;
+use crate::installed::{Installed, Printed};
+use crate::scene_files::{PICTURE, write_scene};
+use crate::scenes::{self, Scene};
+use crate::table::Table;
+use crate::traverse;
+
+/// Sides of the heightfields, of two triangles a cell.
+const SIDES: [u32; 6] = [22, 71, 224, 707, 2236, 7072];
+
+/// What is measured of one scene, here or there.
+struct Figures {
+    /// Processor time and wall time of the build, in milliseconds.
+    build: [f64; 2],
+    /// Bytes of geometry and tree.
+    bytes: f64,
+    /// Millions of rays a second of processor time, one at a time and in packets.
+    rates: [f64; 2],
+}
+
+/// Prints the tables; heightfields have up to so many triangles.
+///
+/// # Errors
+/// Where Embree's program does not run.
+pub fn run(installed: &Installed, most: u32) -> Result<(), String> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    println!("Builds by {threads} threads, rays by one. Here / Embree:\n");
+    println!(
+        "| triangles | build, ms of CPU time | build, ms | bytes a triangle | single Mrays/s | packets, Mrays/s |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for side in SIDES.into_iter().filter(|side| 2 * side * side <= most) {
+        let scene = scenes::heightfield(side);
+        let count = 2 * side * side;
+        let here = here(&scene, count);
+        let there = there(installed, &scene, threads)?;
+        print_row(&count.to_string(), count, &here, &there);
+    }
+    println!("\n| primitives | bytes a primitive here | Embree | ratio |");
+    println!("|---|---|---|---|");
+    let kinds: [(&str, u32, Scene); 3] = [
+        ("131,072 triangles", 131_072, scenes::heightfield(256)),
+        ("10,000 spheres", 10_000, scenes::spheres(10_000)),
+        ("30,090 linear swept spheres", 30_090, scenes::meadow(30_000)),
+    ];
+    for (name, count, scene) in &kinds {
+        write_scene(&installed.share.join("scenes/growth"), scene);
+        let printed = installed.embree(&["/share/scenes/growth", "0", "1"])?;
+        let each = |bytes: f64| bytes / f64::from(*count);
+        let (here, there) = (each(bytes_of(scene, *count)), each(number(&printed, "bytes")?));
+        println!("| {name} | {here:.0} | {there:.0} | {:.2} |", here / there);
+    }
+    Ok(())
+}
+
+fn print_row(name: &str, count: u32, here: &Figures, there: &Figures) {
+    let each = |figures: &Figures| figures.bytes / f64::from(count);
+    println!(
+        "| {name} | {:.1} / {:.1} | {:.1} / {:.1} | {:.0} / {:.0} | {:.2} / {:.2} | {:.2} / {:.2} |",
+        here.build[0],
+        there.build[0],
+        here.build[1],
+        there.build[1],
+        each(here),
+        each(there),
+        here.rates[0],
+        there.rates[0],
+        here.rates[1],
+        there.rates[1],
+    );
+}
+
+fn here(scene: &Scene, count: u32) -> Figures {
+    let runs = if count < 1_000_000 { 7 } else { 1 };
+    let mut builds: Vec<[f64; 2]> = (0..runs)
+        .map(|_| {
+            let (cpu, wall) = (clock::process(), Instant::now());
+            drop(scene.built(GeometryFlags::OPAQUE));
+            [clock::process() - cpu, wall.elapsed()].map(|time| 1e3 * time.as_secs_f64())
+        })
+        .collect();
+    builds.sort_by(|a, b| a[1].total_cmp(&b[1]));
+    let tlas = scene.tlas(GeometryFlags::OPAQUE);
+    let rates = traverse::both_rates(&Table::new(true, None), &tlas, scene, PICTURE);
+    Figures { build: builds[builds.len() / 2], bytes: bytes_of(scene, count), rates }
+}
+
+fn there(installed: &Installed, scene: &Scene, threads: usize) -> Result<Figures, String> {
+    write_scene(&installed.share.join("scenes/growth"), scene);
+    let run = |rays: &str, threads: &str| installed.embree(&["/share/scenes/growth", rays, threads]);
+    let built = run("0", &threads.to_string())?;
+    let rate = |rays: &str| number(&run(rays, &threads.to_string())?, "rate");
+    Ok(Figures {
+        build: [number(&built, "build")?, number(&built, "wall")?],
+        bytes: number(&built, "bytes")?,
+        rates: [rate("1")?, rate("8")?],
+    })
+}
+
+fn number(printed: &Printed, name: &str) -> Result<f64, String> {
+    printed.get(name).copied().ok_or_else(|| format!("no `{name}` in {printed:?}"))
+}
+
+/// The memory of a scene's geometry with its tree: what the process grows by, with as many copies
+/// as make that plain.
+fn bytes_of(scene: &Scene, count: u32) -> f64 {
+    let copies = (2_000_000 / count).clamp(1, 200);
+    // Leaves the allocator with what building frees.
+    drop(scene.built(GeometryFlags::OPAQUE));
+    let before = resident_bytes();
+    let all: Vec<Arc<Blas>> = (0..copies).map(|_| scene.built(GeometryFlags::OPAQUE)).collect();
+    let grown = resident_bytes() - before;
+    grown / all.len() as f64
+}
+
+/// How much memory of this process is resident; not a number where the system does not tell.
+fn resident_bytes() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kibibytes = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
+    kibibytes.map_or(f64::NAN, |kibibytes| 1024.0 * kibibytes)
+}
