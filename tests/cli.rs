@@ -154,6 +154,42 @@ fn suite_of_divisions(name: &str) -> PathBuf {
     folder
 }
 
+/// A module without its debug instructions (SPIR-V, "Debug Instructions").
+fn without_debug(bytes: &[u8]) -> Vec<u8> {
+    let words: Vec<u32> =
+        bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+    let (header, mut rest) = words.split_at(5);
+    let mut kept = header.to_vec();
+    while let [first, ..] = *rest {
+        let (instruction, behind) = rest.split_at((first >> 16) as usize);
+        if !matches!(first as u16, 2..=8 | 317 | 330) {
+            kept.extend(instruction);
+        }
+        rest = behind;
+    }
+    kept.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// Whether a shader without its source declared a payload that an optimizer has dropped, nobody
+/// knows: that it declares none is told, and not denied.
+#[test]
+fn a_payload_that_may_have_been_dropped_is_a_warning() {
+    const CASE: &str = "shaders/sanitize/payload-undeclared/scene.toml";
+    const SHADER: &str = "spirv-fixtures/sanitize/payload-undeclared/broken.rahit.spv";
+    let (code, out, _) = run(&["run", CASE, "--sanitize"]);
+    assert_eq!((code, out.contains("error[payload-undeclared]")), (Some(6), true), "{out}");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let module = without_debug(&std::fs::read(root.join(SHADER)).expect("a module"));
+    let module = scratch("without-debug.rahit.spv", &module);
+    let text = std::fs::read_to_string(root.join(CASE)).expect("a scene");
+    let text = text.replace(&format!("../../../{SHADER}"), module.to_str().expect("UTF-8"));
+    let text = text.replace("../../..", root.to_str().expect("UTF-8"));
+    let scene = scratch("without-debug.toml", text.as_bytes());
+    let (code, out, err) = run(&["run", scene.to_str().expect("UTF-8"), "--sanitize"]);
+    assert_eq!((code, out.contains("warning[payload-undeclared]")), (Some(0), true), "{out}{err}");
+    assert!(out.contains("unless an optimizer has dropped an unused declaration"), "{out}");
+}
+
 /// What stands at the same word of two modules is two mistakes, and what two scenes run of one
 /// module is one.
 #[test]

@@ -11,6 +11,7 @@ use crate::harness::bound::{Bound, reads_what_is_bound};
 use crate::harness::given::{Given, gives_resources};
 use crate::harness::memory;
 use crate::harness::scene::Scene;
+use crate::harness::side_by_side::SideBySide;
 use crate::machine::printed::PrintedLine;
 use crate::machine::{Descriptor, ShaderIndex};
 use crate::module::Module;
@@ -147,10 +148,14 @@ impl ComputeTest {
         self.given.check(&compute.program)?;
         let resources = memory::copied(&self.given.resources);
         let (plans, levels) = ([ProgramPlan::new(&compute.program)], Levels::default());
+        let side_by_side = SideBySide::of(&plans, &resources);
         let mut sanitizer = Sanitizer::new(&plans, &levels).with_resources(&resources);
         let outcome = compute.run_observed(&resources, self.groups, &mut |_| (), &mut sanitizer);
         let mut findings = check_module(&compute.program, ShaderIndex(0), &levels);
         findings.extend(sanitizer.into_findings());
+        if let Some(run) = side_by_side {
+            findings.extend(run.dispatch(&compute, self.groups, &levels));
+        }
         findings.into_warnings(outcome.map(|_| ()))
     }
 

@@ -31,6 +31,7 @@ pub mod scalars;
 pub mod scene;
 pub mod shader_outcome;
 pub mod shader_test;
+mod side_by_side;
 pub mod smoke;
 #[cfg(feature = "proptest")]
 pub mod strategies;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::accel::Tlas;
 use crate::debug::session::{ResolvedRequest, SingleRun};
 use crate::error::{Error, ErrorKind, Result};
+use crate::harness::side_by_side::SideBySide;
 use crate::machine::{Observer, Resources, ShaderIndex};
 use crate::pipeline::{Launch, PipelineObserver, Stats};
 use crate::sanitize::contract::check_pipeline;
@@ -82,6 +83,7 @@ pub fn run_sanitized(
                 let seen = traced.entry(pass_pipeline).or_default();
                 let mut watch = RayWatch::new(&pipeline, scene, levels, seen);
                 let size = launch.size;
+                let side_by_side = SideBySide::of(&plans, &resources);
                 sizes.push(LaunchSize { invocations: size, workgroup: [1; 3] });
                 let launch = Launch { pipeline: &pipeline, resources: &resources };
                 let outcome = launch.run_observed(size, &mut watch, &mut sanitizer);
@@ -89,6 +91,9 @@ pub fn run_sanitized(
                 findings.extend(watch.into_findings().of_shaders_from(first));
                 let (found, left) = sanitizer.into_findings_and_unwritten();
                 findings.extend(found.of_shaders_from(first));
+                if let Some(run) = side_by_side {
+                    findings.extend(run.launch(&pipeline, size, levels).of_shaders_from(first));
+                }
                 unwritten = left;
                 outcome
             }
@@ -99,6 +104,7 @@ pub fn run_sanitized(
                     Sanitizer::new(&plans, levels).with_unwritten(unwritten).with_resources(&resources);
                 let on_event = &mut |event| queried.add_event(&event);
                 let compute = &dispatch.compute;
+                let side_by_side = SideBySide::of(&plans, &resources);
                 if let Some(layout) = compute.program.workgroup {
                     let invocations = |axis: usize| layout.size[axis].saturating_mul(dispatch.groups[axis]);
                     let invocations = std::array::from_fn(invocations);
@@ -108,6 +114,9 @@ pub fn run_sanitized(
                 let first = reference.dispatch_program(*at);
                 let (found, left) = sanitizer.into_findings_and_unwritten();
                 findings.extend(found.of_shaders_from(first));
+                if let Some(run) = side_by_side {
+                    findings.extend(run.dispatch(compute, dispatch.groups, levels).of_shaders_from(first));
+                }
                 unwritten = left;
                 outcome
             }

@@ -43,6 +43,15 @@ impl Levels {
         self.by_id.extend(rule::all().map(|rule| (rule.id, level)));
     }
 
+    /// These levels for some rules, and all others allowed.
+    #[must_use]
+    pub fn restricted_to(self, rules: &[&'static Rule]) -> Self {
+        let mut restricted = Self::default();
+        restricted.set_all(Level::Allow);
+        restricted.by_id.extend(rules.iter().map(|rule| (rule.id, self.of(rule))));
+        restricted
+    }
+
     /// These levels, and over them those that others set.
     #[must_use]
     pub fn overridden_by(mut self, others: &Self) -> Self {

@@ -136,6 +136,11 @@ pub struct ProgramPlan {
 }
 
 impl ProgramPlan {
+    /// Whether something is checked that lanes must have in common.
+    pub fn compares_lanes(&self) -> bool {
+        self.steps.iter().any(|step| step.uniformity.is_some())
+    }
+
     /// Plans for a program that is not optimised.
     pub fn new(program: &Arc<Program>) -> Self {
         let constants: FxHashMap<Reg, u32> = program.constants.iter().copied().collect();

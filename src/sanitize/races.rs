@@ -14,11 +14,12 @@
 //! * A control barrier of scope Subgroup orders the invocations of a subgroup. Where a module has
 //!   one, accesses within a subgroup count as ordered throughout; in ray tracing, where subgroups
 //!   change, all accesses do.
-//! * Atomic instructions order what stands before a release with what stands behind an acquire.
+//! * Atomic instructions order what stands before a release with what stands behind an acquire:
+//!   their own, or those of a fence that a path leads from to the instruction, or leads to from it.
 //!   Where since the earlier access its workgroup (in ray tracing: invocation) has executed an
 //!   atomic instruction that can release, and that of the later access one that can acquire, each
 //!   of a scope that holds both, they count as ordered, whichever location the instructions were
-//!   on.
+//!   on. Fences of other shaders of the pipeline stand before and behind.
 //!
 //! Atomic instructions are ordered among each other where they have one width, go through one
 //! descriptor, and each is in the scope of the other. Ordered accesses through different
@@ -45,13 +46,14 @@ use crate::sanitize::races::bindings::{References, Written};
 use crate::sanitize::races::class::{Class, Classes};
 use crate::sanitize::races::conflict::rank;
 use crate::sanitize::races::order::{AccessForm, Accessor, Event, LaneOrder, Order};
-use crate::sanitize::races::traits::Ordering;
+use crate::sanitize::races::ordering::Ordering;
 use crate::sanitize::rule::Rule;
 
 mod bindings;
 mod calls;
 mod class;
 mod conflict;
+mod fences;
 #[cfg(test)]
 mod litmus;
 #[cfg(test)]
@@ -61,6 +63,7 @@ mod litmus_model;
 #[cfg(test)]
 mod litmus_shapes;
 mod order;
+mod ordering;
 mod traits;
 
 pub(super) use bindings::overlapping_bindings;
@@ -266,8 +269,8 @@ impl Races {
             AtomicTarget::Registers { .. } => return Vec::new(),
         };
         let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
-        let scope = self.order.traits(place).scope;
-        self.order.synchronize(invocations, atomic_ordering(program, place, scope), scope);
+        let own = atomic_ordering(program, place, self.order.traits(place).scope);
+        self.order.synchronize(invocations, own, place);
         races
     }
 

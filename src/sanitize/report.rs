@@ -118,13 +118,27 @@ struct Told {
     word: Option<u32>,
     /// What tells it apart instead of place and cause.
     key: Option<[(ShaderIndex, u32); 2]>,
+    /// Whether it only seems so: it is never more than a warning.
+    is_uncertain: bool,
+}
+
+/// What is wrong with a call of a shader.
+pub(super) struct CallFault {
+    /// The rule.
+    pub rule: &'static Rule,
+    /// What is wrong.
+    pub message: String,
+    /// What else is to be told.
+    pub notes: Vec<String>,
+    /// Whether it only seems so.
+    pub is_uncertain: bool,
 }
 
 impl Told {
     /// A report at a place, of a cause there.
     fn at(rule: &'static Rule, place: OpPlace, message: String) -> Self {
         let (label, notes, cause) = (String::new(), Vec::new(), (place.shader, 0));
-        Self { rule, message, place, label, notes, cause, word: None, key: None }
+        Self { rule, message, place, label, notes, cause, word: None, key: None, is_uncertain: false }
     }
 }
 
@@ -160,14 +174,14 @@ impl<const W: usize> Reporter<'_, W> {
     /// some lanes.
     pub(super) fn broken_call(
         &mut self,
-        rule: &'static Rule,
+        fault: CallFault,
         (op, called): (OpIndex, ShaderIndex),
         lanes: Mask<W>,
-        message: String,
-        notes: Vec<String>,
     ) {
+        let CallFault { rule, message, notes, is_uncertain } = fault;
         let place = OpPlace { shader: self.shader(), op };
-        self.add(Told { notes, cause: (called, 0), ..Told::at(rule, place, message) }, op, lanes);
+        let told = Told { notes, cause: (called, 0), is_uncertain, ..Told::at(rule, place, message) };
+        self.add(told, op, lanes);
     }
 
     /// Reports that an instruction that is no operation, at a word of the module, broke a rule in
@@ -376,7 +390,8 @@ impl<const W: usize> Reporter<'_, W> {
 
     /// Adds what is told about an operation of the shader that runs.
     fn add(&mut self, told: Told, op: OpIndex, lanes: Mask<W>) {
-        let level = self.levels.of(told.rule);
+        let most = if told.is_uncertain { Level::Warn } else { Level::Deny };
+        let level = self.levels.of(told.rule).min(most);
         let Some(lane) = lanes.lowest().filter(|_| level != Level::Allow) else { return };
         let (Some(program), Some(at)) = (self.program(self.shader()), self.program(told.place.shader)) else {
             return;

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use crate::error::{ErrorKind, Result};
 use crate::harness::blocks::Blocks;
+use crate::harness::side_by_side::unordered;
 use crate::harness::smoke::fill::{FillExtent, WideIntegers};
 use crate::harness::smoke::grid::{groups, launch_size};
 use crate::harness::smoke::hits::{self, SmokeGeometry};
@@ -313,7 +314,8 @@ impl EntryUnderTest<'_> {
         if learned.is_spent {
             return Ok(Findings::default());
         }
-        let program = &Arc::new(program.unoptimized()?);
+        // Results do not matter here, and lanes are compared side by side.
+        let program = &unordered(&Arc::new(program.unoptimized()?));
         let scene = || hits::scene(learned.geometry);
         let given = resources::given(program, &self.variables, values, &learned.known, &scene)?;
         let mut stand_in = StandIn::new(program, tried.set.numbers);

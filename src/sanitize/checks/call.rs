@@ -12,6 +12,7 @@ use crate::pipeline::{describe_with_members, source_file};
 use crate::program::Program;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::interface_types::{are_laid_out_otherwise, first_difference, scalars};
+use crate::sanitize::report::CallFault;
 use crate::sanitize::rule::{Rule, contract};
 use crate::sanitize::sanitizer::Sanitizer;
 
@@ -63,12 +64,12 @@ pub(in crate::sanitize) fn check<const W: usize>(
     if sanitizer.matching_calls.contains(&(place, shader)) {
         return;
     }
-    let Some((rule, message, notes)) = fault(passed, caller, given, called) else {
+    let Some(fault) = fault(passed, caller, given, called) else {
         sanitizer.matching_calls.insert((place, shader));
         return;
     };
     let Some(op) = sanitizer.frames.last().map(|frame| frame.op) else { return };
-    sanitizer.reporter(batch).broken_call(rule, (op, shader), batch.mask, message, notes);
+    sanitizer.reporter(batch).broken_call(fault, (op, shader), batch.mask);
 }
 
 /// The operation that a shader is called by, its program, and the variable that it passes. (An
@@ -87,13 +88,14 @@ fn given<'a>(sanitizer: &Sanitizer<'a>) -> Option<(OpPlace, &'a Program, &'a Int
     Some((place, program, variable))
 }
 
-/// What is wrong with a call, if anything: the rule, the message and notes.
+/// What is wrong with a call, if anything.
 fn fault(
     passed: &Passed,
     caller: &Program,
     given: &InterfaceRegisters,
     called: &Program,
-) -> Option<(&'static Rule, String, Vec<String>)> {
+) -> Option<CallFault> {
+    let certain = |rule, message, notes| CallFault { rule, message, notes, is_uncertain: false };
     if scalars(&caller.module, given.ty).is_empty() {
         return None;
     }
@@ -106,10 +108,17 @@ fn fault(
     if declared.peek().is_none() {
         let message = format!("{who} declares no {}, and is given {gives}", passed.what);
         let [outgoing, incoming] = passed.keywords;
-        let note = unpassed(called, passed.outgoing).map(|name| {
+        let other = unpassed(called, passed.outgoing).map(|name| {
             format!("it declares `{name}` as {outgoing}, which is what it passes to others, not {incoming}")
         });
-        return Some((passed.undeclared, message, note.into_iter().collect()));
+        // Where nothing shows the source, an optimizer may have dropped an unused declaration.
+        let is_uncertain = other.is_none() && !has_source(&called.module);
+        let unless = is_uncertain.then(|| {
+            "unless an optimizer has dropped an unused declaration: debug information (-g) would tell"
+                .to_owned()
+        });
+        let notes = other.into_iter().chain(unless).collect();
+        return Some(CallFault { rule: passed.undeclared, message, notes, is_uncertain });
     }
     let used = called.entry_point().map_or(&[][..], |entry| &entry.interface);
     let (_, ty) = declared.find(|(variable, _)| used.contains(variable))?;
@@ -119,12 +128,17 @@ fn fault(
         let [own, other] = [called.module.describe_type(own), caller.module.describe_type(other)];
         let message = format!("{who} takes {takes}, and is given {gives}");
         let note = format!("where the structures first differ, it has {own}, and the caller {other}");
-        return Some((&contract::PAYLOAD_STRUCTURE, message, vec![note]));
+        return Some(certain(&contract::PAYLOAD_STRUCTURE, message, vec![note]));
     }
     are_laid_out_otherwise(types).then(|| {
         let message = format!("{who} lays out {takes} otherwise than the shader that gives it");
-        (&contract::PAYLOAD_DECORATION, message, Vec::new())
+        certain(&contract::PAYLOAD_DECORATION, message, Vec::new())
     })
+}
+
+/// Whether a module carries its source.
+fn has_source(module: &Module) -> bool {
+    module.debug_info.files.iter().any(|file| file.text.is_some())
 }
 
 /// Whether the source that a module carries uses a word: then an optimizer has dropped the unused

@@ -193,7 +193,7 @@ impl Order {
 mod tests {
     use super::*;
     use crate::machine::{OpIndex, ShaderIndex};
-    use crate::sanitize::races::traits::Ordering;
+    use crate::sanitize::races::ordering::Ordering;
 
     /// An order of workgroups of four invocations.
     fn order() -> Order {
@@ -302,9 +302,10 @@ mod tests {
         let (order, cell) = (&mut order(), &mut Cell::default());
         assert_eq!(access(order, cell, (0, 0), 1, Store, 0), None);
         let ordering = Ordering::of(None, None);
-        order.synchronize([0].into_iter(), ordering, None);
+        let place = OpPlace { shader: ShaderIndex(0), op: OpIndex(0) };
+        order.synchronize([0].into_iter(), ordering, place);
         assert_eq!(access(order, cell, (4, 0), 2, Load, 0), Some(("race-buffer", 0)));
-        order.synchronize([4].into_iter(), ordering, None);
+        order.synchronize([4].into_iter(), ordering, place);
         assert_eq!(access(order, cell, (5, 0), 2, Load, 0), None);
     }
 }

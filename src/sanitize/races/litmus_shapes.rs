@@ -15,7 +15,7 @@ use crate::sanitize::races::litmus::{
 
 use Privacy::{NonPrivate, Private, Volatile, Within};
 use Scope::{Device, QueueFamily, Subgroup, Workgroup};
-use Step::{Add, AtomicLoad, AtomicStore, Barrier, Load, Store, SubgroupBarrier};
+use Step::{Add, AtomicLoad, AtomicStore, Barrier, Fence, Load, Store, SubgroupBarrier};
 
 /// A fourth variable.
 const W: u32 = 3;
@@ -297,6 +297,50 @@ static SHAPES: &[Litmus] = &[
         &[&[&[AtomicStore(X, Device, VOLATILE)]], &[&[AtomicLoad(X, Device, VOLATILE)]]],
     ),
 ];
+
+/// The last workgroup to count itself reads what all have written: a release fence stands before
+/// the atomic instruction, an acquire fence behind it.
+static COUNTED: &[Litmus] = &[
+    litmus(
+        "counted, fences around",
+        false,
+        &[
+            &[&[Store(X, NonPrivate), Fence(Device, REL_AV), Add(Y, Device, NONE)]],
+            &[&[Add(Y, Device, NONE), Fence(Device, ACQ_VIS), Load(X, NonPrivate)]],
+        ],
+    ),
+    litmus(
+        "counted, the release comes too late",
+        true,
+        &[
+            &[&[Store(X, NonPrivate), Add(Y, Device, NONE), Fence(Device, REL_AV)]],
+            &[&[Add(Y, Device, NONE), Fence(Device, ACQ_VIS), Load(X, NonPrivate)]],
+        ],
+    ),
+    litmus(
+        "counted, the acquire comes too early",
+        true,
+        &[
+            &[&[Store(X, NonPrivate), Fence(Device, REL_AV), Add(Y, Device, NONE)]],
+            &[&[Fence(Device, ACQ_VIS), Add(Y, Device, NONE), Load(X, NonPrivate)]],
+        ],
+    ),
+    // A control barrier is a memory barrier, too, and its memory scope may hold more invocations
+    // than wait at it.
+    litmus(
+        "counted behind a barrier of the workgroup alone",
+        true,
+        &[
+            &[&[Store(X, NonPrivate), Barrier(BAR), Add(Y, Device, NONE)]],
+            &[&[Add(Y, Device, NONE), Barrier(BAR), Load(X, NonPrivate)]],
+        ],
+    ),
+];
+
+#[test]
+fn fences_order_through_atomic_instructions_on_their_right_side() {
+    check(COUNTED, Memory::Buffer);
+}
 
 /// Races that are not told: an atomic instruction that may order two accesses counts as one that
 /// does, and what any instruction of the module makes available counts for all.

@@ -10,7 +10,8 @@ use crate::sanitize::cause::OpPlace;
 use crate::sanitize::memory_shadow::Access;
 use crate::sanitize::races::calls::{Calls, Kinship};
 use crate::sanitize::races::class::{Class, Classes, Reach};
-use crate::sanitize::races::traits::{AccessTraits, Barriers, Ordering, ProgramTraits};
+use crate::sanitize::races::ordering::Ordering;
+use crate::sanitize::races::traits::{AccessTraits, Barriers, ProgramTraits};
 
 /// What an access does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -147,6 +148,8 @@ pub(super) struct Order {
     ordered_subgroup: OrderedSubgroup,
     /// What the memory barriers of all modules order.
     fences: Ordering,
+    /// By shader: what those of the other shaders order.
+    fences_of_others: Vec<Ordering>,
     /// The number of the first invocation of the workgroups that run.
     first: u32,
     /// By invocation from the first one on, and class: the barriers that it has passed.
@@ -156,6 +159,15 @@ pub(super) struct Order {
     /// The last of these that released, and that acquired.
     released: Clocks,
     acquired: Clocks,
+}
+
+/// By shader: what the memory barriers of the others order. Whether these call it is not looked at.
+fn fences_of_others(traits: &[ProgramTraits]) -> Vec<Ordering> {
+    let others = |at: usize| {
+        let others = traits.iter().enumerate().filter(|&(other, _)| other != at);
+        others.fold(Ordering::default(), |all, (_, other)| all.with(other.barriers.fences))
+    };
+    (0..traits.len()).map(others).collect()
 }
 
 /// The invocations among which all accesses count as ordered.
@@ -213,7 +225,6 @@ impl Order {
         Self {
             events: vec![Event::NONE],
             numbers: FxHashMap::default(),
-            traits,
             calls,
             is_compute: layout.is_some(),
             group_size: layout.map_or(1, |layout| layout.size.iter().product()),
@@ -224,6 +235,8 @@ impl Order {
                 (true, None) => OrderedSubgroup::Launch,
             },
             fences: all.fences,
+            fences_of_others: fences_of_others(&traits),
+            traits,
             first: 0,
             epochs: Vec::new(),
             clock: 0,
@@ -255,10 +268,12 @@ impl Order {
         &mut self,
         invocations: impl Iterator<Item = u32>,
         own: Ordering,
-        scope: Option<Scope>,
+        place: OpPlace,
     ) {
+        let AccessTraits { scope, fences, .. } = *self.traits(place);
+        let others = self.fences_of_others.get(place.shader.index()).copied().unwrap_or_default();
         // A fence orders through an atomic instruction no more than that one's scope holds.
-        let Ordering { releases, acquires } = own.with(self.fences).within(scope);
+        let Ordering { releases, acquires } = own.with(fences).with(others).within(scope);
         if releases.with(acquires) == Reach::default() {
             return;
         }

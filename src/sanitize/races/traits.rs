@@ -14,6 +14,8 @@ use crate::program::Program;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::class::{Classes, Reach};
+use crate::sanitize::races::fences::around_atomics;
+use crate::sanitize::races::ordering::{Ordering, is_wide, known_bits, scope};
 
 /// What a declaration says of others that reach the same memory (SPIR-V 2.18.2, "Aliasing").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,6 +40,8 @@ pub(super) struct AccessTraits {
     pub aliasing: Aliasing,
     /// The scope of an atomic instruction, or that in which the access propagates, if it is known.
     pub scope: Option<Scope>,
+    /// What fences release before an atomic instruction, and acquire behind it.
+    pub fences: Ordering,
 }
 
 /// The traits of the operations of a program.
@@ -82,6 +86,7 @@ impl ProgramTraits {
 /// By the offset of an instruction that accesses memory.
 fn traits_by_offset(module: &Module, entry: &EntryPoint) -> FxHashMap<u32, AccessTraits> {
     let code = EntryCode::new(module, entry);
+    let fences = around_atomics(module, entry);
     let has_model = module.has_vulkan_memory_model();
     let mut all: FxHashMap<u32, AccessTraits> = FxHashMap::default();
     for access in code.accesses() {
@@ -121,19 +126,14 @@ fn traits_by_offset(module: &Module, entry: &EntryPoint) -> FxHashMap<u32, Acces
             (true, Opcode::AtomicStore) => scope(module, words.words.get(2)),
             (true, _) => scope(module, words.words.get(4)),
         };
-        let traits = AccessTraits { is_private, propagates, aliasing, scope };
+        let fences = fences.get(&access.offset).copied().unwrap_or_default();
+        let traits = AccessTraits { is_private, propagates, aliasing, scope, fences };
         // A copy has two accesses: both are as private as the more private one.
         let known = all.entry(access.offset).or_insert(traits);
         known.is_private |= is_private;
         known.propagates &= propagates;
     }
     all
-}
-
-/// The scope of an id.
-fn scope(module: &Module, id: Option<&u32>) -> Option<Scope> {
-    let scope = module.scalar_value(Id(*id?))?;
-    Scope::from_u32(u32::try_from(scope).ok()?)
 }
 
 /// What an access says with the Vulkan memory model.
@@ -172,48 +172,6 @@ fn explicit(words: InstructionWords<'_>, opcode: Opcode) -> Explicit<'_> {
     let scope = words.words.get(at + 1 + operands.count_ones() as usize);
     let propagates = mask & propagating != 0;
     Explicit { is_private: mask & non_private == 0, propagates, scope: scope.filter(|_| propagates) }
-}
-
-/// What an instruction's memory semantics order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Ordering {
-    pub releases: Reach,
-    pub acquires: Reach,
-}
-
-impl Ordering {
-    /// That of semantics, where they are known, and of a scope.
-    pub(super) fn of(semantics: Option<u64>, scope: Option<Scope>) -> Self {
-        let reach = Reach::of(Classes::of(semantics), is_wide(scope));
-        let both = MemorySemantics::ACQUIRE_RELEASE | MemorySemantics::SEQUENTIALLY_CONSISTENT;
-        let bits = known_bits(semantics);
-        let part = |one| if bits.intersects(both | one) { reach } else { Reach::default() };
-        Self { releases: part(MemorySemantics::RELEASE), acquires: part(MemorySemantics::ACQUIRE) }
-    }
-
-    /// What is left of it within a scope.
-    pub(super) fn within(self, scope: Option<Scope>) -> Self {
-        if is_wide(scope) {
-            return self;
-        }
-        let near = |reach: Reach| Reach::of(reach.across(false), false);
-        Self { releases: near(self.releases), acquires: near(self.acquires) }
-    }
-
-    pub(super) fn with(self, other: Self) -> Self {
-        let Self { releases, acquires } = self;
-        Self { releases: releases.with(other.releases), acquires: acquires.with(other.acquires) }
-    }
-}
-
-/// Unknown semantics may be any.
-fn known_bits(semantics: Option<u64>) -> MemorySemantics {
-    MemorySemantics::from_bits_retain(semantics.map_or(u32::MAX, |bits| bits as u32))
-}
-
-/// Whether a scope holds more than a workgroup.
-fn is_wide(scope: Option<Scope>) -> bool {
-    !matches!(scope, Some(Scope::Workgroup | Scope::Subgroup | Scope::Invocation))
 }
 
 /// What the barriers and the atomic instructions of a module order, wherever they stand.

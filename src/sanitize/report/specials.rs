@@ -65,6 +65,7 @@ impl<const W: usize> Reporter<'_, W> {
         }
         notes.push(format!("it {arrives}{}", self.line(here)));
         Some(Told {
+            is_uncertain: false,
             rule,
             message: format!("{what}, made by {made}, {arrives}"),
             place,

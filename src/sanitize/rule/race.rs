@@ -53,7 +53,9 @@ rules! {
     COHERENT_MISSING "coherent-missing" UndefinedBehavior
         "Memory by which invocations communicate is declared coherent."
         "Vulkan, Memory Model, Private vs. Non-Private: barriers of shaders do not order private accesses"
-        "declare the buffer or image `coherent` (in Slang and HLSL `globallycoherent`)"
+        "declare the buffer or image `coherent` (in Slang and HLSL `globallycoherent`; WGSL for naga \
+         `@coherent var`, as it decorates nothing by itself); where the source says so, the compiler has \
+         lost it on the way"
     RACE_SAME_VALUE "race-same-value" Lint
         "Two invocations do not write to the same bytes, not even the same value."
         "Vulkan, Memory Model, Data Race: it makes no difference which values are written"

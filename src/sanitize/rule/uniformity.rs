@@ -10,7 +10,8 @@ rules! {
     NONUNIFORM_PLACEMENT "nonuniform-placement" UndefinedBehavior
         "NonUniform decorates the operand of the access, not only the index that it is made of."
         "Vulkan, \"Runtime SPIR-V Validation\", 10148 and 10149; GL_EXT_nonuniform_qualifier"
-        "write nonuniformEXT in the brackets of the array: a variable or parameter does not keep it"
+        "write nonuniformEXT in the brackets of the array: a variable or parameter does not keep it; where it \
+         stands there, the compiler has lost it on the way, as glslang does for atomic instructions"
     PUSH_ARRAY_UNIFORM "push-array-uniform" UndefinedBehavior
         "An array in the push constants is indexed alike in all lanes."
         "Vulkan, \"Runtime SPIR-V Validation\", 04745: such indices are dynamically uniform"
