@@ -30,7 +30,7 @@ pub(crate) fn transcript(name: &str) -> String {
 }
 
 /// What the program answers to commands, and its errors.
-fn run(arguments: &[String], commands: &str) -> (String, String) {
+pub(crate) fn run(arguments: &[String], commands: &str) -> (String, String) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_anyhit"))
         .arg("trace-one-ray")
         .arg("--interactive")
@@ -49,7 +49,7 @@ fn run(arguments: &[String], commands: &str) -> (String, String) {
 }
 
 /// The words of a command line, of which some are quoted.
-fn words(text: &str) -> Vec<String> {
+pub(crate) fn words(text: &str) -> Vec<String> {
     let parts = text.split('"').enumerate();
     let words = parts.flat_map(|(number, part)| match number % 2 {
         1 => vec![part.to_owned()],
