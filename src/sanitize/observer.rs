@@ -211,7 +211,12 @@ impl Sanitizer<'_> {
                 hit_object::check(self, batch, shadow, op, object);
                 define_writes(shadow, batch.mask, &mut |visit| object.accesses(visit));
             }
-            Op::Stop(_) | Op::Barrier | Op::Step => {}
+            Op::Step => {
+                if let Some(races) = &mut self.races {
+                    races.fence(batch, &plan.program, place);
+                }
+            }
+            Op::Stop(_) | Op::Barrier => {}
         }
         for (kind, tracked) in plan.stale.iter().enumerate() {
             stale::track(self, batch, shadow, executed, &plan.program.ops[op.index()], (kind, tracked));

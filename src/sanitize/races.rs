@@ -15,11 +15,11 @@
 //!   one, accesses within a subgroup count as ordered throughout; in ray tracing, where subgroups
 //!   change, all accesses do.
 //! * Atomic instructions order what stands before a release with what stands behind an acquire:
-//!   their own, or those of a fence that a path leads from to the instruction, or leads to from it.
-//!   Where since the earlier access its workgroup (in ray tracing: invocation) has executed an
-//!   atomic instruction that can release, and that of the later access one that can acquire, each
-//!   of a scope that holds both, they count as ordered, whichever location the instructions were
-//!   on. Fences of other shaders of the pipeline stand before and behind.
+//!   their own, or those of a fence that the invocation has passed before the instruction, or
+//!   passes behind it. Where since the earlier access its workgroup (in ray tracing: invocation)
+//!   has released through an atomic instruction, and that of the later access acquired through one,
+//!   each of a scope that holds both, they count as ordered, whichever location the instructions
+//!   were on.
 //!
 //! Atomic instructions are ordered among each other where they have one width, go through one
 //! descriptor, and each is in the scope of the other. Ordered accesses through different
@@ -45,6 +45,7 @@ use crate::sanitize::plan::{InstructionWords, ProgramPlan};
 use crate::sanitize::races::bindings::{References, Written};
 use crate::sanitize::races::class::{Class, Classes};
 use crate::sanitize::races::conflict::rank;
+use crate::sanitize::races::fences::fence_at;
 use crate::sanitize::races::order::{AccessForm, Accessor, Event, LaneOrder, Order};
 use crate::sanitize::races::ordering::Ordering;
 use crate::sanitize::rule::Rule;
@@ -171,6 +172,15 @@ impl Races {
         for lane in batch.mask.lanes() {
             self.order.barrier(batch.invocations.number(lane) as u32, own);
         }
+        self.fence(batch, program, place);
+    }
+
+    /// The running invocations have passed a memory barrier, or another instruction that orders
+    /// nothing.
+    pub(super) fn fence<const W: usize>(&mut self, batch: &Batch<W>, program: &Program, place: OpPlace) {
+        let offset = program.origins.get(place.op.index()).map_or(u32::MAX, |origin| origin.offset);
+        let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
+        self.order.fence(invocations, fence_at(&program.module, offset));
     }
 
     /// The running invocations have loaded or stored a part of a buffer, or of the workgroup's
@@ -269,8 +279,8 @@ impl Races {
             AtomicTarget::Registers { .. } => return Vec::new(),
         };
         let invocations = batch.mask.lanes().map(|lane| batch.invocations.number(lane) as u32);
-        let own = atomic_ordering(program, place, self.order.traits(place).scope);
-        self.order.synchronize(invocations, own, place);
+        let scope = self.order.traits(place).scope;
+        self.order.synchronize(invocations, atomic_ordering(program, place, scope), scope);
         races
     }
 

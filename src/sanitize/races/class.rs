@@ -76,6 +76,11 @@ impl Reach {
         Self { near: self.near.with(other.near), wide: self.wide.with(other.wide) }
     }
 
+    /// What is ordered within workgroups.
+    pub(super) fn near_alone(self) -> Self {
+        Self { wide: Classes::NONE, ..self }
+    }
+
     /// What is ordered between invocations of one workgroup, or of different ones.
     pub(super) fn across(self, is_wide: bool) -> Classes {
         if is_wide { self.wide } else { self.near }

@@ -302,10 +302,9 @@ mod tests {
         let (order, cell) = (&mut order(), &mut Cell::default());
         assert_eq!(access(order, cell, (0, 0), 1, Store, 0), None);
         let ordering = Ordering::of(None, None);
-        let place = OpPlace { shader: ShaderIndex(0), op: OpIndex(0) };
-        order.synchronize([0].into_iter(), ordering, place);
+        order.synchronize([0].into_iter(), ordering, None);
         assert_eq!(access(order, cell, (4, 0), 2, Load, 0), Some(("race-buffer", 0)));
-        order.synchronize([4].into_iter(), ordering, place);
+        order.synchronize([4].into_iter(), ordering, None);
         assert_eq!(access(order, cell, (5, 0), 2, Load, 0), None);
     }
 }

@@ -318,6 +318,14 @@ static COUNTED: &[Litmus] = &[
         ],
     ),
     litmus(
+        "counted, the release comes too early",
+        true,
+        &[
+            &[&[Fence(Device, REL_AV), Store(X, NonPrivate), Add(Y, Device, NONE)]],
+            &[&[Add(Y, Device, NONE), Fence(Device, ACQ_VIS), Load(X, NonPrivate)]],
+        ],
+    ),
+    litmus(
         "counted, the acquire comes too early",
         true,
         &[

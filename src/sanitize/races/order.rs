@@ -1,7 +1,7 @@
 //! What orders accesses to memory.
 
 use rspirv::spirv::Scope;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
 
 use crate::machine::{OpIndex, ShaderIndex};
 use crate::module::interface::Stage;
@@ -9,7 +9,8 @@ use crate::program::Program;
 use crate::sanitize::cause::OpPlace;
 use crate::sanitize::memory_shadow::Access;
 use crate::sanitize::races::calls::{Calls, Kinship};
-use crate::sanitize::races::class::{Class, Classes, Reach};
+use crate::sanitize::races::class::{Class, Classes};
+use crate::sanitize::races::fences::{Fences, Times};
 use crate::sanitize::races::ordering::Ordering;
 use crate::sanitize::races::traits::{AccessTraits, Barriers, ProgramTraits};
 
@@ -79,7 +80,7 @@ pub(super) struct Event {
     pub call: u32,
     /// Barriers of the workgroup before it that order its class of memory.
     epoch: u32,
-    /// Atomic instructions of the launch before it that may release or acquire.
+    /// Atomic instructions and fences of the launch before it.
     clock: u32,
 }
 
@@ -148,26 +149,18 @@ pub(super) struct Order {
     ordered_subgroup: OrderedSubgroup,
     /// What the memory barriers of all modules order.
     fences: Ordering,
-    /// By shader: what those of the other shaders order.
-    fences_of_others: Vec<Ordering>,
     /// The number of the first invocation of the workgroups that run.
     first: u32,
     /// By invocation from the first one on, and class: the barriers that it has passed.
     epochs: Vec<[u32; 3]>,
-    /// Atomic instructions so far that may release or acquire.
+    /// Atomic instructions and fences so far that may release or acquire.
     clock: u32,
-    /// The last of these that released, and that acquired.
-    released: Clocks,
-    acquired: Clocks,
-}
-
-/// By shader: what the memory barriers of the others order. Whether these call it is not looked at.
-fn fences_of_others(traits: &[ProgramTraits]) -> Vec<Ordering> {
-    let others = |at: usize| {
-        let others = traits.iter().enumerate().filter(|&(other, _)| other != at);
-        others.fold(Ordering::default(), |all, (_, other)| all.with(other.barriers.fences))
-    };
-    (0..traits.len()).map(others).collect()
+    /// The fences and atomic instructions of each invocation.
+    passed: Fences,
+    /// By workgroup: until when what was accessed is released through an atomic instruction, and
+    /// what was released when is acquired.
+    released: FxHashMap<u32, Times>,
+    acquired: FxHashMap<u32, Times>,
 }
 
 /// The invocations among which all accesses count as ordered.
@@ -179,32 +172,6 @@ enum OrderedSubgroup {
     Subgroup,
     /// Those of the whole launch.
     Launch,
-}
-
-/// When workgroups have last executed an atomic instruction of some kind.
-#[derive(Debug, Default)]
-struct Clocks {
-    /// By class and workgroup: of those of any scope.
-    near: [FxHashMap<u32, u32>; 3],
-    /// Of those whose scope is wider than a workgroup.
-    wide: [FxHashMap<u32, u32>; 3],
-}
-
-impl Clocks {
-    fn set(&mut self, reach: Reach, group: u32, clock: u32) {
-        for (is_wide, clocks) in [(false, &mut self.near), (true, &mut self.wide)] {
-            for class in reach.across(is_wide).each() {
-                clocks[class].insert(group, clock);
-            }
-        }
-    }
-
-    /// The clock of the last one; 0 where there was none.
-    #[inline]
-    fn last(&self, class: Class, is_wide: bool, group: u32) -> u32 {
-        let clocks = if is_wide { &self.wide } else { &self.near };
-        clocks[class as usize].get(&group).copied().unwrap_or(0)
-    }
 }
 
 impl Order {
@@ -235,13 +202,13 @@ impl Order {
                 (true, None) => OrderedSubgroup::Launch,
             },
             fences: all.fences,
-            fences_of_others: fences_of_others(&traits),
             traits,
             first: 0,
             epochs: Vec::new(),
             clock: 0,
-            released: Clocks::default(),
-            acquired: Clocks::default(),
+            passed: Fences::default(),
+            released: FxHashMap::default(),
+            acquired: FxHashMap::default(),
         }
     }
 
@@ -268,20 +235,35 @@ impl Order {
         &mut self,
         invocations: impl Iterator<Item = u32>,
         own: Ordering,
-        place: OpPlace,
+        scope: Option<Scope>,
     ) {
-        let AccessTraits { scope, fences, .. } = *self.traits(place);
-        let others = self.fences_of_others.get(place.shader.index()).copied().unwrap_or_default();
-        // A fence orders through an atomic instruction no more than that one's scope holds.
-        let Ordering { releases, acquires } = own.with(fences).with(others).within(scope);
-        if releases.with(acquires) == Reach::default() {
+        self.clock += 1;
+        let Ordering { releases, acquires } = own.within(scope);
+        let [mut released, mut acquired] = [Times::default(); 2];
+        released.set(releases, self.clock);
+        acquired.set(acquires, self.clock);
+        for invocation in invocations {
+            let group = self.group(invocation);
+            let fenced = self.passed.atomic(invocation, scope, self.clock);
+            let of_group = self.released.entry(group).or_default();
+            *of_group = of_group.later(released).later(fenced);
+            let of_group = self.acquired.entry(group).or_default();
+            *of_group = of_group.later(acquired);
+        }
+    }
+
+    /// Invocations have executed a barrier, which orders through the atomic instructions before and
+    /// behind it.
+    pub(super) fn fence(&mut self, invocations: impl Iterator<Item = u32>, fence: Ordering) {
+        if fence == Ordering::default() {
             return;
         }
         self.clock += 1;
-        let groups: FxHashSet<u32> = invocations.map(|invocation| self.group(invocation)).collect();
-        for group in groups {
-            self.released.set(releases, group, self.clock);
-            self.acquired.set(acquires, group, self.clock);
+        for invocation in invocations {
+            let group = self.group(invocation);
+            let acquired = self.passed.fence(invocation, fence, self.clock);
+            let of_group = self.acquired.entry(group).or_default();
+            *of_group = of_group.later(acquired);
         }
     }
 
@@ -365,8 +347,11 @@ impl Order {
             return Ordered::BySynchronization;
         }
         let is_wide = group != now.group;
-        let may_be_ordered = self.released.last(now.class, is_wide, group) > event.clock
-            && self.acquired.last(now.class, is_wide, now.group) > event.clock;
+        let last = |times: &FxHashMap<u32, Times>, group: u32| {
+            times.get(&group).map_or(0, |times| times.of(now.class as usize, is_wide))
+        };
+        let may_be_ordered =
+            last(&self.released, group) > event.clock && last(&self.acquired, now.group) > event.clock;
         if may_be_ordered { Ordered::BySynchronization } else { Ordered::Not }
     }
 

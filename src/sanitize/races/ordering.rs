@@ -27,8 +27,7 @@ impl Ordering {
         if is_wide(scope) {
             return self;
         }
-        let near = |reach: Reach| Reach::of(reach.across(false), false);
-        Self { releases: near(self.releases), acquires: near(self.acquires) }
+        Self { releases: self.releases.near_alone(), acquires: self.acquires.near_alone() }
     }
 
     pub(super) fn with(self, other: Self) -> Self {

@@ -14,7 +14,6 @@ use crate::program::Program;
 use crate::sanitize::module_checks::code::{EntryCode, Part};
 use crate::sanitize::plan::InstructionWords;
 use crate::sanitize::races::class::{Classes, Reach};
-use crate::sanitize::races::fences::around_atomics;
 use crate::sanitize::races::ordering::{Ordering, is_wide, known_bits, scope};
 
 /// What a declaration says of others that reach the same memory (SPIR-V 2.18.2, "Aliasing").
@@ -40,8 +39,6 @@ pub(super) struct AccessTraits {
     pub aliasing: Aliasing,
     /// The scope of an atomic instruction, or that in which the access propagates, if it is known.
     pub scope: Option<Scope>,
-    /// What fences release before an atomic instruction, and acquire behind it.
-    pub fences: Ordering,
 }
 
 /// The traits of the operations of a program.
@@ -86,7 +83,6 @@ impl ProgramTraits {
 /// By the offset of an instruction that accesses memory.
 fn traits_by_offset(module: &Module, entry: &EntryPoint) -> FxHashMap<u32, AccessTraits> {
     let code = EntryCode::new(module, entry);
-    let fences = around_atomics(module, entry);
     let has_model = module.has_vulkan_memory_model();
     let mut all: FxHashMap<u32, AccessTraits> = FxHashMap::default();
     for access in code.accesses() {
@@ -126,8 +122,7 @@ fn traits_by_offset(module: &Module, entry: &EntryPoint) -> FxHashMap<u32, Acces
             (true, Opcode::AtomicStore) => scope(module, words.words.get(2)),
             (true, _) => scope(module, words.words.get(4)),
         };
-        let fences = fences.get(&access.offset).copied().unwrap_or_default();
-        let traits = AccessTraits { is_private, propagates, aliasing, scope, fences };
+        let traits = AccessTraits { is_private, propagates, aliasing, scope };
         // A copy has two accesses: both are as private as the more private one.
         let known = all.entry(access.offset).or_insert(traits);
         known.is_private |= is_private;
