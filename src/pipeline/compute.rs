@@ -285,7 +285,7 @@ impl Compute {
         let order = resources.choices.as_deref().map(|choices| self.draw_order(choices, count, shares));
         let order = order.unwrap_or_default();
         let dog = Watchdog::new(self.launch_limits, count.saturating_mul(group_size));
-        let task = |task: u64, watch: &Arc<TaskWatch>| {
+        let task = |task: u64, watch: &Arc<TaskWatch>, kept: &mut Option<_>| {
             let range = range(task);
             let invocations = (range.end - range.start) * group_size;
             watch.begin_task(invocations);
@@ -304,16 +304,19 @@ impl Compute {
                 None if shares || self.mixes_atomics => {
                     self.runner::<64>(&bindings, watch).placed(places).run(groups, observers)
                 }
-                None => self.runner::<W>(&bindings, watch).placed(places).run(groups, observers),
+                None => {
+                    let make = || self.runner::<W>(&bindings, watch).placed(places);
+                    kept.get_or_insert_with(make).run(groups, observers)
+                }
             };
             on_progress(invocations);
             result
         };
         let worker = || {
             let mut all = TaskResults::default();
-            let watch = dog.watch();
+            let (watch, mut kept) = (dog.watch(), None);
             for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(index)) {
-                let (stats, trapped) = task(index, &watch);
+                let (stats, trapped) = task(index, &watch, &mut kept);
                 if let Some(trapped) = &trapped {
                     tasks.record_trap(index);
                     if trapped.code.is_limit() {
