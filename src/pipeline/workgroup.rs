@@ -67,6 +67,8 @@ pub(super) struct WorkgroupState<const W: usize> {
     at: usize,
     stats: Stats,
     pub trapped: Option<Trapped>,
+    /// The index of the workgroup that has trapped.
+    trapped_group: u64,
 }
 
 impl<const W: usize> WorkgroupState<W> {
@@ -145,7 +147,13 @@ where
         layout: WorkgroupLayout,
         watch: &Arc<TaskWatch>,
     ) -> Self {
-        let state = WorkgroupState { batches: Vec::new(), at: 0, stats: Stats::default(), trapped: None };
+        let state = WorkgroupState {
+            batches: Vec::new(),
+            at: 0,
+            stats: Stats::default(),
+            trapped: None,
+            trapped_group: 0,
+        };
         let mut runner = Self::resumed(program, limits, bindings, layout, watch, state);
         let batches = (0..(runner.group_size * runner.concurrent).div_ceil(W)).map(|_| {
             let mut batch = program.batch();
@@ -195,7 +203,9 @@ where
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let running: Vec<_> = groups.by_ref().take(self.concurrent).collect();
-            let first = running[0].index().saturating_mul(self.group_size as u64);
+            // All later ones stand behind the first of these.
+            let first = running.iter().map(|group| group.index()).min().unwrap_or(0);
+            let first = first.saturating_mul(self.group_size as u64);
             if self.watch.is_over() || self.watch.is_beyond(first) {
                 break;
             }
@@ -368,11 +378,12 @@ where
         }
     }
 
-    /// Records a trap, if it is the first.
+    /// Records a trap, if its workgroup is the first that has one.
     fn report(&mut self, at: usize, trap: LaneTrap, workgroup: &Workgroup, note: Option<String>) {
-        if self.state.trapped.is_some() {
+        if self.state.trapped.is_some() && self.state.trapped_group <= workgroup.index() {
             return;
         }
+        self.state.trapped_group = workgroup.index();
         let batch = &self.state.batches[at / W].batch;
         let (lane, invocations) = (at % W, &batch.invocations);
         let local = workgroup.local_id(invocations.local_index(lane));
