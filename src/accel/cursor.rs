@@ -29,7 +29,7 @@ use std::collections::BinaryHeap;
 
 use crate::accel::drawn_hits::{DrawnHits, TraversalSeeds};
 use crate::accel::flags::RayFlags;
-use crate::accel::hit::{Candidate, Committed, HitKind};
+use crate::accel::hit::{Candidate, Committed, HitKey, HitKind};
 use crate::accel::hit_queue::HitQueue;
 use crate::accel::observer::TraversalObserver;
 use crate::accel::tlas::Tlas;
@@ -53,9 +53,13 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Cursor {
     pub(super) trace: TraceRay,
-    pub(super) traversal: TraversalState,
+    /// The state of its traversal, from its first step on: large, and not needed where packets
+    /// find all hits.
+    traversal: Option<Box<TraversalState>>,
     pub(super) hits: HitQueue,
     state: State,
+    /// The next candidate, where it is known ahead.
+    next: Option<Candidate>,
     /// The hits that are left in an order that is drawn, if it is.
     drawn: Option<Box<DrawnHits>>,
 }
@@ -92,7 +96,7 @@ impl Cursor {
             reported: Vec::new(),
             any_opaque_hit_ends: false,
         };
-        Self { trace, traversal: TraversalState::EMPTY, hits, state: State::Fresh, drawn: None }
+        Self { trace, traversal: None, hits, state: State::Fresh, next: None, drawn: None }
     }
 
     /// Begins another traversal and reuses the buffers of this one.
@@ -102,6 +106,7 @@ impl Cursor {
         self.hits.clear();
         self.hits.cull_t = trace.ray.t_max;
         self.state = State::Fresh;
+        self.next = None;
         self.drawn = None;
     }
 
@@ -136,9 +141,39 @@ impl Cursor {
         &self.trace
     }
 
+    /// The hit behind which its next one lies, where that is not known and may be found from the
+    /// root on; `Some(None)` where it is the first.
+    #[inline]
+    pub(super) fn behind(&self) -> Option<Option<HitKey>> {
+        let is_open = self.state == State::Fresh
+            && self.next.is_none()
+            && self.drawn.is_none()
+            && !self.hits.any_opaque_hit_ends;
+        is_open.then_some(self.hits.last_presented)
+    }
+
+    /// Takes over the next hit in the order of hits, which was found otherwise; `None` where no hit
+    /// is left. The next call of [`Cursor::proceed`] comes to it.
+    #[inline]
+    pub fn take_next_hit(&mut self, hit: Option<Candidate>) {
+        match hit {
+            Some(candidate) if !candidate.opaque => self.next = hit,
+            _ => {
+                // Nothing else is known yet.
+                self.hits.committed = hit.and_then(Committed::opaque);
+                self.hits.presented = None;
+                self.state = State::Ended;
+            }
+        }
+    }
+
     /// Advances to the next candidate; `None` at the end. The previous candidate is ignored if it
     /// was not confirmed.
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
+        if let Some(candidate) = self.next.take() {
+            self.hits.present(candidate);
+            return Some(candidate);
+        }
         if self.state == State::Fresh && self.drawn.is_none() && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
             self.advance::<(), true>(tlas, true, &mut ());
@@ -193,7 +228,7 @@ impl Cursor {
     ) -> Option<Candidate> {
         loop {
             if let Some(&Reverse(first)) = self.hits.candidates.peek()
-                && self.traversal.is_past(first.0.intersection.t)
+                && self.traversal.as_ref().is_none_or(|state| state.is_past(first.0.intersection.t))
             {
                 self.hits.candidates.pop();
                 if self.hits.is_behind(&first) {
@@ -202,8 +237,7 @@ impl Cursor {
                 if self.hits.was_presented(&first) {
                     continue;
                 }
-                self.hits.last_presented = Some(first.key());
-                self.hits.presented = Some(first.0);
+                self.hits.present(first.0);
                 observer.present(&first.0);
                 return Some(first.0);
             }
@@ -314,7 +348,8 @@ impl Cursor {
         observer: &mut V,
     ) -> bool {
         let trace = &self.trace;
-        let (traversal, hits) = (&mut self.traversal, &mut self.hits);
+        let traversal = &mut **self.traversal.get_or_insert_with(|| Box::new(TraversalState::EMPTY));
+        let hits = &mut self.hits;
         let task = TraversalTask::<V, FULLY_OPAQUE> { traversal, hits, trace, tlas, observer, start };
         if V::is_active() { BaselineSimd.dispatch(task) } else { tlas.cpu_tier().run(task) }
     }
@@ -327,7 +362,7 @@ impl Cursor {
             self.hits.committed = Some(hit);
             observer.commit(&hit);
         }
-        observer.end(self.traversal.is_over());
+        observer.end(self.traversal.as_ref().is_none_or(|state| state.is_over()));
         self.terminate();
     }
 }

@@ -103,6 +103,14 @@ pub(super) struct HitKey {
     primitive: u32,
 }
 
+impl HitKey {
+    /// The rounded t of the hit.
+    #[inline(always)]
+    pub(super) fn t(&self) -> f32 {
+        self.t
+    }
+}
+
 /// The closest hit so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Committed {

@@ -68,6 +68,13 @@ impl HitQueue {
         self.any_opaque_hit_ends = false;
     }
 
+    /// Records the candidate that the caller decides on.
+    #[inline(always)]
+    pub(super) fn present(&mut self, candidate: Candidate) {
+        self.last_presented = Some(candidate.key(candidate.intersection.t));
+        self.presented = Some(candidate);
+    }
+
     /// Whether a candidate was returned already, and is found again in another leaf.
     pub(super) fn was_presented(&self, queued: &QueuedCandidate) -> bool {
         self.last_presented.is_some_and(|last| queued.key() <= last)

@@ -21,21 +21,27 @@ use traversal::PacketTraversal;
 
 use crate::accel::built_blas::GeomPrim;
 use crate::accel::cursor::Cursor;
-use crate::accel::hit::{Candidate, Committed};
+use crate::accel::flags::RayFlags;
+use crate::accel::hit::{Candidate, Committed, HitKey};
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::{NodeRef, WIDTH};
+use crate::accel::rules::is_opaque;
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
-use crate::geometry::{Intersection, Precision, Surface};
+use crate::geometry::{Intersection, Surface};
 
 /// The largest number of rays in a packet.
 pub const MAX_RAYS: usize = 64;
 
 /// Fewer rays than this are traced singly.
-const MIN_RAYS: usize = 8;
+pub(super) const MIN_RAYS: usize = 8;
 
 /// The nodes and leaves that a packet may open for each of its rays before it is given up.
 const STEPS_PER_RAY: u32 = 4;
+
+/// The rays that a packet is counted as, at least, when it finds next hits: those that go on, behind
+/// a candidate that they ignored, reach as many nodes as the tile that they are left of.
+const MIN_STEP_RAYS: usize = 32;
 
 /// The nodes and leaves that single rays of a packet may visit, for each of its rays: rays in
 /// random order take two and a half or more, those of a tile hardly ever two.
@@ -114,11 +120,16 @@ impl PacketHit {
         Candidate { instance, geometry, primitive, intersection, opaque: true }
     }
 
+    /// The key by which hits are ordered.
+    #[inline(never)]
+    fn key(&self, tlas: &Tlas) -> HitKey {
+        self.candidate(tlas).key(self.intersection.t)
+    }
+
     /// Whether it precedes another hit at the same t in the order of hits.
     #[cold]
     fn is_before(&self, other: &Self, tlas: &Tlas) -> bool {
-        let [this, other] = [self, other].map(|one| Committed::opaque(one.candidate(tlas)));
-        this.zip(other).is_some_and(|(this, other)| this.is_before(&other))
+        self.key(tlas) < other.key(tlas)
     }
 }
 
@@ -187,7 +198,7 @@ impl Packet {
         self.traced_together = 0;
         for traces in traces.chunks(MAX_RAYS) {
             let single_ray_mask = if self.is_worthwhile(tlas, traces) {
-                self.trace_together(tlas, traces, any_opaque_hit)
+                self.trace_together(tlas, traces, &[], traces.len(), any_opaque_hit)
             } else {
                 u64::MAX
             };
@@ -202,6 +213,51 @@ impl Packet {
             }
         }
         true
+    }
+
+    /// Finds the next hit of each of up to [`MAX_RAYS`] rays in the order of hits, opaque or not:
+    /// behind that of `behind` where this names one. Returns a mask of the rays whose next hit is
+    /// known; none where tracing them together does not pay.
+    pub(super) fn find_next_hits(
+        &mut self,
+        tlas: &Tlas,
+        traces: &[TraceRay],
+        behind: &[Option<HitKey>],
+    ) -> u64 {
+        let by_opacity = (RayFlags::CULL_OPAQUE | RayFlags::CULL_NO_OPAQUE).0;
+        let [first, ..] = traces else { return 0 };
+        let culls = first.flags.0 & by_opacity != 0;
+        if culls || !tlas.has_whole_primitives() || !tlas.suits_packets() || !are_alike(traces) {
+            return 0;
+        }
+        let single_ray_mask = if traces.len() < MIN_RAYS {
+            self.trace_few(tlas, traces, behind)
+        } else if self.has_cooled_down() {
+            self.trace_together(tlas, traces, behind, traces.len().max(MIN_STEP_RAYS), false)
+        } else {
+            return 0;
+        };
+        !single_ray_mask & (u64::MAX >> (MAX_RAYS - traces.len()))
+    }
+
+    /// The next hit that [`Packet::find_next_hits`] has found for a ray; `None` where there is
+    /// none.
+    #[inline]
+    pub(super) fn next_hit(&self, tlas: &Tlas, at: usize, flags: RayFlags) -> Option<Candidate> {
+        if self.hit >> at & 1 == 0 {
+            return None;
+        }
+        let PacketHit { instance: number, ordered_index, intersection } = self.hits[at];
+        let instance = &tlas.instances()[number as usize];
+        let built = instance.blas.built();
+        let GeomPrim { geometry, primitive } = built.geom_prim_at(ordered_index as usize);
+        // No geometry has a micromap.
+        let geometry_flags = match built.common_flags() {
+            Some(flags) => flags,
+            None => instance.blas.geometries()[geometry as usize].flags,
+        };
+        let opaque = is_opaque(flags, instance.flags, geometry_flags);
+        Some(Candidate { instance: number, geometry, primitive, intersection, opaque })
     }
 
     /// The number of rays of the last [`Packet::trace`] that were traced as packets to the end.
@@ -229,18 +285,15 @@ impl Packet {
     /// Whether tracing the rays as a packet may be faster than tracing them singly.
     #[inline]
     fn is_worthwhile(&mut self, tlas: &Tlas, traces: &[TraceRay]) -> bool {
-        let [first, ..] = traces else { return false };
-        let alike = |trace: &TraceRay| trace.flags == first.flags && trace.cull_mask == first.cull_mask;
-        // Below `Exact` what is hit may depend on which boxes are opened.
-        let order_matters = tlas.precision() != Precision::Exact;
-        if traces.len() < MIN_RAYS || tlas.moves() || order_matters || !traces.iter().all(alike) {
-            return false;
-        }
-        if self.packet_cooldown > 0 {
-            self.packet_cooldown -= 1;
-            return false;
-        }
-        true
+        traces.len() >= MIN_RAYS && tlas.suits_packets() && are_alike(traces) && self.has_cooled_down()
+    }
+
+    /// Whether packets are tried again after some that were given up.
+    #[inline]
+    fn has_cooled_down(&mut self) -> bool {
+        let has_cooled_down = self.packet_cooldown == 0;
+        self.packet_cooldown = self.packet_cooldown.saturating_sub(1);
+        has_cooled_down
     }
 
     fn trace_single(&mut self, tlas: &Tlas, trace: &TraceRay, any_opaque_hit: bool) -> Option<Committed> {
@@ -261,12 +314,19 @@ impl Packet {
         Committed::opaque(self.hits[at].candidate(tlas))
     }
 
-    /// Traces a packet; returns a mask of the rays that must be traced singly.
-    fn trace_together(&mut self, tlas: &Tlas, traces: &[TraceRay], any_opaque_hit: bool) -> u64 {
+    /// Traces a packet, which may take as many steps as `step_rays` rays; returns a mask of the
+    /// rays that must be traced singly.
+    fn trace_together(
+        &mut self,
+        tlas: &Tlas,
+        traces: &[TraceRay],
+        behind: &[Option<HitKey>],
+        step_rays: usize,
+        any_opaque_hit: bool,
+    ) -> u64 {
         (self.steps, self.single_steps) =
-            (STEPS_PER_RAY * traces.len() as u32, SINGLE_STEPS_PER_RAY * traces.len() as u32);
-        let traversal = PacketTraversal { packet: self, tlas, traces, any_opaque_hit, single_ray_mask: 0 };
-        let single_ray_mask = tlas.cpu_tier().run(traversal);
+            (STEPS_PER_RAY * step_rays as u32, SINGLE_STEPS_PER_RAY * step_rays as u32);
+        let single_ray_mask = self.run(tlas, traces, behind, any_opaque_hit);
         if self.steps == 0 {
             self.failed_packets = (self.failed_packets + 1).min(6);
             self.packet_cooldown = 1 << self.failed_packets;
@@ -275,6 +335,34 @@ impl Packet {
         }
         single_ray_mask
     }
+
+    /// Traces a few rays to their ends, mostly singly; returns a mask of those for which a packet
+    /// is not exact enough.
+    fn trace_few(&mut self, tlas: &Tlas, traces: &[TraceRay], behind: &[Option<HitKey>]) -> u64 {
+        (self.steps, self.single_steps) = (u32::MAX, u32::MAX);
+        self.run(tlas, traces, behind, false)
+    }
+
+    /// Traces rays with the steps that they may take; returns a mask of those that must be traced
+    /// singly.
+    fn run(
+        &mut self,
+        tlas: &Tlas,
+        traces: &[TraceRay],
+        behind: &[Option<HitKey>],
+        any_opaque_hit: bool,
+    ) -> u64 {
+        let traversal =
+            PacketTraversal { packet: self, tlas, traces, any_opaque_hit, behind, single_ray_mask: 0 };
+        tlas.cpu_tier().run(traversal)
+    }
+}
+
+/// Whether rays, of which there is at least one, share their flags and cull masks.
+#[inline]
+fn are_alike(traces: &[TraceRay]) -> bool {
+    let [first, ..] = traces else { return false };
+    traces.iter().all(|trace| trace.flags == first.flags && trace.cull_mask == first.cull_mask)
 }
 
 #[cfg(test)]

@@ -41,6 +41,7 @@ pub struct Tlas {
     bvh: OnceLock<Option<(WideBvh, Vec<u32>)>>,
     moves: bool,
     has_micromaps: bool,
+    has_boxes: bool,
     /// Whether every geometry is opaque, has no micromap and does not consist of boxes.
     opaque: OnceLock<bool>,
     precision: Precision,
@@ -90,6 +91,7 @@ impl Tlas {
             instance.blas.geometries().iter().any(|geometry| geometry.opacity_micromap.is_some())
         };
         let has_micromaps = instances.iter().any(has_micromap);
+        let has_boxes = instances.iter().any(|instance| instance.blas.kind() == Some(GeometryKind::Aabbs));
         let moves = instances.iter().any(|instance| instance.motion.is_some() || instance.blas.moves());
         let world_to_object = instances.iter().map(|_| OnceLock::new()).collect();
         let (bvh, opaque) = (OnceLock::new(), OnceLock::new());
@@ -100,6 +102,7 @@ impl Tlas {
             bvh,
             moves,
             has_micromaps,
+            has_boxes,
             opaque,
             precision,
             cpu_tier,
@@ -136,6 +139,18 @@ impl Tlas {
     /// How intersections are computed.
     pub fn precision(&self) -> Precision {
         self.precision
+    }
+
+    /// Whether packets may trace rays in it: nothing moves, and what is hit does not depend on which
+    /// boxes of a BVH are opened, as it may below `Exact`.
+    pub(super) fn suits_packets(&self) -> bool {
+        self.precision == Precision::Exact && !self.moves
+    }
+
+    /// Whether each hit is one of a whole triangle, sphere or linear swept sphere: there are
+    /// neither boxes nor opacity micromaps.
+    pub(super) fn has_whole_primitives(&self) -> bool {
+        !self.has_boxes && !self.has_micromaps
     }
 
     /// Whether no ray with these flags ever has a candidate for a shader to decide on.

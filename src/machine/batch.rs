@@ -80,6 +80,8 @@ pub struct Batch<const W: usize> {
     access_faults: Vec<(usize, AccessFault)>,
     /// The lanes that have not been stopped.
     live: Mask<W>,
+    /// The lanes that have trapped.
+    trapped: Mask<W>,
     /// The fuel of each lane, less what it has consumed without the others. Fuel is consumed at
     /// back edges and calls.
     fuel: [u64; W],
@@ -120,6 +122,7 @@ impl<const W: usize> Batch<W> {
             watched: Arc::default(),
             turns: Turns::default(),
             live: Mask::NONE,
+            trapped: Mask::NONE,
             fuel: [0; W],
             consumed_together: 0,
             min_fuel: 0,
@@ -135,6 +138,7 @@ impl<const W: usize> Batch<W> {
     pub fn begin(&mut self, mask: Mask<W>, block: BlockIndex, op: OpIndex, fuel: u64) {
         self.mask = mask;
         self.live = mask;
+        self.trapped = Mask::NONE;
         self.block = block;
         self.op = op;
         self.paused = false;
@@ -159,6 +163,12 @@ impl<const W: usize> Batch<W> {
     /// The lanes that have not ended.
     pub fn live(&self) -> Mask<W> {
         self.live
+    }
+
+    /// The lanes that have trapped.
+    #[inline]
+    pub fn trapped(&self) -> Mask<W> {
+        self.trapped
     }
 
     /// The calls in progress, the outermost first.
@@ -213,6 +223,10 @@ impl<const W: usize> Batch<W> {
         for lane in mask.lanes() {
             self.exits[lane] = exit;
         }
+        self.trapped = match exit {
+            Exit::Trapped(_) => self.trapped | mask,
+            _ => self.trapped.without(mask),
+        };
         self.settle();
         self.live = self.live.without(mask);
         self.mask = self.mask.without(mask);

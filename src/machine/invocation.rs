@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use smallvec::SmallVec;
-
 use crate::accel::{Candidate, HitKind, HitPrimitive, RayFlags, RecordIndex, Tlas, TlasInstance, TraceRay};
 use crate::geometry::Ray;
 use crate::machine::buffer::Buffer;
 use crate::machine::lanes::{Lanes, Mask, Reg, Registers};
+use crate::machine::shared_by_lanes::SharedByLanes;
 use crate::machine::workgroup::Workgroup;
 
 /// The initial state of one invocation, for [`Invocations::set`].
@@ -193,71 +192,8 @@ pub enum InvocationField {
     LocalIndex,
 }
 
-/// The acceleration structure that the ray of each lane traverses. Mostly all lanes have the same
-/// one: the distinct structures are stored once, and each lane has an index.
-#[derive(Clone, Debug)]
-pub struct LaneTlases<const W: usize> {
-    all: SmallVec<[Arc<Tlas>; 1]>,
-    indices: Lanes<W>,
-}
-
-impl<const W: usize> LaneTlases<W> {
-    /// Discards the structures, but keeps a single one: the next rays most likely traverse it, too,
-    /// and its reference count is shared by all threads.
-    pub fn clear(&mut self) {
-        if self.all.len() > 1 {
-            self.all.clear();
-        }
-    }
-
-    /// The index of a structure, which is added if it is new.
-    fn index_of(&mut self, tlas: &Arc<Tlas>) -> u32 {
-        let known = self.all.iter().position(|known| Arc::ptr_eq(known, tlas));
-        known.unwrap_or_else(|| {
-            self.all.push(tlas.clone());
-            self.all.len() - 1
-        }) as u32
-    }
-
-    /// The distinct structures.
-    pub fn all(&self) -> &[Arc<Tlas>] {
-        &self.all
-    }
-
-    /// The index of each lane's structure.
-    pub fn indices(&self) -> &Lanes<W> {
-        &self.indices
-    }
-
-    /// Sets the structure of some lanes.
-    pub fn set(&mut self, lanes: Mask<W>, tlas: &Arc<Tlas>) {
-        let index = self.index_of(tlas);
-        for lane in lanes.lanes() {
-            self.indices.0[lane] = index;
-        }
-    }
-
-    /// The structure of a lane.
-    #[inline]
-    pub fn get(&self, lane: usize) -> Option<&Arc<Tlas>> {
-        self.all.get(self.indices.0[lane] as usize)
-    }
-
-    /// Copies the structures of another batch.
-    pub fn copy(&mut self, from: &Self) {
-        let same = |(a, b): (&Arc<Tlas>, &Arc<Tlas>)| Arc::ptr_eq(a, b);
-        if self.all.len() != from.all.len() || !self.all.iter().zip(&from.all).all(same) {
-            self.all.clone_from(&from.all);
-        }
-        self.indices = from.indices;
-    }
-}
-
-impl<const W: usize> Default for LaneTlases<W> {
-    fn default() -> Self {
-        Self { all: SmallVec::new(), indices: Lanes([0; W]) }
-    }
-}
+/// The acceleration structure that the ray of each lane traverses.
+pub type LaneTlases<const W: usize> = SharedByLanes<Tlas, W>;
 
 /// The state of a batch's invocations that its shader reads through builtin variables: structure of
 /// arrays.
@@ -287,7 +223,7 @@ pub struct Invocations<const W: usize> {
     local_index: Lanes<W>,
     subgroup_order: Lanes<W>,
     records: Vec<Option<ShaderRecord>>,
-    workgroups: Vec<Option<Arc<Workgroup>>>,
+    workgroups: SharedByLanes<Workgroup, W>,
 }
 
 impl<const W: usize> Invocations<W> {
@@ -308,7 +244,7 @@ impl<const W: usize> Invocations<W> {
             local_index: zero,
             subgroup_order: zero,
             records: vec![None; W],
-            workgroups: vec![None; W],
+            workgroups: SharedByLanes::default(),
         }
     }
 
@@ -336,9 +272,32 @@ impl<const W: usize> Invocations<W> {
         self.record_indices[lane] = RecordIndex(0);
         self.depth = invocation.depth;
         self.subgroup_size = invocation.subgroup_size;
-        self.workgroups[lane] = invocation.workgroup;
+        if let Some(workgroup) = &invocation.workgroup {
+            self.workgroups.set(Mask::lane(lane), workgroup);
+        }
         self.local_index.0[lane] = invocation.local_index;
         self.subgroup_order.0[lane] = invocation.subgroup_order;
+    }
+
+    /// Begins invocations of other workgroups, of a dispatch of so many invocations.
+    pub fn begin_workgroups(&mut self, launch_size: [u32; 3], subgroup_size: u32) {
+        (self.launch_size, self.subgroup_size) = (launch_size, subgroup_size);
+        self.workgroups.clear();
+    }
+
+    /// Sets a lane to an invocation of a workgroup.
+    #[inline]
+    pub fn set_in_workgroup(
+        &mut self,
+        lane: usize,
+        workgroup: &Arc<Workgroup>,
+        local_index: u32,
+        subgroup_order: u32,
+    ) {
+        self.set_launch_id(lane, workgroup.global_id(local_index));
+        self.workgroups.set(Mask::lane(lane), workgroup);
+        self.local_index.0[lane] = local_index;
+        self.subgroup_order.0[lane] = subgroup_order;
     }
 
     /// The lanes of one field.
@@ -435,7 +394,7 @@ impl<const W: usize> Invocations<W> {
     /// The workgroup of a lane.
     #[inline]
     pub fn workgroup(&self, lane: usize) -> Option<&Arc<Workgroup>> {
-        self.workgroups[lane].as_ref()
+        self.workgroups.get(lane)
     }
 
     /// `LocalInvocationIndex` of a lane, in compute.

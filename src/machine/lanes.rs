@@ -123,6 +123,13 @@ impl<const W: usize> Registers<W> {
         LaneWords { registers: self.registers[first.0 as usize..(first.0 + count) as usize].iter(), lane }
     }
 
+    /// The words of one lane in N consecutive registers.
+    #[inline]
+    pub fn lane_array<const N: usize>(&self, first: Reg, lane: usize) -> [u32; N] {
+        let registers = &self.registers[first.0 as usize..][..N];
+        std::array::from_fn(|at| registers[at].0[lane])
+    }
+
     /// Sets the words of one lane in consecutive registers.
     #[inline]
     pub fn set_lane_words(&mut self, first: Reg, lane: usize, words: impl IntoIterator<Item = u32>) {
@@ -131,17 +138,10 @@ impl<const W: usize> Registers<W> {
         }
     }
 
-    /// Sets a word of the lanes of a mask.
+    /// Sets a word of all lanes.
     #[inline]
-    pub fn set(&mut self, to: Reg, word: u32, mask: Mask<W>) {
-        let register = &mut self[to];
-        if mask.is_all() {
-            register.0 = [word; W];
-            return;
-        }
-        for lane in 0..W {
-            register.0[lane] = if mask.selects(lane) { word } else { register.0[lane] };
-        }
+    pub fn set(&mut self, to: Reg, word: u32) {
+        self[to].0 = [word; W];
     }
 
     /// Copies consecutive registers of other registers, for the lanes of a mask.
@@ -181,11 +181,16 @@ impl<const W: usize> Registers<W> {
             self.registers.copy_within(place..place + 1, to.0 as usize);
             return;
         }
-        let source = self[from];
+        let (source, cpu_tier) = (self[from], self.cpu_tier);
         let register = &mut self[to];
-        for lane in 0..W {
-            register.0[lane] = if mask.selects(lane) { source.0[lane] } else { register.0[lane] };
-        }
+        cpu_tier.run_loop(
+            #[inline(always)]
+            || {
+                for lane in 0..W {
+                    register.0[lane] = if mask.selects(lane) { source.0[lane] } else { register.0[lane] };
+                }
+            },
+        );
     }
 }
 

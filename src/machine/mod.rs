@@ -23,6 +23,7 @@ pub mod printed;
 pub mod ray_query;
 pub mod resource;
 pub mod sampler;
+pub mod shared_by_lanes;
 pub mod stop;
 pub mod trap;
 pub mod turns;

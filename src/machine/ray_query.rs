@@ -8,8 +8,8 @@
 use std::sync::Arc;
 
 use crate::accel::{
-    Candidate, Committed, Cursor, HitKind, HitPrimitive, InstanceVerdict, PrimitiveVerdict, RayFlags, Tlas,
-    TraceRay, TraversalObserver,
+    Candidate, Committed, Cursor, HitKind, HitPrimitive, InstanceVerdict, LookAhead, PrimitiveVerdict,
+    RayFlags, Tlas, TraceRay, TraversalObserver,
 };
 use crate::geometry::Ray;
 use crate::machine::index::OpIndex;
@@ -272,6 +272,7 @@ impl TraversalObserver for QueryRecorder<'_> {
 #[derive(Clone, Debug, Default)]
 pub struct RayQueries {
     all: ObjectPool<RayQuery>,
+    look_ahead: LookAhead,
     /// How many `OpRayQueryInitializeKHR` were executed, counted by lanes.
     pub initialized: u64,
     /// How many of them had a direction of zero.
@@ -347,6 +348,26 @@ impl RayQueries {
     /// All queries that were initialised.
     pub fn iter(&self) -> impl Iterator<Item = &RayQuery> {
         self.all.iter()
+    }
+
+    /// Finds together what the queries with some handles, which proceed next, come to; as far as
+    /// that pays.
+    pub fn look_ahead(&mut self, handles: &[u32]) {
+        let Self { all, look_ahead, events, .. } = self;
+        let Some(first) = handles.first().and_then(|&handle| all.get(handle)) else { return };
+        if events.is_some() || !look_ahead.begin(&first.tlas, handles.len()) {
+            return;
+        }
+        for &handle in handles {
+            if let Some(query) = all.get(handle).filter(|query| query.phase == Phase::Underway) {
+                look_ahead.add(handle, &query.cursor, &query.tlas);
+            }
+        }
+        look_ahead.find(|handle, hit| {
+            if let Some(query) = all.get_mut(handle) {
+                query.cursor.take_next_hit(hit);
+            }
+        });
     }
 
     /// [`RayQuery::proceed`]

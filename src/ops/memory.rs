@@ -456,7 +456,7 @@ fn lane_invariant_buffer<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'
     }
 }
 
-/// Loads a value once for all lanes; `false` where lanes may access different locations.
+/// Loads a value once, into all lanes, as nothing reads it in those that do not run; `false` where lanes may access different locations.
 #[inline]
 fn broadcast_load<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg, chunk: &Chunk) -> bool {
     let Some(buffer) = lane_invariant_buffer(bindings, chunk).filter(|_| chunk.index.is_none()) else {
@@ -469,7 +469,7 @@ fn broadcast_load<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to:
     for scalar in 0..chunk.count {
         let at = offset + u64::from(scalar * (chunk.width / 8));
         let Some(word) = buffer.load(at, chunk.width) else { return false };
-        batch.registers.set(to.plus(scalar), word, batch.mask);
+        batch.registers.set(to.plus(scalar), word);
     }
     true
 }

@@ -7,6 +7,7 @@
 //! defines, are (u, 0), u being 0 for a sphere, and they are never front facing.
 
 use rspirv::spirv::Op as Opcode;
+use smallvec::SmallVec;
 
 use crate::accel::{RayFlags, TraceRay};
 use crate::error::Result;
@@ -231,10 +232,13 @@ impl RayQueryOp {
             Self::Initialize { query, operands, micromaps } => {
                 initialize(batch, bindings, query, operands, micromaps);
             }
-            Self::Proceed { query, to } => for_each_lane(batch, query, |batch, handle, lane| {
-                batch.registers[to].0[lane] = u32::from(batch.queries.proceed(handle, batch.op)?);
-                Ok(())
-            }),
+            Self::Proceed { query, to } => {
+                look_ahead(batch, query);
+                for_each_lane(batch, query, |batch, handle, lane| {
+                    batch.registers[to].0[lane] = u32::from(batch.queries.proceed(handle, batch.op)?);
+                    Ok(())
+                });
+            }
             Self::Terminate { query } => {
                 for_each_lane(batch, query, |batch, handle, _| batch.queries.terminate(handle, batch.op));
             }
@@ -296,6 +300,20 @@ fn for_each_lane<const W: usize>(
     }
 }
 
+/// Finds together what the queries of the running lanes come to next.
+fn look_ahead<const W: usize>(batch: &mut Batch<W>, query: ObjectRef) {
+    if batch.mask.count() <= 1 {
+        return;
+    }
+    let mut handles = SmallVec::<[u32; 64]>::new();
+    for lane in batch.mask.lanes() {
+        if let Ok(register) = query.register(&batch.registers, lane) {
+            handles.push(batch.registers[register].0[lane]);
+        }
+    }
+    batch.queries.look_ahead(&handles);
+}
+
 fn initialize<const W: usize>(
     batch: &mut Batch<W>,
     bindings: &Bindings,
@@ -303,14 +321,17 @@ fn initialize<const W: usize>(
     operands: Reg,
     micromaps: bool,
 ) {
+    // Mostly all lanes name one structure.
+    let mut known = ([0; 2], bindings.acceleration_structure([0; 2]));
     for lane in batch.mask.lanes() {
-        let mut words = [0; OPERANDS as usize];
-        let read = batch.registers.lane_words(operands, OPERANDS, lane);
-        words.iter_mut().zip(read).for_each(|(to, word)| *to = word);
+        let words: [u32; OPERANDS as usize] = batch.registers.lane_array(operands, lane);
+        let structure = [words[0], words[1]];
+        if structure != known.0 {
+            known = (structure, bindings.acceleration_structure(structure));
+        }
         let mut fault_value = u64::from(words[0]) | u64::from(words[1]) << 32;
         let done = query.register(&batch.registers, lane).and_then(|register| {
-            let tlas = bindings.acceleration_structure([words[0], words[1]]);
-            let tlas = tlas.ok_or(TrapCode::AccelerationStructureMissing)?;
+            let tlas = known.1.ok_or(TrapCode::AccelerationStructureMissing)?;
             if !micromaps && tlas.has_micromaps() {
                 return Err(TrapCode::RayQueryMicromaps);
             }

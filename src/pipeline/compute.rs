@@ -13,11 +13,11 @@ use crate::machine::{
 };
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
-use crate::pipeline::order::OrderMatters;
+use crate::pipeline::order::{GroupOrder, OrderMatters};
 use crate::pipeline::single_shader::Ended;
 use crate::pipeline::stats::Stats;
 use crate::pipeline::tasks::{TaskQueue, TaskResults};
-use crate::pipeline::trapped::spent_together;
+use crate::pipeline::trapped::{Trapped, spent_together};
 use crate::pipeline::workgroup::{InvocationLimits, Observers, WorkgroupRunner};
 use crate::pipeline::{DEFAULT_FUEL, Event, check_subgroup_size};
 use crate::program::race_analysis::{self, LaunchExtent, Memory};
@@ -284,12 +284,23 @@ impl Compute {
         let shares = self.shared_memory(groups, resources).is_some();
         let order = resources.choices.as_deref().map(|choices| self.draw_order(choices, count, shares));
         let order = order.unwrap_or_default();
+        // Launch fuel is spent in the order of workgroups.
+        let is_free = !self.program.uses_subgroups
+            && !self.program.order_dependent
+            && !shares
+            && !self.mixes_atomics
+            && resources.choices.is_none()
+            && self.launch_limits.fuel.is_none();
+        let group_order = match is_free {
+            true => GroupOrder::by_tiles(groups, self.layout.size),
+            false => GroupOrder::by_index(groups),
+        };
         let dog = Watchdog::new(self.launch_limits, count.saturating_mul(group_size));
-        let task = |task: u64, watch: &Arc<TaskWatch>| {
+        let task = |task: u64, watch: &Arc<TaskWatch>, kept: &mut Option<_>| {
             let range = range(task);
             let invocations = (range.end - range.start) * group_size;
             watch.begin_task(invocations);
-            let groups = &mut range.map(|at| self.group(order.group(at), groups));
+            let groups = &mut range.map(|at| self.group(group_order.index(order.group(at)), groups));
             let subgroup_size = self.program.uses_subgroups.then_some(self.subgroup_size);
             let places = order.places.clone();
             let observers = &mut Observers::none();
@@ -304,29 +315,41 @@ impl Compute {
                 None if shares || self.mixes_atomics => {
                     self.runner::<64>(&bindings, watch).placed(places).run(groups, observers)
                 }
-                None => self.runner::<W>(&bindings, watch).placed(places).run(groups, observers),
+                None => {
+                    let make = || self.runner::<W>(&bindings, watch).placed(places);
+                    kept.get_or_insert_with(make).run(groups, observers)
+                }
             };
             on_progress(invocations);
             result
         };
         let worker = || {
             let mut all = TaskResults::default();
-            let watch = dog.watch();
-            for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(index)) {
-                let (stats, trapped) = task(index, &watch);
+            let (watch, mut kept) = (dog.watch(), None);
+            // The number of a trap: of its workgroup, or of the first one of its task.
+            let first = |index: u64| group_order.min_index(range(index).start);
+            for index in tasks.iter().take_while(|&index| !tasks.is_after_trap(first(index))) {
+                let (stats, trapped) = task(index, &watch, &mut kept);
+                let number = |trapped: &Trapped| match is_free {
+                    true => self.group_of(groups, trapped.launch_id),
+                    false => first(index),
+                };
                 if let Some(trapped) = &trapped {
-                    tasks.record_trap(index);
+                    tasks.record_trap(number(trapped));
                     if trapped.code.is_limit() {
-                        dog.stop_at((range(index).end * group_size).saturating_sub(1));
+                        let last = range(index).map(|at| group_order.index(at)).max().unwrap_or(0);
+                        dog.stop_at(((last + 1) * group_size).saturating_sub(1));
                     }
                 }
-                all = all.merge(TaskResults { stats, trapped: trapped.map(|trapped| (index, trapped)) });
+                let trapped = trapped.map(|trapped| (number(&trapped), trapped));
+                all = all.merge(TaskResults { stats, trapped });
                 if let Some(over) = dog.end_task(index, watch.spent()) {
-                    tasks.record_trap(over);
+                    tasks.record_trap(first(over));
                     let last = range(over).end - 1;
                     dog.stop_at((last + 1) * group_size - 1);
                     let trapped = spent_together(self.last_id(last, groups), &dog);
-                    all = all.merge(TaskResults { stats: Stats::default(), trapped: Some((over, trapped)) });
+                    let trapped = Some((first(over), trapped));
+                    all = all.merge(TaskResults { stats: Stats::default(), trapped });
                 }
             }
             all

@@ -116,6 +116,62 @@ impl InvocationOrder {
     }
 }
 
+/// An order of the workgroups of a dispatch: each has a position.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GroupOrder {
+    /// `NumWorkgroups`
+    count: [u64; 3],
+    /// How many rows of workgroups go together, column after column.
+    band: u64,
+}
+
+impl GroupOrder {
+    /// Workgroups in row-major order.
+    pub(super) fn by_index(count: [u32; 3]) -> Self {
+        Self { count: count.map(u64::from), band: 1 }
+    }
+
+    /// Workgroups of so many invocations along each axis by tiles of them, so that the workgroups
+    /// which share a batch of 64 cover about as many rows as columns: their rays are more coherent
+    /// than those of workgroups in a row.
+    pub(super) fn by_tiles(count: [u32; 3], size: [u32; 3]) -> Self {
+        let [width, height, depth] = size.map(u64::from);
+        let together = TILE_SIDE * TILE_SIDE / (width * height * depth).max(1);
+        let mut band = 1;
+        while band * 2 <= together && height * band * 2 <= width * (together / (band * 2)) {
+            band *= 2;
+        }
+        Self { band, ..Self::by_index(count) }
+    }
+
+    /// The row of workgroups with which the band of a position begins, counted through all slices;
+    /// how many rows the band has, and the position in it.
+    fn band_at(&self, position: u64) -> (u64, u64, u64) {
+        let [width, height, _] = self.count;
+        let (slice, within) = (position / (width * height), position % (width * height));
+        let first = within / (width * self.band) * self.band;
+        (slice * height + first, self.band.min(height - first), within - first * width)
+    }
+
+    /// The index of the workgroup at a position, x fastest.
+    pub(super) fn index(&self, position: u64) -> u64 {
+        if self.band == 1 {
+            return position;
+        }
+        let (first, rows, within) = self.band_at(position);
+        (first + within % rows) * self.count[0] + within / rows
+    }
+
+    /// A lower bound of the indices of all workgroups at this position or later ones.
+    pub(super) fn min_index(&self, position: u64) -> u64 {
+        if self.band == 1 {
+            return position;
+        }
+        let (first, rows, within) = self.band_at(position);
+        first * self.count[0] + within / rows
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,5 +231,41 @@ mod tests {
         assert_eq!(order.launch_id(128), [16, 0, 0]);
         assert_eq!(order.launch_id(132), [16, 1, 0]);
         assert_eq!(tile(160), wanted(0, 8));
+    }
+
+    #[test]
+    fn every_workgroup_has_one_position() {
+        let counts = [[1, 1, 1], [16, 12, 1], [5, 7, 3], [1, 9, 2], [33, 1, 1]];
+        for (count, size) in counts.into_iter().flat_map(|count| {
+            [[32, 1, 1], [8, 4, 1], [4, 4, 1], [1, 1, 1], [64, 1, 1], [1, 32, 1], [16, 16, 4]]
+                .map(|size| (count, size))
+        }) {
+            let order = GroupOrder::by_tiles(count, size);
+            let all = count.map(u64::from).iter().product::<u64>();
+            let mut indices: Vec<_> = (0..all).map(|at| order.index(at)).collect();
+            for start in 0..all {
+                let least = indices[start as usize..].iter().min().copied();
+                assert!(least >= Some(order.min_index(start)), "{count:?} {size:?} {start}");
+            }
+            indices.sort_unstable();
+            assert!(indices.into_iter().eq(0..all), "{count:?} {size:?}");
+        }
+    }
+
+    #[test]
+    fn workgroups_that_share_a_batch_are_a_tile() {
+        // By hand: 16 workgroups a row. Two of 32 x 1 are 32 x 2, two of 8 x 4 are 8 x 8, four of
+        // 4 x 4 are 8 x 8; those of 64 x 1 and 1 x 32 follow each other.
+        for (size, wanted) in [
+            ([32, 1, 1], [0, 16, 1, 17]),
+            ([8, 4, 1], [0, 16, 1, 17]),
+            ([4, 4, 1], [0, 16, 1, 17]),
+            ([16, 1, 1], [0, 16, 32, 48]),
+            ([64, 1, 1], [0, 1, 2, 3]),
+            ([1, 32, 1], [0, 1, 2, 3]),
+        ] {
+            let order = GroupOrder::by_tiles([16, 12, 1], size);
+            assert_eq!([0, 1, 2, 3].map(|at| order.index(at)), wanted, "{size:?}");
+        }
     }
 }

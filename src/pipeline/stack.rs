@@ -429,7 +429,8 @@ where
         if let Some(watch) = &self.watch {
             watch.charge(running.batch.take_charged());
         }
-        for lane in running.lanes.lanes() {
+        let told = if T::is_active() { running.lanes } else { running.lanes & running.batch.trapped() };
+        for lane in told.lanes() {
             let exit = running.batch.exits[lane];
             if let Exit::Trapped(trap) = exit {
                 self.trap(&running, lane, trap);
@@ -452,7 +453,7 @@ where
             }
             [.., ShaderCallFrame::Shader(below), ShaderCallFrame::ExecuteCallable(call)] => {
                 running.copy_data_out(&mut below.batch.registers, call.data);
-                for lane in lanes.lanes().filter(|&lane| matches!(batch.exits[lane], Exit::Trapped(_))) {
+                for lane in (lanes & batch.trapped()).lanes() {
                     let op = below.batch.stopped_at();
                     below.batch.trap(Mask::lane(lane), TrapCode::Callee, op);
                 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use smallvec::SmallVec;
 
-use crate::accel::{Candidate, Committed, Cursor, RecordIndex, Tlas};
+use crate::accel::{Candidate, Committed, Cursor, LookAhead, RecordIndex, Tlas};
 use crate::machine::invocation::{LaneTlases, RayLanes};
 use crate::machine::stop::RegSpan;
 use crate::machine::{HitRecordTerms, Lanes, Mask, OpenChoices, Registers, ShaderIndex, TrapCode};
@@ -80,6 +80,7 @@ pub(super) struct Trace<const W: usize> {
     /// The lanes in `traps`.
     trapped_lanes: Mask<W>,
     opaque: OpaqueBatch,
+    look_ahead: LookAhead,
     pending: SmallVec<[PendingCall<W>; 2]>,
     /// The lanes whose traversal is in progress.
     traversing: Mask<W>,
@@ -121,6 +122,7 @@ impl<const W: usize> Default for Trace<W> {
             traps: SmallVec::new(),
             trapped_lanes: Mask::NONE,
             opaque: OpaqueBatch::default(),
+            look_ahead: LookAhead::default(),
             pending: SmallVec::new(),
             traversing: Mask::NONE,
             started: false,

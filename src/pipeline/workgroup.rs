@@ -14,8 +14,8 @@ use smallvec::SmallVec;
 use crate::error::Error;
 use crate::interp;
 use crate::machine::{
-    Batch, Bindings, BlockIndex, Exit, Invocation, LaneTrap, Mask, Observer, OpIndex, ShaderIndex, Stop,
-    TaskWatch, TrapCode, Workgroup,
+    Batch, Bindings, BlockIndex, Exit, LaneTrap, Mask, Observer, OpIndex, ShaderIndex, Stop, TaskWatch,
+    TrapCode, Workgroup,
 };
 use crate::math::permutation::Permutation;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -67,6 +67,8 @@ pub(super) struct WorkgroupState<const W: usize> {
     at: usize,
     stats: Stats,
     pub trapped: Option<Trapped>,
+    /// The index of the workgroup that has trapped.
+    trapped_group: u64,
 }
 
 impl<const W: usize> WorkgroupState<W> {
@@ -145,7 +147,13 @@ where
         layout: WorkgroupLayout,
         watch: &Arc<TaskWatch>,
     ) -> Self {
-        let state = WorkgroupState { batches: Vec::new(), at: 0, stats: Stats::default(), trapped: None };
+        let state = WorkgroupState {
+            batches: Vec::new(),
+            at: 0,
+            stats: Stats::default(),
+            trapped: None,
+            trapped_group: 0,
+        };
         let mut runner = Self::resumed(program, limits, bindings, layout, watch, state);
         let batches = (0..(runner.group_size * runner.concurrent).div_ceil(W)).map(|_| {
             let mut batch = program.batch();
@@ -184,9 +192,10 @@ where
         Self { places, ..self }
     }
 
-    /// Runs workgroups. Returns the trap of the first workgroup that has one.
+    /// Runs workgroups. Returns the trap of the first workgroup that has one. The runner can run
+    /// others then, and reuses the memory of its batches.
     pub(super) fn run<O: Observer<W>>(
-        mut self,
+        &mut self,
         groups: &mut dyn Iterator<Item = Workgroup>,
         observers: &mut Observers<'_, O>,
     ) -> (Stats, Option<Trapped>) {
@@ -194,7 +203,9 @@ where
         let mut groups = groups.map(Arc::new).peekable();
         while groups.peek().is_some() {
             let running: Vec<_> = groups.by_ref().take(self.concurrent).collect();
-            let first = running[0].index().saturating_mul(self.group_size as u64);
+            // All later ones stand behind the first of these.
+            let first = running.iter().map(|group| group.index()).min().unwrap_or(0);
+            let first = first.saturating_mul(self.group_size as u64);
             if self.watch.is_over() || self.watch.is_beyond(first) {
                 break;
             }
@@ -210,7 +221,7 @@ where
                 state.stats.zero_directions += member.batch.queries.zero_directions;
             }
         }
-        (self.state.stats, self.state.trapped)
+        (std::mem::take(&mut self.state.stats), self.state.trapped.take())
     }
 
     /// Begins one workgroup, to be run by [`WorkgroupRunner::run_to_pause`].
@@ -258,22 +269,16 @@ where
         for (at, member) in self.state.batches.iter_mut().enumerate() {
             member.waiting.clear();
             let lanes = used.saturating_sub(at * W).min(W);
+            let invocations = &mut member.batch.invocations;
+            let Workgroup { count, size, .. } = &*groups[0];
+            let launch_size = std::array::from_fn(|axis| count[axis] * size[axis]);
+            invocations.begin_workgroups(launch_size, self.limits.subgroup_size);
             for lane in 0..lanes {
                 let position = at * W + lane;
                 let group = &groups[position / self.group_size];
                 let place = (position % self.group_size) as u32;
                 let drawn = self.places.as_ref().map_or(place, |places| places.at(place.into()) as u32);
-                let local_index = self.layout.index_of(drawn);
-                let invocation = Invocation {
-                    launch_id: group.global_id(local_index),
-                    launch_size: std::array::from_fn(|axis| group.count[axis] * group.size[axis]),
-                    subgroup_size: self.limits.subgroup_size,
-                    workgroup: Some(group.clone()),
-                    local_index,
-                    subgroup_order: place,
-                    ..Invocation::default()
-                };
-                member.batch.invocations.set(lane, invocation);
+                invocations.set_in_workgroup(lane, group, self.layout.index_of(drawn), place);
             }
             if lanes == 0 {
                 continue;
@@ -310,6 +315,11 @@ where
             self.state.at += 1;
         }
         self.state.at = 0;
+        let has_returned =
+            |member: &WorkgroupBatch<W>| member.waiting.is_empty() && member.batch.trapped().is_empty();
+        if self.state.batches.iter().all(has_returned) {
+            return Round::Over;
+        }
         for (group, workgroup) in groups.iter().enumerate() {
             self.resolve_barrier(group, workgroup);
         }
@@ -368,11 +378,12 @@ where
         }
     }
 
-    /// Records a trap, if it is the first.
+    /// Records a trap, if its workgroup is the first that has one.
     fn report(&mut self, at: usize, trap: LaneTrap, workgroup: &Workgroup, note: Option<String>) {
-        if self.state.trapped.is_some() {
+        if self.state.trapped.is_some() && self.state.trapped_group <= workgroup.index() {
             return;
         }
+        self.state.trapped_group = workgroup.index();
         let batch = &self.state.batches[at / W].batch;
         let (lane, invocations) = (at % W, &batch.invocations);
         let local = workgroup.local_id(invocations.local_index(lane));

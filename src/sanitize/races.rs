@@ -474,13 +474,13 @@ fn atomic_ordering(program: &Program, place: OpPlace, scope: Option<Scope>) -> O
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::{Mask, Registers};
+    use crate::machine::Registers;
 
     #[test]
     fn bits_of_stores_are_taken_from_registers() {
         let mut batch = Batch::<1>::new(Registers::new(4));
         for (register, word) in [(0, 0x0403_0201), (1, 0xFFFF_0605), (2, 0x0807)] {
-            batch.registers.set(Reg(register), word, Mask::ALL);
+            batch.registers.set(Reg(register), word);
         }
         assert_eq!(stored_bits(&batch, 0, Reg(0), 4, 0, 4), 0x0403_0201);
         assert_eq!(stored_bits(&batch, 0, Reg(0), 4, 2, 1), 3);

@@ -21,7 +21,7 @@ use crate::geometry::{Bounds, Intersection, ObjectRay, Precision, Ray};
 use crate::stress::case::Shape;
 use crate::stress::draw::Draw;
 use crate::stress::judge::primitive::{bounds, intersect};
-use crate::stress::judge::traversal::{TraversalHit, check_cursor, check_packet};
+use crate::stress::judge::traversal::{TraversalHit, check_candidates, check_cursor, check_packet};
 use crate::stress::judge::{Failure, Tally};
 use crate::stress::obvhs_tree::ObvhsTree;
 use crate::stress::{MAX_FAILURES, StressSettings};
@@ -216,6 +216,9 @@ impl<'a> TlasJudge<'a> {
                 if let Err(Failure(what)) = found {
                     failures.push(told(first, Failure(format!("a packet{what}"))));
                 }
+            }
+            if let Err(Failure(what)) = check_candidates(&self.tlas, &traces, &hits, &mut tally) {
+                failures.push(told(first, Failure(format!("rays together{what}"))));
             }
         }
         (tally, failures)

@@ -92,6 +92,15 @@ impl WorldRays {
         let given = u64::MAX >> (MAX_RAYS - traces.len().min(MAX_RAYS));
         well_scaled & valid & given
     }
+
+    /// Lets a ray pass boxes that it leaves before it comes to hits of a rounded t.
+    ///
+    /// The exact t of such a hit is greater than the number before the rounded one, and a box that
+    /// holds the hit is left behind it.
+    #[inline]
+    pub(super) fn skip_boxes_before(&mut self, at: usize, t: f32) {
+        self.t_min.0[at] = self.t_min.0[at].max(t.next_down());
+    }
 }
 
 /// The rays of a packet prepared for the nodes of one tree: the fields of [`TravRay`]s without t

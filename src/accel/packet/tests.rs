@@ -5,7 +5,10 @@ use std::sync::Arc;
 use proptest::prelude::*;
 
 use super::*;
-use crate::accel::{Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, RayFlags, TlasInstance};
+use crate::accel::{
+    Blas, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, InstanceFlags, LookAhead, RayFlags,
+    TlasInstance,
+};
 use crate::geometry::Ray;
 use crate::math::baseline_simd::BaselineSimd;
 use crate::math::lane_ops::LaneOps;
@@ -34,6 +37,7 @@ fn check(tlas: &Tlas, traces: &[TraceRay]) {
             tlas,
             traces: first,
             any_opaque_hit: false,
+            behind: &[],
             single_ray_mask: 0,
         };
         let left = BaselineSimd.dispatch(traversal);
@@ -81,18 +85,29 @@ fn matrix() -> impl Strategy<Value = [[f32; 4]; 3]> {
     ]
 }
 
-/// One to nine instances of one or two BLASes.
+/// One to nine instances of one or two BLASes, all opaque.
 fn structure() -> impl Strategy<Value = Arc<Tlas>> {
-    let blas = prop::collection::vec(data(), 1..3);
-    let places = prop::collection::vec((matrix(), any::<bool>()), 1..9);
+    structure_of(Just(GeometryFlags::OPAQUE), Just(InstanceFlags::default()))
+}
+
+/// One to nine instances of one or two BLASes of two geometries each.
+fn structure_of(
+    geometry_flags: impl Strategy<Value = GeometryFlags> + Clone,
+    instance_flags: impl Strategy<Value = InstanceFlags>,
+) -> impl Strategy<Value = Arc<Tlas>> {
+    let blas = prop::collection::vec((data(), [geometry_flags.clone(), geometry_flags]), 1..3);
+    let places = prop::collection::vec((matrix(), any::<bool>(), instance_flags), 1..9);
     (blas, places).prop_map(|(data, places)| {
         let blas: Vec<_> = data
             .into_iter()
-            .map(|data| Blas::new(vec![Geometry::new(data, GeometryFlags::OPAQUE)]).expect("valid numbers"))
+            .map(|(data, flags)| {
+                let geometries = flags.map(|flags| Geometry::new(data.clone(), flags));
+                Blas::new(geometries.to_vec()).expect("valid numbers")
+            })
             .collect();
-        let instances = places.into_iter().map(|(matrix, last)| {
+        let instances = places.into_iter().map(|(matrix, last, flags)| {
             let number = if last { blas.len() - 1 } else { 0 };
-            TlasInstance::of(blas[number].clone(), matrix)
+            TlasInstance { flags, ..TlasInstance::of(blas[number].clone(), matrix) }
         });
         Tlas::new(instances.collect()).expect("valid instances")
     })
@@ -129,6 +144,94 @@ proptest! {
         let trace = |ray: &Ray| TraceRay { ray: *ray, flags: RayFlags(flags), cull_mask: 0xFF, time: 0.0 };
         check(&tlas, &rays.iter().map(trace).collect::<Vec<_>>());
     }
+}
+
+/// Whether a shader that is made up accepts a candidate.
+fn is_accepted(candidate: &Candidate) -> bool {
+    (candidate.primitive * 5 + candidate.geometry * 3 + candidate.instance).is_multiple_of(4)
+}
+
+/// The candidates that a ray comes to, and what is committed in the end.
+type Outcome = (Vec<Candidate>, Option<Committed>);
+
+/// The candidates that each ray comes to until one is accepted, and what is committed then. With
+/// `look_ahead` the rays find their next hits together. Also says how many were found so.
+fn decided(
+    tlas: &Arc<Tlas>,
+    traces: &[TraceRay],
+    mut look_ahead: Option<&mut LookAhead>,
+) -> (Vec<Outcome>, usize) {
+    let mut cursors: Vec<_> = traces.iter().map(|trace| Cursor::new(tlas, *trace)).collect();
+    let mut candidates = vec![Vec::new(); traces.len()];
+    let (mut running, mut found): (Vec<_>, _) = ((0..traces.len()).collect(), 0);
+    while !running.is_empty() {
+        if let Some(look_ahead) = &mut look_ahead
+            && look_ahead.begin(tlas, running.len())
+        {
+            running.iter().for_each(|&at| look_ahead.add(at as u32, &cursors[at], tlas));
+            look_ahead.find(|at, hit| {
+                cursors[at as usize].take_next_hit(hit);
+                found += 1;
+            });
+        }
+        running.retain(|&at| {
+            let Some(candidate) = cursors[at].proceed(tlas) else { return false };
+            candidates[at].push(candidate);
+            if is_accepted(&candidate) {
+                assert!(cursors[at].confirm());
+            }
+            true
+        });
+    }
+    let committed = cursors.iter().map(|cursor| cursor.committed().copied());
+    (candidates.into_iter().zip(committed).collect(), found)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #[test]
+    fn each_comes_to_the_candidates_that_it_comes_to_alone(
+        tlas in structure_of(
+            prop_oneof![Just(GeometryFlags::default()), Just(GeometryFlags::OPAQUE)],
+            prop_oneof![6 => Just(0), 1 => Just(2), 1 => Just(4), 1 => Just(8)].prop_map(InstanceFlags),
+        ),
+        rays in rays(),
+        flags in prop::sample::select(vec![0, 0, 0, 2, 4, 16, 32, 64, 128, 256]),
+    ) {
+        let trace = |ray: &Ray| TraceRay { ray: *ray, flags: RayFlags(flags), cull_mask: 0xFF, time: 0.0 };
+        let traces: Vec<_> = rays.iter().map(trace).collect();
+        let (alone, _) = decided(&tlas, &traces, None);
+        let (together, _) = decided(&tlas, &traces, Some(&mut LookAhead::default()));
+        prop_assert_eq!(together, alone);
+    }
+}
+
+#[test]
+fn coherent_rays_find_their_candidates_together() {
+    // Three layers of two triangles each, of which the second layer is opaque. The first triangle of
+    // the first layer is accepted, the second is not.
+    let (_, trace) = floor();
+    let corner = |x: f32, y: f32, z: f32| [x * 9.0, y, z * 9.0];
+    let layer = |y: f32| {
+        let [a, b, c, d] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| corner(x, y, z));
+        let vertices = vec![a, b, c, a, c, d];
+        let flags = if y == -1.0 { GeometryFlags::OPAQUE } else { GeometryFlags::default() };
+        Geometry::new(GeometryData::Triangles { vertices, indices: None, transform: None }, flags)
+    };
+    let blas = Blas::new((0..3).map(|k| layer(-(k as f32))).collect()).expect("valid numbers");
+    let tlas = Tlas::new(vec![TlasInstance::of(blas, IDENTITY)]).expect("a valid instance");
+    let traces: Vec<_> =
+        (0..64).map(|k| trace((k % 8) as f32 * 0.1 - 0.3, (k / 8) as f32 * 0.1 - 0.45)).collect();
+    let (alone, none) = decided(&tlas, &traces, None);
+    let (together, found) = decided(&tlas, &traces, Some(&mut LookAhead::default()));
+    assert_eq!(together, alone);
+    assert_eq!(none, 0);
+    // The first hits of all, and the next ones of those that ignored the first.
+    assert!(found > 64, "{found}");
+    // Boxes, micromaps and flags that cull by opacity are left to each ray.
+    let culled: Vec<_> =
+        traces.iter().map(|trace| TraceRay { flags: RayFlags::CULL_OPAQUE, ..*trace }).collect();
+    assert_eq!(decided(&tlas, &culled, Some(&mut LookAhead::default())), decided(&tlas, &culled, None));
 }
 
 /// 64 x 64 triangles in one plane, and a camera above.

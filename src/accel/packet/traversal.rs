@@ -2,6 +2,7 @@
 //! instance.
 
 use crate::accel::built_blas::{BuiltBlas, LeafRay};
+use crate::accel::hit::HitKey;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
 use crate::accel::packet::ray_soa::{OctantGroup, PerRay, RaySoA};
@@ -26,6 +27,8 @@ pub(super) struct PacketTraversal<'a> {
     pub tlas: &'a Tlas,
     pub traces: &'a [TraceRay],
     pub any_opaque_hit: bool,
+    /// For each ray the hit behind which its hits count, if only those do; may be empty.
+    pub behind: &'a [Option<HitKey>],
     /// A mask of the rays that must be traced singly.
     pub single_ray_mask: u64,
 }
@@ -87,6 +90,11 @@ impl PacketTraversal<'_> {
             *limit = trace.ray.t_max.min(f32::MAX);
         }
         let rays = packet.rays.take(simd, self.traces);
+        for (at, behind) in self.behind.iter().enumerate() {
+            if let Some(behind) = behind {
+                packet.rays.skip_boxes_before(at, behind.t());
+            }
+        }
         self.leave_to_single_rays(!rays & (u64::MAX >> (MAX_RAYS - count)));
         let instances = self.tlas.instances().len();
         if rays == 0 || instances == 0 {
@@ -340,7 +348,14 @@ impl PacketTraversal<'_> {
         instance_ray
     }
 
-    /// Records an opaque hit if it is the closest so far.
+    /// Whether a hit is the one behind which those of its ray count, or comes before it.
+    #[inline(always)]
+    fn is_passed(&self, at: usize, found: &PacketHit) -> bool {
+        let Some(Some(behind)) = self.behind.get(at) else { return false };
+        found.intersection.t <= behind.t() && found.key(self.tlas) <= *behind
+    }
+
+    /// Records a hit if it is the closest so far.
     #[inline(always)]
     fn record_hit(
         &mut self,
@@ -356,9 +371,12 @@ impl PacketTraversal<'_> {
         if is_culled_by_face(flags, instance.flags, intersection.surface) {
             return;
         }
-        let Packet { hits, hit, limits, .. } = &mut *self.packet;
         let found =
             PacketHit { instance: context.instance, ordered_index: ordered_index as u32, intersection };
+        if self.is_passed(at, &found) {
+            return;
+        }
+        let Packet { hits, hit, limits, .. } = &mut *self.packet;
         if found.intersection.t == limits.0[at]
             && *hit >> at & 1 != 0
             && !found.is_before(&hits[at], self.tlas)

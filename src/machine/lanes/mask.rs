@@ -111,6 +111,7 @@ impl<const W: usize> Mask<W> {
     }
 
     /// All ones for each lane that is in it.
+    #[inline(always)]
     pub fn words(self) -> Lanes<W> {
         let mut words = Lanes::splat(0);
         for lane in 0..W {

@@ -19,7 +19,7 @@ impl<const W: usize> Trace<W> {
         self.invokes_hit_or_miss = invokes_hit_or_miss;
         self.lanes = Mask::NONE;
         self.traversing = Mask::NONE;
-        self.structures.clear();
+        self.structures.clear_several();
         self.host_payload = None;
         self.from_hit_objects = false;
         self.traps.clear();

@@ -144,15 +144,14 @@ impl<const W: usize> Trace<W> {
 
     /// Applies the exits of a shader that the lanes' rays called.
     pub(crate) fn apply_exits(&mut self, role: Role, lanes: Mask<W>, batch: &Batch<W>) {
-        for lane in lanes.lanes() {
+        for lane in (lanes & batch.trapped()).lanes() {
+            self.trap(lane, TrapCode::Callee);
+        }
+        if role != Role::AnyHit {
+            return;
+        }
+        for lane in lanes.without(batch.trapped()).lanes() {
             let exit = batch.exits[lane];
-            if let Exit::Trapped(_) = exit {
-                self.trap(lane, TrapCode::Callee);
-                continue;
-            }
-            if role != Role::AnyHit {
-                continue;
-            }
             let cursor = self.cursor_mut(lane);
             if exit != Exit::Ignored {
                 cursor.confirm();

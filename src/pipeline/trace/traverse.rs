@@ -1,7 +1,7 @@
 //! The traversal of the rays of a trace, up to each candidate that a shader decides on.
 
 use crate::accel::{Candidate, Cursor, RayFlags, RecordIndex, TraceRay};
-use crate::machine::{Mask, OpenChoices, TrapCode};
+use crate::machine::{Mask, OpenChoices, ShaderIndex, TrapCode};
 use crate::module::interface::Stage;
 use crate::pipeline::Pipeline;
 use crate::pipeline::group::Role;
@@ -64,6 +64,9 @@ impl<const W: usize> Trace<W> {
         let occlusion = RayFlags::TERMINATE_ON_FIRST_HIT | RayFlags::SKIP_CLOSEST_HIT_SHADER;
         let hit_is_unread = self.invokes_hit_or_miss && self.caller.is_some();
         let tlas = &self.structures.all()[number];
+        if !tlas.is_fully_opaque(RayFlags::default()) {
+            return;
+        }
         let mut remaining = in_structure;
         while let Some(first) = remaining.lanes().next() {
             let flags = self.ray_with_pipeline_flags(first).flags;
@@ -92,8 +95,34 @@ impl<const W: usize> Trace<W> {
         }
     }
 
+    /// Finds what the rays come to next together, as far as that pays.
+    fn look_ahead(&mut self) {
+        let Self { structures, cursors, look_ahead, .. } = self;
+        for number in 0..structures.all().len() {
+            let tlas = &structures.all()[number];
+            let in_structure = match structures.all().len() {
+                1 => self.traversing,
+                _ => self.traversing & Mask::equal(structures.indices(), number as u32),
+            };
+            if !look_ahead.begin(tlas, in_structure.count() as usize) {
+                continue;
+            }
+            for lane in in_structure.lanes() {
+                cursors[lane].iter().for_each(|cursor| look_ahead.add(lane as u32, cursor, tlas));
+            }
+            look_ahead.find(|lane, hit| {
+                cursors[lane as usize].iter_mut().for_each(|cursor| cursor.take_next_hit(hit));
+            });
+        }
+    }
+
     /// Advances each ray to the next candidate that needs a shader's decision.
     pub(super) fn traverse<T: PipelineObserver>(&mut self, pipeline: &Pipeline, observer: &mut T) {
+        if !T::is_active() {
+            self.look_ahead();
+        }
+        // Mostly all candidates have one record.
+        let mut known: Option<CandidateShader> = None;
         for lane in self.traversing.lanes() {
             observer.invocation(self.launch_id(lane));
             loop {
@@ -106,8 +135,11 @@ impl<const W: usize> Trace<W> {
                     break;
                 };
                 let index = self.hit_record_index(lane, &candidate);
-                let (_, group) = hit_group_at(pipeline, index);
-                let shader = if candidate.is_box() { group.intersection } else { group.any_hit };
+                let found =
+                    known.filter(|known| (known.record, known.of_boxes) == (index, candidate.is_box()));
+                let CandidateShader { shader, takes_payload, is_empty, is_beyond_end, .. } = *known.insert(
+                    found.unwrap_or_else(|| self.candidate_shader(pipeline, index, candidate.is_box())),
+                );
                 if T::is_active() {
                     let instance = &self.tlas(lane).instances()[candidate.instance as usize];
                     let arithmetic = [
@@ -119,20 +151,20 @@ impl<const W: usize> Trace<W> {
                     let (launch_id, record) = (self.launch_id(lane), index);
                     observer.event(Event::Candidate { launch_id, candidate, record, arithmetic, shader });
                 }
-                if let Some(shader) = shader.filter(|shader| !self.payload_matches(pipeline, *shader)) {
+                if let Some(shader) = shader.filter(|_| !takes_payload) {
                     self.trap_payload_mismatch(lane, shader);
                     self.cursor_mut(lane).terminate();
                     continue;
                 }
                 // Under an observer every shader runs.
-                if !T::is_active() && shader.is_some_and(|shader| pipeline.is_empty(shader)) {
+                if !T::is_active() && is_empty {
                     // An empty intersection shader reports no hit, an empty any-hit shader accepts.
                     self.stats.elide(if candidate.is_box() { Stage::Intersection } else { Stage::AnyHit }, 1);
                     self.cursor_mut(lane).confirm();
                     continue;
                 }
                 match shader {
-                    _ if is_beyond_end(&pipeline.sbt.hit, index) => {
+                    _ if is_beyond_end => {
                         self.trap_and_terminate(lane, TrapCode::HitRecordMissing, index, &candidate);
                     }
                     Some(shader) => {
@@ -157,10 +189,39 @@ impl<const W: usize> Trace<W> {
         }
     }
 
+    /// The shader that decides on the candidates of a record.
+    fn candidate_shader(&self, pipeline: &Pipeline, record: RecordIndex, of_boxes: bool) -> CandidateShader {
+        let (_, group) = hit_group_at(pipeline, record);
+        let shader = if of_boxes { group.intersection } else { group.any_hit };
+        CandidateShader {
+            record,
+            of_boxes,
+            shader,
+            takes_payload: shader.is_some_and(|shader| self.payload_matches(pipeline, shader)),
+            is_empty: shader.is_some_and(|shader| pipeline.is_empty(shader)),
+            is_beyond_end: is_beyond_end(&pipeline.sbt.hit, record),
+        }
+    }
+
     /// Ends a ray during its traversal, so that its caller traps.
     fn trap_and_terminate(&mut self, lane: usize, code: TrapCode, index: RecordIndex, candidate: &Candidate) {
         self.record_indices[lane] = index;
         self.trap_at_record(lane, code, Some(candidate));
         self.cursor_mut(lane).terminate();
     }
+}
+
+/// The shader that decides on the candidates of a record, and what is known of it.
+#[derive(Clone, Copy, Debug)]
+struct CandidateShader {
+    record: RecordIndex,
+    /// Whether it is the intersection shader, which decides on boxes.
+    of_boxes: bool,
+    shader: Option<ShaderIndex>,
+    /// Whether it declares the payload that the rays have.
+    takes_payload: bool,
+    /// Whether it has no effect.
+    is_empty: bool,
+    /// Whether the record is beyond the end of the table.
+    is_beyond_end: bool,
 }

@@ -5,13 +5,13 @@
 //! instance, geometry, primitive); a ray for which nothing is opaque gets all hits in the order of
 //! that key, each once, with or without an observer. Packets are traced as in launches: all rays of
 //! a case together, then over intervals that end at each ray's hit or one f32 next to it, and for
-//! any hit at all.
+//! any hit at all. Where nothing is opaque the rays of a case come to all their hits together.
 
 use std::sync::Arc;
 
 use crate::accel::{
-    Blas, Candidate, Cursor, HitKind, HitPrimitive, InstanceFlags, Packet, RayFlags, Tlas, TlasInstance,
-    TraceRay, TraversalObserver,
+    Blas, Candidate, Cursor, HitKind, HitPrimitive, InstanceFlags, LookAhead, Packet, RayFlags, Tlas,
+    TlasInstance, TraceRay, TraversalObserver,
 };
 use crate::geometry::{Intersection, Precision, Ray, Surface};
 use crate::math::lane_ops::CpuTier;
@@ -147,6 +147,10 @@ impl TracedScene {
                 check_packet(&mut packet, tlas, traces, hits, any, tally)
                     .map_err(|Failure(what)| Failure(format!("a packet ({name}){what}")))?;
             }
+            for (traces, hits) in [(&traces, &hits), (&shortened, &hits_of_shortened)] {
+                check_candidates(tlas, traces, hits, tally)
+                    .map_err(|Failure(what)| Failure(format!("rays together ({name}){what}")))?;
+            }
         }
         Ok(())
     }
@@ -228,6 +232,44 @@ pub(crate) fn check_packet(
     }
     tally.rays += traces.len() as u64;
     tally.packets += u64::from(packet.traced_together());
+    Ok(())
+}
+
+/// Checks the candidates that rays of which nothing is opaque come to together, given all hits of
+/// each.
+pub(crate) fn check_candidates(
+    tlas: &Arc<Tlas>,
+    traces: &[TraceRay],
+    hits: &[Vec<TraversalHit>],
+    tally: &mut Tally,
+) -> Result<(), Failure> {
+    let begin = |trace: &TraceRay| {
+        let flags = RayFlags(trace.flags.0 & !RayFlags::OPAQUE.0 | RayFlags::NO_OPAQUE.0);
+        Cursor::new(tlas, TraceRay { flags, ..*trace })
+    };
+    let mut cursors: Vec<_> = traces.iter().map(begin).collect();
+    let mut expected: Vec<_> = hits.iter().map(|hits| hits.iter()).collect();
+    let mut look_ahead = LookAhead::default();
+    let mut running: Vec<_> = (0..traces.len()).collect();
+    while !running.is_empty() {
+        if look_ahead.begin(tlas, running.len()) {
+            running.iter().for_each(|&at| look_ahead.add(at as u32, &cursors[at], tlas));
+            look_ahead.find(|at, hit| cursors[at as usize].take_next_hit(hit));
+        }
+        for at in std::mem::take(&mut running) {
+            let found = cursors[at].proceed(tlas).as_ref().map(reported);
+            let expected = expected[at].next();
+            if found.as_ref() != expected {
+                let Ray { t_min, t_max, .. } = traces[at].ray;
+                return fail(format!(
+                    ", ray {at} over {t_min:e}..{t_max:e}: {found:?} is reported, not {expected:?}"
+                ));
+            }
+            running.extend(found.map(|_| at));
+        }
+    }
+    tally.rays += traces.len() as u64;
+    tally.hits += hits.iter().filter(|hits| !hits.is_empty()).count() as u64;
     Ok(())
 }
 
@@ -318,8 +360,9 @@ mod tests {
         // The ray is traced for all hits, with and without an observer, for the closest and for
         // any.
         assert_eq!((single.rays, single.trees, single.packets), (4 * cpu_tiers, 4 * cpu_tiers, 0));
-        // Sixteen rays as they are, over shorter intervals, and for any hit.
-        assert_eq!((packets.rays, packets.packets), (48 * cpu_tiers, 48 * cpu_tiers));
+        // Sixteen rays as they are, over shorter intervals, and for any hit; then the candidates of
+        // both intervals.
+        assert_eq!((packets.rays, packets.packets), (80 * cpu_tiers, 48 * cpu_tiers));
         // Four have no tree.
         let [single, _] = check_against(&balls(4), &balls(4)).map(|result| result.expect("right"));
         assert_eq!((single.rays, single.trees), (4 * cpu_tiers, 0));
@@ -332,9 +375,7 @@ mod tests {
             let mut fewer = whole.clone();
             fewer.shapes[missing] = Shape::Sphere { center: [0.0, 100.0, 0.0], radius: 1.0 };
             let [single, packets] = check_against(&fewer, &whole);
-            assert!(single.is_err(), "ball {missing} is lost");
-            // Packets find only the closest.
-            assert_eq!(packets.is_err(), missing == 0, "ball {missing}: {packets:?}");
+            assert!(single.is_err() && packets.is_err(), "ball {missing} is lost");
             assert!(check_against(&whole, &fewer)[0].is_err(), "ball {missing} is there");
         }
         // Only one lane is wrong: the sixth ray, which hits nothing else.
