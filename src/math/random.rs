@@ -51,8 +51,7 @@ impl Random {
     /// A point on the unit circle, uniform in its angle.
     pub fn direction(&mut self) -> [f32; 2] {
         let half_turns = 2.0 * self.unit();
-        let (sine, cosine) = pxfm::f_sincospif(half_turns);
-        [cosine, sine]
+        [pxfm::f_cospif(half_turns), pxfm::f_sinpif(half_turns)]
     }
 
     /// A point on the unit sphere, uniform in its area (Archimedes' hat box).
