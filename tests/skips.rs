@@ -4,10 +4,12 @@ use std::process::Command;
 use std::sync::Arc;
 
 use anyhit::internals::accel::{
-    Blas, Counters, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags, Indexing, RayFlags, Tlas,
-    TlasInstance, TraceRay,
+    Blas, Candidate, Committed, Counters, Cursor, EndCaps, Geometry, GeometryData, GeometryFlags,
+    HitPrimitive, Indexing, InstanceVerdict, PrimitiveVerdict, RayFlags, Tlas, TlasInstance, TraceRay,
+    TraversalObserver,
 };
 use anyhit::internals::machine::Resources;
+use anyhit::internals::math::random::Random;
 use anyhit::internals::module::interface::Stage;
 use anyhit::internals::pipeline::{Launch, Pipeline, RayOperands, Stats};
 use anyhit::{Program, Ray, Result};
@@ -151,6 +153,181 @@ fn only_what_a_ray_reaches_is_built() -> Result<()> {
     assert!(!parts[0].is_built());
     walk(&tlas, ray(3.0, 0.0));
     assert!(parts[0].is_built() && parts[0].bounds() == bounds);
+    Ok(())
+}
+
+/// Writes down all that a traversal tells, with the reason why each primitive is missed.
+#[derive(Default)]
+struct Explanation(Vec<String>);
+
+impl TraversalObserver for Explanation {
+    fn explains_misses(&self) -> bool {
+        true
+    }
+
+    fn node(&mut self, instance: Option<u32>) {
+        self.0.push(format!("node of {instance:?}"));
+    }
+
+    fn instance(&mut self, instance: u32, verdict: InstanceVerdict) {
+        self.0.push(format!("instance {instance}: {verdict:?}"));
+    }
+
+    fn primitive(&mut self, primitive: HitPrimitive, verdict: PrimitiveVerdict) {
+        self.0.push(format!("{primitive:?}: {verdict:?}"));
+    }
+
+    fn commit(&mut self, committed: &Committed) {
+        self.0.push(format!("commit {committed:?}"));
+    }
+}
+
+/// What an explained traversal tells, which ignores every candidate.
+fn explain(tlas: &Tlas, trace: TraceRay) -> Vec<String> {
+    let mut told = Explanation::default();
+    let mut cursor = Cursor::new(tlas, trace);
+    while cursor.proceed_observed(tlas, &mut told).is_some() {}
+    told.0
+}
+
+/// 3,000 primitives at random places of a cube around the origin, of a kind.
+fn crowd(kind: usize, flags: GeometryFlags) -> Arc<Blas> {
+    let mut random = Random::new(kind as u64);
+    let mut point = |size: f32| [0; 3].map(|_| size * (random.unit() - 0.5));
+    let data = match kind {
+        0 => GeometryData::Triangles {
+            vertices: (0..3000)
+                .flat_map(|_| {
+                    let at = point(8.0);
+                    [0; 3].map(|_| {
+                        let by = point(0.5);
+                        [0, 1, 2].map(|axis| at[axis] + by[axis])
+                    })
+                })
+                .collect(),
+            indices: None,
+            transform: None,
+        },
+        1 => GeometryData::Aabbs(
+            (0..3000)
+                .map(|_| {
+                    let [x, y, z] = point(8.0);
+                    [x, y, z, x + 0.2, y + 0.1, z + 0.3]
+                })
+                .collect(),
+        ),
+        2 => GeometryData::Spheres {
+            positions: (0..3000).map(|_| point(8.0)).collect(),
+            radii: vec![0.1; 3000],
+            indices: None,
+        },
+        // Long and dense, so that each is in two leaves.
+        _ => GeometryData::LinearSweptSpheres {
+            positions: (0..6000).map(|_| point(8.0)).collect(),
+            radii: vec![0.01; 6000],
+            indices: None,
+            indexing: Indexing::List,
+            end_caps: EndCaps::Chained,
+        },
+    };
+    Blas::new(vec![Geometry::new(data, flags)]).expect("legal primitives")
+}
+
+/// A ray that is explained sees in the parts that are built for it what it sees in the whole BVH,
+/// whatever rays came before it.
+#[test]
+fn an_explained_ray_is_told_the_same_of_a_part() -> Result<()> {
+    let mut random = Random::new(3);
+    let mut point = |size: f32| [0; 3].map(|_| size * (random.unit() - 0.5));
+    let rays: Vec<TraceRay> = (0..60)
+        .map(|at| {
+            // From inside, where a ray begins in several boxes at once, and from outside.
+            let origin = point(if at % 2 == 0 { 6.0 } else { 20.0 });
+            let to = point(6.0);
+            let direction = [0, 1, 2].map(|axis| to[axis] - origin[axis]);
+            TraceRay { ray: Ray::new(origin, direction), ..ray(0.0, 0.0) }
+        })
+        .collect();
+    let mut turned = IDENTITY;
+    turned[0] = [0.3, -0.7, 0.1, 0.5];
+    turned[1] = [0.7, 0.3, 0.2, 0.0];
+    for kind in 0..4 {
+        for flags in [GeometryFlags::OPAQUE, GeometryFlags::default()] {
+            for matrix in [IDENTITY, turned] {
+                let tlas = |blas: &Arc<Blas>| Tlas::new(vec![TlasInstance::of(blas.clone(), matrix)]);
+                let whole = crowd(kind, flags);
+                let of_whole = tlas(&whole)?;
+                while !whole.has_bvh() {
+                    // Rays whose traversal is not explained build the whole.
+                    for &one in &rays {
+                        walk(&of_whole, one);
+                    }
+                }
+                let wanted: Vec<Vec<String>> = rays.iter().map(|&one| explain(&of_whole, one)).collect();
+                assert!(wanted.iter().any(|told| told.iter().any(|line| line.starts_with("node"))));
+                for backwards in [false, true] {
+                    let part = crowd(kind, flags);
+                    let of_part = tlas(&part)?;
+                    let mut order: Vec<usize> = (0..rays.len()).collect();
+                    if backwards {
+                        order.reverse();
+                    }
+                    for at in order {
+                        assert_eq!(explain(&of_part, rays[at]), wanted[at], "kind {kind}, ray {at}");
+                    }
+                    assert!(part.is_built() && !part.has_bvh() && !part.is_listed());
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Many rays that are explained build the whole BVH, and so do others beside them.
+#[test]
+fn many_explained_rays_build_the_whole() -> Result<()> {
+    let blas = crowd(2, GeometryFlags::OPAQUE);
+    let tlas = Tlas::new(vec![TlasInstance::of(blas.clone(), IDENTITY)])?;
+    let along = TraceRay { ray: Ray::new([-9.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ..ray(0.0, 0.0) };
+    let wanted = explain(&tlas, along);
+    let mut rays = 1;
+    while !blas.has_bvh() {
+        rays += 1;
+        assert!(rays < 1000, "no whole BVH comes after {rays} rays");
+        assert_eq!(explain(&tlas, along), wanted);
+    }
+    assert!(rays > 32, "the whole BVH comes with ray {rays}");
+    assert_eq!(explain(&tlas, along), wanted);
+    Ok(())
+}
+
+/// A traversal that begins in a part goes on there, whether or not it is observed then.
+#[test]
+fn a_traversal_that_is_no_longer_observed_goes_on_in_its_part() -> Result<()> {
+    let tlas = Tlas::new(vec![TlasInstance::of(crowd(1, GeometryFlags::default()), IDENTITY)])?;
+    let candidates = |row: u8| -> (TraceRay, Vec<Candidate>) {
+        let origin = [-9.0, 0.05 * f32::from(row) - 3.0, 0.0];
+        let along = TraceRay { ray: Ray::new(origin, [1.0, 0.01, 0.02]), ..ray(0.0, 0.0) };
+        let mut cursor = Cursor::new(&tlas, along);
+        (along, std::iter::from_fn(|| cursor.proceed(&tlas)).collect())
+    };
+    let (along, all) = (0..120).map(candidates).max_by_key(|(_, all)| all.len()).expect("some rays");
+    assert!(all.len() > 2, "no ray meets many boxes");
+    for observed in 1..all.len() {
+        let blas = crowd(1, GeometryFlags::default());
+        let tlas = Tlas::new(vec![TlasInstance::of(blas.clone(), IDENTITY)])?;
+        let mut cursor = Cursor::new(&tlas, along);
+        let mut told = Explanation::default();
+        let mut found: Vec<Candidate> = Vec::new();
+        while let Some(one) = match found.len() < observed {
+            true => cursor.proceed_observed(&tlas, &mut told),
+            false => cursor.proceed(&tlas),
+        } {
+            found.push(one);
+        }
+        assert_eq!(found, all, "{observed} were observed");
+        assert!(!blas.has_bvh());
+    }
     Ok(())
 }
 

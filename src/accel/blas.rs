@@ -5,8 +5,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::accel::built_blas::BuiltBlas;
+use crate::accel::built_blas::partial::PartialBlas;
 use crate::accel::geometry::Geometry;
 use crate::accel::geometry_data::GeometryKind;
+use crate::accel::node::Node;
 use crate::accel::primitive::Primitive;
 use crate::accel::validate;
 use crate::error::{Error, Result};
@@ -15,16 +17,28 @@ use crate::geometry::Bounds;
 /// A bottom-level acceleration structure: geometries of one kind under one BVH.
 ///
 /// Creating one only validates it. Its boxes and its BVH are built when rays reach it; the BVH is
-/// not built if it holds few primitives or few rays reach it.
+/// not built if it holds few primitives or few rays reach it. For a few rays whose traversal is
+/// explained, only the parts are built that they enter.
 #[derive(Debug)]
 pub struct Blas {
     geometries: Vec<Geometry>,
     bounds: OnceLock<Bounds>,
-    /// The list of primitives for the first few rays, until the BVH is built.
-    list: Mutex<Option<Arc<BuiltBlas>>>,
+    /// What the first few rays use, until the BVH is built.
+    for_few: Mutex<ForFewRays>,
     /// The number of rays that used the list.
     rays: AtomicU32,
+    /// The number of rays that used the partial BVH.
+    explained_rays: AtomicU32,
     built: OnceLock<BuiltBlas>,
+}
+
+/// What the first few rays use instead of the whole BVH.
+#[derive(Debug, Default)]
+struct ForFewRays {
+    /// The list of all primitives.
+    list: Option<Arc<BuiltBlas>>,
+    /// The parts of the BVH that rays have entered.
+    partial: Option<PartialBlas>,
 }
 
 /// The first [`LAZY_BUILD_RAYS`] rays that reach more than [`LAZY_BUILD_PRIMITIVES`] primitives
@@ -32,6 +46,9 @@ pub struct Blas {
 /// rays never trace more, and the others lose little.
 const LAZY_BUILD_RAYS: u32 = 4;
 const LAZY_BUILD_PRIMITIVES: usize = 512;
+/// As many rays whose traversal is explained, and which always see a BVH, build only what they
+/// enter of one over more than [`LAZY_BUILD_PRIMITIVES`] primitives.
+const PARTIAL_BUILD_RAYS: u32 = 64;
 
 impl Blas {
     /// Takes the geometries; the tree is built on first use.
@@ -44,17 +61,29 @@ impl Blas {
     /// indices (VUID 10427), or a geometry transform is singular
     /// (VUID-VkTransformMatrixKHR-matrix-03799). All mistakes are reported at once.
     pub fn new(geometries: Vec<Geometry>) -> Result<Arc<Self>> {
-        let mistakes = validate::geometries(&geometries);
-        if !mistakes.is_empty() {
-            return Err(Error::several(mistakes));
-        }
-        Ok(Arc::new(Self {
+        Self::check(&geometries)?;
+        Ok(Self::of_checked(geometries))
+    }
+
+    /// Checks geometries without taking them.
+    ///
+    /// # Errors
+    /// As [`Blas::new`].
+    pub(crate) fn check(geometries: &[Geometry]) -> Result<()> {
+        let mistakes = validate::geometries(geometries);
+        if mistakes.is_empty() { Ok(()) } else { Err(Error::several(mistakes)) }
+    }
+
+    /// Takes geometries that [`Blas::check`] has found valid.
+    pub(crate) fn of_checked(geometries: Vec<Geometry>) -> Arc<Self> {
+        Arc::new(Self {
             geometries,
             bounds: OnceLock::new(),
-            list: Mutex::new(None),
+            for_few: Mutex::default(),
             rays: AtomicU32::new(0),
+            explained_rays: AtomicU32::new(0),
             built: OnceLock::new(),
-        }))
+        })
     }
 
     /// [`Blas::new`], with a BVH in which the box of a child of the root is too small.
@@ -93,11 +122,12 @@ impl Blas {
 
     /// Whether rays have reached it, so that its boxes and perhaps its BVH exist.
     pub fn is_built(&self) -> bool {
-        self.built.get().is_some() || self.is_listed()
+        let for_few = self.for_few();
+        self.built.get().is_some() || for_few.list.is_some() || for_few.partial.is_some()
     }
 
-    /// Whether its BVH is built. Few primitives have none, and neither have many that only a few
-    /// rays reached.
+    /// Whether its whole BVH is built. Few primitives have none, and neither have many that only a
+    /// few rays reached.
     pub fn has_bvh(&self) -> bool {
         self.built.get().is_some_and(|built| built.bvh().is_some())
     }
@@ -105,12 +135,17 @@ impl Blas {
     /// Whether the few rays that have reached it tested a list of its many primitives, which is
     /// dropped when more rays make it build its BVH.
     pub fn is_listed(&self) -> bool {
-        self.lock_list().is_some()
+        self.for_few().list.is_some()
     }
 
-    fn lock_list(&self) -> MutexGuard<'_, Option<Arc<BuiltBlas>>> {
-        // Its value is valid even if a thread panicked.
-        self.list.lock().unwrap_or_else(PoisonError::into_inner)
+    fn for_few(&self) -> MutexGuard<'_, ForFewRays> {
+        let mut locked = self.for_few.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.for_few.is_poisoned() {
+            // A thread may have panicked in the middle of a division.
+            locked.partial = None;
+            self.for_few.clear_poison();
+        }
+        locked
     }
 
     /// The box around all active primitives, in object space; empty where there are none. Builds
@@ -119,7 +154,10 @@ impl Blas {
         match self.built.get() {
             Some(built) => *built.bounds(),
             None if self.moves() => *self.built().bounds(),
-            None => *self.bounds.get_or_init(|| BuiltBlas::bounds_of(&self.geometries)),
+            None => match &self.for_few().partial {
+                Some(partial) => *partial.built().bounds(),
+                None => *self.bounds.get_or_init(|| BuiltBlas::bounds_of(&self.geometries)),
+            },
         }
     }
 
@@ -139,23 +177,68 @@ impl Blas {
         }
     }
 
+    /// The primitives for a ray that reaches them and whose traversal is explained: it sees a BVH,
+    /// of which [`Blas::grow`] builds what it enters.
+    pub(super) fn primitives_for_explained_ray(&self) -> BlasForRay<'_> {
+        match self.built.get() {
+            Some(built) => BlasForRay::Built(built),
+            None => self.part_or_build(),
+        }
+    }
+
+    /// Builds what a ray may open of a BVH that is built in part, and returns what is built then;
+    /// `None` where the whole is built. `hit_children` returns a mask of the children of a node that
+    /// the ray may hit.
+    pub(super) fn grow(&self, hit_children: &mut dyn FnMut(&Node) -> u32) -> Option<Arc<BuiltBlas>> {
+        if self.built.get().is_some() {
+            return None;
+        }
+        Some(self.for_few().partial.as_mut()?.grow(&self.geometries, hit_children))
+    }
+
     #[cold]
     fn list_or_build(&self, may_use_list: bool) -> BlasForRay<'_> {
-        let count: usize = self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum();
         if may_use_list
-            && count > LAZY_BUILD_PRIMITIVES
+            && self.primitive_count() > LAZY_BUILD_PRIMITIVES
             && self.rays.fetch_add(1, Ordering::Relaxed) < LAZY_BUILD_RAYS
         {
-            let mut list = self.lock_list();
+            let mut for_few = self.for_few();
             if self.built.get().is_none() {
                 let make = || Arc::new(BuiltBlas::without_bvh(&self.geometries));
-                return BlasForRay::Listed(list.get_or_insert_with(make).clone());
+                return BlasForRay::Shared(for_few.list.get_or_insert_with(make).clone());
             }
         }
+        self.build()
+    }
+
+    #[cold]
+    fn part_or_build(&self) -> BlasForRay<'_> {
+        if self.primitive_count() > LAZY_BUILD_PRIMITIVES
+            && !self.moves()
+            && self.explained_rays.fetch_add(1, Ordering::Relaxed) < PARTIAL_BUILD_RAYS
+        {
+            let mut for_few = self.for_few();
+            if self.built.get().is_none() {
+                if for_few.partial.is_none() {
+                    for_few.partial = PartialBlas::begin(&self.geometries, LAZY_BUILD_PRIMITIVES);
+                }
+                if let Some(partial) = &for_few.partial {
+                    return BlasForRay::Shared(partial.built());
+                }
+            }
+        }
+        self.build()
+    }
+
+    fn build(&self) -> BlasForRay<'_> {
         let built = self.built();
-        // Rays that still test the list keep it alive.
-        self.lock_list().take();
+        // Rays that still use the list or a part keep it alive.
+        *self.for_few() = ForFewRays::default();
         BlasForRay::Built(built)
+    }
+
+    fn primitive_count(&self) -> usize {
+        self.geometries.iter().map(|geometry| geometry.data.primitive_count()).sum()
     }
 }
 
@@ -163,8 +246,8 @@ impl Blas {
 pub(super) enum BlasForRay<'a> {
     /// The form that is built once and kept.
     Built(&'a BuiltBlas),
-    /// A list of the primitives for the first few rays.
-    Listed(Arc<BuiltBlas>),
+    /// What the first few rays use: a list of the primitives, or a part of their BVH.
+    Shared(Arc<BuiltBlas>),
 }
 
 impl Deref for BlasForRay<'_> {
@@ -174,7 +257,7 @@ impl Deref for BlasForRay<'_> {
     fn deref(&self) -> &BuiltBlas {
         match self {
             Self::Built(built) => built,
-            Self::Listed(built) => built,
+            Self::Shared(built) => built,
         }
     }
 }

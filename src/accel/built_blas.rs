@@ -1,6 +1,7 @@
 //! A built BLAS: its active primitives in tree order, and the BVH over them.
 
 mod build;
+pub(super) mod partial;
 
 use crate::accel::flags::GeometryFlags;
 use crate::accel::geometry::interpolate_triangle;
@@ -13,7 +14,7 @@ use crate::math::f64x4::F64x4Ops;
 use crate::math::prefetch::prefetch;
 
 /// The active primitives of a BLAS, and the BVH over them.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct BuiltBlas {
     blocks: PrimitiveBlocks,
     /// The identity of each primitive in tree order; [`GeomPrim::NONE`] pads leaves that are not
@@ -61,7 +62,7 @@ pub(super) trait LeafRay {
 }
 
 /// The primitives, all of one kind, in blocks of four.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum PrimitiveBlocks {
     Triangles(Vec<block::Triangle4>),
     Aabbs(Vec<block::Aabb4>),

@@ -108,6 +108,7 @@ impl Cursor {
         self.state = State::Fresh;
         self.next = None;
         self.drawn = None;
+        self.traversal.leave_part();
     }
 
     /// Draws what Vulkan leaves open about the traversal, which has not begun yet. Returns the
@@ -179,6 +180,10 @@ impl Cursor {
             self.advance::<(), true>(tlas, true, &mut ());
             self.hits.committed = self.hits.closest_opaque;
             return None;
+        }
+        if self.traversal.is_in_part() {
+            let mut nobody: &mut dyn TraversalObserver = &mut ();
+            return self.proceed_as(tlas, &mut nobody);
         }
         self.proceed_as(tlas, &mut ())
     }

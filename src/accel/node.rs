@@ -9,11 +9,17 @@ use crate::math::prefetch::prefetch;
 pub(super) const WIDTH: usize = 8;
 
 /// A reference to an inner node or to a leaf of primitives.
+///
+/// The references of a node's children ascend by the number of primitives (0 for inner nodes) and
+/// then by slot, in whatever order the nodes of a tree were built: a ray that reaches several at
+/// the same t visits them in that order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct NodeRef(u32);
 
-/// The low bits of a [`NodeRef`], which count the primitives of a leaf.
+/// The high bits of a [`NodeRef`], which count the primitives of a leaf.
 const COUNT_BITS: u32 = 3;
+/// The low bits of a [`NodeRef`], which hold the index.
+const INDEX_BITS: u32 = u32::BITS - COUNT_BITS;
 
 impl NodeRef {
     /// Makes the reference to an inner node.
@@ -29,8 +35,8 @@ impl NodeRef {
     }
 
     fn pack(index: usize, count: usize) -> Self {
-        assert!(index < 1 << (u32::BITS - COUNT_BITS), "bug in anyhit: a BVH of too many nodes");
-        Self((index << COUNT_BITS | count) as u32)
+        assert!(index < 1 << INDEX_BITS, "bug in anyhit: a BVH of too many nodes");
+        Self((count << INDEX_BITS | index) as u32)
     }
 
     /// The reference as 32 bits.
@@ -48,13 +54,13 @@ impl NodeRef {
     /// The index of the node or of the leaf.
     #[inline(always)]
     pub(super) fn index(self) -> usize {
-        (self.0 >> COUNT_BITS) as usize
+        (self.0 & ((1 << INDEX_BITS) - 1)) as usize
     }
 
     /// The number of primitives; 0 for an inner node.
     #[inline(always)]
     pub(super) fn count(self) -> u32 {
-        self.0 & ((1 << COUNT_BITS) - 1)
+        self.0 >> INDEX_BITS
     }
 
     #[inline(always)]
@@ -87,14 +93,14 @@ pub(super) struct Node {
 }
 
 impl Node {
+    /// A node without children.
+    pub(super) const EMPTY: Self =
+        Self { planes: [[[0.0; WIDTH]; 2]; 3], children: [NodeRef(0); WIDTH], filled: 0 };
+
     /// Makes a node over up to `WIDTH` children with their boxes (scaled; minimum and maximum).
     pub(super) fn new(children: &[(NodeRef, [[f32; 3]; 2])]) -> Self {
         debug_assert!((1..=WIDTH).contains(&children.len()));
-        let mut node = Self {
-            planes: [[[0.0; WIDTH]; 2]; 3],
-            children: [NodeRef::default(); WIDTH],
-            filled: (1 << children.len()) - 1,
-        };
+        let mut node = Self { filled: (1 << children.len()) - 1, ..Self::EMPTY };
         for (slot, (child, corners)) in children.iter().enumerate() {
             node.children[slot] = *child;
             for (axis, planes) in node.planes.iter_mut().enumerate() {

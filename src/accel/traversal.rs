@@ -1,6 +1,8 @@
 //! The BVH traversal of one ray: through the tree over the instances (TLAS) and the tree of each
 //! instance that the ray enters (BLAS).
 
+use std::sync::Arc;
+
 use crate::accel::built_blas::BuiltBlas;
 use crate::accel::flags::{GeometryFlags, InstanceFlags};
 use crate::accel::hit::{Candidate, HitPrimitive};
@@ -96,6 +98,8 @@ pub(super) struct TraversalState {
     world_ray: TravRay,
     instance_ray: InstanceRay,
     in_instance: bool,
+    /// What is built of the instance's BLAS, where that is not the whole.
+    part: Option<Arc<BuiltBlas>>,
 }
 
 impl TraversalState {
@@ -105,6 +109,7 @@ impl TraversalState {
         world_ray: TravRay::EMPTY,
         instance_ray: InstanceRay::EMPTY,
         in_instance: false,
+        part: None,
     };
 
     /// Whether no unvisited node can hold a hit at t or before. A node that is entered exactly at t
@@ -112,6 +117,18 @@ impl TraversalState {
     #[inline]
     pub(super) fn is_past(&self, t: f32) -> bool {
         self.stack.t_lower_bounds.last().is_none_or(|&bound| t < bound)
+    }
+
+    /// Whether the instance's BLAS is built in part. Only a traversal with an observer goes on in it.
+    #[inline]
+    pub(super) fn is_in_part(&self) -> bool {
+        self.part.is_some()
+    }
+
+    /// Forgets the instance that an earlier traversal was in.
+    #[inline]
+    pub(super) fn leave_part(&mut self) {
+        self.part = None;
     }
 
     /// Whether the stack is empty.
@@ -280,10 +297,12 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             return InstanceVerdict::Skipped;
         }
         // An observer that explains misses always sees the traversal of a BVH.
-        let built = &*instance.blas.primitives_for_ray(
-            self.tlas.precision() == Precision::Exact && !self.observer.explains_misses(),
-        );
-        let TraversalState { stack, instance_ray, in_instance, .. } = &mut *self.traversal;
+        let built = &*if self.observer.explains_misses() {
+            instance.blas.primitives_for_explained_ray()
+        } else {
+            instance.blas.primitives_for_ray(self.tlas.precision() == Precision::Exact)
+        };
+        let TraversalState { stack, instance_ray, in_instance, part, .. } = &mut *self.traversal;
         if !instance_ray.enter(self.tlas, number, built.bvh(), self.trace, self.hits.cull_t) {
             return InstanceVerdict::Missed;
         }
@@ -295,6 +314,15 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
             && TravRay::misses(instance_ray.object_ray(self.tlas, self.trace), self.hits.cull_t, bvh.bounds())
         {
             return InstanceVerdict::Missed;
+        }
+        if V::is_active() {
+            *part = None;
+            if self.observer.explains_misses() {
+                let limit = instance_ray.trav_ray.limit(self.hits.cull_t);
+                let slabs = instance_ray.trav_ray.slabs(simd);
+                // The limit only falls: the ray opens no other nodes.
+                *part = instance.blas.grow(&mut |node| node.intersect(&slabs, limit).1);
+            }
         }
         instance_ray.stack_base = stack.len();
         stack.push::<FULLY_OPAQUE>(
@@ -310,7 +338,11 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
     fn traverse_instance<E: LaneOps>(&mut self, simd: E) {
         let number = self.traversal.instance_ray.instance;
         let base = self.traversal.instance_ray.stack_base;
-        let built = self.tlas.instances()[number as usize].blas.built();
+        let part = if V::is_active() { self.traversal.part.clone() } else { None };
+        let built = match &part {
+            Some(part) => part,
+            None => self.tlas.instances()[number as usize].blas.built(),
+        };
         let Some(bvh) = built.bvh() else { return };
         let slabs = self.traversal.instance_ray.trav_ray.slabs(simd);
         let mut limit = self.traversal.instance_ray.trav_ray.limit(self.hits.cull_t);

@@ -162,6 +162,12 @@ fn negative_radius(data: &GeometryData) -> Option<String> {
         }
         GeometryData::Triangles { .. } | GeometryData::Aabbs(_) => return None,
     };
+    if let GeometryData::Spheres { radii, .. } | GeometryData::LinearSweptSpheres { radii, .. } = data
+        && radii.iter().fold(0.0, |least: f32, &radius| if radius < least { radius } else { least }) == 0.0
+    {
+        return None;
+    }
+    // Those that no primitive names may be negative.
     (0..data.primitive_count() as u32).find_map(|primitive| {
         let radii = match data.primitive(primitive) {
             Primitive::Sphere { radius, .. } => [radius; 2],

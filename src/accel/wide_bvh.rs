@@ -5,6 +5,8 @@
 //! for coordinates near 1e19 or 1e-19. Every box of a node is the union of given boxes; how they
 //! are divided (`binned_sah`) affects only time.
 
+pub(super) mod growth;
+
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -28,7 +30,7 @@ pub(super) const PADDING: u32 = u32::MAX;
 const PARALLEL_BUILD_MIN: usize = 16_384;
 
 /// A bounding volume hierarchy over numbered boxes, with nodes of up to [`WIDTH`] children.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct WideBvh {
     nodes: Vec<Node>,
     /// For each node the leaves that are worth prefetching: the index of the first times
@@ -68,9 +70,7 @@ impl WideBvh {
         if prim_refs.is_empty() {
             return None;
         }
-        let bounds = prim_refs.iter().fold(Bounds::EMPTY, |all, one| all.union(&one.bounds()));
-        let scale = scale_of(&prim_refs, &bounds);
-        prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, scale));
+        let (bounds, scale) = scale_boxes(&mut prim_refs);
         let mut build = BvhBuilder::new(cost, max_sah_depth, false);
         let root = build.build_subtree(&mut prim_refs, 0);
         let leaves = build.nodes.iter().map(leaf_range).collect();
@@ -146,6 +146,14 @@ fn numbered(boxes: &[Bounds]) -> Vec<PrimRef> {
     boxes.iter().enumerate().map(|(number, one)| PrimRef::new(one, number as u32)).collect()
 }
 
+/// Scales boxes into the unit cube; returns the box around all as it was, and the scale.
+fn scale_boxes(prim_refs: &mut [PrimRef]) -> (Bounds, f64) {
+    let bounds = prim_refs.iter().fold(PrimRef::EMPTY, |all, one| all.union(one)).bounds();
+    let scale = scale_of(prim_refs, &bounds);
+    prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, scale));
+    (bounds, scale)
+}
+
 /// The power of two that brings every finite coordinate of boxes into the unit cube.
 fn scale_of(boxes: &[PrimRef], around: &Bounds) -> f64 {
     let sides = |one: &Bounds| {
@@ -192,6 +200,7 @@ fn scaled(prim_ref: &PrimRef, scale: f64) -> PrimRef {
 }
 
 /// A BVH while it is built.
+#[derive(Debug)]
 struct BvhBuilder {
     /// Whether one thread builds it, without starting others.
     single_threaded: bool,
@@ -243,14 +252,12 @@ impl BvhBuilder {
             return self.make_leaf(prim_refs);
         }
         self.divide(prim_refs, depth);
-        let records: ChildSizes =
-            self.builder.records().map(|record| (record.count(), record.is_leaf())).collect();
+        let records = self.child_sizes();
         if let [(_, true)] = records[..] {
             return self.make_leaf(prim_refs);
         }
         let node_index = self.nodes.len();
-        let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
-        self.nodes.push(Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>()));
+        self.nodes.push(self.divided_node());
         if !self.single_threaded && prim_refs.len() > PARALLEL_BUILD_MIN && rayon::current_num_threads() > 1 {
             self.build_children_in_parallel(node_index, &records, prim_refs, depth);
             return NodeRef::inner(node_index);
@@ -272,12 +279,22 @@ impl BvhBuilder {
         self.cpu_tier.run(divide);
     }
 
+    /// The sizes of the children that [`Self::divide`] made last.
+    fn child_sizes(&self) -> ChildSizes {
+        self.builder.records().map(|record| (record.count(), record.is_leaf())).collect()
+    }
+
+    /// The node over the children that [`Self::divide`] made last, whose references are not set.
+    fn divided_node(&self) -> Node {
+        let boxes = self.builder.records().map(|record| (NodeRef::default(), corners(record)));
+        Node::new(&boxes.collect::<SmallVec<[_; WIDTH]>>())
+    }
+
     /// Makes a leaf: appends its references to the order from the next multiple of the leaf size
     /// on.
     fn make_leaf(&mut self, prim_refs: &[PrimRef]) -> NodeRef {
-        let size = self.cost.max_leaf_size.trailing_zeros();
-        let index = (self.order.len() + self.cost.max_leaf_size - 1) >> size;
-        self.order.resize(index << size, PADDING);
+        self.pad_order();
+        let index = self.order.len() >> self.cost.max_leaf_size.trailing_zeros();
         self.order.extend(prim_refs.iter().map(PrimRef::number));
         NodeRef::leaf(index, prim_refs.len())
     }
@@ -328,11 +345,17 @@ impl BvhBuilder {
         }
     }
 
+    /// Pads the order, so that the next leaf begins at its end.
+    fn pad_order(&mut self) {
+        // A power of two.
+        let last = self.cost.max_leaf_size - 1;
+        self.order.resize((self.order.len() + last) & !last, PADDING);
+    }
+
     /// Appends a subtree that another thread has built; returns its root in this tree.
     fn append(&mut self, own: Self, root: NodeRef) -> NodeRef {
-        let size = self.cost.max_leaf_size;
-        self.order.resize(self.order.len().next_multiple_of(size), PADDING);
-        let (nodes, leaves) = (self.nodes.len(), self.order.len() / size);
+        self.pad_order();
+        let (nodes, leaves) = (self.nodes.len(), self.order.len() / self.cost.max_leaf_size);
         self.order.extend(own.order);
         self.nodes.extend(own.nodes.into_iter().map(|mut node| {
             node.offset_children(nodes, leaves);

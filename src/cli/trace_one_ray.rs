@@ -1,6 +1,7 @@
 //! `anyhit trace-one-ray`: explains what a ray met and which shaders it called.
 
 use std::io::{IsTerminal, stdout};
+use std::mem::ManuallyDrop;
 use std::path::{Component, Path, PathBuf};
 
 use clap::Args;
@@ -130,7 +131,8 @@ fn trace(args: TraceOneRayArgs) -> Result<Option<Error>> {
     let mut scene = args.load(args.scene.as_deref(), args.precision)?;
     output::notes(&scene.notes);
     args.limits.limits(LaunchLimits::default()).give(&mut scene);
-    let session = Session::new(scene)?;
+    // The program ends with this command, and the system takes all memory back at once.
+    let session = ManuallyDrop::new(Session::new(scene)?);
     output::notes(&session.assembled().notes);
     let looks_otherwise = args.stability.is_requested()
         || args.sanitize.is_requested()

@@ -9,7 +9,7 @@ use crate::debug::debugger::{
 use crate::debug::executed_lines::ExecutedLine;
 use crate::debug::session::{ExplainRequest, Session};
 use crate::debug::summary;
-use crate::debug::transcript::Transcript;
+use crate::debug::transcript::{ShaderLabel, Transcript};
 use crate::debug::values::TypedValue;
 use crate::debug::walk;
 use crate::error::Result;
@@ -85,11 +85,14 @@ fn add_lines(
                 text.lines().nth(line.line.saturating_sub(1) as usize).map(|text| text.trim().to_owned());
         }
     });
-    let texts = walk::runs(&transcript.root).iter().map(|run| run.printed.len()).sum();
+    let all = walk::runs(&transcript.root);
+    let texts = all.iter().map(|run| run.printed.len()).sum();
     if runs == FollowedRuns::Only(Vec::new()) && texts == 0 {
         return Ok(());
     }
-    let mut debugger = Debugger::of_scene(session, request)?;
+    // It runs again what has run, and no other shader.
+    let has_run = |shader: &ShaderLabel| all.iter().any(|run| run.shader == *shader);
+    let mut debugger = Debugger::of_shaders(session, request, &has_run)?;
     debugger.supply_texts(read);
     let mut recorder = Recorder::new(runs, texts);
     let mut stop = debugger.begin();

@@ -201,7 +201,7 @@ pub struct NamedValue {
 }
 
 /// Names of a shader.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ShaderLabel {
     /// The execution model.
     pub stage: &'static str,

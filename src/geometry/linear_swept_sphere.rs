@@ -120,15 +120,26 @@ pub fn is_decided_in_f64(
 /// The box around a linear swept sphere (with both caps); `None` where it is never hit.
 #[inline]
 pub fn bounds(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<Bounds> {
-    is_solid(positions, radii).then(|| {
-        // An end of negative radius is cut off before its point: the point itself is enough.
-        let end = |k: usize| Bounds::around(positions[k], radii[k].max(0.0));
-        end(0).union(&end(1))
-    })
+    let [a, b] = [0, 1].map(|end| {
+        let [x, y, z] = positions[end];
+        F32x4::new([x, y, z, radii[end]])
+    });
+    // Zero times an infinity or a NaN is a NaN.
+    let is_finite = (a * F32x4::ZERO + b * F32x4::ZERO).cmp_ge(F32x4::ZERO) == 0b1111;
+    if !is_finite || !(radii[0] > 0.0 || radii[1] > 0.0) {
+        return None;
+    }
+    // An end of negative radius is cut off before its point: the point itself is enough.
+    let [r0, r1] = radii.map(|radius| F32x4::splat(radius.max(0.0)));
+    // One rounding to nearest each, undone by one step outwards.
+    let [x0, y0, z0, _] = (a - r0).relaxed_min(b - r1).next_down().to_array();
+    let [x1, y1, z1, _] = (a + r0).relaxed_max(b + r1).next_up().to_array();
+    Some(Bounds { min: [x0, y0, z0], max: [x1, y1, z1] })
 }
 
 /// The boxes around both halves of a linear swept sphere, if their surfaces together are at most
-/// three quarters of that of the box around the whole. `None` otherwise, and if it is never hit.
+/// three quarters of that of the box around the whole. `None` otherwise, and if it is never hit: an
+/// infinity or a NaN makes the comparison false.
 ///
 /// The shape is the union of the balls that lie at P0 + u D and have the radius r0 + u δ, where u
 /// goes from 0 to 1; those of a half lie within the hull of its two end balls. The centre of the
@@ -147,7 +158,7 @@ pub fn halves(positions: [[f32; 3]; 2], radii: [f32; 2]) -> Option<[Bounds; 2]> 
     };
     // Written so that no infinity is halved.
     let smaller = r0 >= 0.0 && r1 >= 0.0 && 2.0 * surface(0.5) < 0.75 * surface(1.0);
-    if !smaller || !is_solid(positions, radii) {
+    if !smaller || width == 0.0 {
         return None;
     }
     const ROUNDINGS: f32 = 16.0 / 16_777_216.0;

@@ -86,6 +86,26 @@ impl F32x4 {
         Self(Vec4::select(self.0.cmplt(other.0), self.0, other.0))
     }
 
+    /// The next smaller number in each lane, as [`f32::next_down`] of what is no NaN. It is written
+    /// without branches, for all lanes at once.
+    #[inline(always)]
+    pub fn next_down(self) -> Self {
+        // Ascends with the numbers; a zero counts as the negative one.
+        let key = |x: f32| {
+            let bits = (-(0.0 - x)).to_bits() as i32;
+            bits ^ ((bits >> 31) as u32 >> 1) as i32
+        };
+        let least = key(f32::NEG_INFINITY);
+        let keys = self.to_array().map(|x| (key(x) - 1).max(least));
+        Self::new(keys.map(|key| f32::from_bits((key ^ ((key >> 31) as u32 >> 1) as i32) as u32)))
+    }
+
+    /// The next greater number in each lane, as [`f32::next_up`] of what is no NaN.
+    #[inline(always)]
+    pub fn next_up(self) -> Self {
+        Self(-(Self(-self.0).next_down().0))
+    }
+
     /// A mask of the lanes in which `self > other`.
     #[inline(always)]
     pub fn cmp_gt(self, other: Self) -> u32 {
@@ -173,11 +193,24 @@ mod tests {
 
     #[test]
     fn lanes_are_the_scalar_operations() {
-        let special = [0.0, -0.0, 1.0, -2.5, 1e-45, f32::MAX, f32::INFINITY, f32::NAN];
+        let special = [
+            0.0,
+            -0.0,
+            1.0,
+            -2.5,
+            1e-45,
+            f32::MAX,
+            f32::INFINITY,
+            f32::NAN,
+            -1e-45,
+            f32::MIN,
+            f32::NEG_INFINITY,
+            -f32::MIN_POSITIVE,
+        ];
         let same = |a: f32, b: f32| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
-        for i in 0..64 {
-            let a: [f32; 4] = std::array::from_fn(|lane| special[(i + lane) % 8]);
-            let b: [f32; 4] = std::array::from_fn(|lane| special[(i / 8 + 3 * lane) % 8]);
+        for i in 0..144 {
+            let a: [f32; 4] = std::array::from_fn(|lane| special[(i + lane) % 12]);
+            let b: [f32; 4] = std::array::from_fn(|lane| special[(i / 12 + 3 * lane) % 12]);
             let (x, y) = (F32x4::new(a), F32x4::new(b));
             let results =
                 [x + y, x - y, x * y, x / y, x.abs(), x.sqrt(), x.max(y), x.min(y)].map(F32x4::to_array);
@@ -190,6 +223,10 @@ mod tests {
                 }
                 assert_eq!(x.cmp_gt(y) >> lane & 1 != 0, p > q);
                 assert_eq!(x.cmp_ge(y) >> lane & 1 != 0, p >= q);
+                if !p.is_nan() {
+                    assert!(same(x.next_down().to_array()[lane], p.next_down()), "{p}");
+                    assert!(same(x.next_up().to_array()[lane], p.next_up()), "{p}");
+                }
                 if !p.is_nan() && !q.is_nan() {
                     assert_eq!(x.relaxed_max(y).to_array()[lane], p.max(q));
                     assert_eq!(x.relaxed_min(y).to_array()[lane], p.min(q));

@@ -12,6 +12,7 @@ use rspirv::grammar::{INSTRUCTION_TABLE, LogicalOperand, OperandKind, OperandQua
 use rspirv::{dr, spirv};
 
 use crate::error::Result;
+use crate::module::opcode_table::OpcodeTable;
 use crate::module::span::{Span, ends_string, invalid};
 
 /// The table entry of an opcode.
@@ -111,17 +112,12 @@ const OPTIONAL_ID: LogicalOperand =
 /// The entry of an opcode's number; `None` where the tables do not know it.
 pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
     // The crate's own look-up is a linear search through 800 entries.
-    static TABLE: LazyLock<Vec<Option<Opcode>>> = LazyLock::new(|| {
-        let mut table = Vec::new();
-        for entry in INSTRUCTION_TABLE.iter() {
-            let number = entry.opcode as usize;
-            if table.len() <= number {
-                table.resize(number + 1, None);
-            }
+    static TABLE: LazyLock<OpcodeTable<Opcode>> = LazyLock::new(|| {
+        let table = INSTRUCTION_TABLE.iter().map(|entry| {
             let kind = |index: usize| entry.operands.get(index).map(|operand| operand.kind);
             let has_type = kind(0) == Some(OperandKind::IdResultType);
             let has_result = kind(usize::from(has_type)) == Some(OperandKind::IdResult);
-            table[number] = Some(Opcode {
+            let opcode = Opcode {
                 op: entry.opcode,
                 name: entry.opname,
                 has_type,
@@ -130,11 +126,12 @@ pub(crate) fn opcode(number: u16) -> Option<&'static Opcode> {
                 ends_block: is_block_terminator(entry.opcode),
                 operands: entry.operands,
                 fixed: FixedOperands::of(&entry.operands[usize::from(has_type) + usize::from(has_result)..]),
-            });
-        }
-        table
+            };
+            (entry.opcode as u16, opcode)
+        });
+        table.collect()
     });
-    TABLE.get(usize::from(number))?.as_ref()
+    TABLE.get(usize::from(number))
 }
 
 /// Whether an opcode defines a constant or an undefined value; its name is without `Op`.

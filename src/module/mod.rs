@@ -29,6 +29,7 @@ pub mod interface;
 pub mod load;
 mod lookup;
 pub mod names;
+pub(crate) mod opcode_table;
 mod span;
 pub mod ty;
 mod words;

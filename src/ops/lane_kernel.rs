@@ -13,6 +13,7 @@ use pulp::x86::V3;
 use crate::machine::lanes::Lanes;
 use crate::machine::{Mask, Reg, Registers, Scalar};
 use crate::math::lane_ops::CpuTier;
+use crate::module::opcode_table::OpcodeTable;
 
 /// Runs a kernel over all lanes of a batch.
 pub type Eval<const W: usize> = fn(&mut [Lanes<W>], Reg, &[Reg; 3]);
@@ -213,24 +214,17 @@ impl OpFamily {
 
 /// The family of an instruction's number.
 pub fn family(set: InstructionSet, number: u32) -> Option<&'static OpFamily> {
-    /// Families, indexed by the number of their instruction.
-    type Table = Vec<Option<&'static OpFamily>>;
-    static TABLES: LazyLock<[Table; 2]> = LazyLock::new(|| {
+    static TABLES: LazyLock<[OpcodeTable<&'static OpFamily>; 2]> = LazyLock::new(|| {
         [InstructionSet::Core, InstructionSet::Glsl].map(|set| {
             let sections = crate::ops::SECTIONS.iter().flat_map(|section| section.iter().copied());
-            let mut table = Table::new();
-            for family in sections.filter(|family| family.set == set) {
-                let number = family.number as usize;
-                table.resize(table.len().max(number + 1), None);
-                table[number] = Some(family);
-            }
-            table
+            let families = sections.filter(|family| family.set == set);
+            families.filter_map(|family| Some((u16::try_from(family.number).ok()?, family))).collect()
         })
     });
     let [core, glsl] = &*TABLES;
     match set {
-        InstructionSet::Core => core.get(number as usize).copied().flatten(),
-        InstructionSet::Glsl => glsl.get(number as usize).copied().flatten(),
+        InstructionSet::Core => core.get(number as usize).copied(),
+        InstructionSet::Glsl => glsl.get(number as usize).copied(),
         InstructionSet::Internal => None,
     }
 }

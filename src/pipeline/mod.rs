@@ -126,8 +126,21 @@ impl Pipeline {
     /// As [`crate::program::lower()`].
     #[doc(hidden)]
     pub fn unoptimized(&self) -> Result<Self> {
-        let unoptimized = |program: &Arc<Program>| Ok(Arc::new(program.unoptimized()?));
-        Ok(Self { programs: self.programs.iter().map(unoptimized).collect::<Result<_>>()?, ..self.clone() })
+        self.partly_unoptimized(|_| true)
+    }
+
+    /// [`Pipeline::unoptimized`] of the shaders that are wanted; the others stay optimised.
+    ///
+    /// # Errors
+    /// As [`crate::program::lower()`].
+    #[doc(hidden)]
+    pub fn partly_unoptimized(&self, is_wanted: impl Fn(ShaderIndex) -> bool) -> Result<Self> {
+        let unoptimized = |(at, program): (usize, &Arc<Program>)| match is_wanted(ShaderIndex::new(at)) {
+            true => Ok(Arc::new(program.unoptimized()?)),
+            false => Ok(program.clone()),
+        };
+        let programs = self.programs.iter().enumerate().map(unoptimized).collect::<Result<_>>()?;
+        Ok(Self { programs, ..self.clone() })
     }
 
     /// The number of words of the largest payload that a shader declares.

@@ -105,14 +105,31 @@ pub fn lower(module: &Arc<Module>, entry: &EntryPoint) -> Result<Program> {
 /// # Errors
 /// As [`lower`].
 pub fn lower_with(module: &Arc<Module>, entry: &EntryPoint, options: LowerOptions) -> Result<Program> {
-    let (mut program, addressed) = translate(module, entry, options)?;
     match options.optimization {
-        Optimization::Full => optimize(&mut program, &addressed, options.verify),
+        Optimization::Full => {
+            let (mut program, addressed) = translate(module, entry, options)?;
+            optimize(&mut program, &addressed, options.verify);
+            Ok(program)
+        }
         Optimization::None => {
-            let options = LowerOptions { optimization: Optimization::Full, ..options };
-            reference::complete(&mut program, &lower_with(module, entry, options)?);
+            let optimized = LowerOptions { optimization: Optimization::Full, ..options };
+            lower_reference(&lower_with(module, entry, optimized)?, entry)
         }
     }
+}
+
+/// Lowers the entry point of an optimised program again, without any optimisation.
+///
+/// # Errors
+/// As [`lower`].
+pub(super) fn lower_reference(optimized: &Program, entry: &EntryPoint) -> Result<Program> {
+    let options = LowerOptions {
+        inlining: optimized.inlining,
+        optimization: Optimization::None,
+        ..LowerOptions::default()
+    };
+    let (mut program, _) = translate(&optimized.module, entry, options)?;
+    reference::complete(&mut program, optimized);
     Ok(program)
 }
 
@@ -589,6 +606,7 @@ impl<'m> Lowering<'m> {
             module: module.clone(),
             stage: entry.stage,
             name: entry.name.clone(),
+            inlining: self.inlining,
             ops: self.translator.ops,
             silent: Vec::new(),
             optimized: OptimizedCode::default(),

@@ -65,20 +65,20 @@ impl Grass {
     /// Generates two vertices per blade.
     pub fn generate(&self) -> GeometryData {
         let mut random = Random::new(self.seed);
-        let mut positions = Vec::with_capacity(2 * self.count as usize);
-        let mut radii = Vec::with_capacity(2 * self.count as usize);
-        for _ in 0..self.count {
+        let (mut positions, mut radii) =
+            (vec![[[0.0; 3]; 2]; self.count as usize], vec![[0.0; 2]; self.count as usize]);
+        for (positions, radii) in positions.iter_mut().zip(&mut radii) {
             let [x, z] = on_ground(&mut random, self.area);
             let height = random.within(self.height.0);
             let lean = self.lean * random.unit() * height;
             let [dx, dz] = random.direction();
             let radius = random.within(self.radius.0);
-            positions.extend([[x, 0.0, z], [x + lean * dx, height, z + lean * dz]]);
-            radii.extend([radius, radius * self.taper]);
+            *positions = [[x, 0.0, z], [x + lean * dx, height, z + lean * dz]];
+            *radii = [radius, radius * self.taper];
         }
         GeometryData::LinearSweptSpheres {
-            positions,
-            radii,
+            positions: positions.into_flattened(),
+            radii: radii.into_flattened(),
             indices: None,
             indexing: Indexing::List,
             end_caps: EndCaps::Chained,

@@ -32,14 +32,35 @@ const COST_OF_SWEPT_SPHERES: SahCost =
 /// leaves, which cost cache space. (Measured over hay and meadows of 200 to 100,000.)
 const MIN_SPLIT_GAIN: f64 = 0.1;
 
+/// The greatest share of its surface that splitting a swept sphere saves: each half has half of its
+/// extents, and a quarter of its surface. A little more, as boxes are rounded.
+const MAX_SAVED: f64 = 0.51;
+
 /// The active primitives in the order of the geometries.
 #[derive(Default)]
-struct CollectedPrimitives {
+pub(super) struct CollectedPrimitives {
     /// Numbered by position in `geom_prims`; empty if there will be no BVH.
-    boxes: Vec<PrimRef>,
-    geom_prims: Vec<GeomPrim>,
+    pub boxes: Vec<PrimRef>,
+    pub geom_prims: Vec<GeomPrim>,
     bounds: Option<Bounds>,
-    has_split_primitives: bool,
+    pub has_split_primitives: bool,
+}
+
+/// The costs of the tree over geometries.
+pub(super) fn cost_of(geometries: &[Geometry]) -> SahCost {
+    match geometries.first().map(|geometry| geometry.data.kind()) {
+        Some(GeometryKind::Aabbs) => COST_OF_SINGLE_TESTS,
+        Some(GeometryKind::Spheres) => COST_OF_BLOCK_TESTS,
+        Some(GeometryKind::LinearSweptSpheres) => COST_OF_SWEPT_SPHERES,
+        Some(GeometryKind::Triangles) | None => COST_OF_TRIANGLES,
+    }
+}
+
+/// The flags of all geometries, if they agree and none has a micromap.
+pub(super) fn common_flags(geometries: &[Geometry]) -> Option<GeometryFlags> {
+    let flags = geometries.first()?.flags;
+    let agrees = |one: &Geometry| one.flags == flags && one.opacity_micromap.is_none();
+    geometries.iter().all(agrees).then_some(flags)
 }
 
 impl BuiltBlas {
@@ -64,13 +85,7 @@ impl BuiltBlas {
         } else {
             CollectedPrimitives::without_boxes(geometries, count)
         };
-        let cost = match geometries.first().map(|geometry| geometry.data.kind()) {
-            Some(GeometryKind::Aabbs) => COST_OF_SINGLE_TESTS,
-            Some(GeometryKind::Spheres) => COST_OF_BLOCK_TESTS,
-            Some(GeometryKind::LinearSweptSpheres) => COST_OF_SWEPT_SPHERES,
-            Some(GeometryKind::Triangles) | None => COST_OF_TRIANGLES,
-        };
-        Self::assemble(geometries, collected, cost, |_, geom_prims| {
+        Self::assemble(geometries, collected, cost_of(geometries), |_, geom_prims| {
             PrimitiveBlocks::of(geometries, geom_prims)
         })
     }
@@ -123,16 +138,13 @@ impl BuiltBlas {
             }
         };
         let bounds = bvh.as_ref().map(|bvh| *bvh.bounds()).or(bounds).unwrap_or(Bounds::EMPTY);
-        let common_flags = geometries.first().map(|first| first.flags).filter(|&flags: &GeometryFlags| {
-            geometries.iter().all(|one| one.flags == flags && one.opacity_micromap.is_none())
-        });
         Self {
             blocks: blocks(&order, &geom_prims),
             geom_prims,
             has_split_primitives,
             bvh,
             bounds,
-            common_flags,
+            common_flags: common_flags(geometries),
         }
     }
 
@@ -179,8 +191,8 @@ struct PrimRefCollector {
     all: CollectedPrimitives,
     /// Whether swept spheres whose halves have less surface are split.
     split_swept: bool,
-    /// The surface area that splitting saves or would save.
-    saved_area: f64,
+    /// The surface area of all swept spheres.
+    swept_area: f64,
 }
 
 impl PrimRefCollector {
@@ -188,7 +200,7 @@ impl PrimRefCollector {
     fn collect(geometries: &[Geometry], max_boxes: usize, split_swept: bool) -> Self {
         let (boxes, geom_prims) = (Vec::with_capacity(max_boxes), Vec::with_capacity(max_boxes));
         let all = CollectedPrimitives { boxes, geom_prims, ..CollectedPrimitives::default() };
-        let mut collector = Self { geometry: 0, all, split_swept, saved_area: 0.0 };
+        let mut collector = Self { geometry: 0, all, split_swept, swept_area: 0.0 };
         for (number, geometry) in geometries.iter().enumerate() {
             collector.geometry = number as u32;
             geometry.data.visit_primitives(&mut collector);
@@ -204,11 +216,9 @@ impl PrimitiveVisitor for PrimRefCollector {
         match primitive_data {
             Primitive::LinearSweptSphere { positions, radii, .. } => {
                 let Some(whole) = linear_swept_sphere::bounds(positions, radii) else { return };
-                let halves = linear_swept_sphere::halves(positions, radii);
-                if let Some([first, second]) = &halves {
-                    self.saved_area += whole.surface() - first.surface() - second.surface();
-                }
-                match halves.filter(|_| self.split_swept) {
+                self.swept_area += whole.surface();
+                let halves = self.split_swept.then(|| linear_swept_sphere::halves(positions, radii));
+                match halves.flatten() {
                     None => self.all.push(PrimRef::new(&whole, 0), geom_prim),
                     Some(halves) => {
                         halves.iter().for_each(|half| self.all.push(PrimRef::new(half, 0), geom_prim));
@@ -225,13 +235,34 @@ impl PrimitiveVisitor for PrimRefCollector {
     }
 }
 
+/// Adds up the surface area that splitting swept spheres saves.
+struct SavedArea(f64);
+
+impl PrimitiveVisitor for SavedArea {
+    #[inline(always)]
+    fn visit(&mut self, _: u32, primitive_data: Primitive) {
+        if let Primitive::LinearSweptSphere { positions, radii, .. } = primitive_data
+            && let Some([first, second]) = linear_swept_sphere::halves(positions, radii)
+            && let Some(whole) = linear_swept_sphere::bounds(positions, radii)
+        {
+            self.0 += whole.surface() - first.surface() - second.surface();
+        }
+    }
+}
+
 impl CollectedPrimitives {
     /// Collects the primitives with their boxes.
-    fn with_boxes(geometries: &[Geometry], count: usize) -> Self {
-        let PrimRefCollector { all, saved_area, .. } = PrimRefCollector::collect(geometries, count, false);
-        let fewer = MIN_SPLIT_GAIN * (all.boxes.len() as f64).sqrt();
-        if saved_area > 0.0 && saved_area >= fewer * all.around().surface() {
-            return PrimRefCollector::collect(geometries, 2 * count, true).all;
+    pub(super) fn with_boxes(geometries: &[Geometry], count: usize) -> Self {
+        let PrimRefCollector { all, swept_area, .. } = PrimRefCollector::collect(geometries, count, false);
+        if swept_area > 0.0 {
+            let least = MIN_SPLIT_GAIN * (all.boxes.len() as f64).sqrt() * all.around().surface();
+            if MAX_SAVED * swept_area >= least {
+                let mut saved = SavedArea(0.0);
+                geometries.iter().for_each(|geometry| geometry.data.visit_primitives(&mut saved));
+                if saved.0 > 0.0 && saved.0 >= least {
+                    return PrimRefCollector::collect(geometries, 2 * count, true).all;
+                }
+            }
         }
         all
     }
@@ -274,7 +305,7 @@ impl CollectedPrimitives {
 
 impl PrimitiveBlocks {
     /// Stores the primitives in the given order; [`GeomPrim::NONE`] is padding.
-    fn of(geometries: &[Geometry], geom_prims: &[GeomPrim]) -> Self {
+    pub(super) fn of(geometries: &[Geometry], geom_prims: &[GeomPrim]) -> Self {
         let data = |geom_prim: &GeomPrim| &geometries[geom_prim.geometry as usize].data;
         match geometries.first().map(|geometry| geometry.data.kind()) {
             Some(GeometryKind::Triangles) | None => {
@@ -324,6 +355,23 @@ impl PrimitiveBlocks {
                 });
                 Self::LinearSweptSpheres(ends, caps)
             }
+        }
+    }
+}
+
+impl PrimitiveBlocks {
+    /// Appends blocks of the same kind.
+    pub(super) fn append(&mut self, other: Self) {
+        match (self, other) {
+            (Self::Triangles(all), Self::Triangles(more)) => all.extend(more),
+            (Self::Aabbs(all), Self::Aabbs(more)) => all.extend(more),
+            (Self::Spheres(all), Self::Spheres(more)) => all.extend(more),
+            (Self::LinearSweptSpheres(all, caps), Self::LinearSweptSpheres(more, more_caps)) => {
+                all.extend(more);
+                caps.extend(more_caps);
+            }
+            (Self::MovingTriangles(all), Self::MovingTriangles(more)) => all.extend(more),
+            _ => mixed_kinds(),
         }
     }
 }

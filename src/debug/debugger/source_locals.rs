@@ -1,8 +1,8 @@
 //! The local variables of a function: those of debug information, else those that `OpName` names.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
+use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use crate::module::debug_scopes::{DebugScopes, LocationForm, ScopePosition, SourceType, VariableLocation};
@@ -56,7 +56,7 @@ fn debug_locals(
     position: ScopePosition,
 ) -> Vec<SourceLocal> {
     let all = debug.locations_between(function.offset, module.end_of(function));
-    let depths: HashMap<u32, u32> = debug.chain(position.scope).zip(0..).collect();
+    let depths: FxHashMap<u32, u32> = debug.chain(position.scope).zip(0..).collect();
     let visible = debug.variables.iter().zip(0..);
     let locals = visible.filter_map(|(variable, index)| {
         let &depth = depths.get(&variable.scope)?;
@@ -114,7 +114,7 @@ fn variables(function: &Function) -> impl Iterator<Item = Id> {
 /// The local variables and values that have names, in a function without scopes.
 fn named_locals(module: &Module, function: &Function) -> Vec<SourceLocal> {
     let mut locals: Vec<SourceLocal> = Vec::new();
-    let mut indices: HashMap<&str, usize> = HashMap::new();
+    let mut indices: FxHashMap<&str, usize> = FxHashMap::default();
     let location = |offset: u32, value: Id, form: LocationForm| VariableLocation {
         offset,
         variable: 0,
@@ -176,8 +176,8 @@ fn instructions(function: &Function) -> impl Iterator<Item = &Instruction> {
 }
 
 /// By variable of a function: the word offset of the first instruction that uses it.
-fn first_uses(module: &Module, function: &Function) -> HashMap<Id, u32> {
-    let mut uses = HashMap::new();
+fn first_uses(module: &Module, function: &Function) -> FxHashMap<Id, u32> {
+    let mut uses = FxHashMap::default();
     for instruction in instructions(function) {
         for id in module.operand_ids(instruction) {
             uses.entry(id).or_insert(instruction.offset);

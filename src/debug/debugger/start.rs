@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::accel::Tlas;
+use crate::debug::names::Names;
 use crate::debug::session::{ExplainRequest, Session, SingleRun};
+use crate::debug::transcript::ShaderLabel;
 use crate::error::Result;
 use crate::machine::Resources;
 use crate::ops::lane_kernel::{LaneKernel, Width};
@@ -30,6 +32,19 @@ impl Debugger {
     /// # Errors
     /// As [`Session::run`].
     pub fn of_scene(session: &Session, request: &ExplainRequest) -> Result<Self> {
+        Self::of_shaders(session, request, &|_| true)
+    }
+
+    /// [`Debugger::of_scene`] of an invocation or ray that is known to run only some of the shaders
+    /// of its pipeline: nothing can be told of the variables of others.
+    ///
+    /// # Errors
+    /// As [`Session::run`].
+    pub(in crate::debug) fn of_shaders(
+        session: &Session,
+        request: &ExplainRequest,
+        runs: &dyn Fn(&ShaderLabel) -> bool,
+    ) -> Result<Self> {
         if let Some((dispatch, id)) = session.invocation(request)? {
             return Self::of_dispatch(session, dispatch, id);
         }
@@ -38,7 +53,8 @@ impl Debugger {
         let single = session.assembled.single_launch(request.pass.as_deref())?;
         single.run_before(all)?;
         let resources = single.resources(all).into_owned();
-        let pipeline = Arc::new(single.pipeline.unoptimized()?);
+        let names = Names::new(&session.scene, single.index, &single.pipeline);
+        let pipeline = Arc::new(single.pipeline.partly_unoptimized(|shader| runs(&names.shader(shader)))?);
         let needs_subgroup = pipeline.uses_subgroups() && pipeline.subgroup_size > 1;
         let debuggee: Box<dyn Debuggee> = match request.what {
             SingleRun::Pixel(id) => match needs_subgroup.then_some(pipeline.subgroup_size) {

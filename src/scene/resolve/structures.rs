@@ -1,6 +1,6 @@
 //! Geometries, instances and the acceleration structures that they make.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use crate::accel::{Blas, Geometry, Tlas, TlasInstance};
@@ -13,6 +13,52 @@ use crate::scene::resolve::Resolver;
 struct TlasMembers<'a> {
     tlas: &'a str,
     instances: Vec<Option<SpannedInstance<'a>>>,
+}
+
+/// The names of the geometries of an instance.
+fn names_of(entry: &InstanceEntry) -> Vec<&str> {
+    entry.geometry.iter().map(|name| name.value.as_str()).collect()
+}
+
+/// A geometry that a BLAS names.
+enum Loaded {
+    /// It is valid, as far as it is known, and later BLASes name it, too.
+    Kept(Geometry),
+    /// The last BLAS that names it has taken it.
+    Taken,
+    /// What is wrong with it was reported.
+    Refused,
+}
+
+/// The geometries of BLASes, by name.
+#[derive(Default)]
+struct LoadedGeometries<'a> {
+    loaded: HashMap<&'a str, Loaded>,
+    /// How often BLASes that are not made yet name each.
+    uses: HashMap<&'a str, usize>,
+}
+
+impl<'a> LoadedGeometries<'a> {
+    /// Takes a geometry for a BLAS, which `load` makes if it is not loaded yet; `None` where it
+    /// cannot be made. It is copied only for BLASes that come later.
+    fn take(&mut self, name: &'a str, load: impl FnOnce() -> Option<Geometry>) -> Option<Geometry> {
+        let uses = self.uses.entry(name).or_default();
+        *uses = uses.saturating_sub(1);
+        let entry = self.loaded.entry(name).or_insert_with(|| load().map_or(Loaded::Refused, Loaded::Kept));
+        match entry {
+            Loaded::Kept(geometry) if *uses > 0 => Some(geometry.clone()),
+            Loaded::Kept(_) => match std::mem::replace(entry, Loaded::Taken) {
+                Loaded::Kept(geometry) => Some(geometry),
+                Loaded::Taken | Loaded::Refused => None,
+            },
+            Loaded::Taken | Loaded::Refused => None,
+        }
+    }
+
+    /// Whether a geometry was refused before; it is from now on.
+    fn refuse(&mut self, name: &'a str) -> bool {
+        matches!(self.loaded.insert(name, Loaded::Refused), Some(Loaded::Refused))
+    }
 }
 
 /// An instance with its span in the scene.
@@ -44,14 +90,16 @@ impl Resolver<'_> {
     /// Builds a BLAS for every list of geometries, and a TLAS for every name. A name without a
     /// structure is in the list, too, so that its error is not reported as an unknown name.
     pub(super) fn structures(&self) -> Vec<(String, Option<Arc<Tlas>>)> {
-        let mut loaded: HashMap<&str, Option<Geometry>> = HashMap::new();
+        let mut geometries = LoadedGeometries::default();
+        let lists: HashSet<Vec<&str>> = self.instances.iter().map(names_of).collect();
+        lists.iter().flatten().for_each(|name| *geometries.uses.entry(name).or_default() += 1);
         let mut blases: HashMap<Vec<&str>, Option<Arc<Blas>>> = HashMap::new();
         let mut instances: Vec<TlasMembers<'_>> = Vec::new();
         let mut places: HashMap<&str, usize> = HashMap::new();
         for entry in &self.instances {
-            let names: Vec<&str> = entry.geometry.iter().map(|name| name.value.as_str()).collect();
+            let names = names_of(entry);
             if !blases.contains_key(&names) {
-                let blas = self.blas(entry, &mut loaded);
+                let blas = self.blas(entry, &mut geometries);
                 blases.insert(names.clone(), blas);
             }
             let spanned = blases[&names].clone();
@@ -65,7 +113,8 @@ impl Resolver<'_> {
         }
         // Geometries without instances are loaded to report their errors.
         for entry in &self.geometry.entries {
-            if let (Some(content), false) = (&entry.content, loaded.contains_key(entry.name.value.as_str()))
+            if let (Some(content), false) =
+                (&entry.content, geometries.loaded.contains_key(entry.name.value.as_str()))
                 && !content.is_part()
             {
                 self.report.keep(content.load(self.files, &self.open_models));
@@ -104,14 +153,10 @@ impl Resolver<'_> {
         None
     }
 
-    fn blas<'s>(
-        &'s self,
-        entry: &'s InstanceEntry,
-        loaded: &mut HashMap<&'s str, Option<Geometry>>,
-    ) -> Option<Arc<Blas>> {
+    fn blas<'s>(&'s self, entry: &'s InstanceEntry, loaded: &mut LoadedGeometries<'s>) -> Option<Arc<Blas>> {
         let mut geometries = Vec::new();
         for name in entry.geometry.iter() {
-            let geometry = loaded.entry(name.value.as_str()).or_insert_with(|| {
+            let geometry = loaded.take(name.value.as_str(), || {
                 let found = self.find(&self.geometry, name, "geometry")?;
                 self.report.keep(found.load(self.files, &self.open_models))
             });
@@ -121,24 +166,20 @@ impl Resolver<'_> {
                 self.report.push(error.at(entry.span.place()));
                 return None;
             }
-            geometries.push(geometry.clone());
+            geometries.push(geometry);
         }
         let geometries: Vec<Geometry> = geometries.into_iter().collect::<Option<_>>()?;
-        let error = match Blas::new(geometries) {
-            Ok(blas) => return Some(blas),
-            Err(error) => error,
-        };
+        let Err(error) = Blas::check(&geometries) else { return Some(Blas::of_checked(geometries)) };
         // The error of a BLAS has no span either; each wrong geometry is reported once.
         let before = self.report.len();
-        for name in entry.geometry.iter() {
-            let Some(geometry) = loaded.get_mut(name.value.as_str()) else { continue };
-            let single = geometry.clone().map(|geometry| Blas::new(vec![geometry]));
-            let (Some(Err(error)), Some(found)) = (single, self.find(&self.geometry, name, "geometry"))
-            else {
+        for (name, geometry) in entry.geometry.iter().zip(&geometries) {
+            let single = Blas::check(std::slice::from_ref(geometry));
+            let (Err(error), Some(found)) = (single, self.find(&self.geometry, name, "geometry")) else {
                 continue;
             };
-            *geometry = None;
-            self.report.push(found.span.error(error.message().trim_start_matches("geometry 0: ")));
+            if !loaded.refuse(name.value.as_str()) {
+                self.report.push(found.span.error(error.message().trim_start_matches("geometry 0: ")));
+            }
         }
         if self.report.len() == before {
             self.report.push(error.at(entry.span.place()));
