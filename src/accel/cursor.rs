@@ -108,7 +108,9 @@ impl Cursor {
         self.state = State::Fresh;
         self.next = None;
         self.drawn = None;
-        self.traversal.leave_part();
+        if let Some(state) = &mut self.traversal {
+            state.leave_part();
+        }
     }
 
     /// Draws what Vulkan leaves open about the traversal, which has not begun yet. Returns the
@@ -181,7 +183,7 @@ impl Cursor {
             self.hits.committed = self.hits.closest_opaque;
             return None;
         }
-        if self.traversal.is_in_part() {
+        if self.traversal.as_ref().is_some_and(|state| state.is_in_part()) {
             let mut nobody: &mut dyn TraversalObserver = &mut ();
             return self.proceed_as(tlas, &mut nobody);
         }
