@@ -141,8 +141,10 @@ impl Cursor {
     pub fn proceed(&mut self, tlas: &Tlas) -> Option<Candidate> {
         if self.state == State::Fresh && self.drawn.is_none() && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
-            self.advance::<(), true>(tlas, true, &mut ());
-            self.hits.committed = self.hits.closest_opaque;
+            if !self.traversal.trace_only_instance(&mut self.hits, &self.trace, tlas) {
+                self.advance::<(), true>(tlas, true, &mut ());
+            }
+            self.hits.commit_closest();
             return None;
         }
         self.proceed_as(tlas, &mut ())
