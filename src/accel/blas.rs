@@ -167,6 +167,12 @@ impl Blas {
         self.built.get_or_init(|| BuiltBlas::build(&self.geometries))
     }
 
+    /// The primitives as [`Blas::built`] has them, if they are built already.
+    #[inline]
+    pub(super) fn built_already(&self) -> Option<&BuiltBlas> {
+        self.built.get()
+    }
+
     /// The primitives for a ray that reaches them. `may_use_list` says that results do not depend
     /// on the BVH, so that the first few rays may test a list of all primitives.
     #[inline]

@@ -3,6 +3,8 @@
 mod build;
 pub(super) mod partial;
 
+use bytemuck::{NoUninit, Pod, Zeroable};
+
 use crate::accel::flags::GeometryFlags;
 use crate::accel::geometry::interpolate_triangle;
 use crate::accel::node::NodeRef;
@@ -28,7 +30,8 @@ pub(super) struct BuiltBlas {
 }
 
 /// The identity of a primitive in a BLAS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct GeomPrim {
     /// `RayGeometryIndexKHR`
     pub geometry: u32,
@@ -61,9 +64,36 @@ pub(super) trait LeafRay {
     fn object_ray(&mut self) -> &ObjectRay;
 }
 
+/// A block of primitives that are tested all at once.
+pub(super) trait WholeBlock: NoUninit {
+    /// Whether the blocks of a node's leaves are prefetched with the node.
+    const IS_PREFETCHED_WITH_NODE: bool;
+
+    /// Tests all primitives by the f64 filter; hits behind `limit`, a rounded t, may be left out.
+    fn intersect_all<D: F64x4Ops>(&self, simd: D, ray: &mut impl LeafRay, limit: f32) -> Intersection4;
+}
+
+impl WholeBlock for block::Triangle4 {
+    const IS_PREFETCHED_WITH_NODE: bool = true;
+
+    #[inline(always)]
+    fn intersect_all<D: F64x4Ops>(&self, simd: D, ray: &mut impl LeafRay, limit: f32) -> Intersection4 {
+        self.intersect4(simd, &ray.double_ray(simd), limit)
+    }
+}
+
+impl WholeBlock for block::Sphere4 {
+    const IS_PREFETCHED_WITH_NODE: bool = false;
+
+    #[inline(always)]
+    fn intersect_all<D: F64x4Ops>(&self, simd: D, ray: &mut impl LeafRay, limit: f32) -> Intersection4 {
+        self.intersect4(simd, ray.object_ray(), limit)
+    }
+}
+
 /// The primitives, all of one kind, in blocks of four.
 #[derive(Clone, Debug)]
-enum PrimitiveBlocks {
+pub(super) enum PrimitiveBlocks {
     Triangles(Vec<block::Triangle4>),
     Aabbs(Vec<block::Aabb4>),
     Spheres(Vec<block::Sphere4>),
@@ -74,12 +104,18 @@ enum PrimitiveBlocks {
 }
 
 /// The vertices of a triangle at time 0 and at time 1.
-type MotionKeys = [[[f32; 3]; 3]; 2];
+pub(super) type MotionKeys = [[[f32; 3]; 3]; 2];
 
 impl BuiltBlas {
     /// The box around all active primitives, in object space.
     pub(super) fn bounds(&self) -> &Bounds {
         &self.bounds
+    }
+
+    /// The primitives in blocks of four.
+    #[inline(always)]
+    pub(super) fn blocks(&self) -> &PrimitiveBlocks {
+        &self.blocks
     }
 
     /// The BVH; without one every ray tests all primitives.
@@ -110,12 +146,8 @@ impl BuiltBlas {
     /// that visits the node usually reaches one of them.
     #[inline(always)]
     pub(super) fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
-        let leaves = bvh.leaves_to_prefetch(node);
-        if leaves.is_empty() {
-            return;
-        }
         if let PrimitiveBlocks::Triangles(blocks) = &self.blocks {
-            blocks.get(leaves).unwrap_or_default().iter().for_each(block::Triangle4::prefetch);
+            bvh.prefetch_leaves(node, blocks);
         }
     }
 
@@ -123,14 +155,14 @@ impl BuiltBlas {
     #[inline(always)]
     pub(super) fn prefetch(&self, child: NodeRef) {
         if !child.is_leaf() {
-            return self.bvh.iter().for_each(|bvh| bvh.node(child).prefetch());
+            return self.bvh.iter().for_each(|bvh| bvh.prefetch(child));
         }
         let at = child.index();
         match &self.blocks {
-            PrimitiveBlocks::Triangles(blocks) => blocks[at].prefetch(),
-            PrimitiveBlocks::Aabbs(blocks) => blocks[at].prefetch(),
-            PrimitiveBlocks::Spheres(blocks) => blocks[at].prefetch(),
-            PrimitiveBlocks::LinearSweptSpheres(blocks, _) => blocks[at].prefetch(),
+            PrimitiveBlocks::Triangles(blocks) => prefetch(blocks, at),
+            PrimitiveBlocks::Aabbs(blocks) => prefetch(blocks, at),
+            PrimitiveBlocks::Spheres(blocks) => prefetch(blocks, at),
+            PrimitiveBlocks::LinearSweptSpheres(blocks, _) => prefetch(blocks, at),
             PrimitiveBlocks::MovingTriangles(_) => {}
         }
     }
@@ -138,7 +170,7 @@ impl BuiltBlas {
     /// Prefetches the identities of the primitives of a leaf.
     #[inline(always)]
     pub(super) fn prefetch_geom_prims(&self, leaf: NodeRef) {
-        prefetch(&self.geom_prims[self.ordered_index(leaf, 0)..][..1]);
+        prefetch(self.geom_prims.as_chunks::<2>().0, leaf.index() * (LANES / 2));
     }
 
     /// The index in tree order of a lane of a leaf.
@@ -230,12 +262,8 @@ impl BuiltBlas {
         limit: f32,
     ) -> Intersection4 {
         match &self.blocks {
-            PrimitiveBlocks::Triangles(blocks) => {
-                blocks[leaf.index()].intersect4(simd, &ray.double_ray(simd), limit)
-            }
-            PrimitiveBlocks::Spheres(blocks) => {
-                blocks[leaf.index()].intersect4(simd, ray.object_ray(), limit)
-            }
+            PrimitiveBlocks::Triangles(blocks) => blocks[leaf.index()].intersect_all(simd, ray, limit),
+            PrimitiveBlocks::Spheres(blocks) => blocks[leaf.index()].intersect_all(simd, ray, limit),
             _ => Intersection4::MISSED,
         }
     }

@@ -179,8 +179,11 @@ impl Cursor {
         }
         if self.state == State::Fresh && self.drawn.is_none() && tlas.is_fully_opaque(self.trace.flags) {
             self.state = State::Ended;
-            self.advance::<(), true>(tlas, true, &mut ());
-            self.hits.committed = self.hits.closest_opaque;
+            let traversal = self.traversal.get_or_insert_with(|| Box::new(TraversalState::EMPTY));
+            if !traversal.trace_only_instance(&mut self.hits, &self.trace, tlas) {
+                self.advance::<(), true>(tlas, true, &mut ());
+            }
+            self.hits.commit_closest();
             return None;
         }
         if self.traversal.as_ref().is_some_and(|state| state.is_in_part()) {

@@ -103,6 +103,14 @@ impl HitQueue {
         closest
     }
 
+    /// Commits the closest opaque hit.
+    #[inline(always)]
+    pub(super) fn commit_closest(&mut self) {
+        if let Some(hit) = self.closest_opaque {
+            self.committed = Some(hit);
+        }
+    }
+
     /// Queues a candidate; returns `false` if it lies behind a hit or was returned already.
     #[inline]
     pub(super) fn queue_candidate(&mut self, candidate: Candidate) -> bool {

@@ -1,8 +1,9 @@
 //! The inner nodes of a wide BVH and the test of a ray against their boxes (derived in `trav_ray`).
 
-use crate::accel::trav_ray::{NodeLimit, Slabs};
+use bytemuck::{NoUninit, Pod, Zeroable};
+
+use crate::accel::trav_ray::Slabs;
 use crate::math::f32x8::F32x8Ops;
-use crate::math::prefetch::prefetch;
 
 /// The largest number of children of a node: the lanes of one vector register (AVX) or of two (SSE,
 /// NEON).
@@ -13,7 +14,8 @@ pub(super) const WIDTH: usize = 8;
 /// The references of a node's children ascend by the number of primitives (0 for inner nodes) and
 /// then by slot, in whatever order the nodes of a tree were built: a ray that reaches several at
 /// the same t visits them in that order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
 pub(super) struct NodeRef(u32);
 
 /// The high bits of a [`NodeRef`], which count the primitives of a leaf.
@@ -82,20 +84,21 @@ impl NodeRef {
 
 /// An inner node: the boxes of its children in scaled units, as a structure of arrays. It fills
 /// four cache lines.
-#[derive(Clone, Debug)]
-#[repr(align(64))]
+#[derive(Clone, Copy, Debug, NoUninit)]
+#[repr(C, align(64))]
 pub(super) struct Node {
     /// For each axis the lower planes, then the upper ones.
     planes: [[[f32; WIDTH]; 2]; 3],
     children: [NodeRef; WIDTH],
     /// A bit for each slot that holds a child.
     filled: u32,
+    unused: [u32; 7],
 }
 
 impl Node {
     /// A node without children.
     pub(super) const EMPTY: Self =
-        Self { planes: [[[0.0; WIDTH]; 2]; 3], children: [NodeRef(0); WIDTH], filled: 0 };
+        Self { planes: [[[0.0; WIDTH]; 2]; 3], children: [NodeRef(0); WIDTH], filled: 0, unused: [0; 7] };
 
     /// Makes a node over up to `WIDTH` children with their boxes (scaled; minimum and maximum).
     pub(super) fn new(children: &[(NodeRef, [[f32; 3]; 2])]) -> Self {
@@ -149,29 +152,22 @@ impl Node {
     /// Intersects a ray with the boxes of the children. Returns for each child a lower bound of the
     /// rounded t of any hit in it (in the ray's units, see
     /// [`TravRay::absolute`](super::trav_ray::TravRay::absolute)), and a mask of the children that
-    /// the ray may hit up to `limit`.
+    /// the ray may hit up to `limit`, a [`NodeLimit`](super::trav_ray::NodeLimit) in all lanes.
     #[inline(always)]
-    pub(super) fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: NodeLimit) -> ([f32; WIDTH], u32) {
+    pub(super) fn intersect<E: F32x8Ops>(&self, ray: &Slabs<E>, limit: E::F32x8) -> ([f32; WIDTH], u32) {
         let simd = ray.simd;
         let mut near = ray.shifted_t_min;
-        let mut far = simd.splat(limit.0);
+        let mut far = limit;
         for axis in 0..3 {
             let side = ray.near_side[axis] & 1;
-            let planes = |side: usize| simd.load(&self.planes[axis][side]);
-            let enter = simd.sub(planes(side), ray.near_origin[axis]);
-            let leave = simd.sub(planes(side ^ 1), ray.far_origin[axis]);
-            near = simd.max(simd.mul(enter, ray.near_reciprocal[axis]), near);
-            far = simd.min(simd.mul(leave, ray.far_reciprocal[axis]), far);
+            // The planes come second, so that they are operands in memory.
+            let enter = simd.sub(ray.near_origin[axis], simd.load(&self.planes[axis][side]));
+            let leave = simd.sub(ray.far_origin[axis], simd.load(&self.planes[axis][side ^ 1]));
+            near = simd.max(simd.mul(enter, ray.negated_near_reciprocal[axis]), near);
+            far = simd.min(simd.mul(leave, ray.negated_far_reciprocal[axis]), far);
         }
         let maybe_hit = simd.cmp_ge(far, near);
         (simd.to_array(near), maybe_hit & self.filled)
-    }
-
-    /// Prefetches the node into the L1 cache.
-    #[inline(always)]
-    pub(super) fn prefetch(&self) {
-        self.planes.iter().for_each(|planes| prefetch(planes.as_flattened()));
-        prefetch(&self.children);
     }
 
     /// The lower (`side` 0) or upper (1) plane on an axis of the box of the child in a slot.

@@ -60,6 +60,12 @@ pub fn apply_flip_facing(surface: Surface, instance: InstanceFlags) -> Surface {
     }
 }
 
+/// Whether the ray culls triangles by the side that it sees, in any instance.
+#[inline]
+pub fn culls_faces(ray: RayFlags) -> bool {
+    ray.contains(RayFlags::CULL_FRONT_FACING_TRIANGLES) || ray.contains(RayFlags::CULL_BACK_FACING_TRIANGLES)
+}
+
 /// Whether the ray culls a triangle seen from this side (after `apply_flip_facing`). Other kinds
 /// have no side to cull.
 #[inline]

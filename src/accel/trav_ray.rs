@@ -44,8 +44,9 @@ pub(super) struct TravRay {
     /// For each axis one number; the fourth is not used.
     pub(super) near_origin: [f32; LANES],
     pub(super) far_origin: [f32; LANES],
-    pub(super) near_reciprocal: [f32; LANES],
-    pub(super) far_reciprocal: [f32; LANES],
+    /// The negated reciprocals of the direction.
+    pub(super) negated_near_reciprocal: [f32; LANES],
+    pub(super) negated_far_reciprocal: [f32; LANES],
     /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
     t_shift: f32,
@@ -60,8 +61,8 @@ pub(super) struct Slabs<E: F32x8Ops> {
     pub(super) simd: E,
     pub(super) near_origin: [E::F32x8; 3],
     pub(super) far_origin: [E::F32x8; 3],
-    pub(super) near_reciprocal: [E::F32x8; 3],
-    pub(super) far_reciprocal: [E::F32x8; 3],
+    pub(super) negated_near_reciprocal: [E::F32x8; 3],
+    pub(super) negated_far_reciprocal: [E::F32x8; 3],
     pub(super) shifted_t_min: E::F32x8,
     /// For each axis the plane that is entered first: 0 the lower, 1 the upper.
     pub(super) near_side: [usize; 3],
@@ -84,8 +85,8 @@ impl TravRay {
     pub(super) const EMPTY: Self = Self {
         near_origin: [0.0; LANES],
         far_origin: [0.0; LANES],
-        near_reciprocal: [0.0; LANES],
-        far_reciprocal: [0.0; LANES],
+        negated_near_reciprocal: [0.0; LANES],
+        negated_far_reciprocal: [0.0; LANES],
         near_side: [0; 3],
         t_shift: 0.0,
         t_min: 0.0,
@@ -138,8 +139,8 @@ impl TravRay {
         let reciprocal = F32x4::splat(1.0) / direction;
         self.near_origin = origin.to_array();
         self.far_origin = self.near_origin;
-        self.near_reciprocal = (reciprocal * F32x4::splat(SHRINK as f32)).to_array();
-        self.far_reciprocal = (reciprocal * F32x4::splat(WIDEN as f32)).to_array();
+        self.negated_near_reciprocal = (reciprocal * F32x4::splat(-SHRINK as f32)).to_array();
+        self.negated_far_reciprocal = (reciprocal * F32x4::splat(-WIDEN as f32)).to_array();
         self.near_side = [dx, dy, dz].map(|component| usize::from(component < 0.0));
         (self.t_shift, self.t_min, self.shifted_t_min) = (0.0, t_min, t_min + 0.0);
         true
@@ -166,8 +167,8 @@ impl TravRay {
         let (below, above) = (origin - slack, origin + slack);
         let min_reciprocal = all(1.0) / ((size + ray.direction_error) * all(scale));
         let max_reciprocal = all(1.0) / ((size - ray.direction_error) * all(scale));
-        let near = (min_reciprocal * all(SHRINK as f32)).to_array();
-        let far = (max_reciprocal * all(WIDEN as f32)).to_array();
+        let near = (min_reciprocal * all(-SHRINK as f32)).to_array();
+        let far = (max_reciprocal * all(-WIDEN as f32)).to_array();
         let (below, above, direction) = (below.to_array(), above.to_array(), ray.direction.to_array());
         for axis in 0..3 {
             let downwards = direction[axis] < 0.0;
@@ -175,7 +176,8 @@ impl TravRay {
                 if downwards { (below[axis], above[axis], -1.0) } else { (above[axis], below[axis], 1.0) };
             self.near_side[axis] = usize::from(downwards);
             (self.near_origin[axis], self.far_origin[axis]) = (first, last);
-            (self.near_reciprocal[axis], self.far_reciprocal[axis]) = (near[axis] * sign, far[axis] * sign);
+            (self.negated_near_reciprocal[axis], self.negated_far_reciprocal[axis]) =
+                (near[axis] * sign, far[axis] * sign);
         }
         (self.t_shift, self.t_min, self.shifted_t_min) = (0.0, t_min, t_min + 0.0);
         true
@@ -189,8 +191,8 @@ impl TravRay {
             simd,
             near_origin: all(&self.near_origin),
             far_origin: all(&self.far_origin),
-            near_reciprocal: all(&self.near_reciprocal),
-            far_reciprocal: all(&self.far_reciprocal),
+            negated_near_reciprocal: all(&self.negated_near_reciprocal),
+            negated_far_reciprocal: all(&self.negated_far_reciprocal),
             shifted_t_min: simd.splat(self.shifted_t_min),
             near_side: self.near_side,
         }
@@ -208,8 +210,8 @@ impl TravRay {
         let (near_by, origin_bounds) = ray.origin_bounded();
         let (along, direction_bounds) = ray.direction_bounded();
         let mut out = Self {
-            near_reciprocal: [f32::INFINITY; LANES],
-            far_reciprocal: [f32::INFINITY; LANES],
+            negated_near_reciprocal: [f32::NEG_INFINITY; LANES],
+            negated_far_reciprocal: [f32::NEG_INFINITY; LANES],
             t_shift,
             t_min,
             shifted_t_min: if t_shift == 0.0 { t_min + 0.0 } else { 0.0 },
@@ -258,8 +260,8 @@ impl TravRay {
             };
             let near = round_down(SHRINK * min_reciprocal);
             let far = round_up(WIDEN * max_reciprocal);
-            let (near, far) = if upwards { (near, far) } else { (-near, -far) };
-            (out.near_reciprocal[axis], out.far_reciprocal[axis]) = (near, far);
+            let (near, far) = if upwards { (-near, -far) } else { (near, far) };
+            (out.negated_near_reciprocal[axis], out.negated_far_reciprocal[axis]) = (near, far);
         }
         out
     }
@@ -478,7 +480,8 @@ mod tests {
                 prop_assert!(trav_ray.absolute(trav_ray.shifted_t_min) <= rounded);
                 while !at.is_leaf() {
                     let node: &Node = bvh.node(at);
-                    let (near, maybe_hit) = node.intersect(&trav_ray.slabs(BaselineSimd), limit);
+                    let slabs = trav_ray.slabs(BaselineSimd);
+                    let (near, maybe_hit) = node.intersect(&slabs, F32x8Ops::splat(BaselineSimd, limit.0));
                     let entries: [f32; WIDTH] = std::array::from_fn(|slot| {
                         if maybe_hit >> slot & 1 != 0 { trav_ray.absolute(near[slot]) } else { f32::INFINITY }
                     });

@@ -9,85 +9,19 @@ use crate::accel::hit::{Candidate, HitPrimitive};
 use crate::accel::hit_queue::HitQueue;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::micromap::is_two_state;
-use crate::accel::node::{Node, NodeRef, WIDTH};
+use crate::accel::node::NodeRef;
 use crate::accel::observer::{InstanceVerdict, PrimitiveVerdict, TraversalObserver};
+use crate::accel::opaque_traversal::OpaqueTraversal;
 use crate::accel::rules::{
     apply_flip_facing, is_culled_by_face, is_culled_by_opacity, is_opaque, is_skipped, is_visible,
 };
 use crate::accel::tlas::Tlas;
 use crate::accel::trace_ray::TraceRay;
-use crate::accel::trav_ray::{NodeLimit, Slabs, TravRay};
+use crate::accel::trav_ray::TravRay;
+use crate::accel::traversal_stack::{Stack, StackEntry};
 use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision};
 use crate::math::f32x8::F32x8Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
-
-/// A node or leaf that is still to be visited. The high half holds the bits of a lower bound of the
-/// rounded t of any hit in it, in the units of its tree's ray (it is not negative, so that its bits
-/// are ordered like the numbers); the low half holds the [`NodeRef`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct StackEntry(u64);
-
-impl StackEntry {
-    #[inline(always)]
-    fn new(child: NodeRef, t_near: f32) -> Self {
-        Self(u64::from(t_near.to_bits()) << 32 | u64::from(child.bits()))
-    }
-
-    #[inline(always)]
-    fn node(self) -> NodeRef {
-        NodeRef::from_bits(self.0 as u32)
-    }
-
-    #[inline(always)]
-    fn t_near(self) -> f32 {
-        f32::from_bits((self.0 >> 32) as u32)
-    }
-}
-
-/// The traversal stack.
-#[derive(Clone, Debug)]
-struct Stack {
-    entries: Vec<StackEntry>,
-    /// For each entry a lower bound of the rounded t of any hit in it or in an entry below it. Not
-    /// maintained if no candidate is possible.
-    t_lower_bounds: Vec<f32>,
-}
-
-impl Stack {
-    #[inline(always)]
-    fn len(&self) -> usize {
-        self.entries.len()
-    }
-
-    #[inline(always)]
-    fn clear(&mut self) {
-        self.entries.clear();
-        self.t_lower_bounds.clear();
-    }
-
-    #[inline(always)]
-    fn pop<const FULLY_OPAQUE: bool>(&mut self) -> Option<StackEntry> {
-        if !FULLY_OPAQUE {
-            self.t_lower_bounds.pop();
-        }
-        self.entries.pop()
-    }
-
-    /// Pushes an entry; `ray` is the ray of its tree.
-    #[inline(always)]
-    fn push<const FULLY_OPAQUE: bool>(&mut self, entry: StackEntry, ray: &TravRay) {
-        self.entries.push(entry);
-        if !FULLY_OPAQUE {
-            self.push_t_lower_bound(ray.absolute(entry.t_near()));
-        }
-    }
-
-    #[inline(always)]
-    fn push_t_lower_bound(&mut self, t: f32) {
-        let t_lower_bound = self.t_lower_bounds.last().map_or(t, |&below| if below < t { below } else { t });
-        self.t_lower_bounds.push(t_lower_bound);
-    }
-}
 
 /// The state of a traversal: the stack and the ray in the spaces of the TLAS and of the instance
 /// that it is in. The entries of that instance are on top of the stack.
@@ -105,7 +39,7 @@ pub(super) struct TraversalState {
 impl TraversalState {
     /// Placeholder value.
     pub(super) const EMPTY: Self = Self {
-        stack: Stack { entries: Vec::new(), t_lower_bounds: Vec::new() },
+        stack: Stack::EMPTY,
         world_ray: TravRay::EMPTY,
         instance_ray: InstanceRay::EMPTY,
         in_instance: false,
@@ -116,7 +50,27 @@ impl TraversalState {
     /// may hold a hit at t.
     #[inline]
     pub(super) fn is_past(&self, t: f32) -> bool {
-        self.stack.t_lower_bounds.last().is_none_or(|&bound| t < bound)
+        self.stack.t_lower_bound().is_none_or(|bound| t < bound)
+    }
+
+    /// Traces a ray through a structure of one instance whose leaves are tested as wholes, where
+    /// no shader decides; commits the hit. Returns `false`, and does nothing, for any other.
+    #[inline(always)]
+    pub(super) fn trace_only_instance(&mut self, hits: &mut HitQueue, trace: &TraceRay, tlas: &Tlas) -> bool {
+        let [instance] = tlas.instances() else { return false };
+        let Some(built) = instance.blas.built_already() else { return false };
+        let (Some(bvh), true) = (built.bvh(), built.tests_whole_leaves(tlas.precision())) else {
+            return false;
+        };
+        let Self { stack, instance_ray, .. } = self;
+        stack.clear();
+        if is_visible(instance.mask, trace.cull_mask)
+            && instance.blas.kind().is_none_or(|kind| !is_skipped(trace.flags, kind))
+            && instance_ray.enter(tlas, 0, Some(bvh), trace, hits.cull_t)
+        {
+            tlas.cpu_tier().run(OpaqueTraversal { stack, instance_ray, hits, trace, tlas, built });
+        }
+        true
     }
 
     /// Whether the instance's BLAS is built in part. Only a traversal with an observer goes on in it.
@@ -133,7 +87,7 @@ impl TraversalState {
 
     /// Whether the stack is empty.
     pub(super) fn is_over(&self) -> bool {
-        self.stack.entries.is_empty()
+        self.stack.len() == 0
     }
 }
 
@@ -259,7 +213,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 self.observer.node(None);
                 let (limit, slabs) = (world_ray.limit(self.hits.cull_t), world_ray.slabs(simd));
                 let node = bvh.node(child);
-                if let Some(nearest) = push_children::<_, FULLY_OPAQUE>(stack, limit, node, world_ray, &slabs)
+                if let Some(nearest) = stack.push_children::<_, FULLY_OPAQUE>(limit, node, world_ray, &slabs)
                 {
                     stack.push::<FULLY_OPAQUE>(nearest, world_ray);
                 }
@@ -318,11 +272,16 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         if V::is_active() {
             *part = None;
             if self.observer.explains_misses() {
-                let limit = instance_ray.trav_ray.limit(self.hits.cull_t);
+                let limit = F32x8Ops::splat(simd, instance_ray.trav_ray.limit(self.hits.cull_t).0);
                 let slabs = instance_ray.trav_ray.slabs(simd);
                 // The limit only falls: the ray opens no other nodes.
                 *part = instance.blas.grow(&mut |node| node.intersect(&slabs, limit).1);
             }
+        }
+        if FULLY_OPAQUE && built.tests_whole_leaves(self.tlas.precision()) {
+            let (tlas, trace, hits) = (self.tlas, self.trace, &mut *self.hits);
+            OpaqueTraversal { stack, instance_ray, hits, trace, tlas, built }.run_apart();
+            return InstanceVerdict::Entered;
         }
         instance_ray.stack_base = stack.len();
         stack.push::<FULLY_OPAQUE>(
@@ -358,12 +317,12 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
                 built.prefetch_leaves(bvh, child);
                 let TraversalState { stack, instance_ray, .. } = &mut *self.traversal;
                 let (ray, before) = (&instance_ray.trav_ray, stack.len());
-                match push_children::<E, FULLY_OPAQUE>(stack, limit, bvh.node(child), ray, &slabs) {
+                match stack.push_children::<E, FULLY_OPAQUE>(limit, bvh.node(child), ray, &slabs) {
                     Some(nearest) => child = nearest.node(),
                     None => break,
                 }
                 // This entry is visited next unless a nearer one is pushed.
-                if let Some(other) = stack.entries[before..].last() {
+                if let Some(other) = stack.top().filter(|_| stack.len() > before) {
                     built.prefetch(other.node());
                 }
             }
@@ -516,61 +475,6 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         }
         PrimitiveVerdict::Behind(found)
     }
-}
-
-/// Returns the nearest child that the ray hits and pushes the others, the nearest of them on top.
-#[inline(always)]
-fn push_children<E: F32x8Ops, const FULLY_OPAQUE: bool>(
-    stack: &mut Stack,
-    limit: NodeLimit,
-    node: &Node,
-    ray: &TravRay,
-    slabs: &Slabs<E>,
-) -> Option<StackEntry> {
-    let (near, mut rest) = node.intersect(slabs, limit);
-    if rest == 0 {
-        return None;
-    }
-    let mut next = || {
-        let slot = rest.trailing_zeros() as usize % WIDTH;
-        rest &= rest - 1;
-        (rest != 0, StackEntry::new(node.child(slot), near[slot]))
-    };
-    let (more, first) = next();
-    if !more {
-        return Some(first);
-    }
-    // Most rays hit one or two children.
-    let (more, second) = next();
-    let (mut nearest, mut other) = (first.min(second), first.max(second));
-    if more {
-        // Insertion sort at the top of the stack, the farthest first.
-        let bottom = stack.len();
-        stack.entries.push(other);
-        loop {
-            let (more, one) = next();
-            (nearest, other) = (nearest.min(one), nearest.max(one));
-            stack.entries.push(other);
-            let top = &mut stack.entries[bottom..];
-            let mut at = top.len() - 1;
-            while at > 0 && top[at - 1] < other {
-                top[at] = top[at - 1];
-                at -= 1;
-            }
-            top[at] = other;
-            if !more {
-                break;
-            }
-        }
-        if !FULLY_OPAQUE {
-            for at in bottom..stack.len() {
-                stack.push_t_lower_bound(ray.absolute(stack.entries[at].t_near()));
-            }
-        }
-    } else {
-        stack.push::<FULLY_OPAQUE>(other, ray);
-    }
-    Some(nearest)
 }
 
 /// Says why a primitive was not hit, by testing it again over all t >= 0.

@@ -10,6 +10,7 @@ pub(super) mod growth;
 use std::ops::Range;
 use std::sync::Mutex;
 
+use bytemuck::NoUninit;
 use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, INFINITY_PROXY, PrimRef, SahCost};
@@ -18,6 +19,7 @@ use crate::accel::trav_ray::{round_down, round_up};
 use crate::geometry::Bounds;
 use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
+use crate::math::prefetch::{prefetch, prefetch_bytes};
 
 /// From this depth on sets are split at the median, as nothing else bounds the depth. The trees of
 /// real scenes are far shallower.
@@ -37,6 +39,7 @@ pub(super) struct WideBvh {
     /// [`LEAF_RANGE_RADIX`], plus their number.
     leaves: Vec<u32>,
     root: NodeRef,
+    depth: usize,
     bounds: Bounds,
     scale: f64,
 }
@@ -44,6 +47,10 @@ pub(super) struct WideBvh {
 /// The factor by which a range of leaves is packed into one number: the index of the first leaf
 /// times this, plus the number of leaves. It is greater than the number of leaves of a node.
 const LEAF_RANGE_RADIX: usize = 2 * WIDTH;
+
+/// The number of leaves of a node that are prefetched: most nodes that have leaves have about as
+/// many, and a loop over those that it has would end in a mispredicted branch.
+const USUAL_LEAVES: usize = 4;
 
 /// The leaves of a node are prefetched if a ray reaches this many of them on average.
 const MIN_LEAVES_REACHED: f32 = 0.8;
@@ -74,13 +81,20 @@ impl WideBvh {
         let mut build = BvhBuilder::new(cost, max_sah_depth, false);
         let root = build.build_subtree(&mut prim_refs, 0);
         let leaves = build.nodes.iter().map(leaf_range).collect();
-        Some((Self { nodes: build.nodes, leaves, root, bounds, scale }, build.order))
+        let BvhBuilder { nodes, order, depth, .. } = build;
+        Some((Self { nodes, leaves, root, depth, bounds, scale }, order))
     }
 
     /// The inner node that a reference refers to.
     #[inline(always)]
     pub(super) fn node(&self, child: NodeRef) -> &Node {
         &self.nodes[child.index()]
+    }
+
+    /// Prefetches an inner node.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, node: NodeRef) {
+        prefetch(&self.nodes, node.index());
     }
 
     /// [`Node::shrink_box`] of the root.
@@ -96,9 +110,24 @@ impl WideBvh {
         leaf_range / LEAF_RANGE_RADIX..leaf_range / LEAF_RANGE_RADIX + leaf_range % LEAF_RANGE_RADIX
     }
 
+    /// Prefetches the blocks in the leaves of a node that are worth it, while the node itself is
+    /// loaded.
+    #[inline(always)]
+    pub(super) fn prefetch_leaves<T: NoUninit>(&self, node: NodeRef, blocks: &[T]) {
+        let leaves = self.leaves_to_prefetch(node);
+        if !leaves.is_empty() {
+            prefetch_bytes(blocks, leaves.start, USUAL_LEAVES * size_of::<T>());
+        }
+    }
+
     /// The root: a node, or a leaf if the tree has only one.
     pub(super) fn root(&self) -> NodeRef {
         self.root
+    }
+
+    /// The number of nodes on the longest path from the root to a leaf.
+    pub(super) fn depth(&self) -> usize {
+        self.depth
     }
 
     /// The box around all primitives, not scaled.
@@ -208,6 +237,8 @@ struct BvhBuilder {
     max_sah_depth: usize,
     nodes: Vec<Node>,
     order: Vec<u32>,
+    /// The number of nodes on the longest path from the root of the whole tree so far.
+    depth: usize,
     builder: BinnedSahBuilder,
     cpu_tier: CpuTier,
 }
@@ -241,6 +272,7 @@ impl BvhBuilder {
             max_sah_depth,
             nodes: Vec::new(),
             order: Vec::new(),
+            depth: 0,
             builder: BinnedSahBuilder::new(),
             cpu_tier: CpuTier::new(),
         }
@@ -257,6 +289,7 @@ impl BvhBuilder {
             return self.make_leaf(prim_refs);
         }
         let node_index = self.nodes.len();
+        self.depth = self.depth.max(depth + 1);
         self.nodes.push(self.divided_node());
         if !self.single_threaded && prim_refs.len() > PARALLEL_BUILD_MIN && rayon::current_num_threads() > 1 {
             self.build_children_in_parallel(node_index, &records, prim_refs, depth);
@@ -357,6 +390,7 @@ impl BvhBuilder {
         self.pad_order();
         let (nodes, leaves) = (self.nodes.len(), self.order.len() / self.cost.max_leaf_size);
         self.order.extend(own.order);
+        self.depth = self.depth.max(own.depth);
         self.nodes.extend(own.nodes.into_iter().map(|mut node| {
             node.offset_children(nodes, leaves);
             node
@@ -447,6 +481,7 @@ mod tests {
             check(&bvh, &order, &boxes);
             // 20,000 boxes in leaves of at most 4 need 5 levels of eight children at least.
             assert!((5..40).contains(&depth(&bvh)), "depth {} at {size:e}", depth(&bvh));
+            assert_eq!(bvh.depth(), depth(&bvh));
         }
     }
 
@@ -502,6 +537,7 @@ mod tests {
         let boxes = boxes(3 * PARALLEL_BUILD_MIN, 1.0);
         let (bvh, order) = build(&boxes);
         check(&bvh, &order, &boxes);
+        assert_eq!(bvh.depth(), depth(&bvh));
         let mut prim_refs = numbered(&boxes);
         prim_refs.iter_mut().for_each(|prim_ref| *prim_ref = scaled(prim_ref, bvh.scale()));
         let mut single = BvhBuilder::new(FOURS, MAX_SAH_DEPTH, true);

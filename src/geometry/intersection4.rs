@@ -40,16 +40,35 @@ impl Intersection4 {
         self.hits | self.undecided
     }
 
+    /// A mask of the primitives that are undecided.
+    #[inline(always)]
+    pub fn undecided(&self) -> u32 {
+        self.undecided
+    }
+
+    /// A mask of the primitives that are hit, of those in `masks`: one for primitives that are hit
+    /// on the first surface, one for the second.
+    #[inline(always)]
+    pub fn hits_on(&self, masks: [u32; 2]) -> u32 {
+        self.hits & (masks[0] & !self.second_surface | masks[1] & self.second_surface)
+    }
+
     /// The hit of one of them; `None` if it is missed or undecided.
     #[inline(always)]
     pub fn hit(&self, lane: usize) -> Option<Intersection> {
+        (self.hits >> (lane % 4) & 1 != 0).then(|| self.intersection(lane))
+    }
+
+    /// The hit of one of them that is hit.
+    #[inline(always)]
+    pub fn intersection(&self, lane: usize) -> Intersection {
         let [first, second] = &self.attributes;
         let lane = lane % 4;
-        (self.hits >> lane & 1 != 0).then(|| Intersection {
+        Intersection {
             t: self.t[lane],
             attributes: [first[lane], second[lane]],
             surface: self.surfaces[(self.second_surface >> lane & 1) as usize],
-        })
+        }
     }
 }
 

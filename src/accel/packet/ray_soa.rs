@@ -259,13 +259,13 @@ impl RaySoA {
             if group.near_side[axis] == 0 {
                 ray.near_origin[axis] = members.max(simd, near);
                 ray.far_origin[axis] = members.min(simd, far);
-                ray.near_reciprocal[axis] = members.min(simd, near_reciprocal);
-                ray.far_reciprocal[axis] = members.max(simd, far_reciprocal);
+                ray.negated_near_reciprocal[axis] = -members.min(simd, near_reciprocal);
+                ray.negated_far_reciprocal[axis] = -members.max(simd, far_reciprocal);
             } else {
                 ray.near_origin[axis] = members.min(simd, near);
                 ray.far_origin[axis] = members.max(simd, far);
-                ray.near_reciprocal[axis] = members.max(simd, near_reciprocal);
-                ray.far_reciprocal[axis] = members.min(simd, far_reciprocal);
+                ray.negated_near_reciprocal[axis] = -members.max(simd, near_reciprocal);
+                ray.negated_far_reciprocal[axis] = -members.min(simd, far_reciprocal);
             }
         }
         ray
@@ -279,8 +279,8 @@ impl RaySoA {
         for axis in 0..3 {
             ray.near_origin[axis] = self.near_origin[axis].0[at];
             ray.far_origin[axis] = self.far_origin[axis].0[at];
-            ray.near_reciprocal[axis] = self.near_reciprocal[axis].0[at];
-            ray.far_reciprocal[axis] = self.far_reciprocal[axis].0[at];
+            ray.negated_near_reciprocal[axis] = -self.near_reciprocal[axis].0[at];
+            ray.negated_far_reciprocal[axis] = -self.far_reciprocal[axis].0[at];
         }
         ray
     }

@@ -14,6 +14,7 @@ use crate::accel::tlas::{InstanceTransform, Tlas};
 use crate::accel::trace_ray::TraceRay;
 use crate::accel::wide_bvh::WideBvh;
 use crate::geometry::{DoubleRay, Intersection, Intersection4, ObjectRay};
+use crate::math::f32x8::F32x8Ops;
 use crate::math::f64x4::F64x4Ops;
 use crate::math::lane_ops::{LaneOps, LaneTask};
 
@@ -162,7 +163,8 @@ impl PacketTraversal<'_> {
         let mut inner = Some(bvh.root());
         loop {
             if let Some(at) = inner.take() {
-                let (near, maybe_hit) = bvh.node(at).intersect(&slabs, frustum.limit(limit));
+                let limits = F32x8Ops::splat(simd, frustum.limit(limit).0);
+                let (near, maybe_hit) = bvh.node(at).intersect(&slabs, limits);
                 self.packet.push(near, maybe_hit, at);
             }
             if self.packet.stack.len() <= base {
@@ -214,8 +216,8 @@ impl PacketTraversal<'_> {
             let mut inner = Some(root);
             loop {
                 if let Some(at) = inner.take() {
-                    let (near, maybe_hit) =
-                        bvh.node(at).intersect(&slabs, single.limit(self.packet.limits.0[ray]));
+                    let limit = F32x8Ops::splat(simd, single.limit(self.packet.limits.0[ray]).0);
+                    let (near, maybe_hit) = bvh.node(at).intersect(&slabs, limit);
                     self.packet.push(near, maybe_hit, at);
                 }
                 if self.packet.stack.len() <= base {

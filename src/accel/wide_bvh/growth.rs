@@ -39,7 +39,7 @@ impl BvhGrowth {
         assert!(prim_refs.len() > cost.max_leaf_size, "bug in anyhit: a BVH of {} grows", prim_refs.len());
         let (bounds, scale) = scale_boxes(&mut prim_refs);
         let root = NodeRef::inner(0);
-        let bvh = WideBvh { nodes: vec![Node::EMPTY], leaves: vec![0], root, bounds, scale };
+        let bvh = WideBvh { nodes: vec![Node::EMPTY], leaves: vec![0], root, depth: 1, bounds, scale };
         let all = Undivided { range: 0..prim_refs.len(), depth: 0 };
         let undivided = FxHashMap::from_iter([(root.index(), all)]);
         (bvh, Self { prim_refs, undivided, builder: BvhBuilder::new(cost, MAX_SAH_DEPTH, true) })
@@ -85,6 +85,7 @@ impl BvhGrowth {
         }
         self.builder.pad_order();
         bvh.leaves.extend(self.builder.nodes[bvh.leaves.len()..].iter().map(leaf_range));
+        bvh.depth = self.builder.depth;
         std::mem::swap(&mut self.builder.nodes, &mut bvh.nodes);
     }
 
@@ -93,6 +94,7 @@ impl BvhGrowth {
         let Self { prim_refs, undivided, builder } = self;
         let mut first = range.start;
         let prim_refs = &mut prim_refs[range];
+        builder.depth = builder.depth.max(depth + 1);
         builder.divide(prim_refs, depth);
         let sizes = builder.child_sizes();
         builder.nodes[index] = builder.divided_node();
@@ -106,6 +108,7 @@ impl BvhGrowth {
             } else {
                 let child = NodeRef::inner(builder.nodes.len());
                 builder.nodes.push(Node::EMPTY);
+                builder.depth = builder.depth.max(depth + 2);
                 undivided.insert(child.index(), Undivided { range: first..first + count, depth: depth + 1 });
                 child
             };
@@ -188,6 +191,7 @@ mod tests {
             assert!(growth.undivided.is_empty());
             check_ranks(&bvh, bvh.root());
             assert_eq!(describe(&bvh, growth.order(), bvh.root()), wanted, "{seed}");
+            assert_eq!(bvh.depth(), whole.depth());
         }
     }
 

@@ -14,16 +14,17 @@
 //! confine, unless it is exactly 0: then reciprocals are infinite and only the side of the origin
 //! counts; a NaN (0 times infinity) confines nothing.
 
+use bytemuck::NoUninit;
+
 use super::{ALL_LANES, CullRay, LANES, PerLane};
 use crate::geometry::Bounds;
 use crate::geometry::{Intersection, ObjectRay, Precision, aabb};
 use crate::math::error_bound::{round_down, round_up};
 use crate::math::f32x4::F32x4;
-use crate::math::prefetch::prefetch;
 
 /// Up to four boxes.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(16))]
+#[derive(Clone, Copy, Debug, NoUninit)]
+#[repr(C, align(16))]
 pub struct Aabb4 {
     /// The minimum corners, then the maximum corners.
     corners: [[PerLane; 3]; 2],
@@ -88,12 +89,6 @@ const WIDEN: f64 = 1.0 + 1.0 / 1_048_576.0;
 impl Aabb4 {
     /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { corners: [[[0.0; LANES]; 3]; 2] };
-
-    /// Prefetches the block into the L1 cache.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(self.corners.as_flattened().as_flattened());
-    }
 
     /// Stores a box into a lane.
     #[inline(always)]

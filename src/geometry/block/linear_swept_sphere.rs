@@ -18,15 +18,16 @@
 //! and S by 3 c |E|^2 L^2, of which 10 c |E|^2 L^2 is taken. The derivation, underflow and overflow
 //! included, is in `docs/derivations/cull-linear-swept-spheres.md`.
 
+use bytemuck::NoUninit;
+
 use super::{ALL_LANES, CullRay, LANES, PerLane, load, norm1, sub};
 use crate::geometry::{Intersection, ObjectRay, Precision, Surface, linear_swept_sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
-use crate::math::prefetch::prefetch;
 
 /// Up to four linear swept spheres without their caps: two cache lines, all that a ray reads that
 /// misses them.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
+#[derive(Clone, Copy, Debug, NoUninit)]
+#[repr(C, align(64))]
 pub struct LinearSweptSphere4 {
     positions: [[PerLane; 3]; 2],
     radii: [PerLane; 2],
@@ -49,13 +50,6 @@ struct SharedTerms {
 impl LinearSweptSphere4 {
     /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { positions: [[[0.0; LANES]; 3]; 2], radii: [[0.0; LANES]; 2] };
-
-    /// Prefetches the block into the L1 cache.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(self.positions.as_flattened().as_flattened());
-        prefetch(self.radii.as_flattened());
-    }
 
     /// Stores the ends of a swept sphere into a lane.
     #[inline(always)]

@@ -13,15 +13,16 @@
 //! By the table E.M > |E| (e + c |M|) proves that; it is asked for rays whose interval begins at 0
 //! or later and whose origin was not moved.
 
+use bytemuck::NoUninit;
+
 use super::{ALL_LANES, CullRay, LANES, PerLane, load, sub};
 use crate::geometry::{Intersection, Intersection4, ObjectRay, Precision, sphere};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
-use crate::math::prefetch::prefetch;
 
 /// Up to four spheres.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
+#[derive(Clone, Copy, Debug, NoUninit)]
+#[repr(C, align(64))]
 pub struct Sphere4 {
     center: [PerLane; 3],
     radius: PerLane,
@@ -30,13 +31,6 @@ pub struct Sphere4 {
 impl Sphere4 {
     /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { center: [[0.0; LANES]; 3], radius: [0.0; LANES] };
-
-    /// Prefetches the block into the L1 cache.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(self.center.as_flattened());
-        prefetch(&self.radius);
-    }
 
     /// Stores a sphere into a lane.
     #[inline(always)]

@@ -25,12 +25,13 @@
 //! are certain is known some steps later. [`Triangle4::maybe_hit_mask`] checks the certainty in a
 //! branch of its own, which is predicted well, so that nothing waits for it.
 
+use bytemuck::NoUninit;
+
 use super::{ALL_LANES, CullRay, LANES, MAX_COORDINATE, PerLane, TINY, UNIT, max_component, xyz0};
 use crate::geometry::triangle;
 use crate::geometry::{Bounds, DoubleRay, Intersection, Intersection4, ObjectRay, Precision, Ray, Verdict};
 use crate::math::f32x4::{F32x4, FmaOps};
 use crate::math::f64x4::F64x4Ops;
-use crate::math::prefetch::prefetch;
 
 /// A ray in f32 with error bounds, sheared onto its greatest axis, prepared for blocks of
 /// triangles.
@@ -145,8 +146,8 @@ impl ShearedRay {
 }
 
 /// Up to four triangles.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(16))]
+#[derive(Clone, Copy, Debug, NoUninit)]
+#[repr(C, align(16))]
 pub struct Triangle4 {
     vertices: [[PerLane; 3]; 3],
 }
@@ -154,12 +155,6 @@ pub struct Triangle4 {
 impl Triangle4 {
     /// A block of no primitives; the results of lanes that are not set have no meaning.
     pub const EMPTY: Self = Self { vertices: [[[0.0; LANES]; 3]; 3] };
-
-    /// Prefetches the block into the L1 cache.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(self.vertices.as_flattened().as_flattened());
-    }
 
     /// Stores a triangle into a lane.
     #[inline(always)]
