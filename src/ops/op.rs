@@ -35,6 +35,9 @@ pub enum Op {
     Barrier,
     /// Instructions that hand the batch to the pipeline.
     Stop(ray_tracing::RayTracingOp),
+    /// An instruction that becomes no other operation, for debuggers to stop at: it does nothing,
+    /// and only programs that are not optimised have it.
+    Step,
 }
 
 // Every pass over a program iterates over all operations, so large and rare variants are boxed.
@@ -62,6 +65,7 @@ impl Op {
             Self::HitObject(op) => op.accesses(&mut visit),
             Self::Barrier => visit(Access::Effect),
             Self::Stop(op) => op.accesses(&mut visit),
+            Self::Step => {}
         }
     }
 
@@ -83,6 +87,7 @@ impl Op {
             Self::Image(op) => op.eval(batch, bindings),
             Self::RayQuery(op) => op.eval(batch, bindings),
             Self::HitObject(op) => op.eval(batch, bindings),
+            Self::Step => {}
             Self::Barrier | Self::Stop(_) => unreachable!("bug in anyhit: a stop is not evaluated"),
         }
     }

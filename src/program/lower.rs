@@ -8,6 +8,7 @@
 mod branch;
 mod call;
 mod reference;
+mod steps;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -152,6 +153,7 @@ pub(super) fn translate(
         functions: vec![BlockIndex(0)],
         loop_variables: Vec::new(),
         watched: Vec::new(),
+        without_step: None,
     };
     lowering.translator.float_controls = FloatControls::of(entry);
     lowering.translator.optimizes = optimization == Optimization::Full;
@@ -300,6 +302,9 @@ struct Lowering<'m> {
     functions: Vec<BlockIndex>,
     loop_variables: Vec<LoopVariable>,
     watched: Vec<Reg>,
+    /// The first instruction of a line none of whose instructions has become an operation so far, in
+    /// a program that is not optimised.
+    without_step: Option<Origin>,
 }
 
 impl<'m> Lowering<'m> {
@@ -399,7 +404,9 @@ impl<'m> Lowering<'m> {
                 self.begin(label);
             }
             for instruction in &block.instructions {
+                self.open_step(instruction);
                 self.translator.origin.offset = instruction.offset;
+                let before = self.translator.ops.len();
                 let site = Site { function, block: block.label, labels: &labels, return_target };
                 self.instruction(instruction, &site)?;
                 // Phis need no copy: edges write their registers for the running lanes only.
@@ -407,6 +414,7 @@ impl<'m> Lowering<'m> {
                 if let Some(id) = kept.filter(|_| instruction.opcode != opcode::PHI) {
                     self.copy_masked(id)?;
                 }
+                self.close_step(instruction, before);
             }
         }
         Ok(())

@@ -211,7 +211,7 @@ impl Sanitizer<'_> {
                 hit_object::check(self, batch, shadow, op, object);
                 define_writes(shadow, batch.mask, &mut |visit| object.accesses(visit));
             }
-            Op::Stop(_) | Op::Barrier => {}
+            Op::Stop(_) | Op::Barrier | Op::Step => {}
         }
         for (kind, tracked) in plan.stale.iter().enumerate() {
             stale::track(self, batch, shadow, executed, &plan.program.ops[op.index()], (kind, tracked));

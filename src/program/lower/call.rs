@@ -39,6 +39,7 @@ impl Lowering<'_> {
     }
 
     fn inline(&mut self, instruction: &Instruction, function: &Function, arguments: &[Id]) -> Result<()> {
+        self.add_call_step();
         let locals = self.translator.local_count();
         let outer = self.translator.origin;
         self.scopes.push(Scope { parent: outer.scope, call: instruction.offset, function: function.id });

@@ -60,7 +60,8 @@ fn may_trap(op: &Op) -> bool {
     use memory::MemoryOp as Memory;
     !matches!(
         op,
-        Op::LaneKernel { .. }
+        Op::Step
+            | Op::LaneKernel { .. }
             | Op::Memory(
                 Memory::Move { .. }
                     | Memory::MoveMasked { .. }
