@@ -100,16 +100,22 @@ pub fn variables_in_frame(program: &Program, frame: &SourceFrame, state: &dyn La
     variables
 }
 
+/// The storage classes of what a shader is given, which are parameters of an entry point in Slang.
+const GIVEN: [u32; 3] =
+    [storage::INCOMING_RAY_PAYLOAD, storage::INCOMING_CALLABLE_DATA, storage::HIT_ATTRIBUTE];
+
 /// Slang's entry points have payload and attributes as parameters, of which debug information tells
-/// only values that are stored. The variable of the interface that has the name is the parameter.
+/// only values that are stored. The variable of the interface that the shader is given and that has
+/// the name is the parameter; what the shader passes on may have the same name.
 fn find_interface_parameters(program: &Program, state: &dyn LaneState, variables: &mut [Variable]) {
     let is_parameter = |variable: &Variable| variable.kind == VariableKind::Parameter;
     if !variables.iter().any(is_parameter) {
         return;
     }
-    let kinds = [VariableKind::Payload, VariableKind::CallableData, VariableKind::HitAttribute];
-    let interface = global_variables(program, state);
-    let interface: Vec<&Variable> = interface.iter().filter(|one| kinds.contains(&one.kind)).collect();
+    let places = id_places(program, 0, state);
+    let given = used_variables(program).filter(|one| GIVEN.contains(&one.storage_class));
+    let interface: Vec<Variable> =
+        given.map(|global| global_variable(&program.module, &places, global)).collect();
     for parameter in variables.iter_mut().filter(|variable| is_parameter(variable)) {
         if let Some(own) = interface.iter().find(|one| one.name == parameter.name) {
             (parameter.place, parameter.is_declared) = (own.place.clone(), true);
@@ -120,11 +126,18 @@ fn find_interface_parameters(program: &Program, state: &dyn LaneState, variables
 /// The variables of the module that the program uses.
 pub fn global_variables(program: &Program, state: &dyn LaneState) -> Vec<Variable> {
     let places = id_places(program, 0, state);
-    let module = &program.module;
-    let used = module.variables.iter().filter(|one| program.id_values.find(0, one.id).is_some());
-    let mut variables: Vec<Variable> = used.map(|global| global_variable(module, &places, global)).collect();
+    let mut used: Vec<&GlobalVariable> = used_variables(program).collect();
+    // Of two with one name it means the one that the shader is given, not the one that it passes on.
+    used.sort_by_key(|one| !GIVEN.contains(&one.storage_class));
+    let mut variables: Vec<Variable> =
+        used.into_iter().map(|global| global_variable(&program.module, &places, global)).collect();
     variables.sort_by_key(|variable| variable.kind);
     variables
+}
+
+/// The variables of module scope that a program uses.
+fn used_variables(program: &Program) -> impl Iterator<Item = &GlobalVariable> {
+    program.module.variables.iter().filter(|one| program.id_values.find(0, one.id).is_some())
 }
 
 /// The values of the compiler's own in the block that a frame is in, `%12`, as far as they are
