@@ -30,7 +30,7 @@ pub(crate) fn transcript(name: &str) -> String {
 }
 
 /// What the program answers to commands, and its errors.
-fn run(arguments: &[String], commands: &str) -> (String, String) {
+pub(crate) fn run(arguments: &[String], commands: &str) -> (String, String) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_anyhit"))
         .arg("trace-one-ray")
         .arg("--interactive")
@@ -49,7 +49,7 @@ fn run(arguments: &[String], commands: &str) -> (String, String) {
 }
 
 /// The words of a command line, of which some are quoted.
-fn words(text: &str) -> Vec<String> {
+pub(crate) fn words(text: &str) -> Vec<String> {
     let parts = text.split('"').enumerate();
     let words = parts.flat_map(|(number, part)| match number % 2 {
         1 => vec![part.to_owned()],
@@ -194,7 +194,7 @@ fn a_variable_is_set_and_the_invocation_goes_another_way() {
     tells(
         &transcript("changed"),
         &[
-            "payload.t was written: float 0 -> float -1",
+            "payload.t was written: float <not yet written> -> float -1",
             "hair = int 1",
             "breakpoint 2: shaders/pass/debugger/hair/shade.rchit:24 if gl_HitTEXT == 2.5",
             "printed: the normal is (0, 0, 1), t 2.5",
@@ -203,7 +203,7 @@ fn a_variable_is_set_and_the_invocation_goes_another_way() {
             "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 2.5 }",
             // Backwards, in the other order.
             "breakpoint 2\n",
-            "payload.t was written: float 0 -> float -1",
+            "payload.t was written: float <not yet written> -> float -1",
         ],
     );
 }

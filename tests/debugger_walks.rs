@@ -64,7 +64,7 @@ fn a_hit_group_of_another_geometry() {
         &transcript("bug-sbt-offset"),
         &[
             "shadow.rchit:14  ClosestHitKHR",
-            "gl_GeometryIndexEXT = uint 1\n",
+            "gl_GeometryIndexEXT = int 1\n",
             "the closest hit: instance 0, primitive 0 at t 5, hit record 1\n",
             "up\nmain at shaders/debugging/sbt-offset/main.rgen:20",
             "stride = uint 1\n",

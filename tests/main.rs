@@ -19,6 +19,7 @@ mod compile;
 mod conformance;
 mod dap;
 mod debugger;
+mod debugger_steps;
 mod debugger_walks;
 mod descriptors;
 mod device;

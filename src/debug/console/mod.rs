@@ -583,7 +583,9 @@ impl Console {
     fn numbers(&self, text: &str) -> Result<Vec<u32>, String> {
         let breakpoints = self.debugger.breakpoints().iter().map(|one| one.id.0);
         let watches = self.debugger.watches().iter().filter_map(|one| Some(one.breakpoint?.0));
-        let known: Vec<u32> = breakpoints.chain(watches).collect();
+        let mut known: Vec<u32> = breakpoints.chain(watches).collect();
+        // A payload is watched in several shaders.
+        known.dedup();
         if text.is_empty() {
             return Ok(known);
         }

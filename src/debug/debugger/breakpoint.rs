@@ -266,7 +266,8 @@ impl TraversalFilter {
             && given(self.geometry, geometry)
             && given(self.primitive, primitive)
             && match &self.verdict {
-                Some(wanted) => wanted == verdict,
+                // A candidate that an any-hit shader decides on is one where it decides, too.
+                Some(wanted) => wanted == verdict || self.any_hit && any_hit && wanted == "candidate",
                 // A candidate is reported twice: when it is found, and when a shader decides.
                 None => verdict != "decision" || self.any_hit,
             }

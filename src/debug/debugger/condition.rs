@@ -15,7 +15,8 @@ use crate::program::Program;
 use super::breakpoint::{BreakpointId, BreakpointTable};
 use super::course::{Moment, Time};
 use super::traversal_names::is_step_of_traversal;
-use super::unwritten::incoming;
+use super::unwritten::{incoming, written_registers};
+use super::words_then::{RegistersNow, WordsThen};
 
 /// How many places a search backwards keeps at a time.
 const MOST_HITS: usize = 1024;
@@ -48,9 +49,9 @@ pub struct Write {
     /// The step that wrote it; `None` where the pipeline did, as a call of a shader returned.
     pub time: Option<Time>,
     /// The words before.
-    pub before: Vec<u32>,
+    pub before: WordsThen,
     /// The words after.
-    pub after: Vec<u32>,
+    pub after: WordsThen,
 }
 
 /// A reason at a time.
@@ -70,7 +71,7 @@ pub struct Watch {
     /// The words.
     pub words: WatchedWords,
     /// What they held last, and the run of the shader that was looked at.
-    pub last: Option<(u64, Vec<u32>)>,
+    pub last: Option<(u64, WordsThen)>,
     /// It stops only where this expression holds after the write.
     pub condition: Option<String>,
     /// It stops from this write on; 0 and 1 for the first.
@@ -199,6 +200,8 @@ impl StopConditions {
         let by_instruction = |table: &Rc<BreakpointTable>| table.looks_at_instructions();
         self.instruction.is_some()
             || self.below.is_some()
+            // A write is told at the next instruction, which may be of the same line.
+            || !self.writes.is_empty()
             || self.breakpoints.as_ref().is_some_and(by_instruction)
     }
 
@@ -239,8 +242,8 @@ impl StopConditions {
     }
 
     /// Looks at the registers of a run of a shader that goes on: what it called may have written
-    /// them. `register` reads them.
-    pub(super) fn resumed(&mut self, run: u64, register: &dyn Fn(Reg) -> u32) {
+    /// them.
+    pub(super) fn resumed(&mut self, run: u64, now: &RegistersNow<'_>) {
         // Where the shaders that are called are watched, too, what they wrote is known.
         let followed: Vec<BreakpointId> = self
             .watches
@@ -254,20 +257,19 @@ impl StopConditions {
                 continue;
             }
             if watch.breakpoint.is_some_and(|id| followed.contains(&id)) {
-                watch.last = Some((run, registers.iter().map(|&reg| register(reg)).collect()));
+                watch.last = Some((run, now.words(registers)));
                 continue;
             }
-            let after: Vec<u32> = registers.iter().map(|&reg| register(reg)).collect();
+            let after = now.words(registers);
             let before = watch.last.replace((run, after.clone())).map(|(_, words)| words);
-            if let Some(before) = before.filter(|before| *before != after) {
+            if let Some(before) = before.filter(|before| before.words != after.words) {
                 self.writes.push(Write { watch: watched, time: None, before, after });
             }
         }
     }
 
-    /// Looks at what an operation of one of the shaders has done; `register` reads the registers of
-    /// the invocation there.
-    pub(super) fn ran(&mut self, time: Time, ran: Ran<'_>, register: &dyn Fn(Reg) -> u32) {
+    /// Looks at what an operation of one of the shaders has done, and at the registers there.
+    pub(super) fn ran(&mut self, time: Time, ran: Ran<'_>, registers_now: &RegistersNow<'_>) {
         let Ran { program, op, .. } = ran;
         for (watched, watch) in self.watches.iter_mut().enumerate() {
             let own = match &watch.words {
@@ -279,17 +281,18 @@ impl StopConditions {
                 WatchedWords::Memory(_) => None,
             };
             let now = match (&own, &watch.words) {
-                (Some(registers), _) => registers.iter().map(|&reg| register(reg)).collect(),
-                (None, WatchedWords::Memory(buffer)) => words_of(buffer),
+                (Some(registers), _) => registers_now.words(registers),
+                (None, WatchedWords::Memory(buffer)) => WordsThen::of_memory(words_of(buffer)),
                 (None, _) => continue,
             };
-            let wrote = own.is_none_or(|registers| writes(program, op, &registers));
+            let wrote = own.is_none_or(|registers| writes(program, op, &registers, registers_now.word));
             // What a run of another shader holds is no change.
             let before = watch.last.take().filter(|(run, _)| *run == ran.run || wrote);
             let before = before.map_or_else(|| now.clone(), |(_, words)| words);
             watch.last = Some((ran.run, now.clone()));
             let is_memory = matches!(watch.words, WatchedWords::Memory(_));
-            if before != now || wrote && !is_memory {
+            // A variable that begins anew is not written.
+            if before.words != now.words || wrote && !is_memory {
                 let time = wrote.then_some(time);
                 // An instruction may be several operations.
                 match self.writes.iter_mut().find(|write| write.watch == watched) {
@@ -298,7 +301,7 @@ impl StopConditions {
                 }
             }
         }
-        if self.nan && makes_nan(program, op, register) {
+        if self.nan && makes_nan(program, op, registers_now.word) {
             self.met.push(Reason::Nan);
         }
     }
@@ -337,14 +340,12 @@ fn passed_registers(program: &Program, words: Range<u32>) -> Vec<Reg> {
     all.map(|word| given.map_or(Reg(0), |given| given.first.plus(word))).collect()
 }
 
-/// Whether an operation writes one of the registers, as far as it is known before it runs.
-fn writes(program: &Program, op: OpIndex, registers: &[Reg]) -> bool {
+/// Whether an operation that ran has written one of the registers; `register` reads them.
+fn writes(program: &Program, op: OpIndex, registers: &[Reg], register: &dyn Fn(Reg) -> u32) -> bool {
     let mut wrote = false;
     let Some(op) = program.ops.get(op.index()) else { return false };
-    op.accesses(|access| {
-        if let Access::Write(first, count) = access {
-            wrote |= registers.iter().any(|reg| reg.0.wrapping_sub(first.0) < count);
-        }
+    written_registers(op, register, &mut |first, count| {
+        wrote |= registers.iter().any(|reg| reg.0.wrapping_sub(first.0) < count);
     });
     wrote
 }

@@ -48,7 +48,8 @@ pub(super) struct Course {
     pub(super) begun: u64,
     pub(super) frames: Vec<FrameLine>,
     pub(super) last: Option<(ShaderIndex, Site)>,
-    pub(super) last_origin: Option<(ShaderIndex, u32, u32)>,
+    /// The operation or terminator that was next last.
+    pub(super) last_op: Option<(ShaderIndex, OpIndex)>,
     /// What the pipeline did since the step before.
     pub events: Vec<Event>,
     /// The last pause came before the step that is next.

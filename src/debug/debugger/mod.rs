@@ -24,6 +24,7 @@ mod memory_state;
 mod object_state;
 mod output;
 mod place_memory;
+mod prologue;
 mod sanitized_steps;
 mod segment_summary;
 pub mod source_frames;
@@ -39,6 +40,7 @@ mod value_layout;
 mod value_paths;
 pub mod variable_place;
 pub mod variables;
+mod words_then;
 
 use std::cell::RefCell;
 use std::fmt;
@@ -63,6 +65,7 @@ use history::{Checkpoint, History};
 use memory_state::ChangingMemory;
 use sanitized_steps::{SanitizedSteps, Sanitizing};
 use tracker::{Followed, Tracker};
+use words_then::RegistersNow;
 
 pub use breakpoint::{Breakpoint, BreakpointId, BreakpointPlace, BreakpointTable, TraversalFilter};
 pub use condition::{Reason, Watch, WatchedWords, Write};
@@ -80,6 +83,7 @@ pub use variable_place::VariablePlace;
 pub use variables::{
     Variable, VariableKind, global_variables, temporaries_in_frame, variables_in_frame, variables_in_scope,
 };
+pub use words_then::WordsThen;
 
 /// A step of the debugger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -331,7 +335,7 @@ impl Debugger {
         loop {
             conditions.until = wanted.min(self.free_until());
             if self.advance(&mut conditions) == Resumed::Ended {
-                // A write is told where another line begins, and none begins behind the last.
+                // A write is told at the next instruction, and none is behind the last.
                 return match (self.at_end(), conditions.writes.pop()) {
                     (StopReason::End, Some(write)) => StopReason::Wrote(write),
                     (stop, _) => stop,
@@ -467,11 +471,14 @@ impl Debugger {
                 WatchedWords::Registers { run, registers } => {
                     let number = (0..).map_while(|number| self.course.run(number));
                     let number = number.into_iter().position(|one| one == *run);
-                    let word = |number: usize, reg: &Reg| self.debuggee.register(number, *reg);
-                    number.map(|number| (*run, registers.iter().map(|reg| word(number, reg)).collect()))
+                    number.and_then(|number| {
+                        let word = |reg: Reg| self.debuggee.register(number, reg);
+                        let unwritten = &self.course.active.get(number)?.unwritten;
+                        Some((*run, RegistersNow { word: &word, unwritten }.words(registers)))
+                    })
                 }
                 WatchedWords::Passed { .. } => None,
-                WatchedWords::Memory(buffer) => Some((0, words_of(buffer))),
+                WatchedWords::Memory(buffer) => Some((0, WordsThen::of_memory(words_of(buffer)))),
             };
         }
     }

@@ -8,6 +8,7 @@ use crate::machine::{BlockIndex, OpIndex, ShaderIndex};
 use crate::module::Id;
 use crate::program::{Program, Terminator};
 
+use super::prologue::body_offset;
 use super::source_frames::SourceFrame;
 use super::unwritten::VariableWrites;
 
@@ -17,7 +18,7 @@ pub(super) type LineIndex = u32;
 /// Where an operation is: its line, and the inlined call that it belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Site {
-    /// The line.
+    /// The line; none before the first statement of a function.
     pub line: LineIndex,
     /// The inlined call, an index into [`Program::scopes`].
     pub scope: u32,
@@ -162,6 +163,15 @@ impl SourceMap {
     }
 }
 
+/// By inlined call: the offset at which the body of its function begins.
+fn bodies(program: &Program) -> Vec<u32> {
+    let mut known: FxHashMap<Id, u32> = FxHashMap::default();
+    let body =
+        |id: Id| program.module.function(id).map_or(0, |function| body_offset(&program.module, function));
+    let scopes = program.scopes.iter();
+    scopes.map(|scope| *known.entry(scope.function).or_insert_with(|| body(scope.function))).collect()
+}
+
 /// Whether a path means a file: it is its name, or the last components of it.
 pub(super) fn names_file(name: &str, path: &str) -> bool {
     let normal = |path: &str| path.replace('\\', "/");
@@ -266,8 +276,14 @@ impl Builder {
             writes: VariableWrites::new(program),
             is_disassembled,
         };
+        let bodies: Vec<u32> = match is_disassembled {
+            // Each instruction is a line.
+            true => vec![0; program.scopes.len()],
+            false => bodies(program),
+        };
         for origin in &program.origins {
-            let position = sites.position(origin.offset).filter(|position| position.line > 0);
+            let is_statement = bodies.get(origin.scope as usize).is_some_and(|&body| origin.offset >= body);
+            let position = sites.position(origin.offset).filter(|at| is_statement && at.line > 0);
             let line = position.map_or(0, |position| self.line(position));
             sites.sites.push(Site { line, scope: origin.scope });
         }

@@ -4,7 +4,7 @@
 use std::cell::RefCell;
 use std::fmt;
 
-use crate::machine::{Batch, Bindings, Observer, OpIndex, ShaderIndex};
+use crate::machine::{Batch, Bindings, Observer, OpIndex, Reg, ShaderIndex};
 use crate::ops::op::Op;
 use crate::pipeline::Event;
 
@@ -14,6 +14,7 @@ use super::sanitized_steps::SanitizedSteps;
 use super::segment_summary::SegmentSummary;
 use super::source_map::{ShaderSites, Site, SourceMap, SourcePosition};
 use super::unwritten::incoming;
+use super::words_then::RegistersNow;
 
 /// The invocation that is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,6 +162,7 @@ impl<'a> Tracker<'a> {
             }
             self.conditions.arrive(&moment);
         }
+        self.course.last_op = Some((self.shader, op));
         if self.conditions.is_met(self.course.time) {
             self.course.paused = true;
             if let Some(sanitized) = &mut self.sanitized {
@@ -203,8 +205,10 @@ impl<'a> Tracker<'a> {
             }
             course.last = Some((self.shader, site));
         }
-        let origin = (self.shader, site.scope, sites.offset(op));
-        let begins_instruction = course.last_origin.replace(origin) != Some(origin);
+        let is_same =
+            |last: OpIndex| sites.program.origins.get(last.index()) == sites.program.origins.get(op.index());
+        let begins_instruction =
+            course.last_op.is_none_or(|(shader, last)| shader != self.shader || !is_same(last));
         Moment {
             time: course.time,
             shader: self.shader,
@@ -268,7 +272,9 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
             && let Some(lane) = self.running_lane(batch)
             && let Some(active) = self.course.active.last()
         {
-            self.conditions.resumed(active.run, &|reg| batch.registers[reg].0[lane]);
+            let word = |reg: Reg| batch.registers[reg].0[lane];
+            let now = RegistersNow { word: &word, unwritten: &active.unwritten };
+            self.conditions.resumed(active.run, &now);
         }
     }
 
@@ -338,14 +344,14 @@ impl<const W: usize> Observer<W> for Tracker<'_> {
         }
         if self.conditions.watches_results()
             && let Some(lane) = self.running_lane(batch)
+            && let Some(active) = self.course.active.last()
         {
-            let program = &sites.program;
-            let number = self.course.active.len().saturating_sub(1);
-            let run = self.course.run(number).unwrap_or_default();
+            let caller = self.course.caller(self.course.active.len() - 1);
+            let ran = Ran { program: &sites.program, run: active.run, caller, op };
+            let word = |reg: Reg| batch.registers[reg].0[lane];
+            let now = RegistersNow { word: &word, unwritten: &active.unwritten };
             // The step was counted before it was made.
-            let time = self.course.time - 1;
-            let ran = Ran { program, run, caller: self.course.caller(number), op };
-            self.conditions.ran(time, ran, &|reg| batch.registers[reg].0[lane]);
+            self.conditions.ran(self.course.time - 1, ran, &now);
         }
     }
 

@@ -38,23 +38,33 @@ impl VariableWrites {
                 IdValue::Words(_) => None,
             })
             .collect();
-        let mut variables = UnwrittenRegisters::default();
+        let mut unwritten = UnwrittenRegisters::default();
         let given = incoming(program).map(|given| (given.first, given.count));
-        globals.iter().copied().chain(given).for_each(|(first, count)| variables.begin(first, count));
+        globals.iter().copied().chain(given).for_each(|(first, count)| unwritten.begin(first, count));
         for op in &program.ops {
             if let Op::Memory(MemoryOp::Undefine { first, count }) = *op {
-                variables.begin(first, count);
+                unwritten.begin(first, count);
+            }
+        }
+        // Copies of what is not written are not written either, nor are copies of those.
+        loop {
+            let before = unwritten.count();
+            program.ops.iter().for_each(|op| unwritten.may_copy(op));
+            if unwritten.count() == before {
+                break;
             }
         }
         let ops = program.ops.iter().map(|op| match op {
-            Op::Memory(MemoryOp::Undefine { .. } | MemoryOp::Scatter { .. }) => true,
+            Op::Memory(MemoryOp::Undefine { .. } | MemoryOp::Scatter { .. } | MemoryOp::Gather { .. }) => {
+                true
+            }
             // Shaders that are called write what they are given.
             Op::Stop(_) => false,
             op => {
                 let mut writes = false;
                 op.accesses(|access| {
                     if let Access::Write(first, count) = access {
-                        writes |= (0..count).any(|word| variables.contains(first.plus(word)));
+                        writes |= (0..count).any(|word| unwritten.contains(first.plus(word)));
                     }
                 });
                 writes
@@ -113,20 +123,54 @@ impl UnwrittenRegisters {
 
     /// An operation has run; `register` reads the registers of the invocation.
     pub(super) fn ran(&mut self, op: &Op, register: &dyn Fn(Reg) -> u32) {
+        if let Op::Memory(MemoryOp::Undefine { first, count }) = *op {
+            self.begin(first, count);
+            return;
+        }
+        written_registers(op, register, &mut |first, count| self.write(first, count));
         match *op {
-            Op::Memory(MemoryOp::Undefine { first, count }) => self.begin(first, count),
-            Op::Memory(MemoryOp::Scatter { count, first, index, .. }) => {
+            Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) => {
+                self.copy(to, from, 1);
+            }
+            Op::Memory(MemoryOp::Gather { to, count, first, index }) => {
                 let index = register(index);
                 if index != OUT_OF_BOUNDS {
-                    self.write(first.computed(index), count);
+                    self.copy(to, first.computed(index), count);
                 }
             }
-            _ => op.accesses(|access| {
-                if let Access::Write(first, count) = access {
-                    self.write(first, count);
+            Op::Memory(MemoryOp::Scatter { from, count, first, index }) => {
+                let index = register(index);
+                if index != OUT_OF_BOUNDS {
+                    self.copy(first.computed(index), from, count);
                 }
-            }),
+            }
+            _ => {}
         }
+    }
+
+    /// Registers become copies of others: those are not written of which the others are not.
+    fn copy(&mut self, to: Reg, from: Reg, count: u32) {
+        for word in 0..count {
+            if self.contains(from.plus(word)) {
+                self.begin(to.plus(word), 1);
+            }
+        }
+    }
+
+    /// Adds what an operation may copy, whatever the index.
+    fn may_copy(&mut self, op: &Op) {
+        match *op {
+            Op::Memory(MemoryOp::Move { to, from } | MemoryOp::MoveMasked { to, from }) => {
+                self.copy(to, from, 1);
+            }
+            Op::Memory(MemoryOp::Gather { to, count, .. }) => self.begin(to, count),
+            _ => {}
+        }
+    }
+
+    /// How many there are.
+    fn count(&self) -> u32 {
+        self.bits.iter().map(|bits| bits.count_ones()).sum()
     }
 
     /// Takes over what is known of a payload or callable data that other registers hold.
@@ -138,6 +182,23 @@ impl UnwrittenRegisters {
             }
         }
     }
+}
+
+/// Tells the registers that an operation that ran has written; `register` reads the registers of the
+/// invocation.
+pub(super) fn written_registers(op: &Op, register: &dyn Fn(Reg) -> u32, visit: &mut dyn FnMut(Reg, u32)) {
+    if let Op::Memory(MemoryOp::Scatter { count, first, index, .. }) = *op {
+        let index = register(index);
+        if index != OUT_OF_BOUNDS {
+            visit(first.computed(index), count);
+        }
+        return;
+    }
+    op.accesses(|access| {
+        if let Access::Write(first, count) = access {
+            visit(first, count);
+        }
+    });
 }
 
 /// The word and the bit of a register.

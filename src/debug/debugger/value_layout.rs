@@ -164,3 +164,19 @@ pub(super) fn constant_words(module: &Module, id: Id) -> Option<Vec<u32>> {
         _ => return None,
     })
 }
+
+/// The most parts of a value that is put together from them.
+const MAX_PARTS: usize = 4096;
+
+/// The types of the parts of a value; `None` where it has none.
+pub(super) fn child_types(module: &Module, ty: TypeId) -> Option<Vec<TypeId>> {
+    let count = |count: usize| Some(count).filter(|&count| count <= MAX_PARTS);
+    Some(match module.ty(ty) {
+        Type::Struct { members, .. } => members.iter().map(|member| member.ty).collect(),
+        &Type::Vector { component: part, count: parts } | &Type::Matrix { column: part, count: parts } => {
+            vec![part; count(parts as usize)?]
+        }
+        &Type::Array { element, length, .. } => vec![element; count(array_length(module, length))?],
+        _ => return None,
+    })
+}

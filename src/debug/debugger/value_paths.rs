@@ -7,6 +7,7 @@ use smallvec::SmallVec;
 
 use crate::debug::debugger::id_places::IdPlaces;
 use crate::debug::debugger::source_locals::SourceLocal;
+use crate::debug::debugger::value_layout::child_types;
 use crate::debug::debugger::variable_place::VariablePlace;
 use crate::module::debug_scopes::VariableLocation;
 use crate::module::ty::{Type, TypeId};
@@ -27,7 +28,8 @@ pub(super) fn reaching<'l>(
     // Blocks, each with the offset up to which it counts.
     let mut worklist = vec![(start, here)];
     while let Some((block, end)) = worklist.pop() {
-        let first = function.blocks[block].offset;
+        // Parameters stand before the first block.
+        let first = if block == 0 { function.offset } else { function.blocks[block].offset };
         let last = locations.iter().rfind(|one| (first..end).contains(&one.offset));
         match last {
             Some(last) if found.iter().any(|known| known.offset == last.offset) => {}
@@ -129,22 +131,6 @@ fn join(
         join(places, part, &these, why)
     };
     VariablePlace::parts(&places.context, ty, (0..).zip(types).map(part).collect())
-}
-
-/// The most parts of a value that is joined from them.
-const MAX_PARTS: usize = 4096;
-
-/// The types of the parts of a value; `None` where it has none.
-fn child_types(module: &Module, ty: TypeId) -> Option<Vec<TypeId>> {
-    let count = |count: usize| Some(count).filter(|&count| count <= MAX_PARTS);
-    Some(match module.ty(ty) {
-        Type::Struct { members, .. } => members.iter().map(|member| member.ty).collect(),
-        &Type::Vector { component: part, count: parts } | &Type::Matrix { column: part, count: parts } => {
-            vec![part; count(parts as usize)?]
-        }
-        &Type::Array { element, length, .. } => vec![element; count(array_length(module, length))?],
-        _ => return None,
-    })
 }
 
 /// The type of a variable of which no value is known.

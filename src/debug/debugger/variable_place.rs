@@ -11,6 +11,7 @@ use crate::debug::debugger::value_layout::{
     MAX_WORDS, buffer_scalars, column_layout, is_array_of_blocks, members_words, scalar_bytes, scalars_among,
     word_count,
 };
+use crate::debug::debugger::words_then::{UNWRITTEN, WordsThen};
 use crate::debug::values::{AddressValue, TypedValue, ValueContent, ValueMember, type_name};
 use crate::machine::device_memory::STRUCTURE_HANDLE;
 use crate::machine::{Bindings, Buffer, REGISTER_POINTER, Reg};
@@ -265,14 +266,14 @@ impl VariablePlace {
 
     /// The value that words hold which lay here: those of its registers, or those of its memory, as
     /// [`VariablePlace::own_memory`] has it.
-    pub fn value_of(&self, words: &[u32]) -> TypedValue {
+    pub fn value_of(&self, then: &WordsThen) -> TypedValue {
         let found = match &self.storage {
             PlaceStorage::Memory(memory) => {
-                self.scalars(memory).ok().and_then(|scalars| scalars_among(&scalars, words))
+                self.scalars(memory).ok().and_then(|scalars| scalars_among(&scalars, &then.words))
             }
             _ => None,
         };
-        TypedValue::of_type(self.module(), self.ty, found.as_deref().unwrap_or(words))
+        found.map(WordsThen::of_memory).as_ref().unwrap_or(then).value(self.module(), self.ty)
     }
 
     fn scalars(&self, memory: &MemoryPlace) -> Result<Vec<(u64, u32)>, String> {
@@ -301,7 +302,7 @@ impl VariablePlace {
             && !registers.is_empty()
             && registers.iter().all(|&register| !state.is_written(register))
         {
-            return Ok(ValueContent::Text("<not yet written>".into()));
+            return Ok(ValueContent::Text(UNWRITTEN.into()));
         }
         let text_of = |result: Result<ValueContent, String>| {
             result.unwrap_or_else(|why| ValueContent::Text(format!("unavailable: {why}")))

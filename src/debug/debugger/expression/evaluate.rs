@@ -1,7 +1,7 @@
 //! Evaluates the tree of an expression in a stopped invocation.
 
 use crate::debug::debugger::expression::arithmetic;
-use crate::debug::debugger::expression::builtin_names::{builtin_of_call, builtin_of_name};
+use crate::debug::debugger::expression::builtin_names::{builtin_of_call, builtin_of_name, is_signed};
 use crate::debug::debugger::expression::error::ExpressionError;
 use crate::debug::debugger::expression::event_names::EventNames;
 use crate::debug::debugger::expression::functions;
@@ -237,7 +237,10 @@ impl<'a> Evaluator<'a> {
         let stage = self.program.stage;
         let words = builtin.stages.contains(stage_letter(stage)).then(|| self.state.builtin(builtin));
         let words = words.flatten().ok_or_else(|| format!("a {} shader has no `{name}`", stage.name()))?;
-        Ok(Evaluated::CalculatedValue(CalculatedValue::of_builtin(builtin, &words)))
+        Ok(Evaluated::CalculatedValue(match words[..] {
+            [word] if is_signed(name) => CalculatedValue::scalar(ScalarType::Int(32), word.into()),
+            _ => CalculatedValue::of_builtin(builtin, &words),
+        }))
     }
 
     fn id(&self, id: Id) -> Result<Evaluated, String> {
