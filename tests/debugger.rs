@@ -194,7 +194,7 @@ fn a_variable_is_set_and_the_invocation_goes_another_way() {
     tells(
         &transcript("changed"),
         &[
-            "payload.t was written: float 0 -> float -1",
+            "payload.t was written: float <not yet written> -> float -1",
             "hair = int 1",
             "breakpoint 2: shaders/pass/debugger/hair/shade.rchit:24 if gl_HitTEXT == 2.5",
             "printed: the normal is (0, 0, 1), t 2.5",
@@ -203,7 +203,7 @@ fn a_variable_is_set_and_the_invocation_goes_another_way() {
             "payload = Payload { colour: vec3(0.5, 0.5, 1), t: float 2.5 }",
             // Backwards, in the other order.
             "breakpoint 2\n",
-            "payload.t was written: float 0 -> float -1",
+            "payload.t was written: float <not yet written> -> float -1",
         ],
     );
 }

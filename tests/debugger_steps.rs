@@ -167,8 +167,13 @@ fn the_payload_of_an_entry_point_is_the_one_that_it_is_given() {
 #[test]
 fn a_candidate_that_an_any_hit_shader_decides_on_has_its_record() {
     let hair = "shaders/pass/debugger/hair/scene.toml --pixel 0,0";
-    let told = session(hair, "log verdict=candidate any-hit hair {primitive} by {record}\ncontinue\n");
-    tells(&told, &["printed: hair 0 by 0\n", "printed: hair 1 by 0\n"]);
+    let told =
+        session(hair, "break verdict=candidate any-hit if record == 0\ncontinue\ncontinue\ncontinue\n");
+    let decides = "hit record 0: an any-hit shader decides";
+    tells(&told, &["continue\nbreakpoint 1\n", decides, "continue\nbreakpoint 1\n", decides, "the end"]);
+    let told = session(hair, "break verdict=candidate any-hit if record == 1\ncontinue\n");
+    tells(&told, &["continue\nthe end"]);
+    assert!(!told.contains("the condition of"), "{told}");
 }
 
 /// A parameter of WGSL is a value, whose parts only are used; the first line of the entry point is a
@@ -176,10 +181,10 @@ fn a_candidate_that_an_any_hit_shader_decides_on_has_its_record() {
 #[test]
 fn a_parameter_that_is_a_value_is_told() -> anyhit::Result<()> {
     let source = "
-        struct Line { from: vec2f, to: vec2f }
+        struct Line { start: vec2f, end: vec2f }
         @group(0) @binding(0) var<storage, read_write> sums: array<f32>;
         fn slope(line: Line) -> f32 {
-            let along = line.to - line.from;
+            let along = line.end - line.start;
             return along.y / along.x;
         }
         @compute @workgroup_size(1)
@@ -195,7 +200,7 @@ fn a_parameter_that_is_a_value_is_told() -> anyhit::Result<()> {
         &[
             "main at slope.wgsl:10 ",
             "slope at slope.wgsl:5 ",
-            "line = Line { from: vec2(1, 2), to: vec2(3, 8) }\n",
+            "line = Line { start: vec2(1, 2), end: vec2(3, 8) }\n",
             "slope returned float 3\n",
         ],
     );
