@@ -147,7 +147,7 @@ impl BuiltBlas {
     #[inline(always)]
     pub(super) fn prefetch_leaves(&self, bvh: &WideBvh, node: NodeRef) {
         if let PrimitiveBlocks::Triangles(blocks) = &self.blocks {
-            bvh.prefetch_leaves(node, blocks);
+            bvh.leaves_to_prefetch(node).for_each(|leaf| prefetch(blocks, leaf));
         }
     }
 

@@ -1,9 +1,11 @@
 //! The traversal of the tree of one instance where no shader decides and the primitives of a leaf
 //! are tested all at once: the innermost loop of most rays, in a function of its own.
+//!
+//! A ray that shaders may have to decide about goes through `traversal`, which finds the same hits.
 
 use crate::accel::built_blas::{BuiltBlas, GeomPrim, PrimitiveBlocks, WholeBlock};
 use crate::accel::flags::InstanceFlags;
-use crate::accel::hit::{Candidate, Committed};
+use crate::accel::hit::Candidate;
 use crate::accel::hit_queue::HitQueue;
 use crate::accel::instance_ray::InstanceRay;
 use crate::accel::node::NodeRef;
@@ -28,8 +30,6 @@ pub(super) struct OpaqueTraversal<'a> {
     pub hits: &'a mut HitQueue,
     pub trace: &'a TraceRay,
     pub tlas: &'a Tlas,
-    /// The primitives of the instance.
-    pub built: &'a BuiltBlas,
 }
 
 impl LaneTask for OpaqueTraversal<'_> {
@@ -37,13 +37,15 @@ impl LaneTask for OpaqueTraversal<'_> {
 
     #[inline(always)]
     fn run<E: LaneOps>(self, simd: E) {
-        let Some(bvh) = self.built.bvh() else { return };
+        let instance = &self.tlas.instances()[self.instance_ray.instance as usize];
+        let built = instance.blas.built();
+        let Some(bvh) = built.bvh() else { return };
         if is_culled_by_opacity(self.trace.flags, true) {
             return;
         }
-        match self.built.blocks() {
-            PrimitiveBlocks::Triangles(blocks) => self.traverse(simd, bvh, blocks),
-            PrimitiveBlocks::Spheres(blocks) => self.traverse(simd, bvh, blocks),
+        match built.blocks() {
+            PrimitiveBlocks::Triangles(blocks) => self.traverse(simd, built, bvh, blocks),
+            PrimitiveBlocks::Spheres(blocks) => self.traverse(simd, built, bvh, blocks),
             _ => {}
         }
     }
@@ -57,16 +59,9 @@ struct Closest {
 }
 
 impl OpaqueTraversal<'_> {
-    /// Runs the traversal in a function of its own, for callers that are compiled for vectors: in
-    /// theirs the loop would have fewer registers.
-    #[inline(never)]
-    pub(super) fn run_apart(self) {
-        self.tlas.cpu_tier().run(self);
-    }
-
     #[inline(always)]
-    fn traverse<E: LaneOps, B: WholeBlock>(self, simd: E, bvh: &WideBvh, blocks: &[B]) {
-        let Self { stack, instance_ray, hits, trace, tlas, built } = self;
+    fn traverse<E: LaneOps, B: WholeBlock>(self, simd: E, built: &BuiltBlas, bvh: &WideBvh, blocks: &[B]) {
+        let Self { stack, instance_ray, hits, trace, tlas } = self;
         let number = instance_ray.instance;
         let context = Context { built, trace, tlas, number, flags: tlas.instances()[number as usize].flags };
         let shown = context.shown_surfaces();
@@ -80,7 +75,7 @@ impl OpaqueTraversal<'_> {
             // Descend to the nearest leaf; farther children wait on the stack.
             while !child.is_leaf() {
                 if B::IS_PREFETCHED_WITH_NODE {
-                    bvh.prefetch_leaves(child, blocks);
+                    bvh.leaves_to_prefetch(child).for_each(|leaf| prefetch(blocks, leaf));
                 }
                 let limits = F32x8Ops::splat(simd, limit.0);
                 let Some((nearest, other)) = stack.push_children(bvh.node(child), &slabs, limits) else {
@@ -133,13 +128,7 @@ impl OpaqueTraversal<'_> {
             next = stack.pop(limit);
         }
         if let Some(found) = closest {
-            let candidate = context.candidate(found.leaf, found.lane, found.intersection);
-            if tlas.instances().len() == 1 && hits.closest_opaque.is_none() {
-                // Nothing else can be hit.
-                hits.committed = Committed::opaque(candidate);
-            } else {
-                hits.add_opaque(candidate);
-            }
+            hits.add_opaque(context.candidate(found.leaf, found.lane, found.intersection));
         }
     }
 }

@@ -68,7 +68,7 @@ impl TraversalState {
             && instance.blas.kind().is_none_or(|kind| !is_skipped(trace.flags, kind))
             && instance_ray.enter(tlas, 0, Some(bvh), trace, hits.cull_t)
         {
-            tlas.cpu_tier().run(OpaqueTraversal { stack, instance_ray, hits, trace, tlas, built });
+            tlas.cpu_tier().run(OpaqueTraversal { stack, instance_ray, hits, trace, tlas });
         }
         true
     }
@@ -239,8 +239,8 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         self.observer.instance(number, verdict);
     }
 
-    /// Enters an instance: tests its primitives at once if it has no tree, otherwise pushes the
-    /// root of its tree.
+    /// Enters an instance. Tests its primitives at once if it has no tree, and traverses its tree at
+    /// once where [`OpaqueTraversal`] can; otherwise pushes the root of its tree.
     #[inline(always)]
     fn enter_instance<E: LaneOps>(&mut self, simd: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];
@@ -280,7 +280,7 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         }
         if FULLY_OPAQUE && built.tests_whole_leaves(self.tlas.precision()) {
             let (tlas, trace, hits) = (self.tlas, self.trace, &mut *self.hits);
-            OpaqueTraversal { stack, instance_ray, hits, trace, tlas, built }.run_apart();
+            simd.dispatch(OpaqueTraversal { stack, instance_ray, hits, trace, tlas });
             return InstanceVerdict::Entered;
         }
         instance_ray.stack_base = stack.len();

@@ -26,13 +26,6 @@ impl StackEntry {
     pub(super) fn t_near(self) -> f32 {
         f32::from_bits((self.0 >> 32) as u32)
     }
-
-    /// Whether it may hold a hit up to a limit. (A limit below 0 has greater bits than any t: the
-    /// entry is then visited for nothing.)
-    #[inline(always)]
-    fn is_within(self, limit: NodeLimit) -> bool {
-        (self.0 >> 32) as u32 <= limit.0.to_bits()
-    }
 }
 
 /// The traversal stack.
@@ -172,7 +165,7 @@ impl TreeStack<'_> {
         loop {
             self.len = self.len.checked_sub(1)?;
             let entry = *self.slots.get(self.len)?;
-            if entry.is_within(limit) {
+            if entry.t_near() <= limit.0 {
                 return Some(entry.node());
             }
         }

@@ -10,7 +10,6 @@ pub(super) mod growth;
 use std::ops::Range;
 use std::sync::Mutex;
 
-use bytemuck::NoUninit;
 use smallvec::SmallVec;
 
 use crate::accel::binned_sah::{BinnedSahBuilder, BuildRecord, INFINITY_PROXY, PrimRef, SahCost};
@@ -19,7 +18,7 @@ use crate::accel::trav_ray::{round_down, round_up};
 use crate::geometry::Bounds;
 use crate::math::f32x4::F32x4;
 use crate::math::lane_ops::{CpuTier, LaneOps, LaneTask};
-use crate::math::prefetch::{prefetch, prefetch_bytes};
+use crate::math::prefetch::prefetch;
 
 /// From this depth on sets are split at the median, as nothing else bounds the depth. The trees of
 /// real scenes are far shallower.
@@ -47,10 +46,6 @@ pub(super) struct WideBvh {
 /// The factor by which a range of leaves is packed into one number: the index of the first leaf
 /// times this, plus the number of leaves. It is greater than the number of leaves of a node.
 const LEAF_RANGE_RADIX: usize = 2 * WIDTH;
-
-/// The number of leaves of a node that are prefetched: most nodes that have leaves have about as
-/// many, and a loop over those that it has would end in a mispredicted branch.
-const USUAL_LEAVES: usize = 4;
 
 /// The leaves of a node are prefetched if a ray reaches this many of them on average.
 const MIN_LEAVES_REACHED: f32 = 0.8;
@@ -108,16 +103,6 @@ impl WideBvh {
     pub(super) fn leaves_to_prefetch(&self, node: NodeRef) -> Range<usize> {
         let leaf_range = self.leaves[node.index()] as usize;
         leaf_range / LEAF_RANGE_RADIX..leaf_range / LEAF_RANGE_RADIX + leaf_range % LEAF_RANGE_RADIX
-    }
-
-    /// Prefetches the blocks in the leaves of a node that are worth it, while the node itself is
-    /// loaded.
-    #[inline(always)]
-    pub(super) fn prefetch_leaves<T: NoUninit>(&self, node: NodeRef, blocks: &[T]) {
-        let leaves = self.leaves_to_prefetch(node);
-        if !leaves.is_empty() {
-            prefetch_bytes(blocks, leaves.start, USUAL_LEAVES * size_of::<T>());
-        }
     }
 
     /// The root: a node, or a leaf if the tree has only one.

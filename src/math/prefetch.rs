@@ -14,16 +14,9 @@ type Piece = [u8; 16];
 /// compared.
 #[inline(always)]
 pub fn prefetch<T: NoUninit>(elements: &[T], index: usize) {
-    prefetch_bytes(elements, index, size_of::<T>());
-}
-
-/// Prefetches a number of bytes from an element of a slice on, as [`prefetch`] does. The number
-/// should be a constant, so that there is no loop.
-#[inline(always)]
-pub fn prefetch_bytes<T: NoUninit>(elements: &[T], index: usize, bytes: usize) {
     let pieces: &[Piece] = bytemuck::cast_slice(elements);
     let each = size_of::<T>() / size_of::<Piece>();
-    for at in (0..bytes / size_of::<Piece>()).step_by(CACHE_LINE / size_of::<Piece>()) {
+    for at in (0..each).step_by(CACHE_LINE / size_of::<Piece>()) {
         prefetch_index(pieces, index.wrapping_mul(each).wrapping_add(at));
     }
 }
