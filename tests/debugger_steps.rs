@@ -198,8 +198,8 @@ fn a_parameter_that_is_a_value_is_told() -> anyhit::Result<()> {
     tells(
         &told,
         &[
-            "main at slope.wgsl:10 ",
-            "slope at slope.wgsl:5 ",
+            "slope.wgsl:10 ",
+            "slope.wgsl:5 ",
             "line = Line { start: vec2(1, 2), end: vec2(3, 8) }\n",
             "slope returned float 3\n",
         ],
