@@ -176,8 +176,8 @@ fn a_candidate_that_an_any_hit_shader_decides_on_has_its_record() {
     assert!(!told.contains("the condition of"), "{told}");
 }
 
-/// A parameter of WGSL is a value, whose parts only are used; the first line of the entry point is a
-/// call.
+/// A parameter of WGSL is a value, whose parts only are used; the first line of the entry point is
+/// a call.
 #[test]
 fn a_parameter_that_is_a_value_is_told() -> anyhit::Result<()> {
     let source = "
@@ -198,8 +198,8 @@ fn a_parameter_that_is_a_value_is_told() -> anyhit::Result<()> {
     tells(
         &told,
         &[
-            "main at slope.wgsl:10 ",
-            "slope at slope.wgsl:5 ",
+            "slope.wgsl:10 ",
+            "slope.wgsl:5 ",
             "line = Line { start: vec2(1, 2), end: vec2(3, 8) }\n",
             "slope returned float 3\n",
         ],

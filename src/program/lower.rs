@@ -319,8 +319,8 @@ struct Lowering<'m> {
     functions: Vec<BlockIndex>,
     loop_variables: Vec<LoopVariable>,
     watched: Vec<Reg>,
-    /// The first instruction of a line none of whose instructions has become an operation so far, in
-    /// a program that is not optimised.
+    /// The first instruction of a line none of whose instructions has become an operation so far,
+    /// in a program that is not optimised.
     without_step: Option<Origin>,
 }
 

@@ -184,8 +184,8 @@ impl UnwrittenRegisters {
     }
 }
 
-/// Tells the registers that an operation that ran has written; `register` reads the registers of the
-/// invocation.
+/// Tells the registers that an operation that ran has written; `register` reads the registers of
+/// the invocation.
 pub(super) fn written_registers(op: &Op, register: &dyn Fn(Reg) -> u32, visit: &mut dyn FnMut(Reg, u32)) {
     if let Op::Memory(MemoryOp::Scatter { count, first, index, .. }) = *op {
         let index = register(index);

@@ -127,7 +127,7 @@ fn find_interface_parameters(program: &Program, state: &dyn LaneState, variables
 pub fn global_variables(program: &Program, state: &dyn LaneState) -> Vec<Variable> {
     let places = id_places(program, 0, state);
     let mut used: Vec<&GlobalVariable> = used_variables(program).collect();
-    // Of two with one name it means the one that the shader is given, not the one that it passes on.
+    // A name of two means the one that the shader is given, not the one that it passes on.
     used.sort_by_key(|one| !GIVEN.contains(&one.storage_class));
     let mut variables: Vec<Variable> =
         used.into_iter().map(|global| global_variable(&program.module, &places, global)).collect();

@@ -1,6 +1,6 @@
 //! Steps for debuggers, in programs that are not optimised: a line whose instructions become no
-//! operation has a place to stop at, and so have calls that are inlined and barriers with nothing to
-//! do.
+//! operation has a place to stop at, and so have calls that are inlined and barriers with nothing
+//! to do.
 
 use crate::module::Instruction;
 use crate::ops::op::Op;

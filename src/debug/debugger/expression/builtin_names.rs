@@ -43,8 +43,8 @@ pub(super) fn builtin_of_call(name: &str) -> Option<&'static Builtin> {
     }
 }
 
-/// Whether the builtin of a name is of type `int`, as GLSL has some that SPIR-V has with either sign
-/// (GLSL_EXT_ray_tracing, GLSL_NV_cluster_acceleration_structure).
+/// Whether the builtin of a name is of type `int`, as GLSL has some that SPIR-V has with either
+/// sign (GLSL_EXT_ray_tracing, GLSL_NV_cluster_acceleration_structure).
 pub(super) fn is_signed(name: &str) -> bool {
     ["gl_InstanceID", "gl_InstanceCustomIndexEXT", "gl_PrimitiveID", "gl_GeometryIndexEXT", "gl_ClusterIDNV"]
         .contains(&name)
