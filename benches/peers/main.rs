@@ -3,8 +3,9 @@
 //!
 //! `ANYHIT_PEERS=FOLDER cargo bench --bench peers` takes five rounds, or as many as the number
 //! after `--`; a word after `--` chooses the rows whose names contain it. `benches/peers/README.md`
-//! says how the folder is made. `growth` after `--` measures building, memory and rays beside Embree
-//! instead, for up to as many triangles as the number behind it (a million; 10^8 take 40 GiB).
+//! says how the folder is made. `growth` after `--` measures building, memory and rays beside
+//! Embree instead, for up to as many triangles as the number behind it (a million; 10^8 take 40
+//! GiB).
 //!
 //! Every row is measured here and at its peer at once, one thread each, in processor time; what is
 //! printed are medians of the rounds, and the ratio's is that of the rounds' own ratios.

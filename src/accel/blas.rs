@@ -193,8 +193,8 @@ impl Blas {
     }
 
     /// Builds what a ray may open of a BVH that is built in part, and returns what is built then;
-    /// `None` where the whole is built. `hit_children` returns a mask of the children of a node that
-    /// the ray may hit.
+    /// `None` where the whole is built. `hit_children` returns a mask of the children of a node
+    /// that the ray may hit.
     pub(super) fn grow(&self, hit_children: &mut dyn FnMut(&Node) -> u32) -> Option<Arc<BuiltBlas>> {
         if self.built.get().is_some() {
             return None;

@@ -3,8 +3,9 @@
 //! A [`Blas`] holds geometries of one kind, a [`Tlas`] places BLASes as instances, and a [`Cursor`]
 //! traverses them with one ray, stopping wherever a shader has to decide; a [`Packet`] traverses
 //! them with coherent rays. Wide BVHs (`wide_bvh`, built by `binned_sah`) are built when the first
-//! rays arrive; for a few rays that are explained, only the parts that they enter. They affect only time: a cursor reports what a linear scan would (`cursor` states
-//! the order, `trav_ray` proves that no hit is lost).
+//! rays arrive; for a few rays that are explained, only the parts that they enter. They affect only
+//! time: a cursor reports what a linear scan would (`cursor` states the order, `trav_ray` proves
+//! that no hit is lost).
 
 mod binned_sah;
 pub mod blas;

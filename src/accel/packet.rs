@@ -39,8 +39,8 @@ pub(super) const MIN_RAYS: usize = 8;
 /// The nodes and leaves that a packet may open for each of its rays before it is given up.
 const STEPS_PER_RAY: u32 = 4;
 
-/// The rays that a packet is counted as, at least, when it finds next hits: those that go on, behind
-/// a candidate that they ignored, reach as many nodes as the tile that they are left of.
+/// The rays that a packet is counted as, at least, when it finds next hits: those that go on,
+/// behind a candidate that they ignored, reach as many nodes as the tile that they are left of.
 const MIN_STEP_RAYS: usize = 32;
 
 /// The nodes and leaves that single rays of a packet may visit, for each of its rays: rays in

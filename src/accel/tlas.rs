@@ -141,8 +141,8 @@ impl Tlas {
         self.precision
     }
 
-    /// Whether packets may trace rays in it: nothing moves, and what is hit does not depend on which
-    /// boxes of a BVH are opened, as it may below `Exact`.
+    /// Whether packets may trace rays in it: nothing moves, and what is hit does not depend on
+    /// which boxes of a BVH are opened, as it may below `Exact`.
     pub(super) fn suits_packets(&self) -> bool {
         self.precision == Precision::Exact && !self.moves
     }

@@ -38,6 +38,13 @@ const U: f64 = 1.0 / 9_007_199_254_740_992.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct NodeLimit(pub(super) f32);
 
+/// A number for each axis, in all lanes. (No closure: one that is not inlined takes its vectors
+/// through memory.)
+#[inline(always)]
+fn splat_axes<E: F32x8Ops>(simd: E, &[x, y, z, _]: &[f32; LANES]) -> [E::F32x8; 3] {
+    [simd.splat(x), simd.splat(y), simd.splat(z)]
+}
+
 /// A ray prepared for the nodes of one tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TravRay {
@@ -186,13 +193,12 @@ impl TravRay {
     /// The slabs of the ray in SIMD registers.
     #[inline(always)]
     pub(super) fn slabs<E: F32x8Ops>(&self, simd: E) -> Slabs<E> {
-        let all = |&[x, y, z, _]: &[f32; LANES]| [x, y, z].map(|number| simd.splat(number));
         Slabs {
             simd,
-            near_origin: all(&self.near_origin),
-            far_origin: all(&self.far_origin),
-            negated_near_reciprocal: all(&self.negated_near_reciprocal),
-            negated_far_reciprocal: all(&self.negated_far_reciprocal),
+            near_origin: splat_axes(simd, &self.near_origin),
+            far_origin: splat_axes(simd, &self.far_origin),
+            negated_near_reciprocal: splat_axes(simd, &self.negated_near_reciprocal),
+            negated_far_reciprocal: splat_axes(simd, &self.negated_far_reciprocal),
             shifted_t_min: simd.splat(self.shifted_t_min),
             near_side: self.near_side,
         }

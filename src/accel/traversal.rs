@@ -73,7 +73,8 @@ impl TraversalState {
         true
     }
 
-    /// Whether the instance's BLAS is built in part. Only a traversal with an observer goes on in it.
+    /// Whether the instance's BLAS is built in part. Only a traversal with an observer goes on in
+    /// it.
     #[inline]
     pub(super) fn is_in_part(&self) -> bool {
         self.part.is_some()
@@ -239,8 +240,8 @@ impl<V: TraversalObserver, const FULLY_OPAQUE: bool> Traversal<'_, V, FULLY_OPAQ
         self.observer.instance(number, verdict);
     }
 
-    /// Enters an instance. Tests its primitives at once if it has no tree, and traverses its tree at
-    /// once where [`OpaqueTraversal`] can; otherwise pushes the root of its tree.
+    /// Enters an instance. Tests its primitives at once if it has no tree, and traverses its tree
+    /// at once where [`OpaqueTraversal`] can; otherwise pushes the root of its tree.
     #[inline(always)]
     fn enter_instance<E: LaneOps>(&mut self, simd: E, number: u32) -> InstanceVerdict {
         let instance = &self.tlas.instances()[number as usize];

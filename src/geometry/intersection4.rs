@@ -99,7 +99,8 @@ impl<D: F64x4Ops> Interval4<D> {
     /// number, too.
     #[inline(always)]
     pub(super) fn rounded_bounds(&self, simd: D) -> [F32x4; 2] {
-        [self.low, self.high].map(|end| F32x4::new(simd.to_f32(end)))
+        // No closure: one that is not inlined takes its vectors through memory.
+        [F32x4::new(simd.to_f32(self.low)), F32x4::new(simd.to_f32(self.high))]
     }
 
     /// The computed values, rounded; without a sign where they are 0.

@@ -1,4 +1,4 @@
-//! Objects that lanes of a batch share: acceleration structures, workgroups.
+//! What lanes of a batch share: acceleration structures, workgroups.
 
 use std::sync::Arc;
 

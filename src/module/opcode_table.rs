@@ -1,7 +1,7 @@
 //! Tables by the number of an instruction.
 
-/// A table by the number of an instruction. Few of the numbers are taken and the greatest are in the
-/// thousands, so that entries lie side by side and are found by their positions.
+/// A table by the number of an instruction. Few of the numbers are taken and the greatest are in
+/// the thousands, so that entries lie side by side and are found by their positions.
 #[derive(Debug)]
 pub(crate) struct OpcodeTable<T> {
     /// By number: 1 and the index of the entry; 0 where there is none.

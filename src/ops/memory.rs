@@ -456,7 +456,8 @@ fn lane_invariant_buffer<'a>(bindings: &'a Bindings, chunk: &Chunk) -> Option<&'
     }
 }
 
-/// Loads a value once, into all lanes, as nothing reads it in those that do not run; `false` where lanes may access different locations.
+/// Loads a value once, into all lanes, as nothing reads it in those that do not run; `false` where
+/// lanes may access different locations.
 #[inline]
 fn broadcast_load<const W: usize>(batch: &mut Batch<W>, bindings: &Bindings, to: Reg, chunk: &Chunk) -> bool {
     let Some(buffer) = lane_invariant_buffer(bindings, chunk).filter(|_| chunk.index.is_none()) else {

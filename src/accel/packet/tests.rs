@@ -208,8 +208,8 @@ proptest! {
 
 #[test]
 fn coherent_rays_find_their_candidates_together() {
-    // Three layers of two triangles each, of which the second layer is opaque. The first triangle of
-    // the first layer is accepted, the second is not.
+    // Three layers of two triangles each, of which the second layer is opaque. The first triangle
+    // of the first layer is accepted, the second is not.
     let (_, trace) = floor();
     let corner = |x: f32, y: f32, z: f32| [x * 9.0, y, z * 9.0];
     let layer = |y: f32| {

@@ -1,6 +1,6 @@
-//! Fences around atomic instructions: a release synchronizes through an atomic instruction that it is
-//! program-ordered before, an acquire through one that it is program-ordered after (Vulkan, Memory
-//! Model, "Synchronizes-With").
+//! Fences around atomic instructions: a release synchronizes through an atomic instruction that it
+//! is program-ordered before, an acquire through one that it is program-ordered after (Vulkan,
+//! Memory Model, "Synchronizes-With").
 
 use rspirv::spirv::{Op as Opcode, Scope};
 use rustc_hash::FxHashMap;

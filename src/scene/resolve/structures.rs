@@ -23,7 +23,7 @@ fn names_of(entry: &InstanceEntry) -> Vec<&str> {
 /// A geometry that a BLAS names.
 enum Loaded {
     /// It is valid, as far as it is known, and later BLASes name it, too.
-    Kept(Geometry),
+    Stored(Geometry),
     /// The last BLAS that names it has taken it.
     Taken,
     /// What is wrong with it was reported.
@@ -44,11 +44,11 @@ impl<'a> LoadedGeometries<'a> {
     fn take(&mut self, name: &'a str, load: impl FnOnce() -> Option<Geometry>) -> Option<Geometry> {
         let uses = self.uses.entry(name).or_default();
         *uses = uses.saturating_sub(1);
-        let entry = self.loaded.entry(name).or_insert_with(|| load().map_or(Loaded::Refused, Loaded::Kept));
+        let entry = self.loaded.entry(name).or_insert_with(|| load().map_or(Loaded::Refused, Loaded::Stored));
         match entry {
-            Loaded::Kept(geometry) if *uses > 0 => Some(geometry.clone()),
-            Loaded::Kept(_) => match std::mem::replace(entry, Loaded::Taken) {
-                Loaded::Kept(geometry) => Some(geometry),
+            Loaded::Stored(geometry) if *uses > 0 => Some(geometry.clone()),
+            Loaded::Stored(_) => match std::mem::replace(entry, Loaded::Taken) {
+                Loaded::Stored(geometry) => Some(geometry),
                 Loaded::Taken | Loaded::Refused => None,
             },
             Loaded::Taken | Loaded::Refused => None,
